@@ -14,7 +14,7 @@ from pathlib import Path
 from ..render.cost.abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
-from ..render.plans.order import MOST_SCENES, ordered, shard, usual_workers
+from ..render.plans.order import MOST_SCENES, choose_shard, choose_worker_count, order_pairs
 from ..render.plans.planned_pair import PlannedPair
 from ..render.workers.cards import choose_cards
 from ..render.workers.job import python_command
@@ -22,7 +22,7 @@ from ..render.workers.manifest import write_manifest
 from ..render.workers.process import clean_environment, report_errors
 from ..render.workers.runner import Runner, WorkerOptions
 from ..render.workers.slurm_scripts import SlurmRequest, write_script
-from ..render.workers.verify import Findings, verify
+from ..render.workers.verify import Findings, verify_data_set
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.files import remove_leftover_parts, shorten
@@ -113,7 +113,7 @@ def parse_workers(options: argparse.Namespace) -> WorkerOptions:
     """How to render, from the options of ``add_worker_options``. Raises IcyMoonError for what cannot be."""
     check_least(options, 1, "workers", "threads_per_worker", "scenes_per_worker")
     cards = choose_cards(options.cards)
-    count = options.workers or (len(cards.numbers) if options.cards else 0) or usual_workers()
+    count = options.workers or (len(cards.numbers) if options.cards else 0) or choose_worker_count()
     threads = options.threads_per_worker or max(1, count_processors() // count)
     return WorkerOptions(count, threads, options.blender, options.scenes_per_worker, cards=cards)
 
@@ -128,13 +128,15 @@ def _open_output(as_json: bool) -> Iterator[Say]:
         yield lambda kind, **facts: show({"type": kind, **facts})
 
 
-def _stop(number: int, frame: object) -> None:
+def _raise_interrupt(number: int, frame: object) -> None:
     raise KeyboardInterrupt
 
 
-def render(dataset: Path, pairs: list[PlannedPair], how: WorkerOptions, say: Say, dask: str | None = None) -> int:
+def render_missing(
+    dataset: Path, pairs: list[PlannedPair], how: WorkerOptions, say: Say, dask: str | None = None
+) -> int:
     """Render the missing ones of these pairs; the exit status is 1 if some were set aside, else 0."""
-    set_stop_handler(_stop)
+    set_stop_handler(_raise_interrupt)
     failed: dict[str, str] = {}
     try:
         if dask:
@@ -170,7 +172,7 @@ def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen
         printer.warn(unchecked)
     for sentence in read.describe_stand_ins():
         printer.warn(sentence)
-    pairs = ordered(read.pairs())
+    pairs = order_pairs(read.pairs())
     if blender and not (dataset / datasets.PLAN).exists():
         check_abilities((pair.settings for pair in pairs), blender)
     frozen = datasets.freeze_plan(dataset, pairs, read.text)
@@ -187,9 +189,9 @@ def _run_batch(options: argparse.Namespace) -> int:
         with _open_output(options.json) as say, _evaluate_meanwhile(dataset, options):
             if frozen.note:
                 say("warning", message=frozen.note)
-            status = render(dataset, list(frozen.pairs), how, say, options.dask)
+            status = render_missing(dataset, list(frozen.pairs), how, say, options.dask)
     some = options.evaluate and any(is_complete(pair.folder(dataset)) for pair in frozen.pairs)
-    failed = _evaluate(dataset, options) if some else 0
+    failed = _evaluate_pairs(dataset, options) if some else 0
     return _report_status(status, dataset, options.json) or failed
 
 
@@ -204,7 +206,7 @@ def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[
         yield
         return
     out = dataset / "evaluation"
-    command, environment = _evaluation_command(dataset, options, "--follow")
+    command, environment = _make_evaluation_command(dataset, options, "--follow")
     try:
         process = start(
             command, environment, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -223,12 +225,12 @@ def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[
             remove_leftover_parts(folder)  # files that it was writing when it was ended
 
 
-def _evaluate(dataset: Path, options: argparse.Namespace) -> int:
+def _evaluate_pairs(dataset: Path, options: argparse.Namespace) -> int:
     """Match the pairs in another process, which prints its own messages; its exit status."""
-    return call_ours(*_evaluation_command(dataset, options, *(["--json-lines"] if options.json else [])))
+    return call_ours(*_make_evaluation_command(dataset, options, *(["--json-lines"] if options.json else [])))
 
 
-def _evaluation_command(
+def _make_evaluation_command(
     dataset: Path, options: argparse.Namespace, *more: str
 ) -> tuple[list[str], dict[str, str] | None]:
     """The command that matches the pairs, and its environment (None: ours)."""
@@ -271,10 +273,10 @@ def _run_work(options: argparse.Namespace) -> int:
     with report_errors(options.json):
         number, count = parse_shard(options.shard)
         how = parse_workers(options)
-        pairs = shard(datasets.read_frozen_plan(dataset).pairs, number, count)
+        pairs = choose_shard(datasets.read_frozen_plan(dataset).pairs, number, count)
         check_abilities((pair.settings for pair in pairs if not is_complete(pair.folder(dataset))), options.blender)
         with _open_output(options.json) as say:
-            status = render(dataset, pairs, how, say)
+            status = render_missing(dataset, pairs, how, say)
     return _report_status(status, dataset, options.json)
 
 
@@ -297,7 +299,7 @@ def _run_slurm(options: argparse.Namespace) -> int:
 
 
 def _run_verify(options: argparse.Namespace) -> int:
-    found = verify(options.dataset.absolute(), options.remove)
+    found = verify_data_set(options.dataset.absolute(), options.remove)
     for problem in found.problems:
         if options.json:
             printer.emit("problem", **problem.to_json())
@@ -311,17 +313,17 @@ def _run_verify(options: argparse.Namespace) -> int:
     if options.json:
         printer.emit("result", pairs=found.pairs, complete=found.complete, problems=len(found.problems))
     elif not found.problems:
-        printer.say(f"{format_count(found.complete, 'pair')}, all whole and as {_measure(found)}.")
+        printer.say(f"{format_count(found.complete, 'pair')}, all whole and as {_describe_reference(found)}.")
     if found.problems:
         raise IcyMoonError(
             f"{options.dataset}: {format_count(len(found.problems), 'problem')}, {found.complete} of "
-            f"{format_count(found.pairs, 'pair')} whole and as {_measure(found)}; "
+            f"{format_count(found.pairs, 'pair')} whole and as {_describe_reference(found)}; "
             f"{_describe_fix(found, options.remove)}."
         )
     return 0
 
 
-def _measure(found: Findings) -> str:
+def _describe_reference(found: Findings) -> str:
     """What pairs were compared with, in a word."""
     return "planned" if found.has_plan else "stated"
 

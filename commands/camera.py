@@ -160,7 +160,7 @@ def read_rig(
     taken: list[str] = []
     if kinds == {"cahv"} and len(paths) == 2:
         first, second = _read_eye(paths[0], most_px), _read_eye(paths[1], most_px)
-        fix, stated_in = _how_to_rectify(first, second), "the vector C is"
+        fix, stated_in = _describe_rectification(first, second), "the vector C is"
     elif kinds == {"ros"} and len(paths) == 2 and not stated.sizes:
         cameras = read_ros_camera(paths[0]), read_ros_camera(paths[1])
         first, second, taken = _ros_eyes((paths[0], paths[1]), cameras, "of projection_matrix")
@@ -176,8 +176,8 @@ def read_rig(
             f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their images first."
         )
     _check_parallel(first, second, where, fix)
-    baseline_m, doubt = _baseline(first, second, stated_in)
-    lens, averaged = _mean_lens(first.lens, second.lens, width, where)
+    baseline_m, doubt = _find_baseline(first, second, stated_in)
+    lens, averaged = _average_lenses(first.lens, second.lens, width, where)
     width_mm = defaults().rig.sensor_width_mm
     rig = {
         "width_px": width,
@@ -227,7 +227,7 @@ def _ros_eyes(
         for name, matrix in (("camera_matrix", camera.matrix), ("projection_matrix", camera.projection)):
             if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
                 raise IcyMoonError(f"{path}: {name} has no focal length; calibrate both eyes as a stereo pair.")
-    reason = _why_rectified(*(camera for _, camera in cameras))
+    reason = _find_why_rectified(*(camera for _, camera in cameras))
     notes = []
     if reason is not None:
         notes.append(
@@ -245,7 +245,7 @@ def _ros_eyes(
             f"The binning and the roi of the calibration are applied: images have {of_left.width_px} x "
             f"{of_left.height_px} px."
         )
-    first, second = (_ros_eye(path, camera, reason is not None) for path, camera in cameras)
+    first, second = (_make_ros_eye(path, camera, reason is not None) for path, camera in cameras)
     apart_px = max(abs(first.lens.focal_px - second.lens.focal_px), abs(first.lens.cy_px - second.lens.cy_px))
     if reason is not None and apart_px > _ALIKE_PX:
         raise IcyMoonError(
@@ -262,19 +262,19 @@ def _ros_eyes(
     return first, second, notes
 
 
-def _why_rectified(left: RosCamera, right: RosCamera) -> str | None:
+def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     """Why a rig here needs the rectified images of two cameras, as a clause; None if it can have them as they are.
 
     Each eye states its rotation into the axes of the rectified pair.
     """
     for camera in (left, right):
-        if not _has_squares(camera.matrix):
-            return f"pixels of camera_matrix are no squares ({_focal_lengths(camera.matrix)})"
+        if not _has_square_pixels(camera.matrix):
+            return f"pixels of camera_matrix are no squares ({_describe_focal_lengths(camera.matrix)})"
         if camera.k is None:
             return f"the lens model is {camera.model}"
-    if differ := _tell_unlike(_lens_of_ros(left, False), _lens_of_ros(right, False), left.width_px):
+    if differ := _describe_unlike(_make_ros_lens(left, False), _make_ros_lens(right, False), left.width_px):
         return f"the lenses of camera_matrix differ by {differ}"
-    turned = _angle(left.rectification, right.rectification)
+    turned = _angle_between(left.rectification, right.rectification)
     if turned > _PARALLEL_RAD:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
     x, y, z = map(float, left.rectification.T @ (place_of(right) - place_of(left)))
@@ -286,9 +286,9 @@ def _why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     return None
 
 
-def _ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
+def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
     """A camera as it is, or the camera of its rectified images. Raises IcyMoonError if their pixels are no squares."""
-    if rectified and not _has_squares(camera.projection):
+    if rectified and not _has_square_pixels(camera.projection):
         fix = (
             "calibrate both eyes as a stereo pair, which gives projection_matrix one focal length"
             if camera.binning[0] == camera.binning[1]
@@ -296,9 +296,9 @@ def _ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
         )
         raise IcyMoonError(
             f"{path}: its pixels are no squares, in projection_matrix too "
-            f"({_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; {fix}."
+            f"({_describe_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; {fix}."
         )
-    lens = _lens_of_ros(camera, rectified)
+    lens = _make_ros_lens(camera, rectified)
     return _Eye(
         path,
         lens,
@@ -308,27 +308,27 @@ def _ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
     )
 
 
-def _lens_of_ros(camera: RosCamera, rectified: bool) -> Lens:
+def _make_ros_lens(camera: RosCamera, rectified: bool) -> Lens:
     """The lens of a camera as it is, or of its rectified images; without distortion where that is no plumb_bob."""
     matrix = camera.projection if rectified else camera.matrix
     k = None if rectified else camera.k
     return Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2], k or (0.0,) * len(COEFFICIENTS), 0.0)
 
 
-def _angle(first: Array, second: Array) -> float:
+def _angle_between(first: Array, second: Array) -> float:
     """By how much two rotations (3, 3) differ, rad."""
     return float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
 
 
-def _has_squares(matrix: Array) -> bool:
+def _has_square_pixels(matrix: Array) -> bool:
     return bool(abs(matrix[0, 0] / matrix[1, 1] - 1) < _SQUARE and matrix[0, 1] == 0)
 
 
-def _focal_lengths(matrix: Array) -> str:
+def _describe_focal_lengths(matrix: Array) -> str:
     return f"fx {matrix[0, 0]:g}, fy {matrix[1, 1]:g} px"
 
 
-def _baseline(left: _Eye, right: _Eye, stated_in: str) -> tuple[float, list[str]]:
+def _find_baseline(left: _Eye, right: _Eye, stated_in: str) -> tuple[float, list[str]]:
     """The distance of the eyes in metres, and a sentence if its unit may be another.
 
     Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number of the file that is it.
@@ -345,16 +345,16 @@ def _baseline(left: _Eye, right: _Eye, stated_in: str) -> tuple[float, list[str]
     ]
 
 
-def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
+def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
     """The one lens that stands for two, and a sentence if they differ by more than ``_ALIKE_PX``.
 
     Raises IcyMoonError if they differ too much for one lens.
     """
-    if differ := _tell_unlike(left, right, width_px):
+    if differ := _describe_unlike(left, right, width_px):
         raise IcyMoonError(
             f"{where} differ by {differ}, and both eyes of a rig here have one lens; rectify their images first."
         )
-    focal, centre, bent = _differences(left, right)
+    focal, centre, bent = _measure_differences(left, right)
     if max(focal, centre, bent) <= _ALIKE_PX:
         return left if left.residual_px >= right.residual_px else right, []
     mean = Lens(
@@ -371,7 +371,7 @@ def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens
     ]
 
 
-def _differences(left: Lens, right: Lens) -> tuple[float, float, float]:
+def _measure_differences(left: Lens, right: Lens) -> tuple[float, float, float]:
     """By how many px two lenses differ in focal length, principal point and distortion."""
     return (
         abs(left.focal_px - right.focal_px),
@@ -380,15 +380,15 @@ def _differences(left: Lens, right: Lens) -> tuple[float, float, float]:
     )
 
 
-def _tell_unlike(left: Lens, right: Lens, width_px: int) -> str:
+def _describe_unlike(left: Lens, right: Lens, width_px: int) -> str:
     """By what two lenses differ, if that is too much for one lens to stand for both; else nothing."""
-    focal, centre, bent = _differences(left, right)
+    focal, centre, bent = _measure_differences(left, right)
     if max(focal, bent) <= _MOST_FOCAL * left.focal_px and centre <= _MOST_CENTRE * width_px:
         return ""
     return f"{focal:.3g} px in focal length, {centre:.3g} px in principal point and {bent:.3g} px in distortion"
 
 
-def _how_to_rectify(left: _Eye, right: _Eye) -> str:
+def _describe_rectification(left: _Eye, right: _Eye) -> str:
     """The fix for models of two eyes that are not parallel, as our own exports write them beside others."""
     paths = left.path, right.path
     beside = [path.with_name(path.name.replace("_sensor.", ".")) for path in paths]
@@ -410,7 +410,7 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     """Raise IcyMoonError unless the right eye stands on the x axis of the left one, and looks where it looks; ``fix``
     is what makes it so."""
     first, second = left.rotation, right.rotation
-    turned = _angle(first, second)
+    turned = _angle_between(first, second)
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))
     if turned > _PARALLEL_RAD:
         raise IcyMoonError(

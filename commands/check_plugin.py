@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator
 
 from ..physics.terrain.landforms.check_plugin import check_landform
 from ..plugins.check import Check, check_package
-from ..plugins.installed import GROUPS, Found, Plugin, find
+from ..plugins.installed import GROUPS, Found, Plugin, find_installed
 from ..stereo.environment import packages
 from ..support.errors import IcyMoonError
 from ..support.printer import say
@@ -17,23 +17,23 @@ from ..support.suggestions import suggest_nearest
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``check-plugin``."""
     parser.add_argument("name", nargs="?", metavar="NAME", help="name of the plug-in or of its package (list all)")
-    parser.set_defaults(run=_run)
+    parser.set_defaults(run=_run_check_plugin)
 
 
-def find_all() -> dict[str, Found]:
+def find_all_plugins() -> dict[str, Found]:
     """The plug-ins of this Python by kind."""
     from ..stereo import export, matchers
     from ..stereo.measure import plug_in as metrics
 
     return {
         "matcher": matchers.find_plugins(),
-        "landform": find("landform"),
+        "landform": find_installed("landform"),
         "metric": metrics.find_plugins(),
         "export": export.find_plugins(),
     }
 
 
-def checks_of(plugin: Plugin) -> Iterator[Check]:
+def run_checks(plugin: Plugin) -> Iterator[Check]:
     """All checks of a plug-in, up to the first failure that makes the other checks meaningless."""
     yield from check_package(plugin)
     if plugin.kind == "landform":
@@ -49,11 +49,11 @@ def checks_of(plugin: Plugin) -> Iterator[Check]:
     yield from special[plugin.kind](plugin)
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run_check_plugin(options: argparse.Namespace) -> int:
     packages.require_modules("numpy", "cv2", "OpenEXR")
-    found = find_all()
+    found = find_all_plugins()
     if options.name is None:
-        return _list(found)
+        return _list_plugins(found)
     if refused := [each.refused[options.name] for each in found.values() if options.name in each.refused]:
         raise IcyMoonError(refused[0])
     chosen = [
@@ -63,11 +63,11 @@ def _run(options: argparse.Namespace) -> int:
         if options.name in (plugin.name, plugin.package)
     ]
     if not chosen:
-        raise IcyMoonError(_not_found(options.name, found))
+        raise IcyMoonError(_not_found_text(options.name, found))
     faults = 0
     for plugin in chosen:
         say(f"{plugin.kind} {plugin.name}, {plugin.release}")
-        for check in checks_of(plugin):
+        for check in run_checks(plugin):
             say(f"  {'FAULT' if check.fault else 'ok   '}  {check.what}", at_once=True)
             if check.fault:
                 say(f"         {check.fault}", at_once=True)
@@ -76,7 +76,7 @@ def _run(options: argparse.Namespace) -> int:
     return 1 if faults else 0
 
 
-def _not_found(name: str, found: dict[str, Found]) -> str:
+def _not_found_text(name: str, found: dict[str, Found]) -> str:
     known: Collection[str] = [plugin.name for each in found.values() for plugin in each.added.values()]
     if not known:
         return (
@@ -86,7 +86,7 @@ def _not_found(name: str, found: dict[str, Found]) -> str:
     return f"No plug-in {name!r} is installed in this Python; {suggest_nearest(name, known)}"
 
 
-def _list(found: dict[str, Found]) -> int:
+def _list_plugins(found: dict[str, Found]) -> int:
     for kind, each in found.items():
         for plugin in each.added.values():
             say(f"{kind} {plugin.name}, {plugin.release}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..plugins.landforms import landform_plugins
+from ..plugins.landforms import load_landform_plugins
 from ..render.cost.abilities import probe_blender
 from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
@@ -130,7 +130,7 @@ def examine_evaluator(python: str) -> list[Finding]:
 
 def examine_landforms() -> list[Finding]:
     """The landforms of plug-ins in this Python, and why any cannot be used."""
-    usable, faults = landform_plugins()
+    usable, faults = load_landform_plugins()
     found = [f"{landform.label} ({landform.plugin.release})" for landform in usable.values()]
     return [
         *([Finding("Landforms of plug-ins", "ok", ", ".join(found))] if found else []),

@@ -11,12 +11,12 @@ from pathlib import Path
 from ..physics.camera.depth_accuracy import advise_on_principal_point
 from ..physics.scene_requirements import advise_on_bake
 from ..render.cost.abilities import find_lack, needs_full_build
-from ..render.cost.estimate import estimate
+from ..render.cost.estimate import estimate_plan
 from ..render.cost.speed import recall_speed
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from ..render.plans.planned_pair import PlannedPair
-from ..render.plans.stratified import varied_settings
+from ..render.plans.stratified import find_varied_settings
 from ..render.workers.process import report_errors
 from ..settings.preset_files import plan_names
 from ..support.number_text import format_count
@@ -91,7 +91,7 @@ def _print_plan(options: argparse.Namespace) -> int:
 
 
 def _print_pairs(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
-    names = varied_settings(pairs)
+    names = find_varied_settings(pairs)
     for pair in pairs:
         if options.json:
             emit("planned", id=pair.id, settings={f"{topic}.{key}": pair.settings[topic][key] for topic, key in names})
@@ -107,7 +107,7 @@ def _print_pairs(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Nam
 def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
     devices = {str(pair.settings.quality.device) for pair in pairs}
     speed = recall_speed(devices.pop()) if len(devices) == 1 else None
-    found = estimate(pairs, options.out.absolute() if options.out else None, speed)
+    found = estimate_plan(pairs, options.out.absolute() if options.out else None, speed)
     lack = _check_blender(pairs, options)
     unchecked = plan.describe_unchecked()
     told = [line for line in (plan.describe_splits(), plan.describe_draws()) if line]

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from ..render.cost.abilities import Abilities, ask_abilities
-from ..render.cost.tolerance import PX, checked_tolerance, parse_fraction
+from ..render.cost.tolerance import PX, make_tolerance, parse_fraction
 from ..render.workers.process import report_errors
 from ..settings import description, toml_text
 from ..support import printer
@@ -226,7 +226,7 @@ def _say_all(sentences: Iterable[str]) -> None:
 def _run_auto(options: argparse.Namespace) -> int:
     from ..stereo.trade.cheapest_quality import find_cheapest_quality
 
-    allowed = checked_tolerance(options.tolerance_px, options.tolerance_bad_1)
+    allowed = make_tolerance(options.tolerance_px, options.tolerance_bad_1)
 
     def show(found: dict[str, Any]) -> None:
         *tried, last = found["said"]

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ..render.cost.abilities import check_abilities
-from ..render.cost.estimate import duration_text, estimate, size_text
+from ..render.cost.estimate import estimate_plan, format_duration, format_size
 from ..render.cost.speed import recall_speed
 from ..render.plans.frozen_plan import FrozenPlan, freeze_plan
 from ..render.workers.process import report_errors
@@ -19,7 +19,7 @@ from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from ..support.terminal import as_path, check_least, show_progress
-from .batch import add_worker_options, parse_workers, render
+from .batch import add_worker_options, parse_workers, render_missing
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -69,10 +69,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="option of bm, jplv, dsmnet or igev, as in igev.checkpoint=FILE; may repeat",
     )
     add_worker_options(parser)
-    parser.set_defaults(run=_run)
+    parser.set_defaults(run=_run_reproduce)
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run_reproduce(options: argparse.Namespace) -> int:
     packages.require_modules(*packages.PACKAGES)
     from ..stereo.paper.methods import find_methods
     from ..stereo.paper.parts import QUICK, make_parts
@@ -91,16 +91,16 @@ def _run(options: argparse.Namespace) -> int:
             printer.warn(why)
         if options.dry_run:
             return _print_estimate(parts, options)
-        frozen = {name: _freeze(part, options) for name, part in parts.items()}
+        frozen = {name: _freeze_part(part, options) for name, part in parts.items()}
         with _open_output(options.json) as tell:
             steps = _Steps(tell, parts)
             failed = 0
             for name, part in parts.items():
                 folder = options.out.absolute() / part.folder
-                failed |= render(
+                failed |= render_missing(
                     folder, list(frozen[name].pairs), how, steps.begin(f"Rendering {name}", len(part.pairs))
                 )
-            page = _write(options, parts, methods, missing, steps)
+            page = _write_paper(options, parts, methods, missing, steps)
     if options.json:
         printer.emit("result", report=str(page))
     else:
@@ -108,7 +108,7 @@ def _run(options: argparse.Namespace) -> int:
     return failed
 
 
-def _freeze(part: Part, options: argparse.Namespace) -> FrozenPlan:
+def _freeze_part(part: Part, options: argparse.Namespace) -> FrozenPlan:
     """The data set of a part, frozen into its folder. Raises IcyMoonError if Blender cannot render it, or if the folder
     has pairs of another one."""
     dataset = options.out.absolute() / part.folder
@@ -119,7 +119,7 @@ def _freeze(part: Part, options: argparse.Namespace) -> FrozenPlan:
     return frozen
 
 
-def _write(
+def _write_paper(
     options: argparse.Namespace,
     parts: dict[str, Part],
     methods: list[Method],
@@ -138,12 +138,12 @@ def _write(
     for name, (part, folder, response) in EVALUATIONS.items():
         tell = steps.begin(f"Measuring {name.replace('_', ', ')}", _MATCHING * len(parts[part].pairs))
         evaluation = out / part / folder
-        report = evaluate([out / part], methods, evaluation, response, partial(_forward, tell), guiss=True)
+        report = evaluate([out / part], methods, evaluation, response, partial(_forward_event, tell), guiss=True)
         measured[name] = read_measured(evaluation, [pair["pair"] for pair in report["pairs"]], labels)
     return write_paper(out, parts, measured, missing, options.scale, len(parts["data"].pairs))
 
 
-def _forward(tell: Callable[..., None], event: dict[str, Any]) -> None:
+def _forward_event(tell: Callable[..., None], event: dict[str, Any]) -> None:
     tell(event.pop("type"), **event)
 
 
@@ -198,19 +198,19 @@ def _print_estimate(parts: dict[str, Part], options: argparse.Namespace) -> int:
     lines, hours, seconds, space = [], 0.0, 0.0, 0.0
     for name, part in parts.items():
         dataset = options.out.absolute() / part.folder
-        found = estimate(part.pairs, dataset, recall_speed(str(part.pairs[0].settings.quality.device)))
+        found = estimate_plan(part.pairs, dataset, recall_speed(str(part.pairs[0].settings.quality.device)))
         lines.append(f"{name}: {', '.join(found.lines())}")
         hours, seconds, space = hours + found.left_wall_s, seconds + found.left_s, space + found.left_bytes
     mpx = sum(pair.settings.rig.width_px * pair.settings.rig.height_px / 1e6 for pair in _list_matched_pairs(parts))
     measure_s = mpx * _MEASURE_S_PER_MPX + _REPORT_S * len(EVALUATIONS)
     lines.append(
-        f"measuring without networks: {duration_text(measure_s / found.processors)} on "
-        f"{format_count(found.processors, 'processor')}, {size_text(mpx * _MEASURE_BYTES_PER_MPX)} on the disk"
+        f"measuring without networks: {format_duration(measure_s / found.processors)} on "
+        f"{format_count(found.processors, 'processor')}, {format_size(mpx * _MEASURE_BYTES_PER_MPX)} on the disk"
     )
     hours, space = hours + measure_s / found.processors, space + mpx * _MEASURE_BYTES_PER_MPX
     lines.append(
-        f"together about {duration_text(hours)} on {format_count(found.processors, 'processor')}, "
-        f"{duration_text(seconds + measure_s)} of a processor, {size_text(space)} on the disk"
+        f"together about {format_duration(hours)} on {format_count(found.processors, 'processor')}, "
+        f"{format_duration(seconds + measure_s)} of a processor, {format_size(space)} on the disk"
     )
     if options.json:
         printer.emit("result", lines=lines, seconds=seconds + measure_s, wall_seconds=hours, bytes=space)

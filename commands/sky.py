@@ -70,7 +70,7 @@ def _settings_of(options: argparse.Namespace) -> Settings:
         "directions_from": "KERNELS" if options.kernels else "DATE" if options.date else None,
         "planet": True if by_date else None,
     }
-    options.preset += _preset_of(options.body)
+    options.preset += _find_body_preset(options.body)
     settings = merged(
         read_settings(options),
         check({"light": {key: value for key, value in stated.items() if value is not None}}, "sky"),
@@ -88,14 +88,14 @@ def _settings_of(options: argparse.Namespace) -> Settings:
 def _run_sky(options: argparse.Namespace) -> int:
     settings = _settings_of(options)
     rows = []
-    for date in _dates(settings.light.date_utc, settings.light.directions_from, options.hours, options.every):
+    for date in _list_dates(settings.light.date_utc, settings.light.directions_from, options.hours, options.every):
         light = merged(settings, {"light": {"date_utc": date}}).light
         dated = light.directions_from != "ANGLES"
         facts = describe_sky(compute_sky(light))
         facts["sun"] = sun_from_facts(facts["sun"], light.directions_from).to_json()
         if options.json:
             emit_json({"date_utc": date if dated else None, "body": light.body, **facts})
-        rows.append(_row(date.replace("T", " ").removesuffix(":00") if dated else "by angles", facts))
+        rows.append(_make_row(date.replace("T", " ").removesuffix(":00") if dated else "by angles", facts))
     if not options.json:
         print_table(_COLUMNS, rows, narrowest=_WIDTH)
         where = (
@@ -111,13 +111,13 @@ def _run_sky(options: argparse.Namespace) -> int:
     return 0
 
 
-def _preset_of(body: str | None) -> list[str]:
+def _find_body_preset(body: str | None) -> list[str]:
     """The shipped preset of a body, which states its planet and that planet's light; empty without one."""
     name = f"bodies/{(body or '').strip().lower()}"
     return [name] if name in preset_names("bodies") else []
 
 
-def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
+def _list_dates(first: str, source: str, hours: float, every: float) -> list[str]:
     """The dates of the rows, in UTC. Raises IcyMoonError for an invalid date and for invalid steps."""
     if hours == 0:
         return [first if source == "ANGLES" else format_date(parse_date(first))]
@@ -132,7 +132,7 @@ def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
     return [format_date(start + np.timedelta64(round(3600 * step), "s")) for step in steps]
 
 
-def _row(date: str, facts: dict[str, Any]) -> tuple[str, ...]:
+def _make_row(date: str, facts: dict[str, Any]) -> tuple[str, ...]:
     sun, planet = facts["sun"], facts["planet"]
     cells = [
         date,

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..paper_stand_ins.items import describe, items_of
+from ..paper_stand_ins.items import describe_item, list_items
 from ..render.pairs.pair_folder import find_pair_folders, read_pair
 from ..settings import description, preset_files, toml_text
 from ..settings.table import TOPICS, list_all_settings
@@ -61,7 +61,7 @@ def _read_preset(name: str) -> _Preset:
     )
 
 
-def _likeness(stated: Settings, settings: Settings, defaults: Settings) -> tuple[float, int]:
+def _measure_likeness(stated: Settings, settings: Settings, defaults: Settings) -> tuple[float, int]:
     """The share of the stated values that are in the settings, and the number of these values.
 
     Values that are defaults count only if all stated values are defaults.
@@ -76,10 +76,10 @@ def _rank_presets(settings: Settings) -> list[_Preset]:
     """The presets that count: first the one most like the settings and the presets that it includes."""
     defaults, known = description.defaults(), {name: _read_preset(name) for name in preset_files.preset_names()}
     whole = {name: preset_files.load_preset(name) for name in known}
-    family = [max(known, key=lambda name: _likeness(whole[name], settings, defaults))]
+    family = [max(known, key=lambda name: _measure_likeness(whole[name], settings, defaults))]
     for name in family:  # grows by the presets that each one includes
         family += known[name].included
-    likeness = {name: _likeness(preset.stated, settings, defaults) for name, preset in known.items()}
+    likeness = {name: _measure_likeness(preset.stated, settings, defaults) for name, preset in known.items()}
     order = sorted(known, key=lambda name: (name in family, likeness[name]), reverse=True)
     return [known[name] for name in order if likeness[name][0] >= 0.5]
 
@@ -107,14 +107,14 @@ def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Orig
             raise IcyMoonError(f"{word!r} is no topic and no setting; give for example light, or light.planet_albedo.")
     presets = _rank_presets(settings)
     stand_ins = {
-        "source.stand_in" if isinstance(item, MeshItem) else "textures.stand_in": item for item in items_of(settings)
+        "source.stand_in" if isinstance(item, MeshItem) else "textures.stand_in": item for item in list_items(settings)
     }
     for topic, setting in list_all_settings():
         if wanted and topic not in wanted and f"{topic}.{setting.key}" not in wanted:
             continue
         value = settings[topic][setting.key]
         if item := stand_ins.get(f"{topic}.{setting.key}"):
-            yield Origin(f"{topic}.{setting.key}", value, "", STAND_IN, describe(item))
+            yield Origin(f"{topic}.{setting.key}", value, "", STAND_IN, describe_item(item))
             continue
         origin = _find_origin(topic, setting, value, defaults[topic][setting.key], presets)
         if wanted or origin.preset != DEFAULT:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ..paper_stand_ins.cached_files import make_files, relief_m
+from ..paper_stand_ins.cached_files import make_files, read_relief_m
 from ..paper_stand_ins.items import MESH_PIXELS, PIXELS
 from ..settings.topics.stand_ins import MESHES, TEXTURES, MeshItem, TextureItem
 from ..support.errors import IcyMoonError
@@ -17,7 +17,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``stand-ins``."""
     parser.add_argument("names", nargs="*", metavar="NAME", help="stand-ins such as powder_snow (all)")
     parser.add_argument("--out", type=as_path, metavar="FOLDER", help="write their files here, each into a folder")
-    parser.set_defaults(run=_run)
+    parser.set_defaults(run=_run_stand_ins)
 
 
 def _find_items(names: list[str]) -> list[TextureItem | MeshItem]:
@@ -28,13 +28,13 @@ def _find_items(names: list[str]) -> list[TextureItem | MeshItem]:
     return [known[name.lower()] for name in names] or list(known.values())
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run_stand_ins(options: argparse.Namespace) -> int:
     for item in _find_items(list_named(options.names)):
         if options.out is None:
-            say(_describe(item))
+            say(_describe_item(item))
             continue
         folder = make_files(item, options.out.absolute() / item.stem)
-        height = f", height image of {relief_m(folder):.4g} m" if isinstance(item, TextureItem) else ""
+        height = f", height image of {read_relief_m(folder):.4g} m" if isinstance(item, TextureItem) else ""
         say(f"{folder}: {_describe_size(item)}{height}")
     return 0
 
@@ -47,5 +47,5 @@ def _describe_size(item: TextureItem | MeshItem) -> str:
     )
 
 
-def _describe(item: TextureItem | MeshItem) -> str:
+def _describe_item(item: TextureItem | MeshItem) -> str:
     return f"{item.stem:22} {item.title}, {_describe_size(item)}; in place of {item.paper}: {item.known}"

@@ -10,14 +10,14 @@ from typing import Any
 from ..render.cost.abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.frozen_plan import freeze_plan
-from ..render.plans.order import ordered
+from ..render.plans.order import order_pairs
 from ..render.workers.process import report_errors
 from ..stereo.study.design import Study, find_study, read_study, study_names
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.files import write_text
 from ..support.terminal import as_path, show_count, show_progress
-from .batch import Say, add_worker_options, parse_workers, render
+from .batch import Say, add_worker_options, parse_workers, render_missing
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -32,17 +32,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--page", type=as_path, metavar="FILE", help="page of the manual between whose marks the tables are put"
     )
     add_worker_options(parser)
-    parser.set_defaults(run=_run)
+    parser.set_defaults(run=_run_study)
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run_study(options: argparse.Namespace) -> int:
     from ..stereo.environment import packages
 
     packages.require_modules(*packages.PACKAGES)
     study, out = read_study(find_study(options.study)), options.out.absolute()
     with report_errors(options.json):
-        status = 0 if options.measure else _render(study, out, options)
-        page = _measure(study, out, options)
+        status = 0 if options.measure else _render_missing(study, out, options)
+        page = _measure_views(study, out, options)
     if options.json:
         printer.emit("result", page=str(page))
     else:
@@ -50,9 +50,11 @@ def _run(options: argparse.Namespace) -> int:
     return status
 
 
-def _render(study: Study, out: Path, options: argparse.Namespace) -> int:
+def _render_missing(study: Study, out: Path, options: argparse.Namespace) -> int:
     """Render what is missing, round by round; the exit status is 1 if pairs were set aside."""
-    rounds = [ordered([pair for view in views for pair in study.pairs_of(view).values()]) for views in study.rounds()]
+    rounds = [
+        order_pairs([pair for view in views for pair in study.pairs_of(view).values()]) for views in study.rounds()
+    ]
     how = parse_workers(options)
     freeze_plan(out, [pair for pairs in rounds for pair in pairs], study.text)
     status = 0
@@ -61,16 +63,16 @@ def _render(study: Study, out: Path, options: argparse.Namespace) -> int:
         if missing:
             check_abilities((pair.settings for pair in missing), options.blender)
             with show_progress("Starting Blender") as show:
-                status |= render(out, pairs, how, printer.emit if options.json else _told_to(show))
+                status |= render_missing(out, pairs, how, printer.emit if options.json else _make_teller(show))
     return status
 
 
-def _told_to(show: Callable[[dict[str, Any]], None]) -> Say:
+def _make_teller(show: Callable[[dict[str, Any]], None]) -> Say:
     """What tells a progress bar of renders."""
     return lambda kind, **facts: show({"type": kind, **facts})
 
 
-def _measure(study: Study, out: Path, options: argparse.Namespace) -> Path:
+def _measure_views(study: Study, out: Path, options: argparse.Namespace) -> Path:
     """Measure the views that have new pairs, and write all tables; the path of the page."""
     from ..stereo.matchers.methods import parse_methods
     from ..stereo.study.cells import read_or_measure_cell

@@ -46,10 +46,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add_blender_option(parser)
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
-    parser.set_defaults(run=_run)
+    parser.set_defaults(run=_run_validate_verb)
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run_validate_verb(options: argparse.Namespace) -> int:
     from .run_validation import run_validate  # whose comparisons every other verb would import too
 
     return run_validate(options)

@@ -15,7 +15,7 @@ from ..settings.topics.declaration import Parts
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
-from .rendered_pair import RenderedPair, response_of
+from .rendered_pair import RenderedPair, read_response
 
 #: Finds the disparity in px, (H, W), NaN where it finds none, of rectified images, uint8 (H, W) each.
 Matcher = Callable[..., Array]
@@ -47,7 +47,7 @@ class Evaluation:
     def __repr__(self) -> str:
         heads = ["method", *_SHOWN]
         lines = [
-            [name, *(_number(numbers.get(key), digits) for key, digits in _SHOWN.items())]
+            [name, *(_format_number(numbers.get(key), digits) for key, digits in _SHOWN.items())]
             for name, numbers in self.summary.items()
         ]
         widths = [max(len(line[k]) for line in [heads, *lines]) for k in range(len(heads))]
@@ -60,7 +60,7 @@ class Evaluation:
         )
 
 
-def _number(value: float | None, digits: int) -> str:
+def _format_number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
@@ -94,13 +94,13 @@ def evaluate(
         each.folder if isinstance(each, RenderedPair) else Path(each)
         for each in ([pairs] if isinstance(pairs, RenderedPair | str | Path) else pairs)
     ]
-    response = response_of(presets, changes)
-    ours, named, functions = _sort(matchers)
+    response = read_response(presets, changes)
+    ours, named, functions = _sort_matchers(matchers)
     stated = [f"{name}={text}" for name, text in named.items()]
     methods = parse_methods(",".join(ours), named=stated) if ours or named else []
     with open_scratch_folder() as scratch:
         predictions = [
-            f"{name}={_predict(name, function, folders, response, scratch)}" for name, function in functions.items()
+            f"{name}={_predict_all(name, function, folders, response, scratch)}" for name, function in functions.items()
         ]
         report = evaluate_folders(folders, methods, Path(out).absolute(), response, jobs=jobs, predictions=predictions)
     rows = [dict(row) for row in report["rows"]]
@@ -108,10 +108,10 @@ def evaluate(
         raise IcyMoonError(
             f"{len(failed)} of {format_count(len(rows), 'measurement')} failed, the first one: {failed[0]['error']}"
         )
-    return Evaluation(Path(out).absolute(), _means(rows), rows, list(report["notes"]))
+    return Evaluation(Path(out).absolute(), _average_metrics(rows), rows, list(report["notes"]))
 
 
-def _sort(
+def _sort_matchers(
     matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher],
 ) -> tuple[list[str], dict[str, str], dict[str, Matcher]]:
     """Our matchers under their own names, our matchers by the user's names, and functions by their names."""
@@ -143,7 +143,7 @@ def _sort(
     return list(texts.values()), {}, functions
 
 
-def _predict(name: str, function: Matcher, folders: Sequence[Path], response: Parts, scratch: Path) -> Path:
+def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response: Parts, scratch: Path) -> Path:
     """Run a function on all pairs; the folder with a disparity map for each. Raises IcyMoonError."""
     from ..stereo.images.image_files import write_npy
     from ..stereo.matchers.search_range import MOST_PX, find_rig_range
@@ -166,7 +166,7 @@ def _predict(name: str, function: Matcher, folders: Sequence[Path], response: Pa
     return found
 
 
-def _means(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | None]]:
+def _average_metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | None]]:
     """Mean metrics by method, of pairs that passed their self-check; None where no pair has a number."""
     from ..stereo.measure.row_metrics import NUMBERS
 

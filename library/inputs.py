@@ -39,7 +39,7 @@ class Input:
     suffix: str
     text: str
 
-    def _fill(self, part: Path) -> None:
+    def _write_part(self, part: Path) -> None:
         part.write_bytes(self.content)
 
     def store(self, dataset: Path) -> Path:
@@ -55,7 +55,7 @@ class Input:
                 "link, or choose another folder."
             )
         if not path.is_file() or read_checksum(path) != hashlib.sha256(self.content).hexdigest():
-            write_atomically(path, self._fill)
+            write_atomically(path, self._write_part)
         return path
 
 
@@ -97,7 +97,7 @@ def sample_field(field: Field, x_m: Array, y_m: Array, what: str) -> Array:
     return values
 
 
-def heights_input(
+def make_heights_input(
     field: Field, size_m: float, resolution: int, pixel_m: float | None
 ) -> tuple[Input, dict[str, dict[str, Any]]]:
     """Heights in metres as a file, and the settings that go with it.
@@ -129,7 +129,7 @@ def heights_input(
     }
 
 
-def rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, dict[str, Any]]]:
+def make_rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, dict[str, Any]]]:
     """Rocks (n, 3): places east and north and diameters in metres, as a table, and the settings that go with it.
 
     Raises IcyMoonError for another shape, numbers that are not finite, and diameters that are not above 0.
@@ -151,7 +151,7 @@ def rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, dict[
     }
 
 
-def albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Input, dict[str, dict[str, Any]]]:
+def make_albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Input, dict[str, dict[str, Any]]]:
     """Albedos over the patch as an image, and the settings that go with it.
 
     A function is sampled at the centres of ``resolution`` x ``resolution`` pixels that fill the patch; an array fills

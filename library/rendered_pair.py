@@ -40,18 +40,18 @@ class RenderedEye:
         return f"<{self.name} eye of pair {self._pair.id}: {columns} x {rows} px>"
 
     @cached_property
-    def _read(self) -> tuple[Light, View]:
+    def _read_once(self) -> tuple[Light, View]:
         return read_eye(self._pair, self.name)
 
     @property
     def radiance(self) -> Array:
         """Linear radiance in W/(m² sr), float32 (H, W, 3), in the bands that the file states."""
-        return self._read[1].radiance
+        return self._read_once[1].radiance
 
     @cached_property
     def depth_m(self) -> Array:
         """Planar depth in metres at pixel centres, float64 (H, W); NaN for sky and for pixels that are not ``seen``."""
-        depth, seen = find_scene_depth(self._read[1]), self.seen
+        depth, seen = find_scene_depth(self._read_once[1]), self.seen
         return depth if seen.all() else np.where(seen, depth, np.nan)
 
     @cached_property
@@ -64,18 +64,18 @@ class RenderedEye:
     @property
     def normal(self) -> Array | None:
         """Unit normals in world axes (east, north, up), float32 (H, W, 3); None without full truth."""
-        return self._read[1].normal
+        return self._read_once[1].normal
 
     @property
     def semantic(self) -> Array | None:
         """Labels, int32 (H, W): 0 sky, others as ``pair.labels`` names them; None without full truth."""
-        return self._read[1].semantic
+        return self._read_once[1].semantic
 
     @property
     def instance(self) -> Array | None:
         """Numbers of objects and rocks, int32 (H, W), see the manual's page on the pair folder; None without full
         truth."""
-        return self._read[1].instance
+        return self._read_once[1].instance
 
     @property
     def pose_to_world(self) -> Array:
@@ -154,10 +154,10 @@ class RenderedPair:
             from ..stereo.measure.prepare import make_check_eyes
             from ..stereo.measure.self_check import find_visibility
 
-            views = {eye.name: eye._read[1] for eye in (self.left, self.right)}
+            views = {eye.name: eye._read_once[1] for eye in (self.left, self.right)}
             return find_visibility(*make_check_eyes(self._pair, self._pair.settings, views), self._pair.camera)["left"]
         # The right depth is needed only if no rays have found the hidden pixels.
-        hidden = self.left._read[1].hidden
+        hidden = self.left._read_once[1].hidden
         right = self.left.depth_m if hidden is not None else self.right.depth_m
         return find_visible_in_right(self.left.depth_m, right, self.camera, hidden)
 
@@ -173,12 +173,12 @@ class RenderedPair:
         ``develop("sensors/mer_ccd", sensor={"gain": 2.0})``; others keep the values of the pair. The same pair and
         settings always give the same noise. Raises IcyMoonError for a setting that needs a new render.
         """
-        settings = description.merged(self._pair.settings, response_of(presets, changes))
-        left, right = (eye._read[0] for eye in (self.left, self.right))
+        settings = description.merged(self._pair.settings, read_response(presets, changes))
+        left, right = (eye._read_once[0] for eye in (self.left, self.right))
         return develop(self._pair, left, right, settings)
 
 
-def response_of(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
+def read_response(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
     """The settings of presets and changes. Raises IcyMoonError for a setting that needs a new render."""
     found = read_settings(presets, changes)
     for topic, values in found.items():
@@ -199,15 +199,15 @@ def read_settings(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
         else preset_files.load_preset(str(preset))
         for preset in presets
     ]
-    return description.merged(*parts, description.check(_plain(changes), "settings"))
+    return description.merged(*parts, description.check(_to_plain_numbers(changes), "settings"))
 
 
-def _plain(value: object) -> Any:
+def _to_plain_numbers(value: object) -> Any:
     """Numbers of numpy as Python's, within tables and lists."""
     if isinstance(value, dict):
-        return {key: _plain(each) for key, each in value.items()}
+        return {key: _to_plain_numbers(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
+        return [_to_plain_numbers(each) for each in value]
     if isinstance(value, Path):
         return str(value)
     return value.item() if isinstance(value, np.generic) else value

@@ -36,11 +36,11 @@ class Renderer(Protocol):
         """Free its memory and its processes."""
 
 
-def ignore(message: Message) -> None:
+def ignore_message(message: Message) -> None:
     """Take no notice of a message."""
 
 
-def as_warnings(hear: Hear) -> Hear:
+def issue_warnings(hear: Hear) -> Hear:
     """The same, with warnings also issued as Python's."""
 
     def hear_all(message: Message) -> None:
@@ -76,7 +76,7 @@ class Worker:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def render(self, settings: Settings, dataset: Path, again: bool = False, hear: Hear = ignore) -> list[Path]:
+    def render(self, settings: Settings, dataset: Path, again: bool = False, hear: Hear = ignore_message) -> list[Path]:
         """Render the pairs of complete settings and return their folders; ``hear`` receives every message.
 
         Raises IcyMoonError with the worker's own error if it fails.
@@ -166,7 +166,7 @@ class InProcess:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def render(self, settings: Settings, dataset: Path, again: bool = False, hear: Hear = ignore) -> list[Path]:
+    def render(self, settings: Settings, dataset: Path, again: bool = False, hear: Hear = ignore_message) -> list[Path]:
         """Render the pairs of complete settings and return their folders; see ``Worker.render``."""
         return list(self._scenes.render(settings, dataset, again, hear))
 

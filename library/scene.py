@@ -15,15 +15,15 @@ from ..settings import description, user_files
 from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
-from .inputs import Field, Input, albedo_input, heights_input, rocks_input
+from .inputs import Field, Input, make_albedo_input, make_heights_input, make_rocks_input
 from .rendered_pair import RenderedPair, read_settings
-from .renderers import Hear, Renderer, as_warnings, default_renderer, ignore
+from .renderers import Hear, Renderer, default_renderer, ignore_message, issue_warnings
 
 #: Most settings that a scene shows of itself.
 _MOST_SHOWN = 8
 
 
-def _states(changes: Mapping[str, Any], name: str) -> bool:
+def _has_stated(changes: Mapping[str, Any], name: str) -> bool:
     topic, _, key = name.partition(".")
     return key in changes.get(topic, {})
 
@@ -41,10 +41,10 @@ class Scene:
         self._inputs: dict[str, Input] = {}
         self._title = " + ".join(str(preset) for preset in presets) or "defaults"
 
-    def _changed(self, changes: Settings, inputs: Mapping[str, Input], title: str = "") -> Scene:
+    def _make_changed(self, changes: Settings, inputs: Mapping[str, Input], title: str = "") -> Scene:
         made = object.__new__(Scene)
         made._settings = description.merged(self._settings, changes)
-        kept = {name: each for name, each in self._inputs.items() if not _states(changes, name)}
+        kept = {name: each for name, each in self._inputs.items() if not _has_stated(changes, name)}
         made._inputs = {**kept, **inputs}
         made._title = " + ".join(filter(None, (self._title, title)))
         return made
@@ -82,7 +82,7 @@ class Scene:
             ),
         ]
         shown = names if len(names) <= _MOST_SHOWN else [*names[:_MOST_SHOWN], "…"]
-        return self._changed(stated, {}, ", ".join(shown))
+        return self._make_changed(stated, {}, ", ".join(shown))
 
     def with_heights(self, heights: Field, *, metres_per_pixel: float | None = None, detail: bool = False) -> Scene:
         """This scene on ground of your own.
@@ -95,9 +95,9 @@ class Scene:
         array of another shape and for heights that are not finite.
         """
         terrain = self._settings.terrain
-        given, stated = heights_input(heights, terrain.size_m, int(terrain.resolution), metres_per_pixel)
+        given, stated = make_heights_input(heights, terrain.size_m, int(terrain.resolution), metres_per_pixel)
         stated["source"]["detail"] = detail
-        return self._changed(description.check(stated, "heights"), {given.setting: given})
+        return self._make_changed(description.check(stated, "heights"), {given.setting: given})
 
     def with_albedo(self, albedo: Field, *, resolution: int = 512) -> Scene:
         """This scene with the albedo of the ground of your own, over the whole patch.
@@ -106,8 +106,8 @@ class Scene:
         (rows, columns) or (rows, columns, 3) of numbers from 0 to 1, north first. Other variations of the albedo are
         turned off. Beyond the patch the outermost values are repeated. Raises IcyMoonError for values outside 0 to 1.
         """
-        given, stated = albedo_input(albedo, self._settings.terrain.size_m, resolution)
-        return self._changed(description.check(stated, "albedo"), {given.setting: given})
+        given, stated = make_albedo_input(albedo, self._settings.terrain.size_m, resolution)
+        return self._make_changed(description.check(stated, "albedo"), {given.setting: given})
 
     def with_rocks(self, rocks: ArrayLike) -> Scene:
         """This scene with rocks of your own: an array (n, 3) of places east and north of the origin and diameters, in
@@ -117,8 +117,8 @@ class Scene:
         left out, with a warning. Raises IcyMoonError for an array of another shape, for numbers that are not finite,
         and for diameters that are not above 0.
         """
-        given, stated = rocks_input(rocks, self._settings.terrain.size_m)
-        return self._changed(description.check(stated, "rocks"), {given.setting: given})
+        given, stated = make_rocks_input(rocks, self._settings.terrain.size_m)
+        return self._make_changed(description.check(stated, "rocks"), {given.setting: given})
 
     def stored(self, dataset: str | Path) -> Settings:
         """The complete settings, with arrays that were given stored as files in a data set (its folder ``inputs``)."""
@@ -135,7 +135,7 @@ class Scene:
         *,
         renderer: Renderer | None = None,
         again: bool = False,
-        on_event: Hear = ignore,
+        on_event: Hear = ignore_message,
     ) -> RenderedPair:
         """Render this scene into the folder of a data set, or read its pair if the folder already contains it.
 
@@ -155,12 +155,12 @@ class Scene:
         *,
         renderer: Renderer | None = None,
         again: bool = False,
-        on_event: Hear = ignore,
+        on_event: Hear = ignore_message,
     ) -> list[RenderedPair]:
         """The pairs of this scene, one for each of ``dataset.headings``; see ``render``."""
         folder = Path(dataset).absolute() if dataset is not None else absolute_folder(self._settings.dataset.folder)
         settings = self.stored(folder)
         folders = [pair.folder(folder) for pair in expand_headings(settings, user_files.hash_content(settings))]
         if again or not all(map(is_complete, folders)):
-            folders = (renderer or default_renderer()).render(settings, folder, again, as_warnings(on_event))
+            folders = (renderer or default_renderer()).render(settings, folder, again, issue_warnings(on_event))
         return [RenderedPair(read_unchanged_pair(each)) for each in folders]

@@ -11,7 +11,7 @@ from typing import Any
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .rendered_pair import RenderedPair
-from .renderers import Hear, Renderer, ignore
+from .renderers import Hear, Renderer, ignore_message
 from .scene import Scene
 
 #: What varies beside settings, and the scene's method that takes it.
@@ -52,14 +52,14 @@ class Sweep:
         vary: Mapping[str, Sequence[Any] | Mapping[str, Any]],
         *,
         renderer: Renderer | None = None,
-        on_event: Hear = ignore,
+        on_event: Hear = ignore_message,
     ) -> None:
         self.scene, self.dataset = scene, Path(dataset).absolute()
         self._renderer, self._hear = renderer, on_event
-        self._axes = {name: _choices(name, values) for name, values in vary.items()}
-        self._scenes = [self._make(chosen) for chosen in itertools.product(*self._axes.values())]
+        self._axes = {name: _list_choices(name, values) for name, values in vary.items()}
+        self._scenes = [self._make_scene(chosen) for chosen in itertools.product(*self._axes.values())]
 
-    def _make(self, chosen: tuple[tuple[Any, Any], ...]) -> tuple[dict[str, Any], Scene]:
+    def _make_scene(self, chosen: tuple[tuple[Any, Any], ...]) -> tuple[dict[str, Any], Scene]:
         values = {name: label for name, (label, _) in zip(self._axes, chosen, strict=True)}
         scene = self.scene
         for name, (_, value) in zip(self._axes, chosen, strict=True):
@@ -88,7 +88,7 @@ class Sweep:
             yield SweepPoint(values, scene, pair)
 
 
-def _choices(name: str, values: Sequence[Any] | Mapping[str, Any]) -> list[tuple[Any, Any]]:
+def _list_choices(name: str, values: Sequence[Any] | Mapping[str, Any]) -> list[tuple[Any, Any]]:
     """(label, value) of each value of what varies."""
     if name in _ARRAYS:
         if not isinstance(values, Mapping):

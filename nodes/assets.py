@@ -20,7 +20,7 @@ from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
 from ..support.blender import compat
 from .datablocks.fingerprint import TAG
-from .light.scene_lights import build_lights, described_sky
+from .light.scene_lights import build_lights, compute_scene_sky
 from .light.sun_lamp import build_sky
 from .next_scene import open_empty_scene
 from .rig import build_rig
@@ -37,39 +37,42 @@ _CHANGES: Parts = {"mesh": {"most": MOST_VERTICES}, "hapke": {"backend": "NODES"
 SKY, _PICTURE_OF_SKY = "skies/airless", "lights/guiss_europa"
 
 
-def asset_names() -> list[str]:
+def list_asset_names() -> list[str]:
     """Names of the presets that become assets, and of the sky."""
     return [*(name for kind in _MAKERS for name in preset_files.preset_names(kind)), SKY]
 
 
-def asset_settings(name: str) -> Settings:
+def make_asset_settings(name: str) -> Settings:
     """The complete settings from which the asset of a preset is made."""
     preset: Parts = preset_files.load_preset(name) if name != SKY else {}
     return description.merged(description.defaults(), preset, _CHANGES)
 
 
-def _header_of(name: str) -> tuple[str, str]:
+def _read_header(name: str) -> tuple[str, str]:
     """Title and description of an asset."""
     if name == SKY:
         return "Airless Sky", "A black world: an airless moon has no light from its sky."
     title, text = preset_files.read_preset_header(name)
-    return title, f"{text}. {_resolution_text(asset_settings(name)) if name.startswith('rigs/') else ''}Preset {name}"
+    return (
+        title,
+        f"{text}. {_describe_resolution(make_asset_settings(name)) if name.startswith('rigs/') else ''}Preset {name}",
+    )
 
 
 def write_asset(name: str, path: Path) -> None:
     """Make an asset in a new, empty file, and write it with its dependencies to a .blend file."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     kind = name.split("/")[0]
-    settings = asset_settings(name)
+    settings = make_asset_settings(name)
     block = _MAKERS[kind](settings)
-    title, text = _header_of(name)
+    title, text = _read_header(name)
     _give_to_user(title)
     block.name = title
     block.asset_mark()
     facts = block.asset_data
     facts.catalog_id, facts.author, facts.license = catalog_id(kind), AUTHOR, LICENSE
     facts.description = text
-    for tag in _tags(kind, settings):
+    for tag in _make_tags(kind, settings):
         facts.tags.new(tag, skip_if_exists=True)
     _set_picture(block, preset_files.find_preview(_PICTURE_OF_SKY if name == SKY else name))
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -112,7 +115,7 @@ def _make_light(settings: Settings) -> bpy.types.Collection:
     """A collection of the Sun, the planet and the planet's light, about the origin."""
     collection = bpy.data.collections.new(NAME)
     camera = build_rig(NAME, settings.rig, 0.0)
-    for item in build_lights(settings, described_sky(settings), camera):
+    for item in build_lights(settings, compute_scene_sky(settings), camera):
         for constraint in list(item.constraints):  # the planet follows the camera, which is not part of the asset
             item.constraints.remove(constraint)
         collection.objects.link(item)
@@ -153,13 +156,13 @@ def _forget_scene() -> None:
     bpy.data.orphans_purge(do_recursive=True)
 
 
-def _resolution_text(settings: Settings) -> str:
+def _describe_resolution(settings: Settings) -> str:
     """What a stereo camera needs and Blender's camera does not store."""
     rig = settings.rig
     return f"Set the resolution to {rig.width_px} x {rig.height_px} px. "
 
 
-def _tags(kind: str, settings: Settings) -> list[str]:
+def _make_tags(kind: str, settings: Settings) -> list[str]:
     """Words by which the Asset Browser finds an asset."""
     law = settings.surface.model.replace("_", "-").title()
     of_kind = {

@@ -16,22 +16,22 @@ from ..settings.topics.scene import Settings, typed
 from ..support.errors import IcyMoonError
 from ..support.file_shapes import TABLE, TEXT, Each
 from . import engine
-from .datablocks.blend_file_paths import are_there, content, used_files
+from .datablocks.blend_file_paths import do_files_exist, find_used_files, hash_content
 from .datablocks.fingerprint import (
     MAKER,
     TAG,
-    added_objects,
-    built_objects,
-    differing,
-    edited_parts,
-    maker,
+    describe_maker,
+    find_added_objects,
+    find_built_objects,
+    find_differing,
+    find_edited_parts,
     read_marks,
-    updated_marks,
+    update_marks,
 )
-from .datablocks.marks import hashed
+from .datablocks.marks import hash_marks
 from .datablocks.stored_json import parse_stored, read_stored
 from .light.scene_lights import ROLES, SKY
-from .remove import materials_of, with_parts
+from .remove import find_materials, find_parts
 from .surface import reflectance_laws
 
 # Properties of the built collection.
@@ -106,21 +106,21 @@ class Built:
 
         Raises IcyMoonError if there are edits that no mark can identify.
         """
-        return self.content + reflectance_laws.osl_substitute(self.settings) + self._edits()
+        return self.content + reflectance_laws.describe_osl_substitute(self.settings) + self._mark_edits()
 
-    def _edits(self) -> str:
+    def _mark_edits(self) -> str:
         """The mark of everything edited or added by hand, and of the frame if it matters; empty without edits."""
         refuse_excluded(self.scene, self.collection)
         found = read_marks(self.collection)
-        by_hand = sorted(differing(found.parts, self._known()))
+        by_hand = sorted(find_differing(found.parts, self._read_marks()))
         if not by_hand and "added" not in found.parts:
             return ""
         if found.refused:
             raise IcyMoonError(found.refused[0])
         frame = self.scene.frame_current if found.changes_with_time else None
-        return hashed([[(part, found.parts.get(part)) for part in (*by_hand, "added")], frame])
+        return hash_marks([[(part, found.parts.get(part)) for part in (*by_hand, "added")], frame])
 
-    def _known(self) -> dict[str, str]:
+    def _read_marks(self) -> dict[str, str]:
         """The marks of the scene as it was built. Raises IcyMoonError if they cannot be compared with present marks."""
         if self.outdated:
             raise IcyMoonError(self.outdated)
@@ -131,7 +131,7 @@ class Built:
         """Why Icy Moon cannot detect edits by hand, in a sentence; empty if it can."""
         if why := engine.why_unavailable():  # marks include the settings of Cycles
             return why
-        if read_stored(self.collection, FINGERPRINT, _MARKS).get(MAKER) == maker():
+        if read_stored(self.collection, FINGERPRINT, _MARKS).get(MAKER) == describe_maker():
             return ""
         return (
             "The scene was built by another version of Icy Moon or Blender, so edits by hand cannot be detected; "
@@ -141,7 +141,7 @@ class Built:
     @property
     def materials(self) -> list[bpy.types.Material]:
         """The materials of the ground and the rocks."""
-        return sorted(materials_of(with_parts(list(self.collection.all_objects))[0]), key=lambda m: m.name)
+        return sorted(find_materials(find_parts(list(self.collection.all_objects))[0]), key=lambda m: m.name)
 
     @property
     def planetshine(self) -> bpy.types.Object | None:
@@ -163,7 +163,7 @@ class Built:
 
         Raises IcyMoonError if edits cannot be detected.
         """
-        return edited_parts(self.collection, self._known(), *wanted)
+        return find_edited_parts(self.collection, self._read_marks(), *wanted)
 
     @property
     def sky(self) -> dict[str, Any]:
@@ -174,13 +174,13 @@ class Built:
     def several_lights(self) -> bool:
         """Whether there may be light besides the Sun's: from the planet, stars or objects that the user added."""
         return any(item.get(TAG) in ROLES for item in self.collection.all_objects) or bool(
-            added_objects(self.collection)
+            find_added_objects(self.collection)
         )
 
     @property
     def edited(self) -> bool:
         """Whether the user has edited or added something since the scene was built."""
-        return bool(added_objects(self.collection)) or bool(self.edited_parts())
+        return bool(find_added_objects(self.collection)) or bool(self.edited_parts())
 
     @property
     def preview(self) -> Settings:
@@ -192,7 +192,7 @@ class Built:
         self.settings = merged(settings)
         self.collection[SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
         known = read_stored(self.collection, FINGERPRINT, _MARKS)
-        self.collection[FINGERPRINT] = json.dumps(updated_marks(self.collection, known, *changed))
+        self.collection[FINGERPRINT] = json.dumps(update_marks(self.collection, known, *changed))
 
 
 def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:
@@ -203,12 +203,12 @@ def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     return None
 
 
-def find(scene: bpy.types.Scene) -> Built | None:
+def find_built(scene: bpy.types.Scene) -> Built | None:
     """The built scene; None if nothing was built, or a part was deleted."""
     collection = find_collection(scene)
     if collection is None or SETTINGS not in collection:
         return None
-    roles = built_objects(collection)
+    roles = find_built_objects(collection)
     if not {"terrain", "sun", "camera"} <= roles.keys():
         return None
     return Built(collection, roles["terrain"], roles["sun"], roles["camera"], typed(_read_settings(collection)), scene)
@@ -235,17 +235,17 @@ def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) ->
         )
 
 
-def ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
+def describe_ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Three lines: a heading, the statistics that the settings of roughness ask of ground built from them, and those
     that it has, landforms, layers and snow included; empty for other ground. Short, since the sidebar is narrow."""
-    built = find(scene)
+    built = find_built(scene)
     found = built.statistics if built else {}
     if built is None or "made" not in found:
         return ()
     return (
         f"RMS slope over {found['baseline_m']:g} m, RMS height",
-        f"By roughness: {_statistics_text(found['asked'])}",
-        f"{'With landforms' if _adds_to_roughness(built.settings) else 'Built'}: {_statistics_text(found['made'])}",
+        f"By roughness: {_format_statistics(found['asked'])}",
+        f"{'With landforms' if _adds_to_roughness(built.settings) else 'Built'}: {_format_statistics(found['made'])}",
     )
 
 
@@ -263,11 +263,11 @@ def shows_earlier_ground(scene: bpy.types.Scene, settings: Settings) -> bool:
 def _read_settings(collection: bpy.types.Collection) -> Settings:
     """The settings that a scene was built from. Do not change them."""
     text = collection[SETTINGS]
-    return _parsed(text if isinstance(text, str) else "", f"{collection.name}: the property {SETTINGS}")
+    return _parse_settings(text if isinstance(text, str) else "", f"{collection.name}: the property {SETTINGS}")
 
 
 @lru_cache(maxsize=4)
-def _parsed(text: str, where: str) -> Settings:
+def _parse_settings(text: str, where: str) -> Settings:
     """Settings from their text, read once, since the window asks at every redraw."""
     return typed(parse_stored(text, where, TABLES))
 
@@ -279,17 +279,17 @@ def _adds_to_roughness(settings: Settings) -> bool:
     )
 
 
-def _statistics_text(numbers: dict[str, float | None]) -> str:
+def _format_statistics(numbers: dict[str, float | None]) -> str:
     slope, height = numbers["rms_slope_deg"], numbers["rms_height_m"]
     return f"{'unknown' if slope is None else f'{slope:.1f}°'}, {'unknown' if height is None else f'{height:.2g} m'}"
 
 
-def extra(settings: Settings) -> str:
+def make_extra(settings: Settings) -> str:
     """``Built.extra`` of a scene newly built from settings."""
-    return content(settings) + reflectance_laws.osl_substitute(settings)
+    return hash_content(settings) + reflectance_laws.describe_osl_substitute(settings)
 
 
-def changed_settings(built: Built, settings: Settings) -> list[str]:
+def list_changed_settings(built: Built, settings: Settings) -> list[str]:
     """Names of the settings that the built scene does not show yet, and of files whose content has changed."""
     shown = [
         (topic.key, s.key)
@@ -301,6 +301,6 @@ def changed_settings(built: Built, settings: Settings) -> list[str]:
         f"{topic}.{key}" for topic, key in shown if built.settings.get(topic, {}).get(key) != settings[topic][key]
     ]
     # A missing file changes nothing: the scene still contains the ground and surfaces made from it.
-    if are_there(settings) and built.content != content(settings):
-        changed += used_files(settings)
+    if do_files_exist(settings) and built.content != hash_content(settings):
+        changed += find_used_files(settings)
     return changed

@@ -16,7 +16,7 @@ def why_unavailable() -> str:
     return "" if compat.has_cycles() else _OFF
 
 
-def require() -> None:
+def require_cycles() -> None:
     """Raise IcyMoonError if Cycles is switched off."""
     if why := why_unavailable():
         raise IcyMoonError(why)

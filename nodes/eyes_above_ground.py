@@ -14,25 +14,25 @@ from ..physics.scene_checks import LOWEST_M, buried_sentence, in_rock_sentence
 from ..support.arrays import Array
 from .built_scene import Built
 from .datablocks.fingerprint import TAG
-from .rig import eye_poses
+from .rig import find_eye_poses
 
 _UP = Vector((0.0, 0.0, 1.0))
 #: Maximum number of faces of the user's own objects that a ray passes before the test gives up.
 _MOST_PASSED = 1000
 
 
-def reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
-    """``reasons`` for a scene that was just built.
+def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
+    """``find_reasons`` for a scene that was just built.
 
     They follow from the settings if possible. The mesh is tested only if it may be coarser than the images under the
     camera.
     """
     settings = built.settings
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
-    return list(scene_checks.find_reasons(settings)) or ([] if graded else reasons(built, scene=scene))
+    return list(scene_checks.find_reasons(settings)) or ([] if graded else find_reasons(built, scene=scene))
 
 
-def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None) -> list[str]:
+def find_reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None) -> list[str]:
     """Sentences on each eye that sees only black because it is inside the ground or a rock.
 
     The rig is turned clockwise by ``turn_deg``. A ray upward from inside the ground or a rock leaves through the outer
@@ -42,10 +42,10 @@ def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None =
     with nullcontext(scene) if scene else _make_scene(built) as test_scene:
         layer = test_scene.view_layers[0]
         layer.update()
-        poses = eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings.rig.baseline_m)
+        poses = find_eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings.rig.baseline_m)
         found = [
-            _reason_of_eye(test_scene, layer.depsgraph, built, eye, position)
-            for eye, position in _positions(poses, turn_deg).items()
+            _find_eye_reason(test_scene, layer.depsgraph, built, eye, position)
+            for eye, position in _find_eye_positions(poses, turn_deg).items()
         ]
     return [sentence for sentence in found if sentence]
 
@@ -60,7 +60,7 @@ def _make_scene(built: Built) -> Iterator[bpy.types.Scene]:
         bpy.data.scenes.remove(scene)
 
 
-def _positions(poses: dict[str, Array], turn_deg: float) -> dict[str, Vector]:
+def _find_eye_positions(poses: dict[str, Array], turn_deg: float) -> dict[str, Vector]:
     """Positions of the eyes after the rig is turned clockwise about the vertical through the left eye."""
     left, turn = poses["left"][:3, 3], np.radians(-turn_deg)
     x, y, z = poses["right"][:3, 3] - left
@@ -68,7 +68,7 @@ def _positions(poses: dict[str, Array], turn_deg: float) -> dict[str, Vector]:
     return {"left": Vector(left.tolist()), "right": Vector(right.tolist())}
 
 
-def _reason_of_eye(
+def _find_eye_reason(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built: Built, eye: str, position: Vector
 ) -> str:
     rig = built.settings.rig

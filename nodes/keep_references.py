@@ -13,14 +13,14 @@ import bpy
 from ..support.blender import compat
 from .datablocks.fingerprint import OWN, TAG
 from .datablocks.stored_properties import stored_properties
-from .remove import leftovers, remove_if_unused
+from .remove import find_leftovers, remove_if_unused
 
 #: Properties that ``_copy_properties`` does not copy: they are set, or made by Blender, separately. Blender 5.2 makes
 #: the ``properties`` of a modifier from its node group, and crashes when it quits if a script has written them.
 _SET_SEPARATELY = {"data", "animation_data", "pose", "properties"}
 
 
-def owned_blocks(collection: bpy.types.Collection) -> dict[str, Any]:
+def find_owned_blocks(collection: bpy.types.Collection) -> dict[str, Any]:
     """The data-blocks that a built collection owns: objects by role, "ROLE data" and "ROLE material"."""
     return {
         key.removeprefix(OWN): collection[key]
@@ -40,7 +40,7 @@ def set_owned_blocks(collection: bpy.types.Collection, blocks: dict[str, Any]) -
 def is_owned_elsewhere(collection: bpy.types.Collection, block: bpy.types.ID) -> bool:
     """Whether another built collection owns a data-block too. After a full copy of a scene, both own the materials."""
     return any(
-        block in owned_blocks(other).values()
+        block in find_owned_blocks(other).values()
         for other in bpy.data.collections
         if other != collection and other.get(TAG) == "scene"
     )
@@ -56,7 +56,7 @@ def replace_block(old: bpy.types.ID, new: bpy.types.ID) -> None:
 
 def update_object(old: bpy.types.Object, new: bpy.types.Object) -> bpy.types.Object:
     """Give an object the data and properties of ``new``, remove ``new``, and return the object."""
-    found = leftovers([old])
+    found = find_leftovers([old])
     _clear_object(old)
     old.data = new.data
     _copy_properties(old, new)

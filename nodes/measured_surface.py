@@ -26,7 +26,7 @@ from .tree.builder import Tree
 NAME = "Icy Moon Measured Surface"
 ROLE = "measured surface"  # value of the custom property ``TAG`` of objects, collection and material
 _COLOUR, _ERROR = "error", "error_m"  # attributes: the colour of a vertex, the error of a square
-_COUNTS = "icymoon_points"  # custom property, see ``_counts``
+_COUNTS = "icymoon_points"  # custom property, see ``_count_kinds``
 #: Depth error, m, that counts as right, and the text of each kind of pixel, with its icon.
 RIGHT_M = ERROR.low
 KINDS = {
@@ -52,7 +52,7 @@ def read_points(path: Path) -> tuple[Array, Array, Array, Array]:
     return table[:, :3], table[:, 3:6], table[:, 6], table[:, 7]
 
 
-def squares(position: Array, toward: Array, width: Array) -> Array:
+def make_squares(position: Array, toward: Array, width: Array) -> Array:
     """Corners (n, 4, 3), counter-clockwise seen from the camera, of squares of ``width`` that face it."""
     # Two axes across the line of sight. Where it is nearly vertical, they start from y instead of z.
     up = np.where(np.abs(toward[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
@@ -76,12 +76,12 @@ def build_points(
     if not len(position):
         raise IcyMoonError(f"{title} measured nothing here; choose another matcher.")
     clear_points(scene)
-    mesh = _build_mesh(squares(position, toward, width), error)
+    mesh = _build_mesh(make_squares(position, toward, width), error)
     mesh.materials.append(build_material(_COLOUR))
     _colour_mesh(mesh, full_m)
     item = bpy.data.objects.new(f"{NAME}: {title}", mesh)
     item[TAG] = ROLE
-    item[_COUNTS] = _counts(error, [ply.read_comment_number(path, "missing") for path in paths])
+    item[_COUNTS] = _count_kinds(error, [ply.read_comment_number(path, "missing") for path in paths])
     item.hide_render = True
     item.show_in_front = True
     collection = bpy.data.collections.new(NAME)
@@ -92,7 +92,7 @@ def build_points(
     return item
 
 
-def _counts(error_m: Array, missing: list[int | None]) -> dict[str, int]:
+def _count_kinds(error_m: Array, missing: list[int | None]) -> dict[str, int]:
     """Number of points by the kind of their error. Files of older versions do not contain the number of ``missing``."""
     counts = {
         "far": int((error_m > RIGHT_M).sum()),
@@ -103,7 +103,7 @@ def _counts(error_m: Array, missing: list[int | None]) -> dict[str, int]:
     return counts if None in missing else counts | {"missing": sum(count or 0 for count in missing)}
 
 
-def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
+def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     """The meaning of the colours of the shown surface and the share of points of each: (text, icon) of each line."""
     item = find_points(scene)
     stored: object = item.get(_COUNTS) if item else None
@@ -113,7 +113,7 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     true = sum(counts.get(key, 0) for key in ("far", "near", "right", "missing"))
     if not true:
         return ()
-    lines = shares(
+    lines = make_share_lines(
         "Depth error of the surface shown", counts, {**KINDS, "missing": ("Missing, no point", "BLANK1")}, true
     )
     if counts.get("unknown"):
@@ -121,7 +121,7 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     return tuple(lines)
 
 
-def shares(
+def make_share_lines(
     title: str, counts: Mapping[str, int], kinds: Mapping[str, tuple[str, str]], total: int
 ) -> list[tuple[str, str]]:
     """(text, icon) of the lines of a legend: its title, then the share of each of the ``kinds`` in ``total``."""

@@ -13,19 +13,19 @@ from ..settings import changes
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import preview
-from .built_scene import SETTINGS, Built, find
-from .datablocks.blend_file_paths import content
+from .built_scene import SETTINGS, Built, find_built
+from .datablocks.blend_file_paths import hash_content
 from .lander.contact import find_contact
-from .light.scene_lights import advice as light_advice
-from .light.scene_lights import described_sky
-from .scene import build
+from .light.scene_lights import advise_on_sky as light_advice
+from .light.scene_lights import compute_scene_sky
+from .scene import build_scene
 from .surface import ground_and_rock_materials, reflectance_laws
 
 
 def open_empty_scene(settings: Settings) -> Built:
     """Open a new, empty file and build a scene in it. This frees the memory of the previous file."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    return build(bpy.context.scene, settings)
+    return build_scene(bpy.context.scene, settings)
 
 
 def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
@@ -40,21 +40,21 @@ def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
         or changes.select_scene(settings) != changes.select_scene(built.settings)
     ):
         return open_empty_scene(settings), False
-    if content(settings) != built.content:
+    if hash_content(settings) != built.content:
         return open_empty_scene(settings), False
     preview.show_settings(built, settings, int(settings.terrain.resolution))
-    if preview.notes(bpy.context.scene) or built.preview:  # the preview cannot show these settings
+    if preview.read_notes(bpy.context.scene) or built.preview:  # the preview cannot show these settings
         return open_empty_scene(settings), False
     built.remember(settings, {})
     warnings = [
-        *ground_and_rock_materials.advice(settings),
-        *reflectance_laws.advice(settings),
-        *light_advice(described_sky(settings), settings),
+        *ground_and_rock_materials.advise_on_surfaces(settings),
+        *reflectance_laws.advise_on_hapke(settings),
+        *light_advice(compute_scene_sky(settings), settings),
         *advise_on_rounding(settings.rig, built.site_m),
         *scene_checks.advise_on_scene(settings),
         *built.excavation.get("advice", []),
     ]
-    now = find(bpy.context.scene)
+    now = find_built(bpy.context.scene)
     if now is None:
         raise IcyMoonError("A part of the built scene is missing; render the pair again.")
     if settings.lander.kind != "NONE":

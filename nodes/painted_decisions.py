@@ -1,7 +1,7 @@
 """What a lander would decide, shown on the ground: a map as colours of its vertices, the chosen site and the reach.
 
 It is painted as errors are: attributes that no render reads and that are no part of the ground's marks, and a
-collection that is not rendered, which ``painted_errors.clear`` removes.
+collection that is not rendered, which ``painted_errors.clear_painted`` removes.
 """
 
 from __future__ import annotations
@@ -17,10 +17,19 @@ from ..stereo.images.colours import SKY_GREY
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .built_scene import Built
-from .datablocks.fingerprint import TAG, instanced_objects
+from .datablocks.fingerprint import TAG, find_instanced_objects
 from .ground.terrain_mesh import build_mesh_from_arrays
-from .measured_surface import set_colours, shares
-from .painted_errors import ROLE, add_colours, begin, corners_of, darken, find, other_meshes, to_world
+from .measured_surface import make_share_lines, set_colours
+from .painted_errors import (
+    ROLE,
+    add_colours,
+    begin_painting,
+    darken_meshes,
+    find_other_meshes,
+    find_painted,
+    read_corners,
+    to_world,
+)
 
 NAME = "Icy Moon Decisions"
 SITE, REACH = "Chosen Site", "Reach"
@@ -51,51 +60,51 @@ _RADIUS_M, _RING_POINTS = 0.006, 48
 _SIDES, _SHARPEST = 6, 0.25
 
 
-def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -> bpy.types.Collection:
+def paint_decisions(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -> bpy.types.Collection:
     """Show a map on the ground of a built scene with its site and reach, in place of anything painted before.
 
     Raises IcyMoonError before any change if no vertex of the ground is within the map.
     """
     mesh = built.terrain.data
-    cell = stored.grid.find_cells(to_world(built.terrain.matrix_world, corners_of(mesh)))
+    cell = stored.grid.find_cells(to_world(built.terrain.matrix_world, read_corners(mesh)))
     inside = cell >= 0
     if not inside.any():
         raise IcyMoonError(
             "No vertex of the ground is within the workspace of these decisions; press Build Scene, or "
             "raise terrain.resolution."
         )
-    collection = begin(scene, mesh, NAME)
+    collection = begin_painting(scene, mesh, NAME)
     there = {SITE: stored.chosen is not None, REACH: stored.reach is not None and bool(stored.reach.any())}
     collection[_COUNTS] = {**count_cells(stored), **there, "title": title, "map": stored.kind}
     colours = np.full((len(cell), 3), SKY_GREY, np.uint8)
     colours[inside] = colour_cells(stored).reshape(-1, 3)[cell[inside]]
     set_colours(add_colours(mesh), colours)
-    darken({*_rock_meshes(built), *other_meshes(built)})  # the ground under them is unknown from above
+    darken_meshes({*_find_rock_meshes(built), *find_other_meshes(built)})  # the ground under them is unknown from above
     if stored.chosen is not None:
-        _link(collection, _site(stored, *stored.chosen))
+        _link_mark(collection, _draw_site(stored, *stored.chosen))
     if stored.reach is not None and there[REACH]:
-        _link(collection, _reach(stored, stored.reach))
+        _link_mark(collection, _draw_reach(stored, stored.reach))
     return collection
 
 
-def shown_map(scene: bpy.types.Scene) -> tuple[str, str]:
+def find_shown_map(scene: bpy.types.Scene) -> tuple[str, str]:
     """The title and the kind of the map that is shown; both empty if none is."""
-    collection = find(scene)
+    collection = find_painted(scene)
     stored: Any = collection.get(_COUNTS) if collection else None
     kind = stored.get("map") if hasattr(stored, "items") else None
     return (str(stored.get("title")), str(kind)) if kind in TITLES else ("", "")
 
 
-def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
+def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     """The meaning of the colours, with the share of the workspace of each, and of the marks: (text, icon) by line."""
-    title, kind = shown_map(scene)
-    collection = find(scene)
+    title, kind = find_shown_map(scene)
+    collection = find_painted(scene)
     if not kind or collection is None:
         return ()
     stored = collection[_COUNTS]
     counts = {key: stored[key] for key in KINDS[kind] if isinstance(stored.get(key), int)}
     return (
-        *shares(
+        *make_share_lines(
             f"{TITLES[kind]} by {title}",
             counts,
             {key: (text, _ICONS[key]) for key, text in KINDS[kind].items()},
@@ -106,32 +115,32 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _rock_meshes(built: Built) -> set[bpy.types.Mesh]:
+def _find_rock_meshes(built: Built) -> set[bpy.types.Mesh]:
     fields = [item for item in built.collection.all_objects if item.get(TAG) == "rock"]
-    return {shape.data for item in fields for shape in instanced_objects(item) if shape.type == "MESH"}
+    return {shape.data for item in fields for shape in find_instanced_objects(item) if shape.type == "MESH"}
 
 
-def _link(collection: bpy.types.Collection, item: bpy.types.Object) -> None:
+def _link_mark(collection: bpy.types.Collection, item: bpy.types.Object) -> None:
     item[TAG] = ROLE
     item.hide_render = item.show_in_front = True
     collection.objects.link(item)
 
 
-def _site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
+def _draw_site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
     """A ring as large as the footprint of the site."""
     angle = np.linspace(0.0, 2 * np.pi, _RING_POINTS, endpoint=False)
     ring = stored.disc_m / 2 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    return _draw_lines(SITE, [_on_ground(stored, np.array([[row + 0.5, column + 0.5]])) + ring])
+    return _draw_lines(SITE, [_place_on_ground(stored, np.array([[row + 0.5, column + 0.5]])) + ring])
 
 
-def _reach(stored: StoredMap, reach: Array) -> bpy.types.Object:
-    return _draw_lines(REACH, [_on_ground(stored, way) for way in trace_outlines(reach)])
+def _draw_reach(stored: StoredMap, reach: Array) -> bpy.types.Object:
+    return _draw_lines(REACH, [_place_on_ground(stored, way) for way in trace_outlines(reach)])
 
 
 def _draw_lines(name: str, ways: list[Array]) -> bpy.types.Object:
     """Closed lines through positions (n, 3) as tubes with colours of vertices: in a camera view, bare lines and empties
     are hidden with the overlays, and in Blender 5.2 objects without such colours are white."""
-    tubes = [_tube(way) for way in ways]
+    tubes = [_make_tube(way) for way in ways]
     starts = np.cumsum([0, *(len(position) for position, _ in tubes)])
     mesh = build_mesh_from_arrays(
         name,
@@ -142,7 +151,7 @@ def _draw_lines(name: str, ways: list[Array]) -> bpy.types.Object:
     return bpy.data.objects.new(name, mesh)
 
 
-def _tube(way: Array) -> tuple[Array, Array]:
+def _make_tube(way: Array) -> tuple[Array, Array]:
     """Positions (n _SIDES, 3) and triangles of a tube along a closed line through positions (n, 3), as wide at corners
     seen from above as between them."""
     along = np.roll(way, -1, axis=0) - way
@@ -162,7 +171,7 @@ def _tube(way: Array) -> tuple[Array, Array]:
     )
 
 
-def _on_ground(stored: StoredMap, place: Array) -> Array:
+def _place_on_ground(stored: StoredMap, place: Array) -> Array:
     """Positions (n, 3) just above the true ground of places (n, 2) in rows and columns from the outer corner."""
     grid, height = stored.grid, stored.height_m
     row, column = (np.clip(np.floor(place[:, axis]), 0, height.shape[axis] - 1).astype(np.intp) for axis in (0, 1))

@@ -38,9 +38,9 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .built_scene import Built
 from .datablocks.array_marks import PAINTED, read_property
-from .datablocks.fingerprint import TAG, added_objects, instanced_objects
+from .datablocks.fingerprint import TAG, find_added_objects, find_instanced_objects
 from .ground.terrain_mesh import build_mesh_from_arrays
-from .measured_surface import KINDS, build_material, set_colours, shares
+from .measured_surface import KINDS, build_material, make_share_lines, set_colours
 
 NAME = "Icy Moon Depth Errors"
 ROLE = "painted errors"  # value of the custom property ``TAG`` of collection, object and material
@@ -60,43 +60,46 @@ _KINDS = {
 }
 
 
-def why_another(built: Built, headings: int, pair: Pair) -> str:
+def why_not_shown(built: Built, headings: int, pair: Pair) -> str:
     """Why a pair shows the built scene from none of the ``headings`` directions, in a sentence; empty if it does.
 
     Only the ground and the camera matter: light, surfaces and sampling may differ. Raises IcyMoonError if edits by hand
     cannot be detected.
     """
     now, then = built.settings, pair.settings
-    if names := _differing(changes.select_geometry(now), changes.select_geometry(then)):
-        return f"The evaluated pair {pair.id} has another ground than the one that is built: {_differ(names)}."
+    if names := _list_differing(changes.select_geometry(now), changes.select_geometry(then)):
+        return (
+            f"The evaluated pair {pair.id} has another ground than the one that is built: {_describe_differing(names)}."
+        )
     if then.source.kind != "PROCEDURAL" and built.content != pair.data.get("own_files_sha256", ""):
         return f"The file of the ground has changed since the evaluated pair {pair.id} was rendered."
     views = (planned.settings for planned in expand_headings(merged(now, {"dataset": {"headings": headings}})))
-    cameras = [_differing(changes.select_camera(view), changes.select_camera(then)) for view in views]
+    cameras = [_list_differing(changes.select_camera(view), changes.select_camera(then)) for view in views]
     if all(cameras):
-        return f"The evaluated pair {pair.id} has another camera than the one that is built: {_differ(cameras[0])}."
-    if not _same_by_hand(built, pair):
+        differing = _describe_differing(cameras[0])
+        return f"The evaluated pair {pair.id} has another camera than the one that is built: {differing}."
+    if not _has_same_edits(built, pair):
         return f"The ground or the camera has other edits by hand than those of the evaluated pair {pair.id}."
     return ""
 
 
-def _differing(one: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _list_differing(one: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return [f"{topic}.{key}" for topic in one for key in one[topic] if one[topic][key] != other.get(topic, {}).get(key)]
 
 
-def _differ(names: Sequence[str]) -> str:
+def _describe_differing(names: Sequence[str]) -> str:
     more = f" and {format_count(len(names) - 1, 'more setting')} differ" if len(names) > 1 else " differs"
     return f"{names[0]}{more}"
 
 
-def _same_by_hand(built: Built, pair: Pair) -> bool:
+def _has_same_edits(built: Built, pair: Pair) -> bool:
     """Whether ground and camera have the same edits by hand as when a pair was rendered."""
     if pair.data.get("edited_by_hand"):  # the id identifies all edits
         return digest(pair.settings, built.extra + describe_blur_identity(pair.settings)) == pair.id
-    return not added_objects(built.collection) and not built.edited_parts(*_GROUND_AND_CAMERA)
+    return not find_added_objects(built.collection) and not built.edited_parts(*_GROUND_AND_CAMERA)
 
 
-def paint(
+def paint_errors(
     scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], title: str, full_m: float
 ) -> bpy.types.Collection:
     """Paint the errors of pairs of a built scene on its ground and rocks, in place of anything painted before.
@@ -105,32 +108,34 @@ def paint(
     full colour. Raises IcyMoonError before any change if no vertex shows an error.
     """
     mesh, places = built.terrain.data, [np.empty((0, 2))] * len(found)
-    ground = _look(found, to_world(built.terrain.matrix_world, corners_of(mesh)), _edges(mesh), places)
-    instances = _rock_instances(built)
-    rocks = list(_seen_rocks(instances, found, places))
+    ground = _find_vertex_errors(
+        found, to_world(built.terrain.matrix_world, read_corners(mesh)), _read_edges(mesh), places
+    )
+    instances = _find_rock_instances(built)
+    rocks = list(_find_seen_rocks(instances, found, places))
     if not sum(map(len, places)):
         raise IcyMoonError(
             "No vertex of the ground shows an error: its triangles are too wide, or it is not the "
             "ground of the pair; press Build Scene, or raise terrain.resolution."
         )
-    collection = begin(scene, mesh, NAME)
+    collection = begin_painting(scene, mesh, NAME)
     counts = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
     collection[_COUNTS] = {key: sum(count[key] for count in counts) for key in counts[0]} | {"title": title}
-    _fill(mesh, ground, full_m)
+    _fill_attributes(mesh, ground, full_m)
     for shape in instances:  # dark, as if unseen; the copies hide them where an eye sees them
         n = len(shape.data.vertices)
-        _fill(
+        _fill_attributes(
             shape.data,
             VertexErrors(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf)),
             full_m,
         )
     if rocks:
         _link_rocks(collection, rocks, full_m)
-    darken(other_meshes(built))
+    darken_meshes(find_other_meshes(built))
     return collection
 
 
-def other_meshes(built: Built) -> set[bpy.types.Mesh]:
+def find_other_meshes(built: Built) -> set[bpy.types.Mesh]:
     """The meshes of a built scene that are neither ground nor rocks, such as the lander."""
     return {
         item.data
@@ -139,16 +144,16 @@ def other_meshes(built: Built) -> set[bpy.types.Mesh]:
     }
 
 
-def darken(meshes: Iterable[bpy.types.Mesh]) -> None:
+def darken_meshes(meshes: Iterable[bpy.types.Mesh]) -> None:
     """Show meshes dark. Without colours of their own, they are white in Blender 5.2 and grey before, which both have a
     meaning in a legend."""
     for mesh in meshes:
         set_colours(add_colours(mesh), np.full((len(mesh.vertices), 3), SKY_GREY, np.uint8))
 
 
-def begin(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> bpy.types.Collection:
+def begin_painting(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> bpy.types.Collection:
     """A new collection, not rendered, for colours painted on a mesh, in place of anything painted before."""
-    clear(scene)
+    clear_painted(scene)
     collection = bpy.data.collections.new(name)
     collection[TAG] = ROLE
     collection[_BEFORE] = [mesh.attributes.active_color_name or "", mesh.attributes.default_color_name or ""]
@@ -157,23 +162,23 @@ def begin(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> bpy.types.
     return collection
 
 
-def recolour(scene: bpy.types.Scene, full_m: float) -> None:
+def recolour_errors(scene: bpy.types.Scene, full_m: float) -> None:
     """Let errors of ``full_m`` metres and more have the full colour."""
-    for mesh in _painted_meshes(scene):
+    for mesh in _find_painted_meshes(scene):
         if ERROR_M in mesh.attributes:  # decisions have colours of their own
-            _colour(mesh, full_m)
+            _colour_mesh(mesh, full_m)
 
 
-def find(scene: bpy.types.Scene) -> bpy.types.Collection | None:
+def find_painted(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     """The collection of painted errors or decisions in a scene; None if nothing is painted."""
     return next((c for c in scene.collection.children if c.get(TAG) == ROLE), None)
 
 
-def clear(scene: bpy.types.Scene) -> bool:
+def clear_painted(scene: bpy.types.Scene) -> bool:
     """Remove everything that was painted in a scene, decisions too; whether there was anything."""
     collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
     before: Sequence[str] | None = collections[0].get(_BEFORE) if collections else None
-    for mesh in _painted_meshes(scene):
+    for mesh in _find_painted_meshes(scene):
         for name in (ERROR_M, KIND, COLOUR):
             if name in mesh.attributes:
                 mesh.attributes.remove(mesh.attributes[name])
@@ -190,9 +195,9 @@ def clear(scene: bpy.types.Scene) -> bool:
     return bool(collections)
 
 
-def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
+def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     """The meaning of the colours, with the share of the pixels of each: (text, icon) of each line."""
-    collection = find(scene)
+    collection = find_painted(scene)
     stored: Any = collection.get(_COUNTS) if collection else None
     counts = (
         {key: number for key, number in stored.items() if isinstance(number, int)} if hasattr(stored, "items") else {}
@@ -202,21 +207,21 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
         return ()
     counts = {key: number for key, number in counts.items() if key != "coarse" or number}
     return (
-        *shares(f"Depth error of {stored.get('title')} on the ground", counts, _KINDS, true),
+        *make_share_lines(f"Depth error of {stored.get('title')} on the ground", counts, _KINDS, true),
         ("The lander and what the left eye does not see, dark", "BLANK1"),
     )
 
 
-def _painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
-    rocks = [shape for item in scene.objects if item.get(TAG) == "rock" for shape in instanced_objects(item)]
+def _find_painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
+    rocks = [shape for item in scene.objects if item.get(TAG) == "rock" for shape in find_instanced_objects(item)]
     return {item.data for item in (*scene.objects, *rocks) if item.type == "MESH" and COLOUR in item.data.attributes}
 
 
-def corners_of(mesh: bpy.types.Mesh) -> Array:
+def read_corners(mesh: bpy.types.Mesh) -> Array:
     return read_property(mesh.vertices, "co", width=3).reshape(-1, 3).astype(np.float64)
 
 
-def _edges(mesh: bpy.types.Mesh) -> Array:
+def _read_edges(mesh: bpy.types.Mesh) -> Array:
     return read_property(mesh.edges, "vertices", np.int32, 2).reshape(-1, 2)
 
 
@@ -225,7 +230,9 @@ def to_world(matrix: ArrayLike, position: Array) -> Array:
     return np.asarray(position @ whole[:3, :3].T + whole[:3, 3])
 
 
-def _look(found: Sequence[DepthErrors], position: Array, edges: Array, places: list[Array]) -> VertexErrors:
+def _find_vertex_errors(
+    found: Sequence[DepthErrors], position: Array, edges: Array, places: list[Array]
+) -> VertexErrors:
     """What vertices show, of all pairs; adds where each pair sees them to ``places``."""
     shown: VertexErrors | None = None
     for k, errors in enumerate(found):
@@ -236,7 +243,7 @@ def _look(found: Sequence[DepthErrors], position: Array, edges: Array, places: l
     return shown
 
 
-def _rock_instances(built: Built) -> dict[bpy.types.Object, Array]:
+def _find_rock_instances(built: Built) -> dict[bpy.types.Object, Array]:
     """For each shape of rocks, the matrices (n, 4, 4) of its instances."""
     fields = {item for item in built.collection.all_objects if item.get(TAG) == "rock"}
     matrices: dict[bpy.types.Object, list[Any]] = {}
@@ -246,7 +253,7 @@ def _rock_instances(built: Built) -> dict[bpy.types.Object, Array]:
     return {shape: np.array(found) for shape, found in matrices.items()}
 
 
-def _seen_rocks(
+def _find_seen_rocks(
     instances: Mapping[bpy.types.Object, Array], found: Sequence[DepthErrors], places: list[Array]
 ) -> Iterator[tuple[Array, Array, VertexErrors]]:
     """Positions, triangles and what vertices show, of the rocks with a vertex that an eye sees.
@@ -256,22 +263,24 @@ def _seen_rocks(
     for shape, matrices in instances.items():
         mesh = shape.data
         mesh.calc_loop_triangles()
-        whole = corners_of(mesh), read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
-        divisions = _divisions(found, matrices, *whole)
+        whole = read_corners(mesh), read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
+        divisions = _count_divisions(found, matrices, *whole)
         for times in np.unique(divisions):
             corners, faces = whole
             for _ in range(times):
                 corners, faces = halve_edges(corners, faces)
-            yield from _seen_copies(found, matrices[divisions == times], corners, faces, places)
+            yield from _find_seen_copies(found, matrices[divisions == times], corners, faces, places)
 
 
-def _divisions(found: Sequence[DepthErrors], matrices: Array, corners: Array, faces: Array) -> Array:
+def _count_divisions(found: Sequence[DepthErrors], matrices: Array, corners: Array, faces: Array) -> Array:
     """How often the triangles of each instance must be divided to be narrow in the images."""
     longest = np.zeros(len(matrices))
     step = max(1, _AT_ONCE // max(1, len(corners)))
     for errors in found:
         for k in range(0, len(matrices), step):
-            place = project_points(errors, _instanced(matrices[k : k + step], corners))[0].reshape(-1, len(corners), 2)
+            place = project_points(errors, _place_instances(matrices[k : k + step], corners))[0].reshape(
+                -1, len(corners), 2
+            )
             sides = np.linalg.norm(place[:, faces] - place[:, np.roll(faces, 1, axis=1)], axis=-1)
             inside = ((place >= 0) & (place < errors.truth.shape[::-1])).all(axis=-1).any(axis=1)
             longest[k : k + step] = np.maximum(
@@ -281,30 +290,32 @@ def _divisions(found: Sequence[DepthErrors], matrices: Array, corners: Array, fa
     return np.asarray(np.minimum(needed, _MOST_DIVISIONS).astype(np.intp))
 
 
-def _seen_copies(
+def _find_seen_copies(
     found: Sequence[DepthErrors], matrices: Array, corners: Array, faces: Array, places: list[Array]
 ) -> Iterator[tuple[Array, Array, VertexErrors]]:
     edges, n = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), len(corners)
     step = max(1, _AT_ONCE // max(1, n))
     for some in (matrices[k : k + step] for k in range(0, len(matrices), step)):
-        shown = _look(found, _instanced(some, corners), _repeated(edges, len(some), n), places)
+        shown = _find_vertex_errors(
+            found, _place_instances(some, corners), _repeat_indices(edges, len(some), n), places
+        )
         rocks = (shown.kind.reshape(-1, n) <= COARSE).any(axis=1)
         if rocks.any():
             own = np.repeat(rocks, n)
-            larger = _instanced(some[rocks], corners * _LARGER)
+            larger = _place_instances(some[rocks], corners * _LARGER)
             yield (
                 larger + _NEARER * (found[0].pose[:3, 3] - larger),
-                _repeated(faces, int(rocks.sum()), n),
+                _repeat_indices(faces, int(rocks.sum()), n),
                 VertexErrors(shown.error_m[own], shown.kind[own], shown.depth_m[own]),
             )
 
 
-def _instanced(matrices: Array, corners: Array) -> Array:
+def _place_instances(matrices: Array, corners: Array) -> Array:
     moved = np.einsum("mij,nj->mni", matrices[:, :3, :3], corners) + matrices[:, None, :3, 3]
     return moved.reshape(-1, 3)
 
 
-def _repeated(indices: Array, times: int, vertices: int) -> Array:
+def _repeat_indices(indices: Array, times: int, vertices: int) -> Array:
     """Edges or faces of a mesh, for ``times`` copies of its vertices."""
     return (indices[None] + (np.arange(times) * vertices)[:, None, None]).reshape(-1, indices.shape[1])
 
@@ -319,7 +330,7 @@ def _link_rocks(
         np.concatenate([position for position, _, _ in rocks]),
         np.concatenate([faces + start for (_, faces, _), start in zip(rocks, starts, strict=False)]),
     )
-    _fill(
+    _fill_attributes(
         mesh,
         VertexErrors(
             *(
@@ -337,12 +348,12 @@ def _link_rocks(
     collection.objects.link(item)
 
 
-def _fill(mesh: bpy.types.Mesh, shown: VertexErrors, full_m: float) -> None:
+def _fill_attributes(mesh: bpy.types.Mesh, shown: VertexErrors, full_m: float) -> None:
     """Add the attributes to a mesh, and show their colours. What a render takes for the mesh's colours stays."""
     mesh.attributes.new(ERROR_M, "FLOAT", "POINT").data.foreach_set("value", shown.error_m)
     mesh.attributes.new(KIND, "INT8", "POINT").data.foreach_set("value", shown.kind.astype(np.int8))
     add_colours(mesh)
-    _colour(mesh, full_m)
+    _colour_mesh(mesh, full_m)
 
 
 def add_colours(mesh: bpy.types.Mesh) -> bpy.types.Attribute:
@@ -353,7 +364,7 @@ def add_colours(mesh: bpy.types.Mesh) -> bpy.types.Attribute:
     return mesh.attributes[COLOUR]
 
 
-def _colour(mesh: bpy.types.Mesh, full_m: float) -> None:
+def _colour_mesh(mesh: bpy.types.Mesh, full_m: float) -> None:
     error = read_property(mesh.attributes[ERROR_M].data, "value")
     kind = read_property(mesh.attributes[KIND].data, "value", np.int8)
     set_colours(mesh.attributes[COLOUR], colour_errors(error, kind, full_m))

@@ -34,21 +34,21 @@ from ..support.errors import IcyMoonError
 from ..support.file_shapes import TABLE, TEXT, Each
 from . import painted_errors
 from . import scene as scenes
-from .datablocks.blend_file_paths import with_absolute_files
-from .datablocks.fingerprint import TAG, built_objects, instanced_objects
+from .datablocks.blend_file_paths import make_paths_absolute
+from .datablocks.fingerprint import TAG, find_built_objects, find_instanced_objects
 from .datablocks.stored_json import read_stored
 from .ground.heights_under import probe_heights
-from .ground.rocks import build_rocks, parts_of
-from .ground.terrain_mesh import SPACING, fill_mesh, grid, leave_unmoved
+from .ground.rocks import build_rocks, find_rock_parts
+from .ground.terrain_mesh import SPACING, fill_mesh, leave_unmoved, make_grid
 from .ground.user_ground import is_from_file
 from .lander.objects import ROLES as LANDER_ROLES
 from .lander.objects import build_lander, place_lander
-from .light.scene_lights import ROLES, change_lights, described_sky, settings_of_lights
+from .light.scene_lights import ROLES, change_lights, compute_scene_sky, list_light_settings
 from .rig import place_rig
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
-from .tree.builder import take_values
+from .tree.builder import copy_values
 
 #: Maximum number of rocks in a preview. The smallest are left out.
 MOST_ROCKS = 1000
@@ -59,7 +59,7 @@ _TURNED = "Preview: fine relief and broken walls are real only where the camera 
 _UNDUG = "Preview without the trench: press Build Scene"
 
 
-def notes(scene: bpy.types.Scene) -> list[str]:
+def read_notes(scene: bpy.types.Scene) -> list[str]:
     """Sentences on settings that the scene does not show, or shows as a preview, and warnings of a ground that followed
     a coarse one; none if there is nothing to say."""
     collection = scenes.find_collection(scene)
@@ -78,7 +78,7 @@ def notes(scene: bpy.types.Scene) -> list[str]:
 
 
 def set_notes(built: scenes.Built, sentences: list[str]) -> None:
-    """Store the sentences of ``notes``, unless they are stored already."""
+    """Store the sentences of ``read_notes``, unless they are stored already."""
     sentences = list(dict.fromkeys(sentences))  # one cause, such as a missing file, may affect two parts
     if json.dumps(sentences) != built.collection.get(scenes.NOTES, "[]"):
         built.collection[scenes.NOTES] = json.dumps(sentences)
@@ -91,9 +91,9 @@ def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     built at full resolution. Raises IcyMoonError as ``scenes.build`` does.
     """
     if is_from_file(settings):
-        return scenes.build(scene, settings)
+        return scenes.build_scene(scene, settings)
     terrain, mesh, rocks = settings.terrain, settings.mesh, settings.rocks
-    built = scenes.build(
+    built = scenes.build_scene(
         scene,
         merged(
             settings,
@@ -117,7 +117,7 @@ def await_ground(built: scenes.Built, settings: Settings) -> None:
 
 def awaits_ground(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
     """The built scene if its ground at full resolution is to follow; None after a change of the ground's settings."""
-    built = scenes.find(scene)
+    built = scenes.find_built(scene)
     marked = built is not None and built.collection.get(scenes.REFINED) == json.dumps(select_geometry(settings))
     return built if marked and built is not None and built.preview else None
 
@@ -125,7 +125,8 @@ def awaits_ground(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | 
 def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
     """Show complete ``settings`` in a built scene, the ground with at most ``side`` vertices per side.
 
-    Returns whether the ground was made again. Settings that cannot be shown raise no error: ``notes`` reports them.
+    Returns whether the ground was made again. Settings that cannot be shown raise no error: ``read_notes`` reports
+    them.
     """
     messages: list[str] = []
     before = merged(built.settings, built.preview)
@@ -137,7 +138,7 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
             messages.append(str(error))
             settings = merged(settings, select_geometry(before))
     messages += _show_surfaces(built, settings, before)
-    if settings_of_lights(settings) != settings_of_lights(before):
+    if list_light_settings(settings) != list_light_settings(before):
         if built.edited_parts("sun"):
             messages.append(_EDITED.format("Sun"))
         else:
@@ -182,11 +183,11 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     if by_hand:
         raise IcyMoonError(_EDITED.format("ground" if "terrain" in by_hand else "field of rocks"))
     coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings.terrain.resolution))}})
-    ground = scenes.ground_of(settings)
-    positions, faces = grid(coarse.terrain, ground)
+    ground = scenes.make_ground(settings)
+    positions, faces = make_grid(coarse.terrain, ground)
     rocks = _scatter_largest(coarse, positions) if coarse.rocks.coverage > 0 else None
     # From here on nothing raises, so the scene is changed completely or not at all.
-    painted_errors.clear(built.scene)  # they are of the previous ground
+    painted_errors.clear_painted(built.scene)  # they are of the previous ground
     moved = SPACING in built.terrain.data.attributes
     fill_mesh(built.terrain.data, positions, faces)
     mark_elevation(built.terrain.data, settings.surface)
@@ -197,14 +198,14 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     return ground
 
 
-def _coarse_shapes(settings: Settings) -> tuple[tuple[RockShape, ...], ...]:
+def _make_coarse_shapes(settings: Settings) -> tuple[tuple[RockShape, ...], ...]:
     rocks = settings.rocks
     return make_rock_shapes(rocks.family, rocks.angularity, int(settings.dataset.seed))[-1:]
 
 
 def _scatter_largest(settings: Settings, positions: Array) -> Rocks:
     """The largest rocks of the settings, with the coarsest shapes, on a grid of positions (n², 3)."""
-    rocks, rig, size = with_absolute_files(settings).rocks, settings.rig, float(settings.terrain.size_m)
+    rocks, rig, size = make_paths_absolute(settings).rocks, settings.rig, float(settings.terrain.size_m)
     n = round(len(positions) ** 0.5)
     pixel = size / (n - 1)
     heights = positions[:, 2].reshape(n, n)[::-1].astype(np.float64)
@@ -214,7 +215,7 @@ def _scatter_largest(settings: Settings, positions: Array) -> Rocks:
         size,
         int(settings.dataset.seed),
         ground.heights,
-        _coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
+        _make_coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
         (rig.x_m, rig.y_m, rocks.clear_radius_m),
     )
     return replace(found, level=np.zeros_like(found.level))
@@ -224,13 +225,13 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
     """Replace the rocks in the scene by ``rocks``; the names of the changed parts."""
     old = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
     if rocks is None:
-        scenes.remove([old] if old else [])
+        scenes.remove_objects([old] if old else [])
         return ("rock",)
-    ice = next((shape.data.materials[0] for shape in instanced_objects(old)), None) if old else None
+    ice = next((shape.data.materials[0] for shape in find_instanced_objects(old)), None) if old else None
     new = build_rocks(
         f"{scenes.NAME} Rock",
         rocks,
-        _coarse_shapes(settings),
+        _make_coarse_shapes(settings),
         ice or build_rock_material(settings, built.terrain.data),
         TAG,
     )
@@ -243,8 +244,10 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
         shown.data, new.data = new.data, shown.data
         ours, theirs = shown.modifiers[0], new.modifiers[0]
         ours.node_group, theirs.node_group = theirs.node_group, ours.node_group
-        scenes.remove([new])
-    scenes.free_names([shown.data, *parts_of(shown, TAG), *(shape.data for shape in instanced_objects(shown))])
+        scenes.remove_objects([new])
+    scenes.free_names(
+        [shown.data, *find_rock_parts(shown, TAG), *(shape.data for shape in find_instanced_objects(shown))]
+    )
     return ("rock object", "rock data") if ice else ("rock",)
 
 
@@ -254,7 +257,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     if changes.select_look(settings) == changes.select_look(before) and seeds[0] == seeds[1]:
         return []
     rocks = (item for item in built.collection.all_objects if item.get(TAG) == "rock")
-    shapes = [shape for item in rocks for shape in instanced_objects(item)]
+    shapes = [shape for item in rocks for shape in find_instanced_objects(item)]
     builders = {
         "terrain": ("ground", build_ground_material, [built.terrain]),
         "rock": ("rocks", build_rock_material, shapes),
@@ -265,7 +268,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     changed: list[str] = []
     if bool(settings.surface.trough_dirt) != bool(before.surface.trough_dirt):
         changed += [] if built.edited_parts("terrain data") else ["terrain data"]
-        mark_elevation(built.terrain.data, settings.surface, _roundness(built))
+        mark_elevation(built.terrain.data, settings.surface, _make_drop_function(built))
     for role, (name, make, items) in builders.items():
         if f"{role} materials" in by_hand:
             messages.append(_EDITED.format(f"surface of the {name}"))
@@ -288,7 +291,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     return messages
 
 
-def _roundness(built: scenes.Built) -> Callable[[Array, Array], Array] | None:
+def _make_drop_function(built: scenes.Built) -> Callable[[Array, Array], Array] | None:
     """Function of x and y for the drop of curved ground below the plane at the site; None for flat ground."""
     if is_from_file(built.settings) or built.settings.mesh.kind != "GRADED" or "terrain" in built.preview:
         return None
@@ -298,7 +301,7 @@ def _roundness(built: scenes.Built) -> Callable[[Array, Array], Array] | None:
 
 def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
     """Replace a material by a new one. If only numbers differ, the old material takes them and keeps its nodes."""
-    if old.displacement_method == new.displacement_method and take_values(old.node_tree, new.node_tree):
+    if old.displacement_method == new.displacement_method and copy_values(old.node_tree, new.node_tree):
         bpy.data.materials.remove(new)
         return
     old.user_remap(new)
@@ -309,11 +312,11 @@ def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
 def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
     """Change the lights according to ``settings``; a sentence if the sky cannot be computed."""
     try:
-        sky = described_sky(settings)
+        sky = compute_scene_sky(settings)
     except IcyMoonError as error:  # no such date, or no kernels
         return [str(error)]
     old = change_lights(built.sun, built.collection, settings, sky)
-    scenes.remove(old)
+    scenes.remove_objects(old)
     for item in [item for item in built.collection.all_objects if item.get(TAG) in ROLES]:
         scenes.free_names([item, item.data, *(slot.material for slot in item.material_slots)])
     built.remember(merged(built.settings, {"light": settings.light}), built.preview, "sun", *ROLES)
@@ -329,11 +332,11 @@ def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_
         return [_EDITED.format("lander")]
     if reasons := list(scene_checks.find_lander_reasons(settings)):
         return [str(reason) for reason in reasons]
-    old = {role: item for role, item in built_objects(built.collection).items() if role in LANDER_ROLES.values()}
+    old = {role: item for role, item in find_built_objects(built.collection).items() if role in LANDER_ROLES.values()}
     if there and old and not new_ground and _only_joints_differ(settings, before):
         place_lander(old, settings, built.site_m)
     else:
-        scenes.remove(list(old.values()))
+        scenes.remove_objects(list(old.values()))
         for item in build_lander(settings, built.site_m, built.terrain) if there else []:
             built.collection.objects.link(item)
             scenes.free_names([item, item.data, *item.data.materials])
@@ -359,7 +362,7 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
     moved = (rig.x_m, rig.y_m) != (built_rig.x_m, built_rig.y_m)
     if not is_from_file(settings):
         if moved or ground is not None or preview:
-            site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
+            site_m = scenes.find_site_ground_m(settings, ground or scenes.make_ground(settings))
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
             of_relief = changes.describe_mesh_relief(settings) != changes.describe_mesh_relief(built.settings)
             keys = (*OF_THE_RIG, *(fine_relief.OF_THE_RIG if of_relief else ()))

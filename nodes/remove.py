@@ -8,21 +8,21 @@ from typing import Any
 import bpy
 
 from .datablocks.fingerprint import OWN, TAG
-from .ground.rocks import parts_of
+from .ground.rocks import find_rock_parts
 from .surface import sun_inputs
 from .surface.images import remove_unused_images
 
 
-def with_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
+def find_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
     """Objects with the shapes of rocks that they instance, and the node groups and collections of these instances."""
-    others = [part for item in objects for part in parts_of(item, TAG)]
+    others = [part for item in objects for part in find_rock_parts(item, TAG)]
     return (
         [*objects, *(part for part in others if isinstance(part, bpy.types.Object))],
         [part for part in others if not isinstance(part, bpy.types.Object)],
     )
 
 
-def materials_of(objects: list[bpy.types.Object]) -> set[bpy.types.Material]:
+def find_materials(objects: list[bpy.types.Object]) -> set[bpy.types.Material]:
     meshes = {item.data for item in objects if isinstance(item.data, bpy.types.Mesh)}
     return {material for mesh in meshes for material in mesh.materials if material is not None}
 
@@ -48,15 +48,19 @@ def remove_leftovers() -> None:
     remove_unused([], [c for c in bpy.data.collections if c.get(TAG) == sun_inputs.SHARED])
 
 
-def leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set[Any]]:
+def find_leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set[Any]]:
     """What may have no users after objects are removed: their parts, their data and their materials."""
-    every, others = with_parts(objects)
+    every, others = find_parts(objects)
     parts = [*others, *(item for item in every if item not in objects)]
-    return (parts, {item.data for item in every if item.data is not None}, {m for m in materials_of(every) if TAG in m})
+    return (
+        parts,
+        {item.data for item in every if item.data is not None},
+        {m for m in find_materials(every) if TAG in m},
+    )
 
 
 def remove_if_unused(found: tuple[list[Any], set[Any], set[Any]]) -> None:
-    """Remove ``leftovers`` without users. Copies of a scene may use the others."""
+    """Remove ``find_leftovers`` without users. Copies of a scene may use the others."""
     parts, data, materials = found
     for kind in (bpy.types.NodeTree, bpy.types.Collection, bpy.types.Object):  # each uses the next
         remove_unused([], [part for part in parts if isinstance(part, kind)])
@@ -64,15 +68,15 @@ def remove_if_unused(found: tuple[list[Any], set[Any], set[Any]]) -> None:
     remove_unused_images()
 
 
-def remove(objects: list[bpy.types.Object]) -> None:
+def remove_objects(objects: list[bpy.types.Object]) -> None:
     """Remove objects with the meshes, lamps, cameras, materials and node groups that only they use."""
-    found = leftovers(objects)
-    _release([*objects, *found[1], *found[2]])
+    found = find_leftovers(objects)
+    _release_blocks([*objects, *found[1], *found[2]])
     bpy.data.batch_remove(objects)
     remove_if_unused(found)
 
 
-def _release(blocks: list[Any]) -> None:
+def _release_blocks(blocks: list[Any]) -> None:
     """Remove references of built collections to data-blocks that will be removed."""
     for collection in bpy.data.collections:
         for key in [key for key in collection.keys() if key.startswith(OWN)]:  # noqa: SIM118 - no mapping

@@ -31,7 +31,7 @@ def place_rig(camera: bpy.types.Object, rig: RigSettings, ground_m: float) -> No
     """Give an existing camera the lens, baseline and pose of ``rig`` settings."""
     lens = camera.data
     lens.lens_unit = "MILLIMETERS"
-    for name, (_, value) in lens_values(rig).items():
+    for name, (_, value) in list_lens_values(rig).items():
         setattr(lens, name, value)
     lens.dof.use_dof = False
     lens.clip_start, lens.clip_end = 1.0e-4, 1.0e6
@@ -46,7 +46,7 @@ def place_rig(camera: bpy.types.Object, rig: RigSettings, ground_m: float) -> No
     camera.matrix_world = Matrix(pose.tolist())
 
 
-def lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
+def list_lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
     """The ``rig`` setting and the value of each property of Blender's camera."""
     # Both shifts are in widths of the image, y up, and move the frame, not the axis.
     return {
@@ -59,7 +59,7 @@ def lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
     }
 
 
-def eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, Array]:
+def find_eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, Array]:
     """Camera-to-world matrices (4, 4) of both eyes in OpenCV axes, positions in metres."""
     left = np.array(matrix_world, np.float64)
     left[:3, :3] /= np.linalg.norm(left[:3, :3], axis=0)

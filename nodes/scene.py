@@ -33,27 +33,27 @@ from .built_scene import (
     SITE,
     STATISTICS,
     Built,
-    changed_settings,
-    extra,
-    find,
+    describe_ground_statistics,
+    find_built,
     find_collection,
-    ground_statistics,
+    list_changed_settings,
+    make_extra,
     shows_earlier_ground,
 )
-from .datablocks.blend_file_paths import content
-from .datablocks.fingerprint import NAME, TAG, built_objects, instanced_objects, parts
+from .datablocks.blend_file_paths import hash_content
+from .datablocks.fingerprint import NAME, TAG, find_built_objects, find_instanced_objects, read_parts
 from .ground.terrain_mesh import (
     MeshedGround,
-    grid_heights,
-    patch_heights,
-    patch_statistics,
+    describe_patch_statistics,
+    read_grid_heights,
+    sample_patch,
 )
 from .ground.user_ground import is_from_file, is_mesh
-from .keep_references import is_owned_elsewhere, owned_blocks, replace_block, set_owned_blocks, update_object
+from .keep_references import find_owned_blocks, is_owned_elsewhere, replace_block, set_owned_blocks, update_object
 from .lander.objects import ROLES as LANDER_ROLES
 from .light.scene_lights import ROLES
-from .remove import free_names, materials_of, remove, remove_leftovers, with_parts
-from .scene_objects import MadeObjects, ground_of, make_objects, site_ground_m, tag
+from .remove import find_materials, find_parts, free_names, remove_leftovers, remove_objects
+from .scene_objects import MadeObjects, find_site_ground_m, make_ground, make_objects, tag_block
 from .surface import sun_inputs
 
 #: Names for users of a scene, with names from ``built_scene`` and ``remove``.
@@ -64,20 +64,20 @@ __all__ = [
     "REFINED",
     "SITE",
     "Built",
-    "build",
-    "changed_settings",
-    "clear",
-    "extra",
-    "find",
+    "build_scene",
+    "clear_scene",
+    "describe_ground_statistics",
+    "find_built",
     "find_collection",
+    "find_site_ground_m",
     "free_names",
-    "ground_of",
-    "ground_statistics",
-    "measured_patch",
-    "remove",
+    "list_changed_settings",
+    "make_extra",
+    "make_ground",
+    "measure_patch",
+    "remove_objects",
     "separate_copies",
     "shows_earlier_ground",
-    "site_ground_m",
     "update_sunlight",
     "why_shared",
 ]
@@ -86,13 +86,13 @@ __all__ = [
 OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES, *LANDER_ROLES.values())
 
 
-def measured_patch(built: Built) -> Array | None:
+def measure_patch(built: Built) -> Array | None:
     """Heights (n, n) in metres on a grid over the patch of procedural ground; None for other ground."""
     if is_from_file(built.settings):
         return None
     if built.settings.mesh.kind == "GRADED":
-        return patch_heights(ground_of(built.settings))
-    return grid_heights(built.terrain.data, built.settings.terrain)
+        return sample_patch(make_ground(built.settings))
+    return read_grid_heights(built.terrain.data, built.settings.terrain)
 
 
 def _adopt_children(removed: list[bpy.types.Object], terrain: bpy.types.Object) -> None:
@@ -110,10 +110,10 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
     Surfaces get the directions of Sun and planet. A lamp no longer lights surfaces that trace it themselves. Scenes use
     Open Shading Language if a surface needs it.
     """
-    objects = list(built_objects(collection).values())
+    objects = list(find_built_objects(collection).values())
     lamp = next(item for item in objects if item[TAG] == "sun")
     shine = next((item for item in objects if item[TAG] == "planetshine"), None)
-    used = {item: materials_of(with_parts([item])[0]) for item in objects}
+    used = {item: find_materials(find_parts([item])[0]) for item in objects}
     every = set().union(*used.values())
     # From the lamp, in single precision, so that aiming again at render time changes nothing.
     sun_inputs.aim_surfaces(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine)
@@ -128,7 +128,7 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
             # Hapke's law in OSL emits all of the planet's light and all or part of the Sun's. By day,
             # ``render.separate_lights`` separates the two.
             group = "Sun" if lamp.data.energy > 0 or shine is None else "Planet"
-            for each in (item, *instanced_objects(item)):
+            for each in (item, *find_instanced_objects(item)):
                 each.lightgroup = group if item in of_osl else ""
     remove_leftovers()
     for scene in bpy.data.scenes:
@@ -146,12 +146,12 @@ def _refuse_editing(ours: list[bpy.types.Object]) -> None:
 def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection | None) -> dict[str, Any]:
     """The data-blocks built before, see ``owned_blocks``, even if the user has deleted the collection."""
     if collection is not None:
-        return {**built_objects(collection), **owned_blocks(collection)}
+        return {**find_built_objects(collection), **find_owned_blocks(collection)}
     theirs = {
         block
         for other in bpy.data.collections
         if other.get(TAG) == "scene"
-        for block in (*owned_blocks(other).values(), *other.all_objects)
+        for block in (*find_owned_blocks(other).values(), *other.all_objects)
     }
     strays = [
         item
@@ -166,7 +166,7 @@ def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bp
 
     ``ours`` are unlinked from other collections.
     """
-    collection = tag(bpy.data.collections.new(NAME), "scene")
+    collection = tag_block(bpy.data.collections.new(NAME), "scene")
     for item in ours:
         for other in item.users_collection:
             other.objects.unlink(item)
@@ -193,24 +193,24 @@ def _put_in_place(
     named, objects = list(old.values()), []
     for item in new:
         role = item[TAG]
-        successors = {f"{role} data": item.data} | {f"{role} material": material for material in _material(item)}
+        successors = {f"{role} data": item.data} | {f"{role} material": material for material in _find_material(item)}
         for name, block in successors.items():
             if name in there and not is_owned_elsewhere(collection, there[name]):
                 replace_block(there[name], block)
                 named.append(block)
         objects.append(update_object(old.pop(role), item) if role in old else item)
     _adopt_children(list(old.values()), objects[0])
-    remove(list(old.values()))
+    remove_objects(list(old.values()))
     return objects, named
 
 
-def _material(item: bpy.types.Object) -> list[bpy.types.Material]:
+def _find_material(item: bpy.types.Object) -> list[bpy.types.Material]:
     """The material of the ground or of the rocks."""
-    meshes = [each.data for each in (item, *instanced_objects(item)) if isinstance(each.data, bpy.types.Mesh)]
+    meshes = [each.data for each in (item, *find_instanced_objects(item)) if isinstance(each.data, bpy.types.Mesh)]
     return [mesh.materials[0] for mesh in meshes if len(mesh.materials)][:1]
 
 
-def _blocks_to_own(objects: list[bpy.types.Object]) -> dict[str, Any]:
+def _list_owned_blocks(objects: list[bpy.types.Object]) -> dict[str, Any]:
     """The built data-blocks by role, for ``set_owned_blocks``."""
     found: dict[str, Any] = {item[TAG]: item for item in objects}
     found["terrain data"] = found["terrain"].data
@@ -218,13 +218,13 @@ def _blocks_to_own(objects: list[bpy.types.Object]) -> dict[str, Any]:
         f"{role} material": material
         for role in ("terrain", "rock")
         if role in found
-        for material in _material(found[role])
+        for material in _find_material(found[role])
     }
 
 
 def disown_copies(collection: bpy.types.Collection) -> None:
     """Remove the tags from copies of built objects, which then are the user's own objects."""
-    ours = built_objects(collection).values()
+    ours = find_built_objects(collection).values()
     for item in collection.all_objects:
         if TAG in item and item not in ours:
             del item[TAG]
@@ -233,7 +233,7 @@ def disown_copies(collection: bpy.types.Collection) -> None:
 def separate_copies(built: Built) -> None:
     """Separate a built scene from copies that the user has made of it or of its objects."""
     disown_copies(built.collection)
-    lamps = [item for role, item in built_objects(built.collection).items() if role in ("sun", "planetshine")]
+    lamps = [item for role, item in find_built_objects(built.collection).items() if role in ("sun", "planetshine")]
     exempt = [
         item
         for lamp in lamps
@@ -247,13 +247,13 @@ def separate_copies(built: Built) -> None:
 
 def why_shared(built: Built) -> str:
     """Why the live preview would change another scene too, in a sentence; empty if it would not."""
-    surfaces = [block for name, block in owned_blocks(built.collection).items() if name.endswith(" material")]
+    surfaces = [block for name, block in find_owned_blocks(built.collection).items() if name.endswith(" material")]
     if any(is_owned_elsewhere(built.collection, surface) for surface in surfaces):
         return "This scene shares its surfaces with the scene that it is a copy of; press Build Scene to separate them."
     return ""
 
 
-def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | None = None) -> Built:
+def build_scene(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | None = None) -> Built:
     """Build, or build again, the scene of complete ``settings``; ``meshed`` is its ground, if it has been made already.
 
     Sets the scene's camera and world to the built ones, unless the user has set others since the first build. Objects
@@ -262,7 +262,7 @@ def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | Non
     ground cannot be used.
     """
     collection = find_collection(scene)
-    engine.require()
+    engine.require_cycles()
     there = _find_built_blocks(scene, collection)
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
@@ -273,18 +273,18 @@ def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | Non
     takes_camera = first or scene.camera is None or scene.camera in ours
     takes_world = first or scene.world is None or TAG in scene.world
     objects, kept = _put_in_place(collection, there, made.objects)
-    _link(collection, objects)
+    _link_objects(collection, objects)
     if takes_camera:
         scene.camera = objects[2]
     if takes_world:
         scene.world = made.sky
     remove_leftovers()
-    _name(objects, kept, [made.sky] if takes_world else [])
-    set_owned_blocks(collection, _blocks_to_own(objects))
+    _name_blocks(objects, kept, [made.sky] if takes_world else [])
+    set_owned_blocks(collection, _list_owned_blocks(objects))
     disown_copies(collection)
     update_sunlight(collection)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(made.warnings))
-    _record(built, made)
+    _record_build(built, made)
     return built
 
 
@@ -301,41 +301,41 @@ def _make_in_memory(settings: Settings, meshed: MeshedGround | None) -> MadeObje
         raise IcyMoonError(f"There is not enough memory for {n} x {n} vertices; lower terrain.resolution.") from None
 
 
-def _link(collection: bpy.types.Collection, objects: list[bpy.types.Object]) -> None:
+def _link_objects(collection: bpy.types.Collection, objects: list[bpy.types.Object]) -> None:
     """Link objects to the built collection, rocks to a collection in it."""
     of_rocks = next((c for c in collection.children if c.get(TAG) == "rocks"), None)
     if of_rocks is None:
-        of_rocks = tag(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
+        of_rocks = tag_block(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
         collection.children.link(of_rocks)
     for item in objects:
         if item not in list(collection.all_objects):
             (of_rocks if item[TAG] == "rock" else collection).objects.link(item)
 
 
-def _name(objects: list[bpy.types.Object], kept: list[Any], skies: list[bpy.types.World]) -> None:
+def _name_blocks(objects: list[bpy.types.Object], kept: list[Any], skies: list[bpy.types.World]) -> None:
     """Give the data-blocks their names, but for those that keep the names of earlier ones."""
-    made, others = with_parts(objects)
-    named = [*made, *(item.data for item in made), *others, *materials_of(made), *skies]
+    made, others = find_parts(objects)
+    named = [*made, *(item.data for item in made), *others, *find_materials(made), *skies]
     free_names([block for block in named if block not in kept])
 
 
-def _record(built: Built, made: MadeObjects) -> None:
+def _record_build(built: Built, made: MadeObjects) -> None:
     """Write into the collection what was built, for those who find it later."""
     collection, settings, own = built.collection, built.settings, made.own
     collection[SETTINGS] = json.dumps(settings)
     on_map = {"map": own.map_place} if own and own.map_place else {}
     collection[GROUND] = json.dumps({"report": own.report, "site_m": made.site_m, **on_map} if own else {})
     collection[SITE] = made.site_m
-    collection[CONTENT] = content(settings)
+    collection[CONTENT] = hash_content(settings)
     collection[EXCAVATION] = json.dumps(made.excavation)
-    built.warnings += tuple(eyes_above_ground.reasons_when_built(built))
-    collection[STATISTICS] = json.dumps(patch_statistics(measured_patch(built), settings.terrain))
-    collection[FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
+    built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built))
+    collection[STATISTICS] = json.dumps(describe_patch_statistics(measure_patch(built), settings.terrain))
+    collection[FINGERPRINT], collection[PREVIEW] = json.dumps(read_parts(collection)), "{}"
     collection[NOTES] = "[]"
     collection.pop(REFINED, None)
 
 
-def clear(scene: bpy.types.Scene) -> bool:
+def clear_scene(scene: bpy.types.Scene) -> bool:
     """Remove what Build Scene made, and restore the earlier world, camera, frame and view exposure.
 
     Objects that the user put into the collection move to the scene's own collection. Returns whether anything was
@@ -358,7 +358,7 @@ def clear(scene: bpy.types.Scene) -> bool:
     for item in [item for item in collection.all_objects if TAG not in item]:
         if item.name not in scene.collection.objects:
             scene.collection.objects.link(item)
-    remove(ours)
+    remove_objects(ours)
     for child in [c for c in collection.children_recursive if TAG in c]:
         bpy.data.collections.remove(child)
     bpy.data.collections.remove(collection)

@@ -28,7 +28,7 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.labels import TERRAIN_INSTANCE
 from ..support.number_text import format_count
-from .datablocks.blend_file_paths import with_absolute_files
+from .datablocks.blend_file_paths import make_paths_absolute
 from .datablocks.fingerprint import NAME, TAG
 from .ground.dug_ground import DugGround, mesh_whole_ground
 from .ground.heights_under import probe_heights
@@ -41,8 +41,8 @@ from .ground.terrain_mesh import (
 from .ground.user_ground import UserGround, is_from_file, load_ground
 from .lander.contact import find_contact
 from .lander.objects import build_lander
-from .light.scene_lights import advice as light_advice
-from .light.scene_lights import build_lights, described_sky
+from .light.scene_lights import advise_on_sky as light_advice
+from .light.scene_lights import build_lights, compute_scene_sky
 from .light.sun_lamp import build_sky
 from .remove import remove_unused
 from .rig import build_rig
@@ -63,18 +63,18 @@ class MadeObjects:
     excavation: dict[str, Any] = field(default_factory=dict)  # its report
 
 
-def tag(block: bpy.types.ID, role: str) -> bpy.types.ID:
+def tag_block(block: bpy.types.ID, role: str) -> bpy.types.ID:
     """Mark a data-block as ours, in a role."""
     block[TAG] = role
     return block
 
 
-def ground_of(settings: Settings) -> Terrain:
+def make_ground(settings: Settings) -> Terrain:
     """The height function of the procedural ground."""
     return make_terrain(settings, int(settings.dataset.seed))
 
 
-def site_ground_m(settings: Settings, ground: Surface) -> float:
+def find_site_ground_m(settings: Settings, ground: Surface) -> float:
     """Height in metres of the ground under the left camera, with the detail of the mesh; NaN outside the ground."""
     rig = settings.rig
     return float(ground.heights(rig.x_m, rig.y_m, site_wavelength_m(settings.terrain, ground)))
@@ -87,12 +87,12 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
     """
     if reasons := scene_checks.find_reasons_in_settings(settings):
         raise IcyMoonError(" ".join(reasons))
-    hapke_warnings = reflectance_laws.advice(settings)
-    sky = described_sky(settings)
-    own = load_ground(settings, ground_of) if is_from_file(settings) else None
+    hapke_warnings = reflectance_laws.advise_on_hapke(settings)
+    sky = compute_scene_sky(settings)
+    own = load_ground(settings, make_ground) if is_from_file(settings) else None
     ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
-    ground = own or meshed or mesh_whole_ground(ground_of, settings)
-    site_m, warnings = _site(settings, ground.surface, own)
+    ground = own or meshed or mesh_whole_ground(make_ground, settings)
+    site_m, warnings = _find_site(settings, ground.surface, own)
     warnings += [
         *hapke_warnings,
         *advise_on_rounding(settings.rig, site_m),
@@ -100,13 +100,13 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
         *_advise_on_ground(settings, ground.surface, own),
     ]
     terrain = _make_terrain(settings, ground, warnings)
-    camera = tag(build_rig(f"{NAME} Camera", jitter_rig(settings), site_m), "camera")
+    camera = tag_block(build_rig(f"{NAME} Camera", jitter_rig(settings), site_m), "camera")
     lights = build_lights(settings, sky, camera)
     warnings += [*light_advice(sky, settings), *blur.advise_on_blur(settings)]
     made = MadeObjects(
-        [terrain, lights[0], camera, *lights[1:]], tag(build_sky(f"{NAME} Sky"), "sky"), own, site_m, warnings
+        [terrain, lights[0], camera, *lights[1:]], tag_block(build_sky(f"{NAME} Sky"), "sky"), own, site_m, warnings
     )
-    _add_what_lies_there(made, settings, ground)
+    _add_rocks_and_lander(made, settings, ground)
     return made
 
 
@@ -126,20 +126,20 @@ def _make_terrain(settings: Settings, made: MeshedGround | UserGround, warnings:
     ground = made.surface
     mesh = made.build_mesh(f"{NAME} Terrain")
     mark_elevation(mesh, settings.surface, ground.drop_m if isinstance(ground, GradedGround) else None)
-    warnings += ground_and_rock_materials.advice(settings)
-    warnings += advise_on_displacement(settings, _nearest_spacing_m(settings, ground, mesh))
+    warnings += ground_and_rock_materials.advise_on_surfaces(settings)
+    warnings += advise_on_displacement(settings, _find_nearest_spacing_m(settings, ground, mesh))
     try:
         mesh.materials.append(build_ground_material(settings, mesh))
     except IcyMoonError:  # an image that cannot be read
         bpy.data.meshes.remove(mesh)
         raise
-    warnings += ground_and_rock_materials.image_advice(settings, mesh)
-    terrain = tag(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
+    warnings += ground_and_rock_materials.advise_on_images(settings, mesh)
+    terrain = tag_block(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
     return terrain
 
 
-def _add_what_lies_there(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround) -> None:
+def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround) -> None:
     """Add rocks, the lander and the report of the excavation."""
     dug, terrain = ground if isinstance(ground, DugGround) else None, made.objects[0]
     if dug is not None and dug.series is not None:
@@ -155,10 +155,10 @@ def _add_what_lies_there(made: MadeObjects, settings: Settings, ground: MeshedGr
         made.warnings += find_contact(settings, made.site_m, terrain).advice()
 
 
-def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[float, list[str]]:
+def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[float, list[str]]:
     """Height in metres of the ground under the camera, and a warning if the camera is beside the ground."""
     rig, size = settings.rig, settings.terrain.size_m
-    height = site_ground_m(settings, ground)
+    height = find_site_ground_m(settings, ground)
     if own is not None and math.isnan(height):
         return own.nearest_height_m(rig.x_m, rig.y_m), [
             "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
@@ -175,7 +175,7 @@ def _build_rocks(
     settings: Settings, terrain: bpy.types.Object, size_m: float, dug: DugGround | None
 ) -> tuple[bpy.types.Object, list[str], int]:
     """The object whose points are the rocks on the ground, ``dug`` or not, warnings, and how many lost support."""
-    seed, wanted, rig = int(settings.dataset.seed), with_absolute_files(settings).rocks, settings.rig
+    seed, wanted, rig = int(settings.dataset.seed), make_paths_absolute(settings).rocks, settings.rig
     shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
     with probe_heights(terrain) as height_at:
         view = make_view_beyond(settings)
@@ -185,7 +185,7 @@ def _build_rocks(
         if dug is not None:
             rocks, moved = settle_rocks(rocks, dug.change_m, height_at, shapes)
     ice = build_rock_material(settings, terrain.data)
-    item = tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
+    item = tag_block(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks
     warnings, most = [], format_count(wanted.most, "rock")
     if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
@@ -209,7 +209,7 @@ def _build_rocks(
     return item, warnings, moved
 
 
-def _nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh) -> float:
+def _find_nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh) -> float:
     """Distance in metres between the nearest vertices that the cameras see; on ground from a file, a mean distance."""
     if isinstance(ground, GradedGround):
         height_m = float(settings.rig.height_m)

@@ -16,8 +16,8 @@ from ..settings.topics.declaration import LANDFORMS
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from .operator_type import OperatorMixin
-from .presets import preset_items
-from .sidebar_text import in_window
+from .presets import list_preset_items
+from .sidebar_text import format_for_window
 
 
 class _AddOperator(OperatorMixin):
@@ -37,11 +37,11 @@ class _AddOperator(OperatorMixin):
         own = [{topic: {key: getattr(self, name)}} for name, (topic, key) in self.own_settings.items()]
         return description.merged(scene_properties.read_settings(context.scene.icymoon), *own)
 
-    def add(self, context: bpy.types.Context, make: Callable[[], bpy.types.Object]) -> set[str]:
+    def add_object(self, context: bpy.types.Context, make: Callable[[], bpy.types.Object]) -> set[str]:
         try:
             item = make()
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         context.collection.objects.link(item)
         item.location = context.scene.cursor.location
@@ -59,7 +59,7 @@ _OPTIONS: dict[str, dict[str, Any]] = {"resolution": {"default": 257}}
 
 
 def _list_terrains(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
-    terrains = [item for item in preset_items() if item[0].startswith("terrains/")]
+    terrains = [item for item in list_preset_items() if item[0].startswith("terrains/")]
     return [_AS_IN_SIDEBAR, *terrains]
 
 
@@ -112,7 +112,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
         self.filled_from = self.preset
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.add(context, lambda: build_terrain_object(self.read_settings(context)))
+        return self.add_object(context, lambda: build_terrain_object(self.read_settings(context)))
 
     def draw(self, context: bpy.types.Context) -> None:
         layout: bpy.types.UILayout = self.layout
@@ -163,7 +163,7 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
     seed: scene_properties.make_property(TOPICS["dataset"]["seed"])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.add(context, lambda: build_rock_object(self.read_settings(context), self.diameter_m))
+        return self.add_object(context, lambda: build_rock_object(self.read_settings(context), self.diameter_m))
 
 
 CLASSES = (ICYMOON_OT_add_terrain, ICYMOON_OT_add_block)

@@ -11,19 +11,19 @@ from ..support.number_text import format_count
 from ..support.printer import show_controls
 from . import jobs
 from .job_operators import JobOperator
-from .preferences import asset_folder, find_asset_libraries, has_assets
+from .preferences import find_asset_folder, find_asset_libraries, has_assets
 from .session import session
-from .sidebar_text import in_window
-from .window import areas, inside
+from .sidebar_text import format_for_window
+from .window import list_areas, override_area
 
 _NAME = "Icy Moon"
 
 
 def _show_in_browsers() -> None:
     """Let open Asset Browsers read their libraries again."""
-    for window, area in areas("FILE_BROWSER"):
+    for window, area in list_areas("FILE_BROWSER"):
         if area.ui_type == "ASSETS":
-            with inside(window, area):
+            with override_area(window, area):
                 if bpy.ops.asset.library_refresh.poll():
                     bpy.ops.asset.library_refresh()
 
@@ -35,13 +35,13 @@ class ICYMOON_OT_make_asset_library(JobOperator, bpy.types.Operator):
     bl_label = "Make Asset Library"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        command = blender_command(jobs.this_blender(), "assets", str(asset_folder()))
+        command = blender_command(jobs.find_this_blender(), "assets", str(find_asset_folder()))
         kept = "the library is as it was before"
         return jobs.Job.start(self.bl_label, command, clean=False, if_stopped=kept)
 
     def report_success(self, context: bpy.types.Context) -> None:
         if not find_asset_libraries():
-            library = context.preferences.filepaths.asset_libraries.new(name=_NAME, directory=str(asset_folder()))
+            library = context.preferences.filepaths.asset_libraries.new(name=_NAME, directory=str(find_asset_folder()))
             library.import_method = "APPEND"  # dropped assets can be edited; Blender 5 would pack them otherwise
         _show_in_browsers()
         made = format_count(int(self._job.result["assets"]), "asset")
@@ -69,15 +69,15 @@ class ICYMOON_OT_remove_asset_library(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            left = uninstall_library(asset_folder())
+            left = uninstall_library(find_asset_folder())
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         if left:
             self.report(
                 {"WARNING"},
                 show_controls(
-                    f"{asset_folder()} still contains {len(left)} of your own files, such as {left[0].name}, so "
+                    f"{find_asset_folder()} still contains {len(left)} of your own files, such as {left[0].name}, so "
                     "it stays "
                     "an asset library"
                 ),

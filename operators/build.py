@@ -8,7 +8,7 @@ import bpy
 
 from ..nodes import preview
 from ..nodes import scene as scenes
-from ..nodes.ground.user_ground import cost_warnings
+from ..nodes.ground.user_ground import warn_of_cost
 from ..nodes.measured_surface import find_points
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
@@ -16,11 +16,11 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from . import view_exposure, view_resolution
 from .coloured_views import hide_errors
-from .events import call, follow
+from .events import call_later, make_registration
 from .session import session
-from .sidebar_text import in_window
+from .sidebar_text import format_for_window
 from .user_render import prepare_render, restore_render
-from .window import areas, inside
+from .window import list_areas, override_area
 
 
 def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Settings | None = None) -> None:
@@ -34,7 +34,7 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Setting
         scene.render.resolution_y,
     ):
         scene.render.resolution_x, scene.render.resolution_y = settings.rig.width_px, settings.rig.height_px
-    view_exposure.expose(scene, settings, anew=before is None)
+    view_exposure.expose_view(scene, settings, anew=before is None)
 
 
 _SHADING = ("type", "use_scene_lights_render", "use_scene_world_render")
@@ -86,7 +86,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
 def restore_views() -> None:
     """Restore the 3D Views that showed a built scene; undo or redo may show the scene there again."""
     session.views_left.update(session.views_before)
-    for window, area in list(areas("VIEW_3D")):
+    for window, area in list(list_areas("VIEW_3D")):
         space = area.spaces.active
         before = session.views_before.get(space.as_pointer())
         if before is None:
@@ -98,7 +98,7 @@ def restore_views() -> None:
         if space.region_3d.view_perspective == "CAMERA":
             space.region_3d.view_perspective = before["perspective"]
         if space.local_view is not None and not before["local"]:
-            with inside(window, area):
+            with override_area(window, area):
                 bpy.ops.view3d.localview(frame_selected=False)
     session.views_before.clear()
 
@@ -109,24 +109,24 @@ def _follow_undo() -> None:
     if session.views_before and not there:
         restore_views()
     elif session.views_left and there:
-        for window, area in list(areas("VIEW_3D")):
-            built = scenes.find(window.scene)
+        for window, area in list(list_areas("VIEW_3D")):
+            built = scenes.find_built(window.scene)
             if built is not None and area.spaces.active.as_pointer() in session.views_left:
-                with inside(window, area):
+                with override_area(window, area):
                     show_scene(bpy.context, built)
         session.views_left.clear()
 
 
-def _look_after_undo() -> None:
+def _check_after_undo() -> None:
     if session.views_before or session.views_left:
-        call(_follow_undo)  # no operator runs inside undo
+        call_later(_follow_undo)  # no operator runs inside undo
 
 
-def views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
+def find_views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
     """The 3D Views, in all windows, that look through ``camera``."""
     return [
         space
-        for space in (area.spaces.active for _, area in areas("VIEW_3D"))
+        for space in (area.spaces.active for _, area in list_areas("VIEW_3D"))
         if camera is not None
         and space.region_3d.view_perspective == "CAMERA"
         and (space.camera if space.use_local_camera else context.scene.camera) is camera
@@ -153,22 +153,22 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
 
     With ``coarse`` the ground is made coarsely, and marked for ``refine`` to follow.
     """
-    build = preview.build_coarse if coarse else scenes.build
+    build = preview.build_coarse if coarse else scenes.build_scene
     leave_edit_mode()
-    earlier = scenes.find(context.scene)
+    earlier = scenes.find_built(context.scene)
     before = earlier.settings if earlier else None
-    views = views_through(context, earlier.camera if earlier else None)
+    views = find_views_through(context, earlier.camera if earlier else None)
     try:
         built = build(context.scene, scene_properties.read_settings(context.scene.icymoon))
     except IcyMoonError as error:
-        operator.report({"ERROR"}, in_window(error))
+        operator.report({"ERROR"}, format_for_window(error))
         return {"CANCELLED"}
     prepare_render(context.scene, built)
     hide_errors(context.scene)  # they are of the previous scene
     for warning in built.warnings:
-        operator.report({"WARNING"}, in_window(warning))
+        operator.report({"WARNING"}, format_for_window(warning))
     frame_and_expose(context.scene, built.settings, before)
-    view_resolution.begin(context.scene)
+    view_resolution.begin_coarse(context.scene)
     session.picture.remove()
     if not bpy.app.background:
         if before is None:
@@ -193,9 +193,9 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
-            warnings = cost_warnings(scene_properties.read_settings(context.scene.icymoon))
+            warnings = warn_of_cost(scene_properties.read_settings(context.scene.icymoon))
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         if warnings and not bpy.app.background:
             return set(
@@ -228,8 +228,8 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
         session.picture.remove()
         collection = scenes.find_collection(context.scene)
         restore_render(context.scene, collection)
-        view_resolution.restore(context.scene, collection)
-        scenes.clear(context.scene)
+        view_resolution.restore_resolution(context.scene, collection)
+        scenes.clear_scene(context.scene)
         restore_views()
         return {"FINISHED"}
 
@@ -237,4 +237,6 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
 CLASSES = (ICYMOON_OT_build_scene, ICYMOON_OT_clear_scene)
 
 
-register, unregister = follow(timers=(_follow_undo,), undo_post=_look_after_undo, redo_post=_look_after_undo)
+register, unregister = make_registration(
+    timers=(_follow_undo,), undo_post=_check_after_undo, redo_post=_check_after_undo
+)

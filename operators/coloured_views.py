@@ -13,18 +13,18 @@ from typing import Any
 import bpy
 
 from ..nodes import measured_surface, painted_errors
-from .events import call, follow
+from .events import call_later, make_registration
 from .session import session
-from .window import areas
+from .window import list_areas
 
 #: Custom property of a scene: the shading of its view before the colours.
 KEPT = "icymoon_view_before_colours"
 _KEYS = ("color_type", "light", "type")
 
 
-def _views() -> Iterator[tuple[bpy.types.Scene, Any]]:
+def _list_views() -> Iterator[tuple[bpy.types.Scene, Any]]:
     """All 3D Views with their scenes."""
-    return ((window.scene, area.spaces.active) for window, area in areas("VIEW_3D"))
+    return ((window.scene, area.spaces.active) for window, area in list_areas("VIEW_3D"))
 
 
 def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], solid: bool = False) -> None:
@@ -38,10 +38,10 @@ def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], 
         return
     for item in items if space.local_view is not None else ():
         item.local_view_set(space, True)
-    _colour(context.scene, space, solid)
+    _colour_view(context.scene, space, solid)
 
 
-def _colour(scene: bpy.types.Scene, space: bpy.types.Space, solid: bool) -> None:
+def _colour_view(scene: bpy.types.Scene, space: bpy.types.Space, solid: bool) -> None:
     shading = space.shading
     kept = session.shading_before.setdefault(space.as_pointer(), {})
     session.colours_left.pop(space.as_pointer(), None)
@@ -58,7 +58,7 @@ def _colour(scene: bpy.types.Scene, space: bpy.types.Space, solid: bool) -> None
 def hide_errors(scene: bpy.types.Scene) -> None:
     """Remove the measured surface and the painted errors of a scene, and restore the views."""
     measured_surface.clear_points(scene)
-    painted_errors.clear(scene)
+    painted_errors.clear_painted(scene)
     scene.pop(KEPT, None)
     restore_views()
 
@@ -72,12 +72,12 @@ def give_back_views(scene: bpy.types.Scene) -> None:
 
 def is_shown(scene: bpy.types.Scene) -> bool:
     """Whether a measured surface or painted errors are shown in a scene."""
-    return measured_surface.find_points(scene) is not None or painted_errors.find(scene) is not None
+    return measured_surface.find_points(scene) is not None or painted_errors.find_painted(scene) is not None
 
 
 def restore_views() -> None:
     """Restore the earlier shading of the views that showed colours."""
-    for _, space in _views():
+    for _, space in _list_views():
         kept = session.shading_before.get(space.as_pointer(), {})
         if kept:
             session.colours_left[space.as_pointer()] = "type" in kept
@@ -94,19 +94,19 @@ def _follow_undo() -> None:
     if session.shading_before and not there:
         restore_views()
     elif session.colours_left and there:
-        for scene, space in list(_views()):
+        for scene, space in list(_list_views()):
             if space.as_pointer() in session.colours_left and is_shown(scene):
-                _colour(scene, space, session.colours_left[space.as_pointer()])
+                _colour_view(scene, space, session.colours_left[space.as_pointer()])
 
 
-def _look_after_undo() -> None:
+def _check_after_undo() -> None:
     if session.shading_before or session.colours_left:
-        call(_follow_undo)  # views of a window may change in a timer only
+        call_later(_follow_undo)  # views of a window may change in a timer only
 
 
-def _remember() -> None:
+def _read_earlier_shading() -> None:
     """Read the earlier shading of the views of an opened file that was saved with the colours shown."""
-    for scene, space in _views():
+    for scene, space in _list_views():
         stored: Any = scene.get(KEPT)
         kept = (
             {key: str(stored[key]) for key in _KEYS if key in stored}
@@ -117,6 +117,6 @@ def _remember() -> None:
             session.shading_before[space.as_pointer()] = kept
 
 
-register, unregister = follow(
-    timers=(_follow_undo,), load_post=_remember, undo_post=_look_after_undo, redo_post=_look_after_undo
+register, unregister = make_registration(
+    timers=(_follow_undo,), load_post=_read_earlier_shading, undo_post=_check_after_undo, redo_post=_check_after_undo
 )

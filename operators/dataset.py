@@ -24,13 +24,13 @@ from ..support.files import absolute_path
 from ..support.printer import show_controls
 from ..support.system import find_user_key
 from . import dialogs, evaluate, jobs
-from .events import call, follow
+from .events import call_later, make_registration
 from .job_operators import JobOperator
-from .preferences import extension_folder, find_evaluator_python, workers
-from .render import dataset_folder
+from .preferences import count_workers, find_evaluator_python, find_extension_folder
+from .render import find_dataset_folder
 from .session import session
 from .show_pair import ShowsPair
-from .sidebar_text import in_window
+from .sidebar_text import format_for_window
 from .window import push_undo
 
 _TITLE = "Render Data Set"
@@ -40,14 +40,14 @@ _plans: list[tuple[str, str, str]] = []
 readout: dict[str, Any] = {"plan": "", "lines": [], "set_aside": [], "last": None}
 
 
-def plan_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
+def list_plan_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
     """(name, title, description) of the shipped plans, read once. Blender requires that Python keeps the strings."""
     if not _plans:
         _plans.extend((name, *read_plan_header(find_plan(name))) for name in plan_names())
     return _plans
 
 
-def chosen_plan(settings: Settings) -> str:
+def find_chosen_plan(settings: Settings) -> str:
     """The plan that the settings name: the name of a shipped plan, or the absolute path of a file.
 
     Raises IcyMoonError if there is no such plan.
@@ -60,22 +60,22 @@ def chosen_plan(settings: Settings) -> str:
     return str(path.absolute())  # an absolute path cannot look like an option of a command
 
 
-def title_of(name: str) -> str:
+def find_plan_title(name: str) -> str:
     """The title of a shipped plan, or the name of a file."""
-    return next((title for known, title, _ in plan_items() if known == name), Path(name).name)
+    return next((title for known, title, _ in list_plan_items() if known == name), Path(name).name)
 
 
-def state_folder() -> Path:
+def find_state_folder() -> Path:
     """The folder that records running data sets, for the next Blender."""
     try:
-        return extension_folder() / "running"
+        return find_extension_folder() / "running"
     except IcyMoonError:  # not installed as an extension
         return Path(tempfile.gettempdir()) / f"icymoon-running-{find_user_key()}"
 
 
-def verb_command(*arguments: str) -> list[str]:
+def make_verb_command(*arguments: str) -> list[str]:
     """The command that runs a verb in this Blender, or in its Python if Blender is a module."""
-    return blender_command(jobs.this_blender(), *arguments)
+    return blender_command(jobs.find_this_blender(), *arguments)
 
 
 class ICYMOON_OT_choose_plan(dialogs.SearchDialog, bpy.types.Operator):
@@ -87,7 +87,7 @@ class ICYMOON_OT_choose_plan(dialogs.SearchDialog, bpy.types.Operator):
     bl_property = "plan"
 
     plan: bpy.props.EnumProperty(
-        items=plan_items,
+        items=list_plan_items,
         name="Plan",
         description="Plan to render",
     )
@@ -114,7 +114,7 @@ class ICYMOON_OT_open_plan(dialogs.TomlFileDialog, bpy.types.Operator):
         try:
             read_plan_header(Path(bpy.path.abspath(self.filepath)))
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         context.scene.icymoon.dataset.plan = self.filepath
         return {"FINISHED"}
@@ -128,16 +128,16 @@ class ICYMOON_OT_plan_dry_run(JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        plan = chosen_plan(settings)
+        plan = find_chosen_plan(settings)
         readout.update(plan=settings.dataset.plan, lines=[])
-        blender, folder = jobs.this_blender(), str(dataset_folder(settings))
-        command = verb_command("plan", plan, "--dry-run", "--json", "--out", folder, "--blender", blender)
+        blender, folder = jobs.find_this_blender(), str(find_dataset_folder(settings))
+        command = make_verb_command("plan", plan, "--dry-run", "--json", "--out", folder, "--blender", blender)
         return jobs.Job.start(self.bl_label, command)
 
     def report_success(self, context: bpy.types.Context) -> None:
         readout["lines"] = list(self._job.result["lines"])
         for line in readout["lines"]:
-            self.report({"INFO"}, in_window(line))
+            self.report({"INFO"}, format_for_window(line))
 
 
 def _note_pairs(message: Message) -> None:
@@ -170,48 +170,48 @@ class DatasetJob(jobs.Job):
         return super().failure
 
 
-def batch_command(settings: Settings, plan: str) -> list[str]:
+def make_batch_command(settings: Settings, plan: str) -> list[str]:
     """The command that renders a plan into the data set folder, and evaluates it if the settings ask for that.
 
     Raises IcyMoonError if it is to evaluate and there is no evaluator.
     """
-    wanted, folder = settings.dataset, dataset_folder(settings)
-    count = wanted.workers or workers()
+    wanted, folder = settings.dataset, find_dataset_folder(settings)
+    count = wanted.workers or count_workers()
     # The same process evaluates, so that it does so even after this Blender is closed.
     after = (
         [
-            *evaluate.matcher_arguments(settings, "--evaluate"),
+            *evaluate.make_matcher_arguments(settings, "--evaluate"),
             "--evaluator",
             find_evaluator_python(),
-            *evaluate.response_arguments(settings),
+            *evaluate.make_response_arguments(settings),
         ]
         if wanted.evaluate
         else []
     )
-    return verb_command(
+    return make_verb_command(
         "batch",
         plan,
         "--out",
         str(folder),
         "--json",
         "--blender",
-        jobs.this_blender(),
+        jobs.find_this_blender(),
         *(["--workers", str(count)] if count else []),
         *after,
     )
 
 
 def start_batch(settings: Settings, command: list[str], plan: str) -> Detached:
-    """Start a ``batch_command``; ``plan`` is the plan as the setting ``dataset.plan`` names it.
+    """Start a ``make_batch_command``; ``plan`` is the plan as the setting ``dataset.plan`` names it.
 
     Raises IcyMoonError if the data set is being rendered.
     """
-    folder = dataset_folder(settings)
+    folder = find_dataset_folder(settings)
     return Detached.start(
         command,
-        state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
+        find_state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
         {"title": _TITLE, "dataset": str(folder), "plan": plan, "evaluate": settings.dataset.evaluate},
-        jobs.environment_with_cards("GPU", clean_environment()),
+        jobs.make_environment_with_cards("GPU", clean_environment()),
     )
 
 
@@ -225,7 +225,7 @@ class DatasetOperator(JobOperator):
     def watch(self, context: bpy.types.Context) -> None:
         self._process.leave = bool(context.scene.icymoon.dataset.leave_running)
 
-    def _job_of(self, process: Detached, context: bpy.types.Context) -> jobs.Job:
+    def _make_job(self, process: Detached, context: bpy.types.Context) -> jobs.Job:
         readout.update(set_aside=[], last=None)
         self._process = process
         # An earlier Blender may have started it.
@@ -256,8 +256,8 @@ class ICYMOON_OT_render_dataset(DatasetOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        process = start_batch(settings, batch_command(settings, chosen_plan(settings)), settings.dataset.plan)
-        return self._job_of(process, context)
+        process = start_batch(settings, make_batch_command(settings, find_chosen_plan(settings)), settings.dataset.plan)
+        return self._make_job(process, context)
 
 
 class ICYMOON_OT_watch_dataset(DatasetOperator, bpy.types.Operator):
@@ -267,14 +267,14 @@ class ICYMOON_OT_watch_dataset(DatasetOperator, bpy.types.Operator):
     bl_label = "Watch Data Set"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        process = find_left_running(state_folder())
+        process = find_left_running(find_state_folder())
         if process is None:
             raise IcyMoonError("No data set was left running; press Render Data Set to start one.")
         group, facts = context.scene.icymoon.dataset, process.facts
         group.folder, group.plan, group.evaluate = facts["dataset"], facts["plan"], facts["evaluate"]
         group.leave_running = True
         push_undo(self.bl_label)
-        return self._job_of(process, context)
+        return self._make_job(process, context)
 
 
 class ICYMOON_OT_show_last_pair(ShowsPair, bpy.types.Operator):
@@ -299,20 +299,20 @@ class ICYMOON_OT_show_last_pair(ShowsPair, bpy.types.Operator):
 def _watch_again() -> None:
     """Watch a data set that an earlier Blender, or this one before it opened another file, left running."""
     manager = bpy.context.window_manager
-    if session.job is not None or not manager.windows or not any(state_folder().glob("*.lock")):
+    if session.job is not None or not manager.windows or not any(find_state_folder().glob("*.lock")):
         return
     with bpy.context.temp_override(window=manager.windows[0]):
         if ICYMOON_OT_watch_dataset.poll(bpy.context):
-            process = find_left_running(state_folder())
+            process = find_left_running(find_state_folder())
             if process is not None:
                 process.leave = True
                 process.stop()  # stops watching only: the operator finds it again
                 bpy.ops.icymoon.watch_dataset("INVOKE_DEFAULT")
 
 
-def _look_after_load() -> None:
+def _check_after_load() -> None:
     if not bpy.app.background:
-        call(_watch_again, _LOOK_S)
+        call_later(_watch_again, _LOOK_S)
 
 
 CLASSES = (
@@ -325,10 +325,10 @@ CLASSES = (
 )
 
 
-_register, unregister = follow(timers=(_watch_again,), load_post=_look_after_load)
+_register, unregister = make_registration(timers=(_watch_again,), load_post=_check_after_load)
 
 
 def register() -> None:
     """Look for a data set that was left running, now and after each file is opened."""
     _register()
-    _look_after_load()
+    _check_after_load()

@@ -10,10 +10,10 @@ from ..render.workers.job import python_command
 from ..settings.blender import scene_properties
 from ..support.printer import show_controls
 from . import jobs, own_reports
-from .evaluate import matcher_arguments, response_arguments
+from .evaluate import make_matcher_arguments, make_response_arguments
 from .job_operators import JobOperator
 from .preferences import find_evaluator_python
-from .render import dataset_folder
+from .render import find_dataset_folder
 
 
 class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
@@ -24,7 +24,7 @@ class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        dataset = dataset_folder(settings)
+        dataset = find_dataset_folder(settings)
         # For security, the page that is opened later is this one, not one that a message names.
         self._page = dataset / "decisions" / "decisions.html"
         command = python_command(
@@ -32,8 +32,8 @@ class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
             "stereo",
             "decide",
             str(dataset),
-            *matcher_arguments(settings),
-            *response_arguments(settings),
+            *make_matcher_arguments(settings),
+            *make_response_arguments(settings),
             "--out",
             str(self._page.parent),
             "--json-lines",
@@ -41,7 +41,7 @@ class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
         return jobs.Job.start("Decide", command)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        own_reports.remember(self._page)
+        own_reports.remember_report(self._page)
         for sentence in self._job.result["head"]:
             self.report({"INFO"}, show_controls(sentence))
         if not bpy.app.background:

@@ -16,8 +16,8 @@ from ..support.printer import show_controls
 from . import errors_in_view
 from .build import leave_edit_mode
 from .coloured_views import give_back_views, show_colours
-from .render import dataset_folder
-from .sidebar_text import in_window
+from .render import find_dataset_folder
+from .sidebar_text import format_for_window
 
 #: The maps, as the buttons call them.
 MAPS = (
@@ -27,16 +27,16 @@ MAPS = (
 )
 
 
-def decided_methods(scene: bpy.types.Scene) -> list[str]:
+def list_decided_methods(scene: bpy.types.Scene) -> list[str]:
     """The matchers with decisions on the data set to show, then the true depth; empty without decisions."""
     try:
-        return stored_maps.list_methods(_folder(scene))
+        return stored_maps.list_methods(_find_folder(scene))
     except IcyMoonError:
         return []
 
 
-def _folder(scene: bpy.types.Scene) -> Path:
-    return dataset_folder(scene_properties.read_for_display(scene.icymoon)) / "decisions"
+def _find_folder(scene: bpy.types.Scene) -> Path:
+    return find_dataset_folder(scene_properties.read_for_display(scene.icymoon)) / "decisions"
 
 
 class ICYMOON_OT_paint_decisions(bpy.types.Operator):
@@ -51,20 +51,20 @@ class ICYMOON_OT_paint_decisions(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        found = bool(decided_methods(context.scene))
+        found = bool(list_decided_methods(context.scene))
         if not found:
             cls.poll_message_set("There are no decisions on this data set yet; press Decide Where to Dig")
         return found
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
-        method = self.method or decided_methods(scene)[0]
+        method = self.method or list_decided_methods(scene)[0]
         leave_edit_mode()  # a mesh that is being edited has no attributes
         try:
             built, stored = _read_decisions(scene, method, self.map)
-            collection = painted_decisions.paint(scene, built, stored, describe_method(method))
+            collection = painted_decisions.paint_decisions(scene, built, stored, describe_method(method))
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         show_colours(context, list(collection.objects), solid=True)
         site = "" if stored.chosen else "; no site is safe"
@@ -74,12 +74,12 @@ class ICYMOON_OT_paint_decisions(bpy.types.Operator):
 
 def _read_decisions(scene: bpy.types.Scene, method: str, kind: str) -> tuple[Built, stored_maps.StoredMap]:
     """The built scene and a map of its pair. Raises IcyMoonError if one of them is missing."""
-    folder = _folder(scene)
+    folder = _find_folder(scene)
     pairs = stored_maps.list_pairs(folder, method)
     if not pairs:
         raise IcyMoonError(f"There are no decisions by {describe_method(method)}; press Decide Where to Dig again.")
-    built = errors_in_view.built_as_set(scene)
-    return built, stored_maps.read_map(folder, errors_in_view.shown_pairs(scene, built, pairs)[0], method, kind)
+    built = errors_in_view.find_built_as_set(scene)
+    return built, stored_maps.read_map(folder, errors_in_view.find_shown_pairs(scene, built, pairs)[0], method, kind)
 
 
 class ICYMOON_OT_hide_decisions(bpy.types.Operator):
@@ -91,13 +91,13 @@ class ICYMOON_OT_hide_decisions(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        found = bool(painted_decisions.legend(context.scene))
+        found = bool(painted_decisions.make_legend(context.scene))
         if not found:
             cls.poll_message_set("No decisions are shown")
         return found
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        painted_errors.clear(context.scene)
+        painted_errors.clear_painted(context.scene)
         give_back_views(context.scene)
         return {"FINISHED"}
 

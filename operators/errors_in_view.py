@@ -9,7 +9,7 @@ import bpy
 
 from ..nodes import measured_surface, painted_errors
 from ..nodes import scene as scenes
-from ..render.pairs.our_files import folder_of_pairs
+from ..render.pairs.our_files import pairs_folder
 from ..render.pairs.pair_folder import read_pair
 from ..settings import change_announcements
 from ..settings.blender import scene_properties
@@ -21,10 +21,16 @@ from ..support.number_text import format_count
 from ..support.printer import show_controls
 from .build import leave_edit_mode
 from .coloured_views import hide_errors, is_shown, show_colours
-from .events import follow
-from .render import dataset_folder, planned_pairs
-from .results import ResultOperator, disparity_files, methods_with_disparities, methods_with_points, point_files
-from .sidebar_text import in_window
+from .events import make_registration
+from .render import find_dataset_folder, plan_pairs
+from .results import (
+    ResultOperator,
+    find_disparity_files,
+    find_point_files,
+    list_methods_with_disparities,
+    list_methods_with_points,
+)
+from .sidebar_text import format_for_window
 
 
 class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
@@ -37,9 +43,9 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
     method: bpy.props.StringProperty(name="Matcher", description="Matcher of the surface; empty for the most accurate")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        method = self.method or next(iter(methods_with_points(context.scene)), "")
+        method = self.method or next(iter(list_methods_with_points(context.scene)), "")
         try:
-            paths = point_files(context.scene, method)
+            paths = find_point_files(context.scene, method)
             if not paths:
                 raise IcyMoonError(
                     "This evaluation has no measured surfaces; press Evaluate to measure those of the present scene."
@@ -48,7 +54,7 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
                 context.scene, paths, describe_method(method), context.scene.icymoon.error_range_m
             )
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         show_colours(context, [item])
         points = format_count(len(item.data.polygons), "point")
@@ -67,13 +73,15 @@ class ICYMOON_OT_paint_errors(ResultOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
-        method = self.method or next(iter(methods_with_disparities(scene)), "")
+        method = self.method or next(iter(list_methods_with_disparities(scene)), "")
         leave_edit_mode()  # a mesh that is being edited has no attributes
         try:
             built, found = _read_errors(scene, method)
-            collection = painted_errors.paint(scene, built, found, describe_method(method), scene.icymoon.error_range_m)
+            collection = painted_errors.paint_errors(
+                scene, built, found, describe_method(method), scene.icymoon.error_range_m
+            )
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         show_colours(context, list(collection.objects), solid=True)
         self.report({"INFO"}, show_controls(f"Depth errors of {describe_method(method)} painted on the ground"))
@@ -86,36 +94,38 @@ def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, lis
     These are the pairs of the present settings, or else pairs of the same ground and cameras. Raises IcyMoonError if
     there is no such pair.
     """
-    files = disparity_files(scene, method)
+    files = find_disparity_files(scene, method)
     if not files:
         raise IcyMoonError("This evaluation has no stored disparities; press Evaluate again.")
-    built = built_as_set(scene)
-    pairs = folder_of_pairs(dataset_folder(scene_properties.read_settings(scene.icymoon)))
-    return built, [read_depth_errors(pairs / name, files[name]) for name in shown_pairs(scene, built, sorted(files))]
+    built = find_built_as_set(scene)
+    pairs = pairs_folder(find_dataset_folder(scene_properties.read_settings(scene.icymoon)))
+    return built, [
+        read_depth_errors(pairs / name, files[name]) for name in find_shown_pairs(scene, built, sorted(files))
+    ]
 
 
-def built_as_set(scene: bpy.types.Scene) -> scenes.Built:
+def find_built_as_set(scene: bpy.types.Scene) -> scenes.Built:
     """The built scene. Raises IcyMoonError if its ground or camera differs from the present settings."""
-    built = scenes.find(scene)
+    built = scenes.find_built(scene)
     if built is None or built.preview:
         raise IcyMoonError("The ground of the evaluated pair is not what is built now; press Build Scene first.")
     scenes.separate_copies(built)
     settings = scene_properties.read_settings(scene.icymoon)
-    if changed := [name for name in scenes.changed_settings(built, settings) if _of_ground_or_camera(name)]:
+    if changed := [name for name in scenes.list_changed_settings(built, settings) if _changes_ground_or_camera(name)]:
         raise IcyMoonError(f"{changed[0]} has changed since the scene was built; press Build Scene first.")
     return built
 
 
-def shown_pairs(scene: bpy.types.Scene, built: scenes.Built, names: Sequence[str]) -> list[str]:
+def find_shown_pairs(scene: bpy.types.Scene, built: scenes.Built, names: Sequence[str]) -> list[str]:
     """The pairs with these ids that show the built scene: of the present settings, or else of the same ground and
     cameras. Raises IcyMoonError, with the reason, if no pair shows it."""
     settings = scene_properties.read_settings(scene.icymoon)
-    found = [pair.id for pair in planned_pairs(scene, settings) if pair.id in names]
-    folder = folder_of_pairs(dataset_folder(settings))
+    found = [pair.id for pair in plan_pairs(scene, settings) if pair.id in names]
+    folder = pairs_folder(find_dataset_folder(settings))
     return found or _find_same_views(built, int(settings.dataset.headings), [folder / name for name in names])
 
 
-def _of_ground_or_camera(name: str) -> bool:
+def _changes_ground_or_camera(name: str) -> bool:
     topic, _, key = name.partition(".")
     return TOPICS[topic][key].effect in ("geometry", "camera")
 
@@ -129,7 +139,7 @@ def _find_same_views(built: scenes.Built, headings: int, folders: Sequence[Path]
     reasons = []
     for folder in folders:
         pair = read_pair(folder)
-        if why := painted_errors.why_another(built, headings, pair):
+        if why := painted_errors.why_not_shown(built, headings, pair):
             reasons.append(why)
         else:
             found.setdefault(float(pair.settings.rig.heading_deg), pair.id)
@@ -157,14 +167,14 @@ class ICYMOON_OT_hide_surface(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+def follow_colour_range(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Follow the range of the colours."""
     if scene is not None and change_announcements.COLOURS in effects:
         measured_surface.recolour_points(scene, scene.icymoon.error_range_m)
-        painted_errors.recolour(scene, scene.icymoon.error_range_m)
+        painted_errors.recolour_errors(scene, scene.icymoon.error_range_m)
 
 
 CLASSES = (ICYMOON_OT_show_surface, ICYMOON_OT_paint_errors, ICYMOON_OT_hide_surface)
 
 
-register, unregister = follow(listen)
+register, unregister = make_registration(follow_colour_range)

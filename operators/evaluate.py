@@ -21,21 +21,21 @@ from ..support.files import absolute_path
 from ..support.printer import show_controls
 from . import jobs, own_reports, results
 from .job_operators import JobOperator
-from .preferences import find_evaluator_python, is_evaluator_missing, own_matcher_arguments, plugin_matcher_names
-from .render import dataset_folder, planned_pairs
+from .preferences import find_evaluator_python, is_evaluator_missing, list_plugin_matchers, make_own_matcher_arguments
+from .render import find_dataset_folder, plan_pairs
 from .window import find_scene, push_undo
 
 
-def rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]:
+def find_rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]:
     """The folders of the rendered pairs of the present settings. Raises IcyMoonError if no pair is rendered."""
-    dataset = dataset_folder(settings)
-    paths = [path for path in (p.folder(dataset) for p in planned_pairs(context.scene, settings)) if is_complete(path)]
+    dataset = find_dataset_folder(settings)
+    paths = [path for path in (p.folder(dataset) for p in plan_pairs(context.scene, settings)) if is_complete(path)]
     if not paths:
         raise IcyMoonError(f"The present settings have no rendered pair in {dataset}; press Render Stereo Pair first.")
     return paths
 
 
-def response_arguments(settings: Settings) -> list[str]:
+def make_response_arguments(settings: Settings) -> list[str]:
     """The settings that need no new render, as arguments of the evaluator."""
     texts = [
         f"{topic}.{s.key}={settings[topic][s.key]}".replace("True", "true").replace("False", "false")
@@ -45,13 +45,13 @@ def response_arguments(settings: Settings) -> list[str]:
     return [word for text in texts for word in ("--set", text)]
 
 
-def matcher_arguments(settings: Settings, flag: str = "--methods") -> list[str]:
+def make_matcher_arguments(settings: Settings, flag: str = "--methods") -> list[str]:
     """The matchers of the settings as arguments of the evaluator: ``flag`` with their list, then the user's own.
 
     Raises IcyMoonError if one of the user's own matchers is not set up.
     """
     methods = str(settings.dataset.methods)
-    return [flag, methods, *own_matcher_arguments(methods)]
+    return [flag, methods, *make_own_matcher_arguments(methods)]
 
 
 class ResultKeeper:
@@ -74,7 +74,7 @@ class ResultKeeper:
     def report(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
         """Report the metrics to the user."""
         push_undo("Evaluate")  # otherwise undoing the previous step would remove the results too
-        for sentence in results.outcomes(results.summary(self.scene) if self.scene is not None else ()):
+        for sentence in results.describe_results(results.read_summary(self.scene) if self.scene is not None else ()):
             operator.report({"INFO"}, show_controls(sentence))
         if self.scene == context.scene:
             results.show_error_image(context, open_window=False)
@@ -109,18 +109,18 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
             "stereo",
             "evaluate",
             *map(str, paths),
-            *matcher_arguments(settings),
-            *response_arguments(settings),
+            *make_matcher_arguments(settings),
+            *make_response_arguments(settings),
             *(["--points"] if self.scope == "SCENE" else []),
             "--out",
-            str(results.folder_of(settings, self.scope)),
+            str(results.find_evaluation_folder(settings, self.scope)),
             "--json-lines",
         )
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        found = [] if self.scope == "DATASET" else rendered_pairs(context, settings)
-        command = self._command(settings, found or [dataset_folder(settings)])
+        found = [] if self.scope == "DATASET" else find_rendered_pairs(context, settings)
+        command = self._command(settings, found or [find_dataset_folder(settings)])
         self._keeper = ResultKeeper(context.scene, self.scope, settings, [folder.name for folder in found])
         return jobs.Job.start("Evaluate", command, self._keeper)
 
@@ -168,7 +168,7 @@ class ICYMOON_OT_evaluate_folder(JobOperator, bpy.types.Operator):
             "stereo",
             "evaluate",
             str(folder),
-            *matcher_arguments(scene_properties.read_settings(context.scene.icymoon)),
+            *make_matcher_arguments(scene_properties.read_settings(context.scene.icymoon)),
             "--out",
             str(self._page.parent),
             "--json-lines",
@@ -176,8 +176,8 @@ class ICYMOON_OT_evaluate_folder(JobOperator, bpy.types.Operator):
         return jobs.Job.start("Evaluate", command)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        own_reports.remember(self._page)
-        for sentence in results.outcomes(self._job.result["rows"]):
+        own_reports.remember_report(self._page)
+        for sentence in results.describe_results(self._job.result["rows"]):
             self.report({"INFO"}, show_controls(sentence))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
@@ -204,7 +204,7 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon.dataset
-        known = (*matcher_titles(), *plugin_matcher_names())
+        known = (*matcher_titles(), *list_plugin_matchers())
         if not self.matcher.startswith(f"{OWN}:") and self.matcher not in known:
             self.report(
                 {"ERROR"},

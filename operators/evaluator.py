@@ -10,11 +10,11 @@ import bpy
 from ..commands.doctor import Finding, examine_blender, examine_evaluator, examine_kernels, examine_landforms
 from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
-from .preferences import find_evaluator_python, kernels, matchers, show_findings
-from .sidebar_text import in_window, plain
+from .preferences import find_evaluator_python, find_kernels, get_matchers, show_findings
+from .sidebar_text import format_for_window, replace_keys_by_labels
 
 
-def all_findings() -> list[Finding]:
+def collect_findings() -> list[Finding]:
     """The findings of ``doctor`` on this Blender, the evaluator and the preferred kernels."""
     try:
         found = examine_evaluator(find_evaluator_python())
@@ -24,7 +24,7 @@ def all_findings() -> list[Finding]:
     return [
         *found,
         *examine_landforms(),
-        *examine_kernels(kernels()),
+        *examine_kernels(find_kernels()),
         *examine_blender(bpy.app.binary_path or sys.executable),
     ]
 
@@ -36,11 +36,11 @@ class ICYMOON_OT_check_evaluator(bpy.types.Operator):
     bl_label = "Check Evaluator"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        found = all_findings()
-        show_findings([replace(finding, fix=plain(finding.fix)) for finding in found])
+        found = collect_findings()
+        show_findings([replace(finding, fix=replace_keys_by_labels(finding.fix)) for finding in found])
         missing = next((finding for finding in found if finding.state == "missing"), None)
         if missing:
-            self.report({"ERROR"}, in_window(f"{missing.subject}: {missing.fact}. {missing.fix}".strip()))
+            self.report({"ERROR"}, format_for_window(f"{missing.subject}: {missing.fact}. {missing.fix}".strip()))
             return {"CANCELLED"}
         self.report({"INFO"}, show_controls(f"Ready: {', '.join(f.subject for f in found if f.state == 'ok')}"))
         return {"FINISHED"}
@@ -54,9 +54,9 @@ class ICYMOON_OT_add_matcher(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            known = matchers()
+            known = get_matchers()
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         names = {item.name for item in known}
         item = known.add()
@@ -75,9 +75,9 @@ class ICYMOON_OT_remove_matcher(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            matchers().remove(self.index)
+            get_matchers().remove(self.index)
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         context.preferences.is_dirty = True
         return {"FINISHED"}

@@ -14,7 +14,7 @@ Function = Callable[[], Any]
 _known: dict[Hashable, Any] = {}
 
 
-def follow(
+def make_registration(
     changes: Callable[[Any, frozenset[str]], None] | None = None,
     timers: tuple[Function, ...] = (),
     end: Function | None = None,
@@ -39,7 +39,7 @@ def follow(
         if changes is not None:
             change_announcements.listeners.remove(changes)
         for timer in timers:
-            cancel(timer)
+            cancel_call(timer)
         if end is not None:
             end()
 
@@ -54,7 +54,7 @@ def _persistent(function: Function) -> Callable[..., None]:
     return handle
 
 
-def call(function: Function, seconds: float = 0.0) -> None:
+def call_later(function: Function, seconds: float = 0.0) -> None:
     """Let Blender call a function after some seconds, and again after the seconds that it returns.
 
     Does nothing if that will happen already.
@@ -63,13 +63,13 @@ def call(function: Function, seconds: float = 0.0) -> None:
         bpy.app.timers.register(function, first_interval=seconds)
 
 
-def cancel(function: Function) -> None:
-    """Do not call the function of ``call`` any more."""
+def cancel_call(function: Function) -> None:
+    """Do not call the function of ``call_later`` any more."""
     if bpy.app.timers.is_registered(function):
         bpy.app.timers.unregister(function)
 
 
-def until_change(key: Hashable, make: Callable[[], _T]) -> _T:
+def keep_until_change(key: Hashable, make: Callable[[], _T]) -> _T:
     """The value of ``make``, which is called once for a key until a setting changes, undo, redo, or another file."""
     if key not in _known:
         _known[key] = make()
@@ -77,7 +77,7 @@ def until_change(key: Hashable, make: Callable[[], _T]) -> _T:
     return found
 
 
-register, unregister = follow(
+register, unregister = make_registration(
     changes=lambda *_: _known.clear(),
     end=_known.clear,
     undo_post=_known.clear,

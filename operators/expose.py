@@ -12,10 +12,10 @@ from ..settings.topics.scene import Settings
 from ..support.number_text import format_count
 from ..support.printer import show_controls
 from . import jobs, results
-from .evaluate import rendered_pairs, response_arguments
+from .evaluate import find_rendered_pairs, make_response_arguments
 from .job_operators import JobOperator
 from .preferences import find_evaluator_python
-from .render import dataset_folder
+from .render import find_dataset_folder
 
 
 def start_developing(settings: Settings, pairs: list[Path]) -> jobs.Job:
@@ -25,9 +25,9 @@ def start_developing(settings: Settings, pairs: list[Path]) -> jobs.Job:
         "stereo",
         "develop",
         *map(str, pairs),
-        *response_arguments(settings),
+        *make_response_arguments(settings),
         "--out",
-        str(dataset_folder(settings) / "exposed"),
+        str(find_dataset_folder(settings) / "exposed"),
         "--json-lines",
     )
     return jobs.Job.start("Expose", command)
@@ -41,7 +41,7 @@ class ICYMOON_OT_expose(JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        return start_developing(settings, rendered_pairs(context, settings))
+        return start_developing(settings, find_rendered_pairs(context, settings))
 
     def report_success(self, context: bpy.types.Context) -> None:
         folders = map(Path, self._job.result["folders"])

@@ -38,7 +38,7 @@ class FirstPicture:
         """Draw a picture over the view of a built scene, if there are a window and the file."""
         self.remove()
         if not bpy.app.background and path.is_file() and scenes.find_collection(scene) is not None:
-            self._find_scene, self._left, self._texture = scene.name, None, _read(path)
+            self._find_scene, self._left, self._texture = scene.name, None, _read_texture(path)
             self._handler = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
 
     def count(self, scene: bpy.types.Scene) -> None:
@@ -59,7 +59,7 @@ class FirstPicture:
 
     def _draw(self) -> None:
         context = bpy.context
-        place = _frame(context) if self.is_shown(context.scene) else None
+        place = _find_frame(context) if self.is_shown(context.scene) else None
         if place is None:
             return
         x, y, width, height = place
@@ -75,7 +75,7 @@ class FirstPicture:
                 bpy.app.timers.register(self.remove, first_interval=0.0)  # not while Blender calls its handlers
 
 
-def _read(path: Path) -> gpu.types.GPUTexture:
+def _read_texture(path: Path) -> gpu.types.GPUTexture:
     """The texture, in linear light, of a picture of at most 256 columns and rows."""
     pictures = bpy.utils.previews.new()
     try:
@@ -89,7 +89,7 @@ def _read(path: Path) -> gpu.types.GPUTexture:
         bpy.utils.previews.remove(pictures)
 
 
-def _frame(context: bpy.types.Context) -> tuple[float, float, float, float] | None:
+def _find_frame(context: bpy.types.Context) -> tuple[float, float, float, float] | None:
     """Left, bottom, width and height of the camera's frame in a lit 3D View through the camera of the built scene."""
     space: bpy.types.Space = context.space_data
     view = context.region_data

@@ -13,14 +13,14 @@ from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from . import dialogs
 from .build import build_and_report
-from .sidebar_text import in_window, plain
+from .sidebar_text import format_for_window, replace_keys_by_labels
 
 
-def report_lines(scene: bpy.types.Scene) -> list[str]:
+def list_report_lines(scene: bpy.types.Scene) -> list[str]:
     """The findings of the import of the built ground, line by line; empty for procedural ground."""
-    built = scenes.find(scene)
+    built = scenes.find_built(scene)
     found = built.ground.get("report", []) if built is not None else []
-    return [plain(text) for text in found]
+    return [replace_keys_by_labels(text) for text in found]
 
 
 class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
@@ -44,11 +44,11 @@ class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
         before = scene_properties.read_unchecked(group).source
         path = Path(bpy.path.abspath(self.filepath))
         try:
-            scene_properties.write_settings(group, {"source": {"kind": grounds.kind_of(path), "file": str(path)}})
-            warnings = grounds.cost_warnings(scene_properties.read_settings(group))
+            scene_properties.write_settings(group, {"source": {"kind": grounds.find_kind(path), "file": str(path)}})
+            warnings = grounds.warn_of_cost(scene_properties.read_settings(group))
         except IcyMoonError as error:
             scene_properties.write_settings(group, {"source": before})
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         if warnings and not bpy.app.background:
             bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # asks the user first

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import bpy
 
-from .window import areas, inside
+from .window import list_areas, override_area
 
 
-def showing(image: bpy.types.Image) -> list[bpy.types.Area]:
+def find_showing(image: bpy.types.Image) -> list[bpy.types.Area]:
     """The Image Editors that show an image."""
-    return [area for _, area in areas("IMAGE_EDITOR") if area.spaces.active.image == image]
+    return [area for _, area in list_areas("IMAGE_EDITOR") if area.spaces.active.image == image]
 
 
 def find_or_open(context: bpy.types.Context, open_window: bool) -> bpy.types.Area | None:
@@ -17,7 +17,7 @@ def find_or_open(context: bpy.types.Context, open_window: bool) -> bpy.types.Are
 
     Without such an editor, ``open_window`` opens a window with one. The other editors of the user stay as they are.
     """
-    for _, area in areas("IMAGE_EDITOR"):
+    for _, area in list_areas("IMAGE_EDITOR"):
         space = area.spaces.active
         if area.ui_type == "IMAGE_EDITOR" and space.mode == "VIEW" and not space.use_image_pin:
             return area
@@ -30,8 +30,8 @@ def find_or_open(context: bpy.types.Context, open_window: bool) -> bpy.types.Are
     return window.screen.areas[0]
 
 
-def fit(area: bpy.types.Area) -> None:
+def zoom_to_fit(area: bpy.types.Area) -> None:
     """Zoom an editor so that the whole image is visible."""
-    window = next(window for window, each in areas("IMAGE_EDITOR") if each == area)
-    with inside(window, area):
+    window = next(window for window, each in list_areas("IMAGE_EDITOR") if each == area)
+    with override_area(window, area):
         bpy.ops.image.view_all(fit_view=True)

@@ -16,17 +16,17 @@ from ..support.printer import show_controls
 from ..support.system import find_pythons, is_python, remove_folder, run
 from . import jobs
 from .job_operators import DialogJobOperator, JobOperator
-from .preferences import has_own_evaluator, own_evaluator_python, show_findings
+from .preferences import find_own_evaluator_python, has_own_evaluator, show_findings
 from .session import session
 
 #: Width of the question before the installation, in pixels of a screen without scaling.
 _DIALOG_PX = 400
 
 
-def base_python() -> str:
+def find_base_python() -> str:
     """A Python that can make a virtual environment: Blender's own. Raises IcyMoonError if it has none."""
     for candidate in (Path(sys.executable), *find_pythons(Path(sys.prefix))):
-        if is_python(str(candidate)) and candidate.is_file() and _makes_environments(candidate):
+        if is_python(str(candidate)) and candidate.is_file() and _can_make_environments(candidate):
             return str(candidate)
     raise IcyMoonError(
         "No Python that can make a virtual environment was found; install Python 3.11 or later with "
@@ -35,7 +35,7 @@ def base_python() -> str:
     )
 
 
-def _makes_environments(python: Path) -> bool:
+def _can_make_environments(python: Path) -> bool:
     try:
         done = run([str(python), "-I", "-c", "import venv, ensurepip"], clean_environment(), timeout_s=30.0)
         return done.returncode == 0
@@ -85,8 +85,8 @@ class ICYMOON_OT_install_evaluator(DialogJobOperator, bpy.types.Operator):
             raise IcyMoonError(
                 "Installing the evaluator needs online access; allow it in Preferences ▸ System ▸ Network."
             )
-        folder = own_evaluator_python().parents[1]
-        command = python_command(base_python(), "install", str(folder))
+        folder = find_own_evaluator_python().parents[1]
+        command = python_command(find_base_python(), "install", str(folder))
         return jobs.Job.start("Install", command)
 
     def report_success(self, context: bpy.types.Context) -> None:
@@ -112,7 +112,7 @@ class ICYMOON_OT_remove_evaluator(bpy.types.Operator):
         return set(context.window_manager.invoke_confirm(self, event))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        folder = own_evaluator_python().parents[1]
+        folder = find_own_evaluator_python().parents[1]
         if not (folder / "pyvenv.cfg").is_file() or folder.is_symlink():
             self.report(
                 {"ERROR"},

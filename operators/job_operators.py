@@ -8,7 +8,7 @@ from ..support.errors import IcyMoonError
 from . import jobs
 from .operator_type import OperatorMixin
 from .session import session
-from .sidebar_text import in_window
+from .sidebar_text import format_for_window
 from .window import redraw_panels
 
 
@@ -46,7 +46,7 @@ class WatchingOperator(OperatorMixin):
 
     def fail(self, error: Exception) -> set[str]:
         """Report an error to the user and cancel."""
-        self.report({"ERROR"}, in_window(error))
+        self.report({"ERROR"}, format_for_window(error))
         return {"CANCELLED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
@@ -149,9 +149,9 @@ class JobOperator(WatchingOperator):
             session.job = None
         redraw_panels()
         for warning in self._job.warnings:
-            self.report({"WARNING"}, in_window(warning))
+            self.report({"WARNING"}, format_for_window(warning))
         if self._job.process.cancelled and not self._job.process.left:
-            self.report({"WARNING"}, in_window(self._job.failure))
+            self.report({"WARNING"}, format_for_window(self._job.failure))
 
 
 class DialogJobOperator(JobOperator):

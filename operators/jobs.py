@@ -24,7 +24,7 @@ INTERVAL_S = 0.1
 _SURE_FROM, _SURE_FROM_S = 0.1, 120.0
 
 
-def environment_with_cards(device: str, environment: Mapping[str, str] | None = None) -> Mapping[str, str] | None:
+def make_environment_with_cards(device: str, environment: Mapping[str, str] | None = None) -> Mapping[str, str] | None:
     """The environment (None: ours) of a process that renders on ``device``: with the graphics cards that are ticked in
     the preferences of Blender, unless the environment names others."""
     if device != "GPU" or ENVIRONMENT in os.environ:
@@ -32,7 +32,7 @@ def environment_with_cards(device: str, environment: Mapping[str, str] | None = 
     return add_cards(environment, find_ticked_cards())
 
 
-def this_blender() -> str:
+def find_this_blender() -> str:
     """The program that starts another Blender like this one: Blender, or Python if Blender is a module of it."""
     return str(bpy.app.binary_path or sys.executable)
 
@@ -70,7 +70,7 @@ class Job:
         Raises IcyMoonError, after ``clean_up``, if it cannot start.
         """
         try:
-            process = Process(command, environment_with_cards(device, clean_environment() if clean else None))
+            process = Process(command, make_environment_with_cards(device, clean_environment() if clean else None))
         except IcyMoonError:
             clean_up()
             raise
@@ -80,7 +80,7 @@ class Job:
     def shown(self) -> tuple[str, int, str]:
         """Text, per cent and remaining time, as the panel shows them."""
         text = "Stopping" if self.process.cancelled else self.text or self.title
-        return text, int(100 * self.fraction), remaining_text(self.remaining_s)
+        return text, int(100 * self.fraction), format_remaining(self.remaining_s)
 
     @property
     def remaining_s(self) -> float | None:
@@ -140,7 +140,7 @@ class Job:
             raise IcyMoonError(self.failure)
 
 
-def remaining_text(seconds: float | None) -> str:
+def format_remaining(seconds: float | None) -> str:
     """'1:05 left', '2:03:20 left', or '' for None."""
     if seconds is None:
         return ""

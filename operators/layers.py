@@ -5,13 +5,13 @@ from __future__ import annotations
 import bpy
 
 from ..nodes import scene as scenes
-from ..nodes.ground.terrain_mesh import roughness_table
+from ..nodes.ground.terrain_mesh import make_roughness_table
 from ..settings.table import TOPICS
 from ..support.printer import show_controls
 from .list_editing import EditedList, MoveEntry, RemoveEntry
 
 
-class _OfLayers:
+class _LayerOperator:
     """Mix-in: an operator on the list of layers."""
 
     empty = "There is no layer yet"
@@ -21,7 +21,7 @@ class _OfLayers:
         return EditedList(scene.icymoon.terrain, "layers", "layers_active", TOPICS["terrain"]["layers"].effect)
 
 
-class ICYMOON_OT_layer_add(_OfLayers, bpy.types.Operator):
+class ICYMOON_OT_layer_add(_LayerOperator, bpy.types.Operator):
     """Add a layer of fractal noise to the ground"""
 
     bl_idname = "icymoon.layer_add"
@@ -35,14 +35,14 @@ class ICYMOON_OT_layer_add(_OfLayers, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_layer_remove(_OfLayers, RemoveEntry, bpy.types.Operator):
+class ICYMOON_OT_layer_remove(_LayerOperator, RemoveEntry, bpy.types.Operator):
     """Remove the selected layer of noise"""
 
     bl_idname = "icymoon.layer_remove"
     bl_label = "Remove Layer"
 
 
-class ICYMOON_OT_layer_move(_OfLayers, MoveEntry, bpy.types.Operator):
+class ICYMOON_OT_layer_move(_LayerOperator, MoveEntry, bpy.types.Operator):
     """Move the selected layer of noise. Its shape changes, because its seed depends on its position"""
 
     bl_idname = "icymoon.layer_move"
@@ -63,7 +63,7 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not scenes.ground_statistics(context.scene):
+        if not scenes.describe_ground_statistics(context.scene):
             cls.poll_message_set("Nothing has been built from the settings of Ground in this scene; press Build Scene")
             return False
         return True
@@ -78,8 +78,8 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
         return {"FINISHED"}
 
     def _measure(self, context: bpy.types.Context) -> list[tuple[str, ...]]:
-        built = scenes.find(context.scene)
-        return roughness_table(scenes.measured_patch(built), built.settings.terrain) if built else []
+        built = scenes.find_built(context.scene)
+        return make_roughness_table(scenes.measure_patch(built), built.settings.terrain) if built else []
 
     def draw(self, context: bpy.types.Context) -> None:
         grid: bpy.types.UILayout = self.layout.grid_flow(row_major=True, columns=5, even_columns=True, align=True)
@@ -88,7 +88,7 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
                 grid.label(text=cell)
 
 
-def layer_title(entry: bpy.types.PropertyGroup) -> str:
+def describe_layer(entry: bpy.types.PropertyGroup) -> str:
     """A line that describes a layer: basis, fractal and amplitude."""
     names = {s.key: {c[0]: c[1] for c in s.choices} for s in TOPICS["terrain"]["layers"].entries}
     return f"{names['basis'][entry.basis]}, {names['fractal'][entry.fractal]}, {entry.amplitude_m:.3g} m"

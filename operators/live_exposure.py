@@ -15,67 +15,67 @@ from ..render.pairs.pair_folder import is_complete
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from . import jobs, live_preview
-from .events import call, cancel, follow
+from .events import call_later, cancel_call, make_registration
 from .expose import start_developing
-from .render import dataset_folder
+from .render import find_dataset_folder
 from .session import session
-from .sidebar_text import plain
-from .window import areas, redraw, redraw_panels
+from .sidebar_text import replace_keys_by_labels
+from .window import list_areas, redraw, redraw_panels
 
 #: Seconds without a change of settings before an image is developed.
 REST_S = 0.3
 
 
-def exposed_folder(scene: bpy.types.Scene) -> Path:
+def find_exposed_folder(scene: bpy.types.Scene) -> Path:
     """The folder of a scene's camera images. Raises IcyMoonError if the data set has no valid folder."""
-    return dataset_folder(scene_properties.read_settings(scene.icymoon)) / "exposed"
+    return find_dataset_folder(scene_properties.read_settings(scene.icymoon)) / "exposed"
 
 
-def shown_paths() -> list[Path]:
+def list_shown_paths() -> list[Path]:
     """The image files that Image Editors show."""
-    spaces = [area.spaces.active for _, area in areas("IMAGE_EDITOR")]
+    spaces = [area.spaces.active for _, area in list_areas("IMAGE_EDITOR")]
     return [Path(bpy.path.abspath(space.image.filepath)) for space in spaces if space.image and space.image.filepath]
 
 
-def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+def schedule_development(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Schedule a development after a change of the camera response; a listener of ``scene_properties``."""
     if "response" not in effects or scene is None or not live_preview.has_window() or not scene.icymoon.follow:
         return
     session.to_develop.add(scene.name)
     if session.developing is None:
-        cancel(work)
-        call(work, REST_S)
+        cancel_call(develop_waiting)
+        call_later(develop_waiting, REST_S)
 
 
-def work() -> float | None:
+def develop_waiting() -> float | None:
     """Start a waiting development or handle messages of a running one. The timer calls it until there is neither."""
     try:
         if session.developing is None:
-            session.developing = _start()
+            session.developing = _start_development()
         elif not session.developing.poll():
-            _finish(session.developing)
+            _finish_development(session.developing)
     except IcyMoonError as error:
-        _close()
+        _stop_development()
         _show_notes([str(error)])
     return jobs.INTERVAL_S if session.developing is not None or session.to_develop else None
 
 
-def _start() -> jobs.Job | None:
+def _start_development() -> jobs.Job | None:
     """Start to develop the shown images of a waiting scene; None without such images, or while another job runs."""
     if session.job is not None:
         return None  # the other job may be writing the same images
     scene = bpy.data.scenes.get(session.to_develop.pop()) if session.to_develop else None
     if scene is None or not scene.icymoon.follow:
         return None
-    exposed = exposed_folder(scene)
-    names = {path.parent.name for path in shown_paths() if path.parent.parent == exposed}
+    exposed = find_exposed_folder(scene)
+    names = {path.parent.name for path in list_shown_paths() if path.parent.parent == exposed}
     folders = [folder_of_pair(exposed.parent, name) for name in sorted(names)]
     pairs = [folder for folder in folders if is_complete(folder)]
     return start_developing(scene_properties.read_settings(scene.icymoon), pairs) if pairs else None
 
 
-def _finish(job: jobs.Job) -> None:
-    _close()
+def _finish_development(job: jobs.Job) -> None:
+    _stop_development()
     folders = {Path(folder) for folder in job.result.get("folders", ())}
     for image in bpy.data.images:
         if image.filepath and Path(bpy.path.abspath(image.filepath)).parent in folders:
@@ -89,15 +89,15 @@ def _show_notes(sentences: list[str]) -> None:
     redraw_panels()
 
 
-def lines() -> list[str]:
+def list_lines() -> list[str]:
     """Warnings of the last development, or why it failed."""
-    return [plain(sentence) for sentence in session.development_notes]
+    return [replace_keys_by_labels(sentence) for sentence in session.development_notes]
 
 
-def _close() -> None:
+def _stop_development() -> None:
     if session.developing is not None:
         session.developing.close()
         session.developing = None
 
 
-register, unregister = follow(listen, timers=(work,))
+register, unregister = make_registration(schedule_development, timers=(develop_waiting,))

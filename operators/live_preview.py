@@ -20,9 +20,9 @@ from ..support.errors import IcyMoonError
 from . import refine, view_resolution
 from .build import frame_and_expose
 from .coloured_views import give_back_views
-from .events import call, follow
+from .events import call_later, make_registration
 from .session import SIDES, session
-from .sidebar_text import plain, sky_fault
+from .sidebar_text import find_sky_fault, replace_keys_by_labels
 from .window import push_undo
 
 #: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
@@ -36,9 +36,9 @@ def has_window() -> bool:
     return not bpy.app.background
 
 
-def update(scene: bpy.types.Scene) -> bool:
+def update_scene(scene: bpy.types.Scene) -> bool:
     """Show the settings of a scene in its built objects, or note why not; whether anything has changed."""
-    built = scenes.find(scene)
+    built = scenes.find_built(scene)
     if built is None:
         return False
     settings, before = scene_properties.read_unchecked(scene.icymoon), description.merged(built.settings, built.preview)
@@ -47,22 +47,22 @@ def update(scene: bpy.types.Scene) -> bool:
         preview.set_notes(built, [why])
         return False
     if not scene.icymoon.live:
-        stale = _changed(built, settings)
+        stale = _has_changed(built, settings)
         preview.set_notes(built, ["Settings have changed; press Build Scene to show them."] if stale else [])
         return False
     start = time.perf_counter()
     if preview.show_settings(built, settings, session.preview_side):
-        session.preview_side = next_side(session.preview_side, time.perf_counter() - start)
+        session.preview_side = choose_next_side(session.preview_side, time.perf_counter() - start)
         give_back_views(scene)  # the painted errors are gone with the previous ground
     now = description.merged(built.settings, built.preview)
     frame_and_expose(scene, now, before)
     if now != before:
-        view_resolution.begin(scene)
+        view_resolution.begin_coarse(scene)
         session.picture.remove()
     return now != before
 
 
-def next_side(side: int, seconds: float) -> int:
+def choose_next_side(side: int, seconds: float) -> int:
     """Vertices per side for the next update, when one with ``side`` of them took ``seconds``."""
     if seconds > BUDGET_S:
         return max((n for n in SIDES if n < side), default=side)
@@ -70,22 +70,22 @@ def next_side(side: int, seconds: float) -> int:
     return finer if seconds * (finer / side) ** 2 < 0.8 * BUDGET_S else side
 
 
-def _changed(built: scenes.Built, settings: Settings) -> bool:
+def _has_changed(built: scenes.Built, settings: Settings) -> bool:
     try:
-        return bool(scenes.changed_settings(built, settings))
+        return bool(scenes.list_changed_settings(built, settings))
     except IcyMoonError:
         return True  # the file of the ground is missing, which Build Scene reports
 
 
-def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+def schedule_update(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Show a change of settings, or schedule it; a listener of ``scene_properties``."""
     if not has_window() or not effects & _SHOWN or scene is None:
         return
     if bpy.app.timers.is_registered(show_waiting):
         session.to_preview.add(scene.name)
         return
-    call(show_waiting)
-    update(scene)
+    call_later(show_waiting)
+    update_scene(scene)
 
 
 def show_waiting() -> None:
@@ -93,22 +93,22 @@ def show_waiting() -> None:
     names, shown = sorted(session.to_preview), False
     session.to_preview.clear()
     for scene in (bpy.data.scenes.get(name) for name in names):
-        shown |= scene is not None and update(scene)
+        shown |= scene is not None and update_scene(scene)
     if shown:
         push_undo("Live Preview")
 
 
-def lines(scene: bpy.types.Scene) -> list[str]:
+def list_lines(scene: bpy.types.Scene) -> list[str]:
     """How well the built scene shows the settings; sentences, none without a built scene.
 
     There is always a line. Otherwise the fields below would move while the user drags one of them.
     """
     if scenes.find_collection(scene) is None:
         return []
-    follows = refine.note(scene)
-    sentences = [follows] if follows else preview.notes(scene) or ["Ground in full detail"]
-    fault = sky_fault(scene_properties.read_for_display(scene.icymoon).light)
-    return [_NO_SKY if sentence == fault else plain(sentence) for sentence in sentences]
+    follows = refine.describe_refining(scene)
+    sentences = [follows] if follows else preview.read_notes(scene) or ["Ground in full detail"]
+    fault = find_sky_fault(scene_properties.read_for_display(scene.icymoon).light)
+    return [_NO_SKY if sentence == fault else replace_keys_by_labels(sentence) for sentence in sentences]
 
 
-register, unregister = follow(listen, timers=(show_waiting,))
+register, unregister = make_registration(schedule_update, timers=(show_waiting,))

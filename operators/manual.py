@@ -18,7 +18,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_text
 from ..support.scratch import make_scratch_folder
 from ..support.version import ROOT, version
-from .sidebar_text import in_window
+from .sidebar_text import format_for_window
 
 _DOCS = ROOT / "docs"
 FIRST_PAGE = "index"
@@ -64,55 +64,55 @@ table{border-collapse:collapse}th,td{border:1px solid #999;padding:.2em .5em;tex
 
 
 @lru_cache(maxsize=1)
-def page_names() -> tuple[str, ...]:
+def list_page_names() -> tuple[str, ...]:
     """The pages of the manual that this copy of Icy Moon has, such as ``tutorial/window``, the first one first."""
     found = sorted(path.relative_to(_DOCS).with_suffix("").as_posix() for path in _DOCS.rglob("*.md"))
     return tuple(sorted(found, key=lambda name: name != FIRST_PAGE))
 
 
 @lru_cache(maxsize=1)
-def _formulas() -> dict[str, str]:
+def _read_formulas() -> dict[str, str]:
     """MathML by TeX, which ``docs/make/formulas.py`` has made."""
     found: dict[str, str] = json.loads((_DOCS / "formulas.json").read_text(encoding="utf-8"))
     return found
 
 
 @lru_cache(maxsize=1)
-def written_folder() -> Path:
+def write_pages() -> Path:
     """A temporary folder with all pages as HTML, written once in a session. Raises IcyMoonError if it cannot be."""
-    if not page_names():
+    if not list_page_names():
         raise IcyMoonError(f"The manual is missing in {_DOCS}; install Icy Moon again.")
     folder = make_scratch_folder()
-    texts = {name: (_DOCS / f"{name}.md").read_text(encoding="utf-8") for name in page_names()}
-    titles = {name: _title(name, text) for name, text in texts.items()}
+    texts = {name: (_DOCS / f"{name}.md").read_text(encoding="utf-8") for name in list_page_names()}
+    titles = {name: _find_title(name, text) for name, text in texts.items()}
     for name, text in texts.items():
         target = folder / f"{name}.html"
         with explain_disk_errors("write to", folder):
             target.parent.mkdir(exist_ok=True)
-            write_text(target, _whole(name, text, titles))
+            write_text(target, _make_html_page(name, text, titles))
     return folder
 
 
-def _title(name: str, text: str) -> str:
+def _find_title(name: str, text: str) -> str:
     found = re.search(r"^# (.+)$", text, re.MULTILINE)
     return found[1].replace("`", "") if found else name
 
 
-def _relative(name: str, page: str) -> str:
+def _relative_address(name: str, page: str) -> str:
     """The address of a page as seen from another."""
     return posixpath.relpath(f"{name}.html", posixpath.dirname(page) or ".")
 
 
-def _whole(page: str, text: str, titles: dict[str, str]) -> str:
+def _make_html_page(page: str, text: str, titles: dict[str, str]) -> str:
     def address(link: str) -> str | None:
         if link.startswith("https://"):
             return link
         name = posixpath.normpath(posixpath.join(posixpath.dirname(page), link.partition("#")[0]))
-        return _relative(name.removesuffix(".md"), page) if name.removesuffix(".md") in titles else None
+        return _relative_address(name.removesuffix(".md"), page) if name.removesuffix(".md") in titles else None
 
     def links(folder: str) -> str:
         return " ".join(
-            f'<a href="{_relative(name, page)}">{html.escape(title)}</a>'
+            f'<a href="{_relative_address(name, page)}">{html.escape(title)}</a>'
             for name, title in titles.items()
             if posixpath.dirname(name) == folder
         )
@@ -121,23 +121,23 @@ def _whole(page: str, text: str, titles: dict[str, str]) -> str:
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(titles[page])} · Icy Moon '
         f"{version()}</title><style>{_STYLE}</style></head><body><nav>{groups}</nav>\n"
-        f"{render_page(text, address, _formulas().get)}\n</body></html>\n"
+        f"{render_page(text, address, _read_formulas().get)}\n</body></html>\n"
     )
 
 
-def page_of_topic(topic: str) -> str:
+def find_page_of_topic(topic: str) -> str:
     """The page on a topic of the settings."""
     return _PAGES["terrain" if TOPICS[topic].parent == LANDFORMS else topic]
 
 
-def _map_of_blender() -> tuple[str, tuple[tuple[str, str], ...]]:
+def _make_manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
     """Where Online Manual leads in the context menu of our fields and buttons: (beginning, (pattern, end) of each)."""
     try:
-        start = written_folder().as_uri()
+        start = write_pages().as_uri()
     except IcyMoonError:
         return "", ()
     return f"{start}/", (
-        *((f"bpy.types.icymoon_pg_{topic}.*", f"{page_of_topic(topic)}.html") for topic in TOPICS),
+        *((f"bpy.types.icymoon_pg_{topic}.*", f"{find_page_of_topic(topic)}.html") for topic in TOPICS),
         ("bpy.types.icymoon_*", f"{WINDOW_PAGE}.html"),
         ("bpy.ops.icymoon.*", f"{WINDOW_PAGE}.html"),
     )
@@ -162,11 +162,11 @@ class ICYMOON_OT_open_manual(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            if self.page not in page_names():
+            if self.page not in list_page_names():
                 raise IcyMoonError(f"The manual has no page {self.page!r}; open the page {FIRST_PAGE!r}.")
-            address = (written_folder() / f"{self.page}.html").as_uri()
+            address = (write_pages() / f"{self.page}.html").as_uri()
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         bpy.ops.wm.url_open(url=address)
         return {"FINISHED"}
@@ -177,9 +177,9 @@ CLASSES = (ICYMOON_OT_open_manual,)
 
 def register() -> None:
     """Let Online Manual in the context menus lead to our manual."""
-    bpy.utils.register_manual_map(_map_of_blender)
+    bpy.utils.register_manual_map(_make_manual_map)
 
 
 def unregister() -> None:
     """Leave Online Manual to Blender."""
-    bpy.utils.unregister_manual_map(_map_of_blender)
+    bpy.utils.unregister_manual_map(_make_manual_map)

@@ -20,26 +20,29 @@ _MOST = 500
 _session: set[str] = set()
 
 
-def _file() -> Path:
+def _checksums_file() -> Path:
     return own_cache_folder() / "reports.json"
 
 
-def _known() -> list[str]:
+def _read_checksums() -> list[str]:
     with suppress(OSError, IcyMoonError):
-        return list(read_record(_file(), TABLE, "delete it"))
+        return list(read_record(_checksums_file(), TABLE, "delete it"))
     return []
 
 
-def remember(page: Path) -> None:
+def remember_report(page: Path) -> None:
     """Record the checksum of a page that the evaluator has just written."""
     with suppress(OSError):  # a page that no longer exists needs no record
         checksum = hash_file(page)
         _session.add(checksum)
         with suppress(IcyMoonError):
-            write_json(_file(), dict.fromkeys([*_known(), checksum][-_MOST:], "sha256 of a report that was made here"))
+            write_json(
+                _checksums_file(),
+                dict.fromkeys([*_read_checksums(), checksum][-_MOST:], "sha256 of a report that was made here"),
+            )
 
 
-def is_ours(page: Path) -> bool:
+def is_own_report(page: Path) -> bool:
     """Whether a page is one that was recorded, byte for byte. Raises OSError if it cannot be read."""
     checksum = hash_file(page)
-    return checksum in _session or checksum in _known()
+    return checksum in _session or checksum in _read_checksums()

@@ -28,7 +28,7 @@ _NEEDED = ", ".join(name for name, *_ in PACKAGES.values())
 ADD_ON = __package__.rpartition(".")[0]
 
 
-def extension_folder() -> Path:
+def find_extension_folder() -> Path:
     """The extension's own folder, which upgrades keep.
 
     Raises IcyMoonError if Icy Moon is not an installed extension.
@@ -46,9 +46,9 @@ def can_install_evaluator() -> bool:
     return (ROOT / "stereo" / "environment" / "install.py").is_file()
 
 
-def own_evaluator_python() -> Path:
+def find_own_evaluator_python() -> Path:
     """The Python of the evaluator that the Install button installs."""
-    return find_venv_python(extension_folder() / "evaluator")
+    return find_venv_python(find_extension_folder() / "evaluator")
 
 
 def has_own_evaluator() -> bool:
@@ -58,21 +58,21 @@ def has_own_evaluator() -> bool:
     from ..stereo.environment.install import is_unfinished
 
     try:
-        own = own_evaluator_python()
+        own = find_own_evaluator_python()
     except IcyMoonError:  # not installed as an extension
         return False
     return own.is_file() and not is_unfinished(own.parents[1])
 
 
-def asset_folder() -> Path:
+def find_asset_folder() -> Path:
     """The folder of the asset library. Raises IcyMoonError if there is no extension's folder."""
-    return extension_folder() / "assets"
+    return find_extension_folder() / "assets"
 
 
 def has_assets() -> bool:
     """Whether there is a whole asset library."""
     try:
-        return asset_library.has_library(asset_folder())
+        return asset_library.has_library(find_asset_folder())
     except IcyMoonError:  # not installed as an extension
         return False
 
@@ -80,7 +80,7 @@ def has_assets() -> bool:
 def find_asset_libraries() -> list[Any]:
     """The entries of Blender's preferences for our asset library, under whatever name."""
     try:
-        folder = asset_folder()
+        folder = find_asset_folder()
     except IcyMoonError:
         return []
     return [
@@ -90,7 +90,7 @@ def find_asset_libraries() -> list[Any]:
     ]
 
 
-def _preferences() -> bpy.types.AddonPreferences:
+def _get_preferences() -> bpy.types.AddonPreferences:
     add_on = bpy.context.preferences.addons.get(ADD_ON)
     return add_on.preferences if add_on else None
 
@@ -102,7 +102,7 @@ def find_evaluator_python() -> str:
     own Python with the wheels of a store build, the Python that the Install button installed. Raises IcyMoonError
     without any of these.
     """
-    preferences = _preferences()
+    preferences = _get_preferences()
     chosen = bpy.path.abspath(preferences.evaluator) if preferences and preferences.evaluator else ""
     for candidate, origin in (
         (chosen, "the preferences"),
@@ -121,11 +121,11 @@ def find_evaluator_python() -> str:
     if bundled_wheels.has_bundled_wheels() and (blenders := bundled_wheels.find_python()):
         return blenders
     if has_own_evaluator():
-        return str(own_evaluator_python())
-    raise IcyMoonError(_how_to_get_one())
+        return str(find_own_evaluator_python())
+    raise IcyMoonError(_describe_how_to_get_evaluator())
 
 
-def _how_to_get_one() -> str:
+def _describe_how_to_get_evaluator() -> str:
     """What to do where there is no evaluator, as a sentence."""
     if not can_install_evaluator():
         return (
@@ -149,47 +149,47 @@ def is_evaluator_missing() -> bool:
     if not can_install_evaluator():
         return False
     try:
-        extension_folder()
+        find_extension_folder()
     except IcyMoonError:
         return False
     try:
         find_evaluator_python()
     except IcyMoonError:
-        chosen = getattr(_preferences(), "evaluator", "") or os.environ.get("ICYMOON_EVALUATOR", "")
+        chosen = getattr(_get_preferences(), "evaluator", "") or os.environ.get("ICYMOON_EVALUATOR", "")
         return not chosen  # a path that is wrong is the user's to correct
     return False
 
 
-def workers() -> int:
+def count_workers() -> int:
     """Number of processes that render a data set whose ``dataset.workers`` is 0; 0 for the default of the machine."""
-    preferences = _preferences()
+    preferences = _get_preferences()
     return int(preferences.workers) if preferences else 0
 
 
-def kernels() -> str:
+def find_kernels() -> str:
     """The meta-kernel or folder of SPICE kernels for scenes that name none; empty if the user has chosen none."""
-    preferences = _preferences()
+    preferences = _get_preferences()
     return bpy.path.abspath(preferences.kernels) if preferences and preferences.kernels else ""
 
 
-def own_matcher_names() -> list[str]:
+def list_own_matchers() -> list[str]:
     """Names of the user's own matchers that are set up on this machine."""
-    preferences = _preferences()
+    preferences = _get_preferences()
     return [item.name for item in preferences.matchers] if preferences else []
 
 
-def plugin_matcher_names() -> list[str]:
+def list_plugin_matchers() -> list[str]:
     """Names of the matchers of plug-ins that the last Check found in the evaluator's Python."""
-    preferences = _preferences()
+    preferences = _get_preferences()
     return preferences.plugin_matchers.split() if preferences else list(_found_matchers)
 
 
-def own_matcher_arguments(methods: str) -> list[str]:
+def make_own_matcher_arguments(methods: str) -> list[str]:
     """The arguments of the evaluator for the user's own matchers in a list of matchers.
 
     Raises IcyMoonError if one is not set up on this machine.
     """
-    preferences = _preferences()
+    preferences = _get_preferences()
     known = {item.name: item for item in preferences.matchers} if preferences else {}
     arguments = []
     for name in trust_boundary.list_own_names(methods):
@@ -198,11 +198,11 @@ def own_matcher_arguments(methods: str) -> list[str]:
                 f"The matcher {trust_boundary.OWN}:{name} is not set up on this machine; add it under "
                 "Own Matchers in the preferences of Icy Moon, or leave it out."
             )
-        arguments += [word for text in _matcher_texts(known[name]) for word in ("--own", text)]
+        arguments += [word for text in _make_matcher_texts(known[name]) for word in ("--own", text)]
     return arguments
 
 
-def _matcher_texts(item: bpy.types.PropertyGroup) -> list[str]:
+def _make_matcher_texts(item: bpy.types.PropertyGroup) -> list[str]:
     """``NAME:METHOD:KEY=VALUE`` for each option of one of the user's matchers."""
     options = [f"{dict(list_set_ups())[item.method][1]}={item.program}"] if item.program else []
     options += [option for option in item.options.split(":") if option.strip()]
@@ -301,7 +301,9 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
             )
         if there:
             row.operator("icymoon.remove_evaluator", text="Remove Evaluator", icon="TRASH")
-            layout.label(text=f"The evaluator is installed in {own_evaluator_python().parents[1]}", icon="CHECKMARK")
+            layout.label(
+                text=f"The evaluator is installed in {find_own_evaluator_python().parents[1]}", icon="CHECKMARK"
+            )
         if bundled_wheels.has_bundled_wheels():
             layout.label(
                 text="The evaluator is part of the extension; only networks need a Python of their own",
@@ -340,9 +342,9 @@ def _draw_matchers(layout: bpy.types.UILayout, matchers: bpy.types.bpy_prop_coll
             box.prop(item, key)
 
 
-def matchers() -> bpy.types.bpy_prop_collection:
+def get_matchers() -> bpy.types.bpy_prop_collection:
     """The list of the user's own matchers. Raises IcyMoonError if the add-on has no preferences."""
-    preferences = _preferences()
+    preferences = _get_preferences()
     if preferences is None:
         raise IcyMoonError(
             "Icy Moon does not run as an installed add-on, so it has no preferences; name your matcher "
@@ -356,7 +358,7 @@ def show_findings(found: list[Finding]) -> None:
     findings[:] = found
     if any(finding.subject == "Evaluator" for finding in found):
         _found_matchers[:] = [name for finding in found for name in finding.names]
-        if preferences := _preferences():
+        if preferences := _get_preferences():
             preferences.plugin_matchers = " ".join(_found_matchers)
 
 
@@ -366,13 +368,13 @@ def register() -> None:
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
     change_announcements.listeners.append(_give_kernels)
-    _choose_cache(_preferences(), bpy.context)
+    _choose_cache(_get_preferences(), bpy.context)
 
 
 def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     light = scene.icymoon.light
-    if "light" in effects and light.directions_from == "KERNELS" and not light.kernels and kernels():
-        light.kernels = kernels()
+    if "light" in effects and light.directions_from == "KERNELS" and not light.kernels and find_kernels():
+        light.kernels = find_kernels()
 
 
 def unregister() -> None:

@@ -12,7 +12,7 @@ from ..commands.sources import BY_HAND, DEFAULT, find_origins
 from ..formats.png import encode_png
 from ..nodes import preview
 from ..nodes import scene as scenes
-from ..nodes.datablocks.blend_file_paths import with_absolute_files
+from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.ground.user_ground import is_from_file
 from ..render.cycles_settings import find_lack
 from ..settings import changes, description, preset_files, toml_text
@@ -25,10 +25,10 @@ from ..support.printer import show_controls
 from ..support.system import find_name_fault, remove
 from . import dialogs, live_preview, refine
 from .build import build_and_report
-from .evaluate import rendered_pairs
-from .preferences import extension_folder
+from .evaluate import find_rendered_pairs
+from .preferences import find_extension_folder
 from .session import session
-from .sidebar_text import in_window, line_length, remember
+from .sidebar_text import format_for_window, measure_line_length, remember_answers
 
 #: Prefix of the names of the user's own presets.
 OWN = "own/"
@@ -44,65 +44,67 @@ _shipped: list[tuple[str, str, str]] = []
 _kept: dict[tuple[str, str, str], tuple[str, str, str]] = {}  # Blender requires that Python keeps the strings of items
 
 
-def own_folder() -> Path:
+def find_own_folder() -> Path:
     """The folder of the user's own presets. Raises IcyMoonError if Icy Moon is not an installed extension."""
-    return extension_folder() / "presets"
+    return find_extension_folder() / "presets"
 
 
-def own_presets() -> dict[str, Path]:
+def list_own_presets() -> dict[str, Path]:
     """The files of the user's own presets by name, such as ``own/my_site``."""
     try:
-        return {f"{OWN}{path.stem}": path for path in sorted(own_folder().glob("*.toml"))}
+        return {f"{OWN}{path.stem}": path for path in sorted(find_own_folder().glob("*.toml"))}
     except IcyMoonError:  # not installed as an extension
         return {}
 
 
-def path_of(name: str) -> Path:
+def find_preset(name: str) -> Path:
     """The file of a preset, shipped or the user's own. Raises IcyMoonError if the preset does not exist."""
     if not name.startswith(OWN):
         return preset_files.find_preset(name)
     try:
-        return own_presets()[name]
+        return list_own_presets()[name]
     except KeyError:
         raise IcyMoonError(
             f"Your preset {name.removeprefix(OWN)!r} does not exist on this machine; choose another one."
         ) from None
 
 
-def picture_of(name: str) -> Path:
+def find_picture(name: str) -> Path:
     """The picture of a scene preset, shipped or the user's own, if it has one."""
     return (
         preset_files.find_preview(name)
         if not name.startswith(OWN)
-        else own_folder() / (f"{name.removeprefix(OWN)}{_PICTURE}")
+        else find_own_folder() / (f"{name.removeprefix(OWN)}{_PICTURE}")
     )
 
 
-def _fill(path: Path, content: bytes) -> None:
+def _write_part(path: Path, content: bytes) -> None:
     path.write_bytes(content)
 
 
 def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) -> bool:
     """Save the left image of the rendered pair of ``settings`` beside a preset; whether there is such a pair."""
     try:
-        views = read_pair_views(rendered_pairs(context, settings)[0], changes.select_response(settings), PICTURE_PX)
+        views = read_pair_views(
+            find_rendered_pairs(context, settings)[0], changes.select_response(settings), PICTURE_PX
+        )
     except IcyMoonError:
         return False
     content = encode_png(views.pictures("LEFT")[0])
-    write_atomically(target, lambda part: _fill(part, content))
+    write_atomically(target, lambda part: _write_part(part, content))
     return True
 
 
-def preset_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
+def list_preset_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
     """(name, title, description) of all presets. The shipped ones are read once."""
     if not _shipped:
         _shipped.extend((name, *preset_files.read_preset_header(name)) for name in preset_files.preset_names())
-    own = [(name, *_header(path, path.stat().st_mtime_ns)) for name, path in own_presets().items()]
+    own = [(name, *_read_header(path, path.stat().st_mtime_ns)) for name, path in list_own_presets().items()]
     return [*_shipped, *(_kept.setdefault(item, item) for item in own)]
 
 
 @lru_cache(maxsize=256)
-def _header(path: Path, modified_ns: int) -> tuple[str, str]:
+def _read_header(path: Path, modified_ns: int) -> tuple[str, str]:
     """(title, description) of one of the user's own presets, cached because the sidebar asks at every redraw."""
     try:
         return preset_files.read_header(path, path.stem)
@@ -110,19 +112,19 @@ def _header(path: Path, modified_ns: int) -> tuple[str, str]:
         return path.stem, str(error)
 
 
-def title_of(name: str) -> str:
+def find_title(name: str) -> str:
     """The title of a preset in the sidebar."""
-    found = next((title for known, title, _ in preset_items() if known == name), name.split("/")[-1])
+    found = next((title for known, title, _ in list_preset_items() if known == name), name.split("/")[-1])
     return found or "Choose a Preset"
 
 
-def shown_title(scene: bpy.types.Scene) -> str:
+def make_button_title(scene: bpy.types.Scene) -> str:
     """The title of the scene's preset on its button, and that the scene was changed since; cut to what fits there, and
     without the title where next to nothing of it does."""
-    title = title_of(scene.icymoon.preset)
+    title = find_title(scene.icymoon.preset)
     if not is_changed(scene):
         return title
-    room = line_length() - _BESIDE - len(_CHANGED)
+    room = measure_line_length() - _BESIDE - len(_CHANGED)
     if room < _FEWEST:
         return "Changed"
     return f"{title if len(title) <= room else f'{title[: room - 1].rstrip()}…'}{_CHANGED}"
@@ -136,15 +138,17 @@ def is_changed(scene: bpy.types.Scene) -> bool:
     name = scene.icymoon.preset
     if not name or not _exists(name):
         return False
-    path = path_of(name)
+    path = find_preset(name)
     return _differs(scene_properties.read_for_display(scene.icymoon), path, path.stat().st_mtime_ns)
 
 
 def _exists(name: str) -> bool:
-    return name in own_presets() if name.startswith(OWN) else any(name == known for known, *_ in preset_items())
+    return (
+        name in list_own_presets() if name.startswith(OWN) else any(name == known for known, *_ in list_preset_items())
+    )
 
 
-@remember
+@remember_answers
 def _differs(settings: Settings, path: Path, modified_ns: int) -> bool:
     try:
         loaded = description.merged(description.defaults(), preset_files.load(path))
@@ -153,7 +157,7 @@ def _differs(settings: Settings, path: Path, modified_ns: int) -> bool:
     return any(settings[topic] != loaded[topic] for topic in loaded if topic not in _KEPT)
 
 
-def known_sources(settings: Settings, preset: str) -> dict[str, str]:
+def find_known_sources(settings: Settings, preset: str) -> dict[str, str]:
     """The known sources of settings, by ``topic.key``.
 
     A source is from the user's preset that was loaded last if the value is still the same, otherwise from a shipped
@@ -165,7 +169,7 @@ def known_sources(settings: Settings, preset: str) -> dict[str, str]:
         for origin in find_origins(whole)
         if origin.preset not in (DEFAULT, BY_HAND) and origin.name.partition(".")[0] in settings
     }
-    path = own_presets().get(preset)
+    path = list_own_presets().get(preset)
     if path is None:
         return found
     preset_settings, sources = preset_files.load(path), toml_text.read_toml(path).get("sources", {})
@@ -178,14 +182,14 @@ def known_sources(settings: Settings, preset: str) -> dict[str, str]:
     return found | {name: str(source) for name, source in sources.items() if name in unchanged}
 
 
-def _fresh_settings(group: bpy.types.PropertyGroup) -> Settings:
+def _make_fresh_settings(group: bpy.types.PropertyGroup) -> Settings:
     """The settings to which a preset of a whole scene is applied: defaults, and the quality that the user has chosen.
 
     Values of quality that the previously loaded preset set become defaults. Settings of the data set are left out.
     """
     fresh, now = description.defaults(), scene_properties.read_unchecked(group).quality
     try:
-        of_previous = preset_files.load(path_of(group.preset)).get("quality", {}) if group.preset else {}
+        of_previous = preset_files.load(find_preset(group.preset)).get("quality", {}) if group.preset else {}
     except IcyMoonError:  # the user has deleted the preset
         of_previous = {}
     fresh.quality.update({key: value for key, value in now.items() if of_previous.get(key) != value})
@@ -202,7 +206,7 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
     bl_property = "preset"
 
     preset: bpy.props.EnumProperty(
-        items=preset_items,
+        items=list_preset_items,
         name="Preset",
         description="Preset to load",
     )
@@ -218,22 +222,22 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon
         try:
-            loaded = preset_files.load(path_of(self.preset))
+            loaded = preset_files.load(find_preset(self.preset))
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         if preset_files.is_whole_scene(self.preset):
-            loaded = description.merged(_fresh_settings(group), loaded)
+            loaded = description.merged(_make_fresh_settings(group), loaded)
             group.preset = self.preset
         scene_properties.write_settings(group, loaded)
         if "quality" in loaded and (lack := find_lack(description.merged(description.defaults(), loaded))):
-            self.report({"WARNING"}, in_window(lack))
+            self.report({"WARNING"}, format_for_window(lack))
         if self.build and live_preview.has_window():
-            _show(self, context, picture_of(self.preset))
+            _show_coarse(self, context, find_picture(self.preset))
         return {"FINISHED"}
 
 
-def _show(operator: bpy.types.Operator, context: bpy.types.Context, picture: Path) -> None:
+def _show_coarse(operator: bpy.types.Operator, context: bpy.types.Context, picture: Path) -> None:
     """Show the settings of the scene at once and coarsely; the ground at full resolution follows.
 
     Until the view is clear, ``picture`` covers it.
@@ -246,13 +250,13 @@ def _show(operator: bpy.types.Operator, context: bpy.types.Context, picture: Pat
         else:
             build_and_report(operator, context, coarse=True)
     else:
-        live_preview.update(scene)
-        if built := scenes.find(scene):
+        live_preview.update_scene(scene)
+        if built := scenes.find_built(scene):
             preview.await_ground(built, settings)
     session.picture.show(scene, picture)
     if preview.awaits_ground(scene, settings) is None:
         session.picture.count(scene)
-    refine.begin()
+    refine.begin_refining()
 
 
 class ICYMOON_OT_add_preset(bpy.types.Operator):
@@ -279,22 +283,22 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
             if not stem:
                 raise IcyMoonError(f"The preset's name is {self.title!r}; give it a name with letters or digits.")
             settings = scene_properties.read_settings(group)
-            wanted = with_absolute_files(settings)
+            wanted = make_paths_absolute(settings)
             wanted.pop("dataset")
-            remove(own_folder() / f"{stem}{_PICTURE}")  # of a preset that had this name
-            pictured = _save_picture(context, settings, own_folder() / f"{stem}{_PICTURE}")
+            remove(find_own_folder() / f"{stem}{_PICTURE}")  # of a preset that had this name
+            pictured = _save_picture(context, settings, find_own_folder() / f"{stem}{_PICTURE}")
             write_text(
-                own_folder() / f"{stem}.toml",
+                find_own_folder() / f"{stem}.toml",
                 preset_files.make_preset_text(
-                    self.title, "A preset of yours", wanted, known_sources(wanted, group.preset)
+                    self.title, "A preset of yours", wanted, find_known_sources(wanted, group.preset)
                 ),
             )
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         group.preset = f"{OWN}{stem}"
         without = "" if pictured else "; it gets its picture if you save it after Render Stereo Pair"
-        self.report({"INFO"}, show_controls(f"Saved {own_folder() / stem}.toml{without}"))
+        self.report({"INFO"}, show_controls(f"Saved {find_own_folder() / stem}.toml{without}"))
         return {"FINISHED"}
 
 
@@ -307,7 +311,7 @@ class ICYMOON_OT_remove_preset(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        own = context.scene.icymoon.preset in own_presets()
+        own = context.scene.icymoon.preset in list_own_presets()
         if not own:
             cls.poll_message_set("Load one of your own presets first; the presets of Icy Moon cannot be removed")
         return own
@@ -318,12 +322,12 @@ class ICYMOON_OT_remove_preset(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon
         try:
-            path = path_of(group.preset)
+            path = find_preset(group.preset)
             with explain_disk_errors("delete", path):
                 remove(path)
                 remove(path.with_suffix(_PICTURE))
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         group.preset = ""
         return {"FINISHED"}

@@ -20,8 +20,8 @@ from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import jobs, view_resolution
-from .build import look_through, views_through
-from .events import call, follow
+from .build import find_views_through, look_through
+from .events import call_later, make_registration
 from .session import session
 from .window import redraw_panels
 
@@ -31,19 +31,19 @@ NOTE = "Coarse ground; the fine one follows"
 _BUSY = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
 
 
-def begin() -> None:
+def begin_refining() -> None:
     """Let the fine ground follow wherever a scene awaits it."""
-    call(_work, jobs.INTERVAL_S)
+    call_later(_refine_next, jobs.INTERVAL_S)
 
 
-def note(scene: bpy.types.Scene) -> str:
+def describe_refining(scene: bpy.types.Scene) -> str:
     """Text for the sidebar while the ground of the scene is made at full resolution; empty otherwise."""
-    if not bpy.app.timers.is_registered(_work):
+    if not bpy.app.timers.is_registered(_refine_next):
         return ""
     return NOTE if preview.awaits_ground(scene, scene_properties.read_for_display(scene.icymoon)) else ""
 
 
-def _next() -> tuple[scenes.Built, Settings] | None:
+def _find_next() -> tuple[scenes.Built, Settings] | None:
     """A built scene that awaits its ground, and its settings."""
     for scene in bpy.data.scenes:
         with suppress(IcyMoonError):  # settings that no panel can make
@@ -62,49 +62,51 @@ def _is_busy() -> bool:
     )
 
 
-def _work() -> float | None:
+def _refine_next() -> float | None:
     """Compute the ground of a scene that awaits it, then build the scene. The timer stops when no scene waits."""
-    found = _next()
+    found = _find_next()
     if found is None:
         session.meshing = None
         return None
     built, settings = found
     job = session.meshing
     if job is None or changes.select_scene(session.meshed_settings or settings) != changes.select_scene(settings):
-        work = Calculation(partial(mesh_whole_ground, scenes.ground_of, settings), "the ground")
+        work = Calculation(partial(mesh_whole_ground, scenes.make_ground, settings), "the ground")
         session.meshing, session.meshed_settings = jobs.Job("Fine Ground", work), settings
     elif not job.poll() and not _is_busy():
         session.meshing = None
-        _show(built, settings, job)
+        _show_refined(built, settings, job)
         redraw_panels()
     return jobs.INTERVAL_S
 
 
-def _show(built: scenes.Built, settings: Settings, job: jobs.Job) -> None:
+def _show_refined(built: scenes.Built, settings: Settings, job: jobs.Job) -> None:
     """Build a scene at full resolution from its ground and note its warnings, or note why it is not built.
 
     It is not built if something was edited by hand.
     """
-    views = views_through(bpy.context, built.camera)
+    views = find_views_through(bpy.context, built.camera)
     try:
         if job.failure:
             raise IcyMoonError(job.failure)
         if built.terrain.mode != "OBJECT" or built.edited_parts():
             raise IcyMoonError("The scene was edited while its ground was coarse; press Build Scene to build it again.")
-        fine = scenes.build(built.scene, settings, job.result["value"])
+        fine = scenes.build_scene(built.scene, settings, job.result["value"])
         look_through(views, fine)
         preview.set_notes(fine, list(fine.warnings))  # no operator runs that could report them
     except IcyMoonError as error:
         del built.collection[scenes.REFINED]
         preview.set_notes(built, [str(error)])
-    view_resolution.begin(built.scene)
+    view_resolution.begin_coarse(built.scene)
     session.picture.count(built.scene)
 
 
-def _resume() -> None:
+def _resume_refining() -> None:
     """Undo, redo and opening a file may show a coarse ground again."""
     if not bpy.app.background:
-        begin()
+        begin_refining()
 
 
-register, unregister = follow(timers=(_work,), undo_post=_resume, redo_post=_resume, load_post=_resume)
+register, unregister = make_registration(
+    timers=(_refine_next,), undo_post=_resume_refining, redo_post=_resume_refining, load_post=_resume_refining
+)

@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 
 from ..nodes import scene as scenes
-from ..nodes.datablocks.blend_file_paths import with_absolute_files
+from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
@@ -21,14 +21,14 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
 from . import jobs
-from .build import frame_and_expose, leave_edit_mode, look_through, views_through
+from .build import find_views_through, frame_and_expose, leave_edit_mode, look_through
 from .job_operators import JobOperator
-from .sidebar_text import in_window
+from .sidebar_text import format_for_window
 from .user_render import prepare_render
 from .window import find_scene, push_undo
 
 
-def dataset_folder(settings: Settings) -> Path:
+def find_dataset_folder(settings: Settings) -> Path:
     """The absolute path of the data set folder that the settings name."""
     saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
     return absolute_folder(str(settings.dataset.folder), saved)
@@ -39,13 +39,13 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
 
     Objects that the user added stay. Raises IcyMoonError if building again would, or might, overwrite edits by hand.
     """
-    built = scenes.find(scene)
+    built = scenes.find_built(scene)
     if built is None:
         return _build_anew(scene, settings)
     scenes.separate_copies(built)
     if built.outdated:
         raise IcyMoonError(built.outdated)
-    changed = scenes.changed_settings(built, settings)
+    changed = scenes.list_changed_settings(built, settings)
     if not changed and not built.preview:
         return built
     by_hand = built.edited_parts()
@@ -63,23 +63,23 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
 
 def _build_anew(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     leave_edit_mode()
-    earlier = scenes.find(scene)
+    earlier = scenes.find_built(scene)
     before = earlier.settings if earlier else None
-    built = scenes.build(scene, settings)
+    built = scenes.build_scene(scene, settings)
     prepare_render(scene, built)
     frame_and_expose(scene, settings, before)
     push_undo("Build Scene")
     return built
 
 
-def planned_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPair]:
+def plan_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPair]:
     """The pairs that Render Stereo Pair would render of a scene now."""
-    built = scenes.find(scene)
+    built = scenes.find_built(scene)
     if built is not None:
         scenes.separate_copies(built)
-    if built is not None and (built.edited or not scenes.changed_settings(built, settings)):
+    if built is not None and (built.edited or not scenes.list_changed_settings(built, settings)):
         return expand_headings(settings, built.extra)
-    return expand_headings(settings, scenes.extra(settings))
+    return expand_headings(settings, scenes.make_extra(settings))
 
 
 class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
@@ -95,8 +95,8 @@ class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
         check_possible(settings.quality)
-        before = scenes.find(context.scene)
-        views = views_through(context, before.camera if before else None)
+        before = scenes.find_built(context.scene)
+        views = find_views_through(context, before.camera if before else None)
         built = bring_up_to_date(context.scene, settings)
         look_through(views, built)
         self._warn(built)
@@ -105,14 +105,14 @@ class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
         # The worker can use the built scene; other headings have their own meshes.
         as_built = bool(built.edited) or settings.dataset.headings == 1
         files = JobFiles(
-            dataset_folder(settings),
-            with_absolute_files(settings),
+            find_dataset_folder(settings),
+            make_paths_absolute(settings),
             again=self.again,
             scene=context.scene.name if as_built else None,
         )
         if as_built:
             bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)
-        command, device = blender_command(jobs.this_blender(), "worker", str(files.file)), settings.quality.device
+        command, device = blender_command(jobs.find_this_blender(), "worker", str(files.file)), settings.quality.device
         return jobs.Job.start("Render Stereo Pair", command, self._hear, files.remove, device=device, clean=False)
 
     def _hear(self, message: Message) -> None:
@@ -127,8 +127,8 @@ class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
         self._warn(built)
         folders = render_pairs(
             built,
-            planned_pairs(context.scene, settings),
-            dataset_folder(settings),
+            plan_pairs(context.scene, settings),
+            find_dataset_folder(settings),
             context.scene.frame_current,
             time.perf_counter() - start,
             lambda *a, **k: None,
@@ -150,7 +150,7 @@ class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
 
     def _warn(self, built: scenes.Built) -> None:
         for warning in built.warnings:
-            self.report({"WARNING"}, in_window(warning))
+            self.report({"WARNING"}, format_for_window(warning))
 
 
 CLASSES = (ICYMOON_OT_render_pair,)

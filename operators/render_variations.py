@@ -9,23 +9,23 @@ from typing import Any
 
 import bpy
 
-from ..render.cost.estimate import duration_text, estimate_roughly, size_text
+from ..render.cost.estimate import estimate_roughly, format_duration, format_size
 from ..render.plans.frozen_plan import PLAN as FROZEN
 from ..render.plans.frozen_plan import read_frozen_plan
 from ..render.plans.vary_scene import (
     count_pairs,
-    describe,
+    describe_variations,
+    make_title,
     sample_settings,
-    title_of,
 )
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path, write_text
 from ..support.printer import show_controls
 from . import dataset, jobs, variation_curves, variation_pictures, variation_plan
-from .events import until_change
-from .render import dataset_folder
-from .sidebar_text import known_speed, plain
+from .events import keep_until_change
+from .render import find_dataset_folder
+from .sidebar_text import recall_known_speed, replace_keys_by_labels
 from .window import push_undo
 
 #: Rendered pairs whose pictures the sidebar offers, and characters of a line of the dialog.
@@ -34,28 +34,28 @@ _PICTURES, _DIALOG_LINE = 24, 60
 _SAMPLE = 16
 
 
-def lines(scene: bpy.types.Scene) -> tuple[str, ...]:
+def list_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences on the pairs of a scene's variations, their time and size, or on why they are impossible; computed once
     per change."""
-    key = ("variations", scene.session_uid, known_speed(str(scene.icymoon.quality.device)))
-    return until_change(key, lambda: _make_lines(scene))
+    key = ("variations", scene.session_uid, recall_known_speed(str(scene.icymoon.quality.device)))
+    return keep_until_change(key, lambda: _make_lines(scene))
 
 
 def _make_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
     settings = scene_properties.read_unchecked(scene.icymoon)
     variations = scene_properties.read_variations(scene.icymoon)
     try:
-        told = describe(settings, variations)
+        told = describe_variations(settings, variations)
         some, grounds = sample_settings(settings, variations, _SAMPLE)
     except IcyMoonError as error:
         return (str(error),)
-    speed = known_speed(str(settings.quality.device))
+    speed = recall_known_speed(str(settings.quality.device))
     seconds, size = estimate_roughly(some, count_pairs(settings, variations), grounds, speed)
     machine = "on this machine" if speed else "on another machine; measure this one under Quality and Speed"
-    return (told, f"About {duration_text(seconds)} and {size_text(size)} {machine}")
+    return (told, f"About {format_duration(seconds)} and {format_size(size)} {machine}")
 
 
-def _spread(pairs: Sequence[Any]) -> list[Any]:
+def _choose_spread(pairs: Sequence[Any]) -> list[Any]:
     """All pairs, or as many as the sidebar can show: the first, the last and others at equal steps."""
     count = min(_PICTURES, len(pairs))
     return [pairs[round(k * (len(pairs) - 1) / max(1, count - 1))] for k in range(count)]
@@ -82,10 +82,10 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         scene = context.scene
         try:
             settings = scene_properties.read_settings(scene.icymoon)
-            title = title_of(scene_properties.read_variations(scene.icymoon))
+            title = make_title(scene_properties.read_variations(scene.icymoon))
             self.folder = str(
-                variation_plan.free_folder(
-                    dataset_folder(settings), variation_plan.text_of_plan(scene, settings), title
+                variation_plan.find_free_folder(
+                    find_dataset_folder(settings), variation_plan.make_scene_plan_text(scene, settings), title
                 )
             )
         except IcyMoonError as error:
@@ -95,8 +95,8 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
 
     def draw(self, context: bpy.types.Context) -> None:
         column, group = self.layout.column(), context.scene.icymoon.dataset
-        for sentence in lines(context.scene):
-            for line in textwrap.wrap(plain(sentence), _DIALOG_LINE):
+        for sentence in list_lines(context.scene):
+            for line in textwrap.wrap(replace_keys_by_labels(sentence), _DIALOG_LINE):
                 column.label(text=line)
         variation_pictures.draw_icons(column, context.scene)
         column.prop(self, "folder")
@@ -119,14 +119,14 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         group = context.scene.icymoon.dataset
         settings = scene_properties.read_settings(context.scene.icymoon)
-        text = variation_plan.text_of_plan(context.scene, settings)
+        text = variation_plan.make_scene_plan_text(context.scene, settings)
         if self.folder:
             settings.dataset.folder = str(absolute_path(self.folder, "dataset.folder"))
-        folder = dataset_folder(settings)
-        if fault := variation_plan.fault_of_folder(folder, text):
+        folder = find_dataset_folder(settings)
+        if fault := variation_plan.find_folder_fault(folder, text):
             raise IcyMoonError(fault)
         plan = str(folder / variation_plan.PLAN)
-        command = dataset.batch_command(settings, plan)  # which is refused before anything is written
+        command = dataset.make_batch_command(settings, plan)  # which is refused before anything is written
         if (folder / FROZEN).is_file():
             self.report({"INFO"}, show_controls(f"Continuing the data set in {folder}"))
         write_text(folder / variation_plan.PLAN, text)
@@ -134,13 +134,13 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         if group.folder != settings.dataset.folder:
             group.folder = settings.dataset.folder
             push_undo(self.bl_label)
-        return self._job_of(process, context)
+        return self._make_job(process, context)
 
     def report_success(self, context: bpy.types.Context) -> None:
         scene = self._keeper.scene
         if scene is not None:
             pairs = read_frozen_plan(Path(self._process.facts["dataset"])).pairs
-            scene.icymoon.pairs = " ".join(pair.id for pair in _spread(pairs))
+            scene.icymoon.pairs = " ".join(pair.id for pair in _choose_spread(pairs))
             push_undo(self.bl_label)
         super().report_success(context)
         variation_curves.show_curves(context, open_window=False)

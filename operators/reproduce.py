@@ -12,8 +12,8 @@ from ..stereo.paper import PAGE
 from ..support.printer import show_controls
 from . import jobs
 from .job_operators import DialogJobOperator
-from .preferences import find_evaluator_python, workers
-from .render import dataset_folder
+from .preferences import count_workers, find_evaluator_python
+from .render import find_dataset_folder
 
 
 class ICYMOON_OT_reproduce(DialogJobOperator, bpy.types.Operator):
@@ -42,7 +42,7 @@ class ICYMOON_OT_reproduce(DialogJobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        folder, count = dataset_folder(settings) / "guiss", settings.dataset.workers or workers()
+        folder, count = find_dataset_folder(settings) / "guiss", settings.dataset.workers or count_workers()
         # For security, the page that is opened later is this one, not one that a message names.
         self._page = folder / PAGE
         command = python_command(
@@ -54,7 +54,7 @@ class ICYMOON_OT_reproduce(DialogJobOperator, bpy.types.Operator):
             "--scale",
             f"{self.scale:g}",
             "--blender",
-            jobs.this_blender(),
+            jobs.find_this_blender(),
             "--json",
             *(["--quick"] if self.size == "QUICK" else []),
             *(["--workers", str(count)] if count else []),

@@ -26,8 +26,8 @@ from ..support.foreign_bytes import parse_json
 from ..support.number_text import format_count
 from . import image_editor, own_reports
 from .operator_type import OperatorMixin
-from .render import dataset_folder
-from .sidebar_text import in_window, place_of
+from .render import find_dataset_folder
+from .sidebar_text import describe_place, format_for_window
 from .window import push_undo
 
 #: Columns of a matcher's row in a report that the scene keeps.
@@ -39,7 +39,7 @@ _ROW = {
     "pairs": Maybe(COUNT),
     "ranks": Maybe(Each(Each(COUNT), TEXT)),
 }
-#: Lists of sentences of a report that the scene keeps, see ``Kept``.
+#: Lists of sentences of a report that the scene keeps, see ``KeptResults``.
 _SENTENCES = ("notes", "briefs", "rare_failures", "doubts", "typical_differences")
 _SHAPE = {
     "made": TEXT,
@@ -67,7 +67,7 @@ _COUNT_TOO = {"DATASET": ("folder", "methods"), "SCENE": ("folder", "methods", "
 
 
 @dataclass(frozen=True)
-class Kept:
+class KeptResults:
     """The last evaluation of a scene: its time, scope, pairs and settings, a row of ``METRICS`` for each matcher, and
     notes on the limits of the results.
 
@@ -87,51 +87,53 @@ class Kept:
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
-    """Store with a scene the evaluation that was just written to ``folder_of`` these settings.
+    """Store with a scene the evaluation that was just written to ``find_evaluation_folder`` these settings.
 
     ``pairs`` are the ids of its pairs, empty for a whole data set. Raises IcyMoonError if the report cannot be read.
     """
-    folder = folder_of(settings, scope)
+    folder = find_evaluation_folder(settings, scope)
     report = _read_report(folder)
-    own_reports.remember(folder / "report.html")
+    own_reports.remember_report(folder / "report.html")
     for name, value in report.get("provenance", {}).get("response_overrides", {}).items():  # the response that was used
         topic, _, key = name.partition(".")
         settings = description.merged(settings, description.check({topic: {key: value}}, "report.json"))
     kept = {
-        "made": _made(report),
+        "made": _read_creation_time(report),
         "scope": scope,
         "pairs": list(pairs),
         "settings": settings,
-        "summary": [{key: value for key, value in _complete(row).items() if key in _ROW} for row in report["summary"]],
+        "summary": [
+            {key: value for key, value in _complete_row(row).items() if key in _ROW} for row in report["summary"]
+        ],
         **{key: report.get(key, [])[:_MOST_NOTES] for key in _SENTENCES},
     }
     scene.icymoon.results = json.dumps(kept)
 
 
-def kept_results(scene: bpy.types.Scene) -> Kept | None:
+def kept_results(scene: bpy.types.Scene) -> KeptResults | None:
     """The last evaluation of a scene; None if there was none, or if it cannot be read."""
-    return _parsed(scene.icymoon.results)
+    return _parse_results(scene.icymoon.results)
 
 
 @lru_cache(maxsize=8)
-def _parsed(text: str) -> Kept | None:
+def _parse_results(text: str) -> KeptResults | None:
     try:
         found = parse_json(text)
     except ValueError:
         return None
     if find_fault(found, _SHAPE):
         return None
-    return Kept(
-        _clean(found["made"]),
+    return KeptResults(
+        _clean_text(found["made"]),
         found["scope"],
-        tuple(map(_clean, found["pairs"])),
+        tuple(map(_clean_text, found["pairs"])),
         typed(found["settings"]),
-        tuple(sorted(map(_complete, found["summary"]), key=_badness)),
-        *(tuple(_clean(note, _LONGEST_NOTE) for note in found.get(key, ())[:_MOST_NOTES]) for key in _SENTENCES),
+        tuple(sorted(map(_complete_row, found["summary"]), key=_sort_key)),
+        *(tuple(_clean_text(note, _LONGEST_NOTE) for note in found.get(key, ())[:_MOST_NOTES]) for key in _SENTENCES),
     )
 
 
-def _complete(row: Mapping[str, Any]) -> dict[str, Any]:
+def _complete_row(row: Mapping[str, Any]) -> dict[str, Any]:
     """A row of a summary with all entries that are shown, of the ranks only that by ``RANKING``. A summary of an older
     version has no ranks, and does not state the number of measured pixels."""
     rank = row.get("ranks", {}).get(RANKING, ())
@@ -139,42 +141,42 @@ def _complete(row: Mapping[str, Any]) -> dict[str, Any]:
         **dict.fromkeys(METRICS),
         "n": 1,
         **row,
-        "method": _clean(row["method"]),
+        "method": _clean_text(row["method"]),
         "ranks": {RANKING: rank} if len(rank) == 2 else {},
     }
 
 
-def _badness(row: Mapping[str, Any]) -> tuple[float, float]:
+def _sort_key(row: Mapping[str, Any]) -> tuple[float, float]:
     """What matchers are sorted by: pixels that are wrong or missing, and the error of the others only if equal."""
     wrong, error = row.get("total_bad_1") if row.get("n", 1) else None, row.get("l1_m")
     return math.inf if wrong is None else wrong, math.inf if error is None else error
 
 
-def _clean(text: str, longest: int = _LONGEST) -> str:
+def _clean_text(text: str, longest: int = _LONGEST) -> str:
     return "".join(c if c.isprintable() else " " for c in text[:longest])
 
 
-def folder_of(settings: Settings, scope: str) -> Path:
+def find_evaluation_folder(settings: Settings, scope: str) -> Path:
     """The folder for the evaluation of a scene ('SCENE') or a whole data set ('DATASET').
 
     Raises IcyMoonError if the data set has no valid folder.
     """
-    return dataset_folder(settings) / ("evaluation" if scope == "DATASET" else "evaluation_scene")
+    return find_dataset_folder(settings) / ("evaluation" if scope == "DATASET" else "evaluation_scene")
 
 
-def summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
+def read_summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
     """One row of metrics for each matcher of a scene's last evaluation; empty if there was none."""
     found = kept_results(scene)
     return list(found.summary) if found else []
 
 
-def limits(scene: bpy.types.Scene) -> tuple[str, ...]:
+def list_limits(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences on the limits of the results of a scene's last evaluation, the most important first."""
     found = kept_results(scene)
     return found.notes if found else ()
 
 
-def limits_in_brief(scene: bpy.types.Scene) -> tuple[str, ...]:
+def list_brief_limits(scene: bpy.types.Scene) -> tuple[str, ...]:
     """The same in brief; empty if an older version wrote the results."""
     found = kept_results(scene)
     return found.briefs if found else ()
@@ -186,24 +188,24 @@ def is_doubt(scene: bpy.types.Scene, brief: str) -> bool:
     return found is not None and any(doubt.startswith(brief) for doubt in found.doubts)
 
 
-def rare_failures(scene: bpy.types.Scene) -> tuple[str, ...]:
+def list_rare_failures(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences on matchers that fail heavily in few pairs, on which the ranks depend."""
     found = kept_results(scene)
     return found.rare_failures if found else ()
 
 
-def typical_differences(scene: bpy.types.Scene) -> tuple[str, ...]:
+def list_typical_differences(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences on how matchers differ in the typical scene, with intervals; empty if an older version wrote them."""
     found = kept_results(scene)
     return found.typical_differences if found else ()
 
 
-def differences(scene: bpy.types.Scene) -> list[str]:
+def list_changed_settings(scene: bpy.types.Scene) -> list[str]:
     """Labels of the settings that have changed since the last evaluation."""
-    return [place_of(topic, s) for topic, s in _differing(scene)]
+    return [describe_place(topic, s) for topic, s in _find_changed_settings(scene)]
 
 
-def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
+def _find_changed_settings(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
     found = kept_results(scene)
     if found is None:
         return []
@@ -211,13 +213,13 @@ def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
     return [
         (topic, s)
         for topic, s in list_all_settings()
-        if _counts(topic, s, found.scope)
+        if _affects_results(topic, s, found.scope)
         and s.key in found.settings.get(topic, {})
         and found.settings[topic][s.key] != present[topic][s.key]
     ]
 
 
-def _counts(topic: str, setting: Setting, scope: str) -> bool:
+def _affects_results(topic: str, setting: Setting, scope: str) -> bool:
     """Whether results of a scope depend on a setting.
 
     Results of a data set do not depend on the settings for rendering, since its plan contains its own.
@@ -227,7 +229,7 @@ def _counts(topic: str, setting: Setting, scope: str) -> bool:
     return scope == "SCENE" or setting.effect == "response"
 
 
-def notes(scene: bpy.types.Scene) -> list[str]:
+def list_notes(scene: bpy.types.Scene) -> list[str]:
     """Sentences on a scene's last evaluation: its pairs and time, then which settings have changed since, if any."""
     found = kept_results(scene)
     if found is None:
@@ -238,10 +240,10 @@ def notes(scene: bpy.types.Scene) -> list[str]:
         subject = "Of the data set" + (f", {format_count(count, 'pair')}" if count else "")
     more = f" and {len(found.pairs) - 1} more" if len(found.pairs) > 1 else ""
     sentences = [f"{subject}{more}, {found.made.replace('T', ' ')[:16]} UTC"]
-    other = _differing(scene)
+    other = _find_changed_settings(scene)
     if other:
         rest = f" and {len(other) - _MOST_NAMED} more" if len(other) > _MOST_NAMED else ""
-        labels = ", ".join(place_of(topic, s) for topic, s in other[:_MOST_NAMED])
+        labels = ", ".join(describe_place(topic, s) for topic, s in other[:_MOST_NAMED])
         rendered = any(s.effect != "response" and s.key != "methods" for _, s in other)
         sentences.append(
             f"Measured with other settings than the present ones: {labels}{rest}. "
@@ -265,60 +267,61 @@ def _read_once(path: Path, written_ns: int) -> dict[str, Any]:
     return dict(read_record(path, _REPORT, "press Evaluate again"))
 
 
-def _made(report: Mapping[str, Any]) -> str:
+def _read_creation_time(report: Mapping[str, Any]) -> str:
     return str(report.get("provenance", {}).get("created", ""))
 
 
-def report_folder(scene: bpy.types.Scene) -> Path:
+def find_report_folder(scene: bpy.types.Scene) -> Path:
     """The folder of a scene's last evaluation. Raises IcyMoonError if it is missing or contains another evaluation."""
     found = kept_results(scene)
     if found is None:
         raise IcyMoonError("This scene has not been evaluated yet; press Evaluate.")
-    folder = folder_of(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}), found.scope)
-    if _clean(_made(_read_report(folder))) != found.made:
+    folder = find_evaluation_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}), found.scope)
+    if _clean_text(_read_creation_time(_read_report(folder))) != found.made:
         raise IcyMoonError(f"{folder} contains another evaluation than the one that is shown; press Evaluate again.")
     return folder
 
 
-def outcome(row: Mapping[str, Any]) -> str:
+def describe_result(row: Mapping[str, Any]) -> str:
     """The result of a matcher in one sentence, from its row of a summary."""
     method = describe_method(row["method"])
     if not row["n"]:
         return f"{method}: {NO_RESULT}"
     return (
-        f"{method}: {percent(row['total_bad_1'])} wrong or missing; covers {percent(row['coverage'])} with a mean "
-        f"error of {metres(row['l1_m'])}"
+        f"{method}: {format_percent(row['total_bad_1'])} wrong or missing; covers "
+        f"{format_percent(row['coverage'])} with a mean "
+        f"error of {format_metres(row['l1_m'])}"
     )
 
 
-def outcomes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """``outcome`` of each row, the best matcher last: the status bar shows the last report."""
-    return [outcome(row) for row in sorted(rows, key=_badness, reverse=True)]
+def describe_results(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """``describe_result`` of each row, the best matcher last: the status bar shows the last report."""
+    return [describe_result(row) for row in sorted(rows, key=_sort_key, reverse=True)]
 
 
-def number(value: float | None, digits: int) -> str:
+def format_number(value: float | None, digits: int) -> str:
     """A metric as text; a dash if it has no value."""
     return "–" if value is None else f"{value:.{digits}f}"
 
 
-def percent(value: float | None) -> str:
+def format_percent(value: float | None) -> str:
     """A share as per cent; a dash if it has no value."""
     return "–" if value is None else f"{100 * value:.1f} %"
 
 
-def metres(value: float | None) -> str:
+def format_metres(value: float | None) -> str:
     """A length in metres to a millimetre; a dash without a unit if it is unknown."""
     return "–" if value is None else f"{value:.3f} m"
 
 
-def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
+def _find_files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
     """(matcher, file) of each file of a kind that exists, from the best matcher to the worst."""
     try:
-        folder = report_folder(scene)
+        folder = find_report_folder(scene)
         report = _read_report(folder)
     except IcyMoonError:
         return []
-    badness = {row["method"]: _badness(row) for row in report["summary"]}
+    badness = {row["method"]: _sort_key(row) for row in report["summary"]}
     found = [
         (row["method"], folder / row["images"][kind])
         for row in report.get("shown", report.get("rows", []))
@@ -330,10 +333,10 @@ def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
     ]
 
 
-def curves(scene: bpy.types.Scene) -> dict[str, Path]:
+def find_curves(scene: bpy.types.Scene) -> dict[str, Path]:
     """The pictures of the error against each setting (``topic.key``) that varies, of the last evaluation."""
     try:
-        folder = report_folder(scene)
+        folder = find_report_folder(scene)
         listed = _read_report(folder).get("curves", {})
     except IcyMoonError:
         return {}
@@ -344,47 +347,47 @@ def curves(scene: bpy.types.Scene) -> dict[str, Path]:
     }
 
 
-def disparity_files(scene: bpy.types.Scene, method: str) -> dict[str, Path]:
+def find_disparity_files(scene: bpy.types.Scene, method: str) -> dict[str, Path]:
     """The stored disparities of a matcher, by the id of the pair."""
-    return {path.parent.name: path for name, path in _files(scene, "disparity") if name == method}
+    return {path.parent.name: path for name, path in _find_files(scene, "disparity") if name == method}
 
 
-def methods_with_disparities(scene: bpy.types.Scene) -> list[str]:
+def list_methods_with_disparities(scene: bpy.types.Scene) -> list[str]:
     """The matchers whose errors can be painted, from the best to the worst."""
-    return list(dict.fromkeys(method for method, _ in _files(scene, "disparity")))
+    return list(dict.fromkeys(method for method, _ in _find_files(scene, "disparity")))
 
 
-def error_images(scene: bpy.types.Scene, method: str = "") -> list[Path]:
+def find_error_images(scene: bpy.types.Scene, method: str = "") -> list[Path]:
     """Existing error images of the last evaluation: of ``method`` first, then from the best matcher to the worst."""
-    found = sorted(_files(scene, "error"), key=lambda each: each[0] != method)
+    found = sorted(_find_files(scene, "error"), key=lambda each: each[0] != method)
     return [path for _, path in found]
 
 
-def methods_with_error_images(scene: bpy.types.Scene) -> set[str]:
+def list_methods_with_error_images(scene: bpy.types.Scene) -> set[str]:
     """The matchers that have an error image."""
-    return {method for method, _ in _files(scene, "error")}
+    return {method for method, _ in _find_files(scene, "error")}
 
 
-def depth_images(scene: bpy.types.Scene) -> list[Path]:
+def find_depth_images(scene: bpy.types.Scene) -> list[Path]:
     """The measured depth images of the last evaluation that exist, from the best matcher to the worst."""
-    return [path for _, path in _files(scene, "depth")]
+    return [path for _, path in _find_files(scene, "depth")]
 
 
-def point_files(scene: bpy.types.Scene, method: str) -> list[Path]:
+def find_point_files(scene: bpy.types.Scene, method: str) -> list[Path]:
     """The measured surfaces of a matcher, one for each evaluated pair."""
-    return [path for name, path in _files(scene, "points") if name == method]
+    return [path for name, path in _find_files(scene, "points") if name == method]
 
 
-def methods_with_points(scene: bpy.types.Scene) -> list[str]:
+def list_methods_with_points(scene: bpy.types.Scene) -> list[str]:
     """The matchers whose measured surface can be shown, from the best to the worst."""
-    return list(dict.fromkeys(method for method, _ in _files(scene, "points")))
+    return list(dict.fromkeys(method for method, _ in _find_files(scene, "points")))
 
 
 def show_error_image(context: bpy.types.Context, open_window: bool, method: str = "") -> bool:
     """``show_images`` for the error images, ``method`` first, and for the depth images if there are any."""
-    errors = error_images(context.scene, method)
-    names = {path: f"Error of {describe_method(name)}" for name, path in _files(context.scene, "error")}
-    return show_images(context, [*errors, *depth_images(context.scene)] if errors else [], open_window, names)
+    errors = find_error_images(context.scene, method)
+    names = {path: f"Error of {describe_method(name)}" for name, path in _find_files(context.scene, "error")}
+    return show_images(context, [*errors, *find_depth_images(context.scene)] if errors else [], open_window, names)
 
 
 def show_images(
@@ -405,7 +408,7 @@ def show_images(
         image.reload()
         image.name = (names or {}).get(path, image.name)
     area.spaces.active.image = images[0]
-    image_editor.fit(area)
+    image_editor.zoom_to_fit(area)
     push_undo("Show Images")
     return True
 
@@ -430,7 +433,7 @@ class ICYMOON_OT_show_error(ResultOperator, bpy.types.Operator):
     method: bpy.props.StringProperty(name="Matcher", description="Matcher of the errors; empty for the most accurate")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if not error_images(context.scene):
+        if not find_error_images(context.scene):
             self.report({"ERROR"}, "The error images do not exist any more; press Evaluate again.")
             return {"CANCELLED"}
         show_error_image(context, open_window=True, method=self.method)
@@ -445,17 +448,17 @@ class ICYMOON_OT_open_report(ResultOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            page = report_folder(context.scene) / "report.html"
+            page = find_report_folder(context.scene) / "report.html"
             if not page.is_file():
                 raise IcyMoonError("The report does not exist any more; press Evaluate again.")
             with explain_disk_errors("read", page):
-                if not own_reports.is_ours(page):
+                if not own_reports.is_own_report(page):
                     raise IcyMoonError(
                         f"{page} was not made by you on this machine, and a web page can run unknown "
                         "scripts; press Evaluate to make it again."
                     )
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         bpy.ops.wm.url_open(url=page.as_uri())
         return {"FINISHED"}

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import PairViews
-from .events import follow
+from .events import make_registration
 from .first_picture import FirstPicture
 from .jobs import Job
 from .window import redraw_panels
@@ -66,7 +66,7 @@ class Session:
 
 
 session = Session()
-register, unregister = follow(
+register, unregister = make_registration(
     load_pre=session.reset,
     undo_pre=lambda: session.picture.remove(),
     redo_pre=lambda: session.picture.remove(),

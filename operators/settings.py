@@ -12,7 +12,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import write_text
 from ..support.printer import show_controls
 from . import dialogs
-from .sidebar_text import in_window
+from .sidebar_text import format_for_window
 
 
 class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
@@ -34,7 +34,7 @@ class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
                 context.scene.icymoon, preset_files.load(Path(bpy.path.abspath(self.filepath)))
             )
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -60,7 +60,7 @@ class ICYMOON_OT_save_settings(dialogs.TomlFileDialog, bpy.types.Operator):
         try:
             write_text(path, toml_text.to_toml(scene_properties.read_settings(context.scene.icymoon)))
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         self.report({"INFO"}, show_controls(f"Saved {path}"))
         return {"FINISHED"}

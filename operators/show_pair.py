@@ -20,7 +20,7 @@ import bpy
 
 from ..formats.png import encode_png
 from ..nodes.datablocks.fingerprint import TAG
-from ..render.pairs.our_files import checked_id, folder_of_pair
+from ..render.pairs.our_files import check_id, folder_of_pair
 from ..render.workers.calculation import Calculation
 from ..settings.blender import scene_properties
 from ..settings.changes import select_response
@@ -32,13 +32,13 @@ from ..support.printer import show_controls
 from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
 from . import image_editor, live_preview, view_exposure
-from .evaluate import rendered_pairs
-from .events import call, cancel, follow
+from .evaluate import find_rendered_pairs
+from .events import call_later, cancel_call, make_registration
 from .job_operators import WatchingOperator
 from .jobs import INTERVAL_S, Job
-from .render import dataset_folder
+from .render import find_dataset_folder
 from .session import ShownPair, session
-from .sidebar_text import plain
+from .sidebar_text import replace_keys_by_labels
 from .window import push_undo, redraw_panels
 
 VIEWS = (
@@ -56,7 +56,7 @@ REST_S = 0.3
 _FLICKER_S = 1 / 3
 
 
-def _made_of(folder: Path, camera_response: Mapping[str, Mapping[str, Any]]) -> tuple[Any, ...]:
+def _describe_origin(folder: Path, camera_response: Mapping[str, Mapping[str, Any]]) -> tuple[Any, ...]:
     try:
         written_ns = (folder / "pair.json").stat().st_mtime_ns
     except OSError:
@@ -67,11 +67,11 @@ def _made_of(folder: Path, camera_response: Mapping[str, Mapping[str, Any]]) -> 
 # ---- which pair -----------------------------------------------------------------------------------------------------
 
 
-def kept_pairs(scene: bpy.types.Scene) -> list[Path]:
+def find_kept_pairs(scene: bpy.types.Scene) -> list[Path]:
     """Existing folders of the pairs that were rendered last from a scene; none if the scene's ids are invalid."""
     try:
-        folder = dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
-        found = [folder_of_pair(folder, checked_id(name, "The scene")) for name in scene.icymoon.pairs.split()]
+        folder = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
+        found = [folder_of_pair(folder, check_id(name, "The scene")) for name in scene.icymoon.pairs.split()]
     except IcyMoonError:
         return []
     return [path for path in found if (path / "pair.json").is_file()]
@@ -81,7 +81,7 @@ def kept_pairs(scene: bpy.types.Scene) -> list[Path]:
 
 
 @lru_cache(maxsize=1)
-def _pictures_folder() -> Path:
+def _find_pictures_folder() -> Path:
     return make_scratch_folder()
 
 
@@ -90,55 +90,55 @@ def find_image() -> bpy.types.Image | None:
     return next((image for image in bpy.data.images if image.get(TAG) == ROLE and image.library is None), None)
 
 
-def _load(image: bpy.types.Image, turn: int) -> None:
+def _load_picture(image: bpy.types.Image, turn: int) -> None:
     """Load the file of this turn into the image."""
-    image.filepath_raw = str(_pictures_folder() / f"picture_{turn}.png")
+    image.filepath_raw = str(_find_pictures_folder() / f"picture_{turn}.png")
     image.reload()
     image.is_runtime_data = True  # Blender does not write it into the .blend file: its file is temporary
-    for area in image_editor.showing(image):
+    for area in image_editor.find_showing(image):
         area.tag_redraw()
 
 
-def _write(pictures: list[Any]) -> None:
+def _write_pictures(pictures: list[Any]) -> None:
     """Write the files of both turns, the same if the view has one picture: undo may restore the path of either."""
     for turn in (0, 1):
-        path = _pictures_folder() / f"picture_{turn}.png"
+        path = _find_pictures_folder() / f"picture_{turn}.png"
         with explain_disk_errors("write", path):
             path.write_bytes(encode_png(pictures[turn % len(pictures)], 0))
 
 
-def _show(context: bpy.types.Context, now: ShownPair, open_window: bool) -> None:
+def _show_view(context: bpy.types.Context, now: ShownPair, open_window: bool) -> None:
     """Show a view in an Image Editor, see ``image_editor.find_or_open``."""
-    _write(now.views.pictures(now.view))
+    _write_pictures(now.views.pictures(now.view))
     image = find_image()
     new = image is None
     if image is None:
-        image = bpy.data.images.load(str(_pictures_folder() / "picture_0.png"))
+        image = bpy.data.images.load(str(_find_pictures_folder() / "picture_0.png"))
         image.name, image[TAG] = NAME, ROLE
     size = tuple(image.size)
-    _load(image, 0)
+    _load_picture(image, 0)
     session.shown = now
-    areas = image_editor.showing(image)
+    areas = image_editor.find_showing(image)
     placed = None if areas else image_editor.find_or_open(context, open_window)
     if placed is not None:
         placed.spaces.active.image = image
         areas = [placed]
     for area in areas if placed is not None or size != tuple(image.size) else ():
-        image_editor.fit(area)
+        image_editor.zoom_to_fit(area)
     if new or placed is not None:
         push_undo("Show Stereo Pair")
     if now.view == "FLICKER" and areas:
-        call(_flicker, _FLICKER_S)
+        call_later(_show_other_eye, _FLICKER_S)
     redraw_panels()
 
 
-def _flicker() -> float | None:
+def _show_other_eye() -> float | None:
     """Show the other eye. The timer calls this until another view is chosen or no editor shows the image."""
     image, shown = find_image(), session.shown
-    if shown is None or shown.view != "FLICKER" or image is None or not image_editor.showing(image):
+    if shown is None or shown.view != "FLICKER" or image is None or not image_editor.find_showing(image):
         return None
     shown.turn = 1 - shown.turn
-    _load(image, shown.turn)
+    _load_picture(image, shown.turn)
     return _FLICKER_S
 
 
@@ -169,7 +169,7 @@ class ShowsPair(WatchingOperator):
             self.view = session.shown.view
         camera_response = select_response(scene_properties.read_settings(context.scene.icymoon))
         folder = self.find_folder(context)
-        self._folder, self._made_of = folder, _made_of(folder, camera_response)
+        self._folder, self._made_of = folder, _describe_origin(folder, camera_response)
         if session.shown is not None and session.shown.made_of == self._made_of:
             self._found = replace(session.shown, view=self.view, turn=0)
             return None
@@ -183,9 +183,9 @@ class ShowsPair(WatchingOperator):
         if self._job is not None:
             session.reading = None
             self._found = ShownPair(self._folder, self._made_of, self._job.result["value"], self.view)
-        _show(context, self._found, self._opens_window(context))
+        _show_view(context, self._found, self._opens_window(context))
         if self._job is not None and self.automatic:
-            view_exposure.measure(context.scene, self._folder, self._found.views.exposures_s)
+            view_exposure.expose_as_rendered(context.scene, self._folder, self._found.views.exposures_s)
 
     def _opens_window(self, context: bpy.types.Context) -> bool:
         """Whether to open a window: after a render only if the user's preference for renders allows it."""
@@ -220,44 +220,44 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
 
     def find_folder(self, context: bpy.types.Context) -> Path:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        found = kept_pairs(context.scene) or rendered_pairs(context, settings)
+        found = find_kept_pairs(context.scene) or find_rendered_pairs(context, settings)
         return found[min(self.number, len(found)) - 1]
 
 
 # ---- what panels show -----------------------------------------------------------------------------------------------
 
 
-def current(scene: bpy.types.Scene) -> ShownPair | None:
+def find_shown_pair(scene: bpy.types.Scene) -> ShownPair | None:
     """The pair and view that are shown; None if they are not of this scene."""
     now = session.shown
-    return now if now is not None and now.folder in kept_pairs(scene) else None
+    return now if now is not None and now.folder in find_kept_pairs(scene) else None
 
 
-def lines(scene: bpy.types.Scene) -> list[str]:
+def list_lines(scene: bpy.types.Scene) -> list[str]:
     """Lines for the sidebar about the pair of a scene that is shown: id, exposure, depth and warnings."""
-    now = current(scene)
+    now = find_shown_pair(scene)
     if now is None:
         return []
-    return [plain(sentence) for sentence in (*now.views.lines, *now.views.warnings)]
+    return [replace_keys_by_labels(sentence) for sentence in (*now.views.lines, *now.views.warnings)]
 
 
 # ---- following the settings -----------------------------------------------------------------------------------------
 
 
-def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+def follow_response(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Follow changes of the camera response."""
     if "response" not in effects or scene is None or not live_preview.has_window() or not scene.icymoon.follow:
         return
-    cancel(_follow)
-    call(_follow, REST_S)
+    cancel_call(_develop_shown_pair)
+    call_later(_develop_shown_pair, REST_S)
 
 
-def _follow() -> None:
+def _develop_shown_pair() -> None:
     """Develop the pair that is shown with the present response."""
     image, shown, windows = find_image(), session.shown, bpy.context.window_manager.windows
-    if shown is None or image is None or not image_editor.showing(image):
+    if shown is None or image is None or not image_editor.find_showing(image):
         return
-    found = kept_pairs(windows[0].scene)
+    found = find_kept_pairs(windows[0].scene)
     if shown.folder in found:
         with bpy.context.temp_override(window=windows[0]):
             bpy.ops.icymoon.show_pair("INVOKE_DEFAULT", automatic=True, number=1 + found.index(shown.folder))
@@ -270,9 +270,11 @@ def _remove_pictures() -> None:
     """Remove the files of the pictures, after a running thread has ended."""
     while session.reading is not None and session.reading.poll():
         time.sleep(INTERVAL_S)
-    if _pictures_folder.cache_info().currsize:
-        remove_folder(_pictures_folder())
-        _pictures_folder.cache_clear()
+    if _find_pictures_folder.cache_info().currsize:
+        remove_folder(_find_pictures_folder())
+        _find_pictures_folder.cache_clear()
 
 
-register, unregister = follow(listen, timers=(_flicker, _follow), end=_remove_pictures)
+register, unregister = make_registration(
+    follow_response, timers=(_show_other_eye, _develop_shown_pair), end=_remove_pictures
+)

@@ -48,7 +48,7 @@ _PANELS = {("dataset", "methods"): "Evaluation"}
 _BEFORE_UNIT, _HOLD = re.compile(r"(?<=\d) (?=(?:%|px|[kcmµ]?m|[mµ]?s|min|h|[kMG]B|W/m²)(?![\w/]))"), "\u00a0"
 
 
-def remember(function: Callable[..., Found]) -> Callable[..., Found]:
+def remember_answers(function: Callable[..., Found]) -> Callable[..., Found]:
     """A function of settings that keeps its last few answers, since the window asks at every redraw."""
     kept: list[tuple[tuple[Any, ...], Found]] = []
 
@@ -64,7 +64,7 @@ def remember(function: Callable[..., Found]) -> Callable[..., Found]:
     return answer
 
 
-def plain(sentence: str) -> str:
+def replace_keys_by_labels(sentence: str) -> str:
     """A sentence with labels instead of keys.
 
     'quality.truth is DEPTH' becomes 'Quality and Speed ▸ Truth is Depth Only', 'to DEPTH' likewise, and a topic at the
@@ -72,31 +72,31 @@ def plain(sentence: str) -> str:
     """
     topic, colon, rest = sentence.partition(": ")
     if colon and topic in TOPICS:
-        return f"{TOPICS[topic].label}: {_NAME.sub(_label_of, rest)}"
-    text = _NAME.sub(_label_of, sentence)
+        return f"{TOPICS[topic].label}: {_NAME.sub(_find_label, rest)}"
+    text = _NAME.sub(_find_label, sentence)
     return text[:1].upper() + text[1:]
 
 
-def _label_of(found: re.Match[str]) -> str:
+def _find_label(found: re.Match[str]) -> str:
     topic, key, verb, chosen = found.groups()
     for setting in TOPICS[topic].settings if topic in TOPICS else ():
         if setting.key == key:
             value = {choice[0]: choice[1] for choice in setting.choices}.get(chosen, chosen)
-            return f"{place_of(topic, setting)}{verb or ''}{value or ''}"
+            return f"{describe_place(topic, setting)}{verb or ''}{value or ''}"
     return found[0]
 
 
-def place_of(topic: str, setting: Setting) -> str:
+def describe_place(topic: str, setting: Setting) -> str:
     """Where the sidebar has a setting: its panel and its label, without the unit."""
     return f"{_PANELS.get((topic, setting.key), TOPICS[topic].label)} ▸ {_UNIT.sub('', setting.label)}"
 
 
-def in_window(message: object) -> str:
+def format_for_window(message: object) -> str:
     """A message as an operator reports it: in the window with the labels of settings, headless with their keys."""
-    return show_controls(str(message) if bpy.app.background else plain(str(message)))
+    return show_controls(str(message) if bpy.app.background else replace_keys_by_labels(str(message)))
 
 
-def line_length() -> int:
+def measure_line_length() -> int:
     """Characters that fit the sidebar that is being drawn; LINE where none is."""
     region = bpy.context.region
     if region is None or region.type != "UI":
@@ -104,62 +104,62 @@ def line_length() -> int:
     return max(_SHORTEST, int(LINE * region.width / (_WIDTH_PX * bpy.context.preferences.system.ui_scale)))
 
 
-def in_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]:
+def wrap_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]:
     """A text in lines that fit the sidebar, shorter ones beside an icon.
 
     Later lines begin with ``hang``, or a little further in than a first line that is indented.
     """
-    width = line_length() - _ICON * icon
+    width = measure_line_length() - _ICON * icon
     if len(text) <= width:
         return (text,)
     indent = len(text) - len(text.lstrip())
-    return _wrapped(text, width, hang or " " * (indent and indent + 2))
+    return _wrap_held(text, width, hang or " " * (indent and indent + 2))
 
 
 @lru_cache(maxsize=256)
-def _wrapped(text: str, width: int, hang: str) -> tuple[str, ...]:
+def _wrap_held(text: str, width: int, hang: str) -> tuple[str, ...]:
     held = _BEFORE_UNIT.sub(_HOLD, text)
     return tuple(line.replace(_HOLD, " ") for line in textwrap.wrap(held, width, subsequent_indent=hang))
 
 
-def left_out_lines(settings: Settings) -> tuple[str, ...]:
+def list_omission_lines(settings: Settings) -> tuple[str, ...]:
     """Sentences on what a render would omit, as in ``pair.json``; none on the planet if the sky cannot be computed."""
     try:
-        lights = _facts(tuple(settings.light.items()), bpy.data.filepath)
+        lights = _compute_sky_facts(tuple(settings.light.items()), bpy.data.filepath)
     except IcyMoonError:
         lights = {"planet": None}
     return tuple(find_left_out(settings, lights))
 
 
-def sky_lines(light: LightSettings) -> tuple[str, ...]:
+def list_sky_lines(light: LightSettings) -> tuple[str, ...]:
     """Elevation, azimuth, apparent size and irradiance of Sun and planet; none if the sky cannot be computed."""
-    return _sky_lines(tuple(light.items()), bpy.data.filepath)
+    return _make_sky_lines(tuple(light.items()), bpy.data.filepath)
 
 
-def sky_fault(light: LightSettings) -> str:
+def find_sky_fault(light: LightSettings) -> str:
     """Why the sky cannot be computed, in a sentence; empty if it can."""
     try:
-        _facts(tuple(light.items()), bpy.data.filepath)
+        _compute_sky_facts(tuple(light.items()), bpy.data.filepath)
     except IcyMoonError as error:
         return str(error)
     return ""
 
 
-def rig_lines(rig: RigSettings) -> tuple[str, ...]:
+def list_rig_lines(rig: RigSettings) -> tuple[str, ...]:
     """Field of view; then distance, sampling and depth error at the near edge, the middle and the far edge."""
-    return _rig_lines(tuple(rig.items()))
+    return _make_rig_lines(tuple(rig.items()))
 
 
-def camera_notes(settings: Settings) -> tuple[str, ...]:
+def list_camera_notes(settings: Settings) -> tuple[str, ...]:
     """Blur of the images and its effect on the truth, and the overscan that the distortion needs."""
-    return _camera_notes(tuple(settings.rig.items()), tuple(settings.sensor.items()))
+    return _make_camera_notes(tuple(settings.rig.items()), tuple(settings.sensor.items()))
 
 
 @lru_cache(maxsize=8)
-def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
+def _make_camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     rig, sensor = RigSettings.from_values(parts[0]), SensorSettings.from_values(parts[1])
     settings = Settings(rig=rig, sensor=sensor)
-    lines = [plain(sentence) for sentence in advise_on_blur(settings)]
+    lines = [replace_keys_by_labels(sentence) for sentence in advise_on_blur(settings)]
     try:
         found = find_blur(settings)
     except IcyMoonError:
@@ -173,11 +173,11 @@ def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
                 f"{motion_blur_px(0.0, below, depth, rig, found):.3g} px"
             )
     if any(read_coefficients(rig)):
-        lines.append(_overscan_line(find_overscan(rig), float(rig.overscan)))
+        lines.append(_describe_overscan(find_overscan(rig), float(rig.overscan)))
     return tuple(lines)
 
 
-def _overscan_line(needed: float | None, given: float) -> str:
+def _describe_overscan(needed: float | None, given: float) -> str:
     if needed is None:
         return "No overscan is enough for this lens"
     if needed == 0:
@@ -186,11 +186,11 @@ def _overscan_line(needed: float | None, given: float) -> str:
     return f"Overscan {share:.3f} needed" + (", and set" if given >= needed else "")
 
 
-def brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> float:
+def compute_brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> float:
     """Irradiance from Sun and planet, in W/m², of ground that is tilted so far toward the Sun; 0 in the dark or if the
     sky cannot be computed."""
     try:
-        found = _facts(tuple(light.items()), bpy.data.filepath)
+        found = _compute_sky_facts(tuple(light.items()), bpy.data.filepath)
     except IcyMoonError:
         return 0.0
     sun, planet = found["sun"], found["planet"] or {}
@@ -199,26 +199,26 @@ def brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> float:
     return float(max(slope, sun["ground_irradiance_wm2"]) + planet.get("ground_irradiance_wm2", 0.0))
 
 
-def planetshine_wm2(light: LightSettings) -> float:
+def compute_planetshine_wm2(light: LightSettings) -> float:
     """Irradiance from the planet, in W/m², of ground that faces it; 0 without one or if the sky cannot be computed."""
     try:
-        planet = _facts(tuple(light.items()), bpy.data.filepath)["planet"]
+        planet = _compute_sky_facts(tuple(light.items()), bpy.data.filepath)["planet"]
     except IcyMoonError:
         return 0.0
     return float(planet["irradiance_wm2"]) if planet else 0.0
 
 
 @lru_cache(maxsize=8)
-def _facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
+def _compute_sky_facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
     """The facts of the sky, with the Sun as it lights the scene."""
     described = LightSettings.from_values(light)
     found = describe_sky(compute_sky(described, str(Path(blend).parent) if blend else None))
     return {**found, "sun": sun_from_facts(found["sun"], described.directions_from).to_json()}
 
 
-def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...]:
+def _make_sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...]:
     try:
-        found = _facts(light, blend)
+        found = _compute_sky_facts(light, blend)
     except IcyMoonError:
         return ()
     lines = []
@@ -243,7 +243,7 @@ def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...
 
 
 @lru_cache(maxsize=8)
-def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
+def _make_rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     described = RigSettings.from_values(rig)
     width, height = int(described.width_px), int(described.height_px)
     focal = focal_px(described)
@@ -255,11 +255,11 @@ def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
         f"Level ground, disparity ± {DISPARITY_ERROR_PX:g} px:",
     ]
     for name, row in (("Near edge", float(height)), ("Middle", height / 2), ("Far edge", 0.0)):
-        lines += _row_lines(name, measure_ground_row(described, row), described)
+        lines += _make_row_lines(name, measure_ground_row(described, row), described)
     return tuple(lines)
 
 
-def _row_lines(name: str, row: GroundRow, rig: RigSettings) -> list[str]:
+def _make_row_lines(name: str, row: GroundRow, rig: RigSettings) -> list[str]:
     if math.isinf(row.depth_m):
         return [f"{name} above the horizon"]
     shared = 100 * shared_width_px(rig, row.depth_m) / int(rig.width_px)
@@ -278,25 +278,28 @@ _TRIANGLES = 1e6
 def list_quality_presets(settings: Settings) -> list[QualityPreset]:
     """The qualities of the described scene, each with its seconds a pair on this machine; see ``list_qualities``."""
     return _list_qualities(
-        settings, _TRIANGLES, known_speed(str(settings.quality.device)), Abilities(compat.has_osl(), compat.has_oidn())
+        settings,
+        _TRIANGLES,
+        recall_known_speed(str(settings.quality.device)),
+        Abilities(compat.has_osl(), compat.has_oidn()),
     )
 
 
-_list_qualities = remember(list_qualities)
+_list_qualities = remember_answers(list_qualities)
 
 
-def speed_line(settings: Settings) -> str:
+def describe_speed(settings: Settings) -> str:
     """Of which machine the seconds are."""
-    speed = known_speed(str(settings.quality.device))
+    speed = recall_known_speed(str(settings.quality.device))
     return f"Timed on {speed.basis}" if speed else "Timed on another machine"
 
 
 @lru_cache(maxsize=2)
-def known_speed(device: str) -> Speed | None:
+def recall_known_speed(device: str) -> Speed | None:
     """The measured speed of this machine with this Blender, read once; None before it was measured."""
     return recall_speed(device, bpy.app.version_string)
 
 
 def forget_speed() -> None:
     """Read the speed again after a new measurement."""
-    known_speed.cache_clear()
+    recall_known_speed.cache_clear()

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import bpy
 
-from ..nodes.datablocks.blend_file_paths import with_absolute_files
-from ..nodes.scene import find
+from ..nodes.datablocks.blend_file_paths import make_paths_absolute
+from ..nodes.scene import find_built
 from ..render.cost import measure_speed, speed, tolerance
 from ..render.workers.job import Job, blender_command, python_command
 from ..render.workers.process import Message
@@ -22,30 +22,30 @@ from ..support.printer import show_controls
 from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
 from . import jobs, sidebar_text
-from .evaluate import matcher_arguments
+from .evaluate import make_matcher_arguments
 from .job_operators import DialogJobOperator, JobOperator
 from .preferences import find_evaluator_python
-from .render import dataset_folder
+from .render import find_dataset_folder
 from .window import find_scene
 
 #: Result of the last measurement or search as lines for the panel, by the name of the scene.
 last_results: dict[str, tuple[str, ...]] = {}
 
 
-def _folder(settings: Settings) -> Path:
+def _find_folder(settings: Settings) -> Path:
     """The folder of the measurements."""
-    return dataset_folder(settings) / "trade"
+    return find_dataset_folder(settings) / "trade"
 
 
-def _begin(context: bpy.types.Context, verb: str, title: str, *arguments: str) -> jobs.Job:
+def _start_measuring(context: bpy.types.Context, verb: str, title: str, *arguments: str) -> jobs.Job:
     """Start ``icymoon trade`` or ``icymoon auto`` on the settings of the scene. Raises IcyMoonError if it cannot."""
-    settings = with_absolute_files(scene_properties.read_settings(context.scene.icymoon))
-    built = find(context.scene)
+    settings = make_paths_absolute(scene_properties.read_settings(context.scene.icymoon))
+    built = find_built(context.scene)
     if built is not None and built.edited:
         raise IcyMoonError(
             "The scene was edited by hand, but measurements use the settings only; press Build Scene to undo the edits."
         )
-    python, matchers = find_evaluator_python(), matcher_arguments(settings)
+    python, matchers = find_evaluator_python(), make_matcher_arguments(settings)
     folder = make_scratch_folder()
     file = folder / "scene.toml"
     write_text(file, toml_text.to_toml(settings))
@@ -55,10 +55,10 @@ def _begin(context: bpy.types.Context, verb: str, title: str, *arguments: str) -
         "--settings",
         str(file),
         "--blender",
-        jobs.this_blender(),
+        jobs.find_this_blender(),
         *matchers,
         "--out",
-        str(_folder(settings)),
+        str(_find_folder(settings)),
         "--json-lines",
         *arguments,
     )
@@ -83,7 +83,7 @@ class _MeasureDialog(DialogJobOperator):
         description="Samples per pixel of the reference image, with which all others are compared",
     )
 
-    def _common(self) -> list[str]:
+    def _common_arguments(self) -> list[str]:
         return ["--scale", f"{self.scale:g}", "--reference-samples", str(self.reference_samples)]
 
 
@@ -96,8 +96,8 @@ class ICYMOON_OT_trade(_MeasureDialog, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         self._find_scene = context.scene.name
         # For security, the page that is opened later is this one, not one that a message names.
-        self._page = _folder(scene_properties.read_settings(context.scene.icymoon)) / "trade.html"
-        return _begin(context, "trade", self.bl_label, *self._common())
+        self._page = _find_folder(scene_properties.read_settings(context.scene.icymoon)) / "trade.html"
+        return _start_measuring(context, "trade", self.bl_label, *self._common_arguments())
 
     def report_success(self, context: bpy.types.Context) -> None:
         last_results[self._find_scene] = tuple(self._job.result["advice"])
@@ -158,7 +158,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, bpy.types.Operator):
         given = {"px": f"{self.tolerance_px:g}", "bad-1": f"{self.tolerance_bad_1:g}%"}
         wanted = ("px", "bad-1") if self.judged_by == "BOTH" else (self.judged_by.lower().replace("_", "-"),)
         tolerances = [word for name in wanted for word in (f"--tolerance-{name}", given[name])]
-        return _begin(context, "auto", self.bl_label, *tolerances, *self._common())
+        return _start_measuring(context, "auto", self.bl_label, *tolerances, *self._common_arguments())
 
     def report_success(self, context: bpy.types.Context) -> None:
         found = self._job.result
@@ -166,7 +166,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, bpy.types.Operator):
             steps = (f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in found["tried"])
             last_results[scene.name] = (found["said"][-1], *steps)
             scene_properties.write_settings(scene.icymoon, found["settings"])
-        self.report({"INFO" if found["chosen"] else "WARNING"}, sidebar_text.in_window(found["said"][-1]))
+        self.report({"INFO" if found["chosen"] else "WARNING"}, sidebar_text.format_for_window(found["said"][-1]))
 
     _scene_uid: int
 
@@ -180,7 +180,7 @@ class ICYMOON_OT_measure_machine(JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         self._device = str(context.scene.icymoon.quality.device)
         folder = make_scratch_folder()
-        job = Job(folder, measure_speed.small_render(self._device, compat.has_oidn()))
+        job = Job(folder, measure_speed.make_small_render(self._device, compat.has_oidn()))
 
         def hear(message: Message) -> None:
             if message["type"] == "done":
@@ -192,7 +192,7 @@ class ICYMOON_OT_measure_machine(JobOperator, bpy.types.Operator):
             job.remove()
             remove_folder(folder)
 
-        command = blender_command(jobs.this_blender(), "worker", str(job.file))
+        command = blender_command(jobs.find_this_blender(), "worker", str(job.file))
         return jobs.Job.start(self.bl_label, command, hear, clean, device=self._device)
 
     def report_success(self, context: bpy.types.Context) -> None:

@@ -58,13 +58,15 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     """
     if NOTE in built.collection:
         return
-    before = _values_of(scene)
+    before = _read_values(scene)
     uses_osl = scene.cycles.shading_system
     exposure, gamma = scene.view_settings.exposure, scene.view_settings.gamma
     settings = built.settings
     if not compat.has_oidn():  # a render of a pair is refused; F12 goes on without, and Build Scene has warned
         settings = description.merged(settings, {"quality": {"denoiser": "NONE"}})
-    cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed), through=are_rocks_clear(settings))
+    cycles_settings.apply_quality(
+        scene, settings.quality, int(settings.dataset.seed), through=are_rocks_clear(settings)
+    )
     scene.cycles.shading_system = uses_osl
     scene.cycles.sampling_pattern = "AUTOMATIC"  # a view whose first light paths are spread evenly over the pixels
     if not 0 < scene.cycles.preview_samples <= _VIEW_SAMPLES:  # 0 has no end
@@ -72,7 +74,7 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     scene.view_settings.exposure, scene.view_settings.gamma = exposure, gamma
     with suppress(TypeError):  # the user's own color management may not have it
         scene.view_settings.view_transform = TRANSFORM
-    after = _values_of(scene)
+    after = _read_values(scene)
     changed = {name: [value, after[name]] for name, value in before.items() if after[name] != value}
     ours = set(built.collection.all_objects)
     hidden = [
@@ -90,7 +92,7 @@ def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> 
     for item in [item for item in scene.objects if HIDDEN in item]:
         del item[HIDDEN]
         item.hide_render = False
-    present = _values_of(scene)
+    present = _read_values(scene)
     noted = read_stored(collection, NOTE, Each(_TWO, TEXT))
     for name, (before, after) in sorted(noted.items(), key=lambda each: each[0] != _FIRST):
         if present.get(name) == after:
@@ -99,7 +101,7 @@ def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> 
                 setattr(getattr(scene, group), key, before)
 
 
-def _values_of(scene: bpy.types.Scene) -> dict[str, Any]:
+def _read_values(scene: bpy.types.Scene) -> dict[str, Any]:
     """The numbers, ticks, choices and texts of the scene's render settings by ``group.key``."""
     return {
         f"{group}.{prop.identifier}": getattr(getattr(scene, group), prop.identifier)

@@ -7,32 +7,32 @@ from pathlib import Path
 import bpy
 
 from ..render.plans.vary_scene import (
-    label_of,
+    find_label,
 )
 from ..settings.blender import scene_properties
 from . import results
 
 
-def sorted_curves(scene: bpy.types.Scene) -> dict[str, Path]:
+def sort_curves(scene: bpy.types.Scene) -> dict[str, Path]:
     """The pictures of the error against each setting of an evaluation that varies, those in the list first."""
-    curves = results.curves(scene)
+    curves = results.find_curves(scene)
     listed = [each.name for each in scene_properties.read_variations(scene.icymoon).varied]
     return {name: curves[name] for name in sorted(curves, key=lambda name: name not in listed)}
 
 
-def curve_title(name: str) -> str:
+def describe_curve(name: str) -> str:
     """What a curve of the error against a setting is called."""
-    return f"Error against {label_of(name)}"
+    return f"Error against {find_label(name)}"
 
 
 def show_curves(context: bpy.types.Context, open_window: bool, first: str = "") -> None:
     """Show the curves in an Image Editor, the curve of the setting ``first`` before the others."""
-    curves = sorted_curves(context.scene)
+    curves = sort_curves(context.scene)
     results.show_images(
         context,
         sorted(curves.values(), key=lambda path: path != curves.get(first)),
         open_window,
-        {path: curve_title(name) for name, path in curves.items()},
+        {path: describe_curve(name) for name, path in curves.items()},
     )
 
 
@@ -46,7 +46,7 @@ class ICYMOON_OT_show_curve(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not results.curves(context.scene):
+        if not results.find_curves(context.scene):
             cls.poll_message_set("There is no evaluation of a data set in which a setting varies; evaluate one first")
             return False
         return True

@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 
 from ..nodes import preview
-from ..nodes.datablocks.blend_file_paths import with_absolute_files
+from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..render.plans.planned_pair import expand_headings
-from ..render.plans.vary_scene import end_settings
+from ..render.plans.vary_scene import make_end_settings
 from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import blender_command
 from ..render.workers.process import Message
@@ -26,7 +26,7 @@ from ..support.blender import compat
 from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
 from . import jobs
-from .events import until_change
+from .events import keep_until_change
 from .job_operators import JobOperator
 from .window import ButtonPictures, redraw_panels
 
@@ -41,7 +41,7 @@ _pictures = ButtonPictures()  # by the names in ``_made``
 _made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by the settings shown
 
 
-def rough(settings: Settings) -> Settings:
+def make_rough_settings(settings: Settings) -> Settings:
     """Settings for a fast picture of a pair: few pixels and light paths, a coarse ground and its largest rocks."""
     rig, mesh, denoises = settings.rig, settings.mesh, compat.has_oidn()
     size = 0 if denoises else 1
@@ -74,16 +74,16 @@ def rough(settings: Settings) -> Settings:
     )
 
 
-def icons(scene: bpy.types.Scene) -> tuple[int, ...]:
+def find_icons(scene: bpy.types.Scene) -> tuple[int, ...]:
     """Icons of the first and the last pair as they would be rendered now; none if they have not been made."""
     if not _made:
         return ()
     settings = scene_properties.read_for_display(scene.icymoon)
-    key = until_change(("ends", scene.session_uid), lambda: _key_of(scene, settings))
+    key = keep_until_change(("ends", scene.session_uid), lambda: _picture_key(scene, settings))
     return tuple(int(_pictures.collection[name].icon_id) for name in _made.get(key, ()))
 
 
-def _key_of(scene: bpy.types.Scene, settings: Settings) -> str:
+def _picture_key(scene: bpy.types.Scene, settings: Settings) -> str:
     shown = {topic: values for topic, values in settings.items() if topic not in ("quality", "dataset")}
     wanted = settings.dataset
     return json.dumps([shown, wanted.seed, wanted.headings, repr(scene_properties.read_variations(scene.icymoon))])
@@ -91,7 +91,7 @@ def _key_of(scene: bpy.types.Scene, settings: Settings) -> str:
 
 def draw_icons(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> bool:
     """Draw the pictures of the first and the last pair; whether there are any."""
-    found = icons(scene)
+    found = find_icons(scene)
     if not found:
         return False
     row = layout.row(align=True)
@@ -119,9 +119,9 @@ class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         scene = context.scene
         settings = scene_properties.read_settings(scene.icymoon)
-        ends = end_settings(with_absolute_files(settings), scene_properties.read_variations(scene.icymoon))
-        pairs = [expand_headings(rough(end))[0] for end in ends]
-        self._key, self._response = _key_of(scene, settings), changes.select_response(settings)
+        ends = make_end_settings(make_paths_absolute(settings), scene_properties.read_variations(scene.icymoon))
+        pairs = [expand_headings(make_rough_settings(end))[0] for end in ends]
+        self._key, self._response = _picture_key(scene, settings), changes.select_response(settings)
         self._ids, self._found = [pair.id for pair in pairs], dict[str, Array]()
         folder = make_scratch_folder()
         files = JobFiles(folder, pairs=list({pair.id: pair for pair in pairs}.values()))
@@ -130,7 +130,7 @@ class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
             files.remove()
             remove_folder(folder)
 
-        command = blender_command(jobs.this_blender(), "worker", str(files.file))
+        command = blender_command(jobs.find_this_blender(), "worker", str(files.file))
         kept = "there are no new pictures"
         device = settings.quality.device
         return _PictureJob.start(
@@ -143,7 +143,7 @@ class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
             self._found[str(message["id"])] = views.pictures("LEFT")[0]
 
     def report_success(self, context: bpy.types.Context) -> None:
-        _keep(self._key, [self._found[name] for name in self._ids])
+        _keep_pictures(self._key, [self._found[name] for name in self._ids])
         redraw_panels()
 
 
@@ -155,7 +155,7 @@ class _PictureJob(jobs.Job):
             super().hear(message)
 
 
-def _keep(key: str, pictures: list[Array]) -> None:
+def _keep_pictures(key: str, pictures: list[Array]) -> None:
     """Keep the pictures, uint8 RGB, of what a key describes."""
     if len(_made) >= _MOST:
         _pictures.collection.clear()

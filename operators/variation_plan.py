@@ -9,14 +9,14 @@ from pathlib import Path
 import bpy
 
 from ..nodes import scene as scenes
-from ..nodes.datablocks.blend_file_paths import with_absolute_files
-from ..nodes.datablocks.fingerprint import added_objects
-from ..render.pairs.our_files import folder_of_pairs
+from ..nodes.datablocks.blend_file_paths import make_paths_absolute
+from ..nodes.datablocks.fingerprint import find_added_objects
+from ..render.pairs.our_files import pairs_folder
 from ..render.plans.frozen_plan import PLAN as FROZEN
 from ..render.plans.frozen_plan import read_frozen_plan
 from ..render.plans.plan_file import parse_plan
 from ..render.plans.vary_scene import (
-    plan_text,
+    make_plan_text,
 )
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
@@ -25,7 +25,7 @@ from ..support.files import read_text, write_text
 from ..support.number_text import format_count
 from ..support.printer import show_controls
 from . import dialogs
-from .sidebar_text import in_window
+from .sidebar_text import format_for_window
 
 #: File of the plan in the folder of its data set.
 PLAN = "plan.toml"
@@ -45,7 +45,7 @@ def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
     collection = scenes.find_collection(scene)
     if collection is None:
         return ""
-    names = [item.name for item in added_objects(collection)]
+    names = [item.name for item in find_added_objects(collection)]
     if names:
         more = f" and {format_count(len(names) - 1, 'more object')} of yours" if len(names) > 1 else ""
         return (
@@ -53,27 +53,27 @@ def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
             f"{'them' if more else 'it'}; move {'them' if more else 'it'} out of the collection "
             f"{collection.name}."
         )
-    built = scenes.find(scene) if thorough else None
+    built = scenes.find_built(scene) if thorough else None
     return _EDITED if built is not None and not built.outdated and built.edited_parts() else ""
 
 
-def text_of_plan(scene: bpy.types.Scene, settings: Settings) -> str:
+def make_scene_plan_text(scene: bpy.types.Scene, settings: Settings) -> str:
     """The plan that varies a scene. Raises IcyMoonError for what cannot be, and for a scene edited by hand."""
     if why := why_not_a_plan(scene, thorough=True):
         raise IcyMoonError(why)
     variations = scene_properties.read_variations(scene.icymoon)
     if not variations.varied and variations.seeds == 1:
         raise IcyMoonError("Nothing varies yet; press + under Vary This Scene, or raise Variations by Seed.")
-    return plan_text(with_absolute_files(settings), variations)
+    return make_plan_text(make_paths_absolute(settings), variations)
 
 
-def fault_of_folder(folder: Path, text: str) -> str:
+def find_folder_fault(folder: Path, text: str) -> str:
     """Why a plan cannot be rendered into a folder, in a sentence; empty if it can.
 
     A folder fits if it has neither plan nor pairs, if it is the plan's own data set, or if the plan contains all of its
     pairs.
     """
-    path, pairs = folder / PLAN, folder_of_pairs(folder)
+    path, pairs = folder / PLAN, pairs_folder(folder)
     try:
         there = read_text(path) if os.path.lexists(path) else ""
         if there == text:
@@ -90,11 +90,11 @@ def fault_of_folder(folder: Path, text: str) -> str:
     return ""
 
 
-def free_folder(folder: Path, text: str, title: str) -> Path:
+def find_free_folder(folder: Path, text: str, title: str) -> Path:
     """The folder if the plan can be rendered into it, or one beside it, named after what varies."""
     stem = f"{folder.name}_{re.sub(r'[^a-z0-9]+', '_', title.lower()).strip('_')}"
     candidates = [folder, folder.with_name(stem), *(folder.with_name(f"{stem}_{k}") for k in range(2, 100))]
-    return next((each for each in candidates if not fault_of_folder(each, text)), folder)
+    return next((each for each in candidates if not find_folder_fault(each, text)), folder)
 
 
 class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
@@ -116,9 +116,9 @@ class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")
         try:
-            write_text(path, text_of_plan(context.scene, scene_properties.read_settings(context.scene.icymoon)))
+            write_text(path, make_scene_plan_text(context.scene, scene_properties.read_settings(context.scene.icymoon)))
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         self.report({"INFO"}, show_controls(f"Saved {path}"))
         return {"FINISHED"}

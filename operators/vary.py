@@ -10,7 +10,7 @@ import bpy
 from ..render.plans.vary_scene import (
     VariedSetting,
     check_varied,
-    label_of,
+    find_label,
     list_values,
     names_that_vary,
     vary_around,
@@ -22,7 +22,7 @@ from ..settings.topics.declaration import Setting
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .list_editing import EditedList, MoveEntry, RemoveEntry
-from .sidebar_text import in_window
+from .sidebar_text import format_for_window
 
 #: Values of a setting that the panel shows.
 _SHOWN = 12
@@ -31,25 +31,25 @@ _LIST_LINE = 29
 _UNITS = {"deg": "°", "1": ""}
 
 
-def _of_name(name: str) -> Setting:
+def _find_setting(name: str) -> Setting:
     topic, _, key = name.partition(".")
     return TOPICS[topic][key]
 
 
-def unit_of(name: str) -> str:
+def find_unit(name: str) -> str:
     """The unit of a setting as the sidebar shows it."""
-    unit = _of_name(name).unit
+    unit = _find_setting(name).unit
     return _UNITS.get(unit, unit)
 
 
 #: (name, label, description) of the settings that can vary.
 _ITEMS = [
-    (name, f"{TOPICS[name.partition('.')[0]].label} ▸ {label_of(name)}", _of_name(name).description)
+    (name, f"{TOPICS[name.partition('.')[0]].label} ▸ {find_label(name)}", _find_setting(name).description)
     for name in names_that_vary()
 ]
 
 
-def setting_of_button(context: bpy.types.Context) -> str:
+def find_setting_of_button(context: bpy.types.Context) -> str:
     """The setting under the mouse when a context menu was opened; empty if it is not a setting of Icy Moon."""
     prop, group = getattr(context, "button_prop", None), getattr(context, "button_pointer", None)
     topic = type(group).__name__.removeprefix("ICYMOON_PG_")
@@ -58,9 +58,9 @@ def setting_of_button(context: bpy.types.Context) -> str:
     return f"{topic}.{prop.identifier}"
 
 
-def _choice_items(operator: bpy.types.Operator, _context: bpy.types.Context) -> list[tuple[str, str, str]]:
+def _list_choice_items(operator: bpy.types.Operator, _context: bpy.types.Context) -> list[tuple[str, str, str]]:
     """The values of the choice that the dialog is about."""
-    return list(_of_name(operator.setting).choices) if operator.setting else []
+    return list(_find_setting(operator.setting).choices) if operator.setting else []
 
 
 #: The values of a number, as properties of a dialog.
@@ -84,7 +84,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
         description="Which setting varies",
     )
     values: bpy.props.EnumProperty(
-        items=_choice_items,
+        items=_list_choice_items,
         name="Values",
         options={"ENUM_FLAG", "SKIP_SAVE"},
         description="The values of a choice",
@@ -96,16 +96,16 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
         if not properties.is_property_set("setting"):
             return str(cls.__doc__)
         return (
-            f"Vary {label_of(properties.setting)}: render a pair for each value and see how the error depends on "
-            f"it. {_of_name(properties.setting).description}"
+            f"Vary {find_label(properties.setting)}: render a pair for each value and see how the error depends on "
+            f"it. {_find_setting(properties.setting).description}"
         )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        name = setting_of_button(context)
+        name = find_setting_of_button(context)
         why = why_fixed(*name.split(".")) if name else ""
         if why:
-            cls.poll_message_set(in_window(f"{name} {why}."))
+            cls.poll_message_set(format_for_window(f"{name} {why}."))
         return not why
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -113,7 +113,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
             context.window_manager.invoke_search_popup(self)
             return {"INTERFACE"}  # as Blender's own searches; a running operator would never be freed
         self._complete(context.scene.icymoon)
-        return set(context.window_manager.invoke_props_dialog(self, title=f"Vary {label_of(self.setting)}"))
+        return set(context.window_manager.invoke_props_dialog(self, title=f"Vary {find_label(self.setting)}"))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         root = context.scene.icymoon
@@ -121,19 +121,19 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
         varied = scene_properties.read_varied(
             self,
             self.setting,
-            tuple(choice[0] for choice in _of_name(self.setting).choices if choice[0] in self.values),
+            tuple(choice[0] for choice in _find_setting(self.setting).choices if choice[0] in self.values),
         )
         try:
             check_varied(varied)
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))
+            self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         scene_properties.write_varied(root, varied)
         return {"FINISHED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         draw_values(self.layout, self, self.setting)
-        if _of_name(self.setting).choices:
+        if _find_setting(self.setting).choices:
             self.layout.column().prop(self, "values")
 
     def _complete(self, root: bpy.types.PropertyGroup) -> None:
@@ -144,7 +144,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
         topic, _, key = self.setting.partition(".")
         value = scene_properties.read_unchecked(root)[topic][key]
         wanted = there or vary_around(self.setting, value)
-        whole = "_whole" if _of_name(self.setting).kind == "int" else ""
+        whole = "_whole" if _find_setting(self.setting).kind == "int" else ""
         stated = {
             f"first{whole}": wanted.first,
             f"last{whole}": wanted.last,
@@ -159,7 +159,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
 
 def draw_values(layout: bpy.types.UILayout, fields: bpy.types.bpy_struct, name: str) -> None:
     """Draw the ends, the number and the spacing of a number that varies; a sentence for a tick."""
-    setting, unit = _of_name(name), unit_of(name)
+    setting, unit = _find_setting(name), find_unit(name)
     if setting.kind == "bool":
         layout.label(text="Off and on", icon="CHECKBOX_HLT")
     if setting.kind not in ("int", "float"):
@@ -175,27 +175,27 @@ def draw_values(layout: bpy.types.UILayout, fields: bpy.types.bpy_struct, name: 
 
 
 @lru_cache(maxsize=256)
-def title_of_varied(varied: VariedSetting) -> str:
+def describe_varied(varied: VariedSetting) -> str:
     """A line of the list: the setting and its values."""
     try:
         setting = check_varied(varied)
     except IcyMoonError:
-        return label_of(varied.name)[:40]
+        return find_label(varied.name)[:40]
     if setting.kind in ("bool", "choice"):
         labels = {choice[0]: choice[1] for choice in setting.choices}
-        title = f"{label_of(varied.name)}: {', '.join(labels[v] for v in varied.values) if labels else 'off, on'}"
-        short = f"{label_of(varied.name)}: {format_count(len(varied.values), 'value')}"
+        title = f"{find_label(varied.name)}: {', '.join(labels[v] for v in varied.values) if labels else 'off, on'}"
+        short = f"{find_label(varied.name)}: {format_count(len(varied.values), 'value')}"
         return title if len(title) <= _LIST_LINE else short
     count = len(list_values(varied)) if varied.spacing != "RANDOM" else varied.count
-    unit = unit_of(varied.name)
+    unit = find_unit(varied.name)
     return (
-        f"{label_of(varied.name)}: {varied.first:.4g} to {varied.last:.4g}"
+        f"{find_label(varied.name)}: {varied.first:.4g} to {varied.last:.4g}"
         f"{unit if unit == '°' else f' {unit}' if unit else ''}, {count} {'random' * (varied.spacing == 'RANDOM')}"
     ).rstrip()
 
 
 @lru_cache(maxsize=256)
-def values_of_varied(varied: VariedSetting) -> str:
+def describe_values(varied: VariedSetting) -> str:
     """The values of a number that does not vary at random, up to the maximum number that the panel shows."""
     try:
         if check_varied(varied).kind not in ("int", "float") or varied.spacing == "RANDOM":
@@ -206,7 +206,7 @@ def values_of_varied(varied: VariedSetting) -> str:
     return ", ".join(values if len(values) <= _SHOWN else [*values[: _SHOWN - 1], "…", values[-1]])
 
 
-class _OfVariations:
+class _VariationOperator:
     """Mix-in: an operator on the list of settings that vary."""
 
     empty = "Nothing varies yet; press Add Setting"
@@ -216,14 +216,14 @@ class _OfVariations:
         return EditedList(scene.icymoon.variations, "varied", "active", "run")
 
 
-class ICYMOON_OT_variation_remove(_OfVariations, RemoveEntry, bpy.types.Operator):
+class ICYMOON_OT_variation_remove(_VariationOperator, RemoveEntry, bpy.types.Operator):
     """Remove the selected setting from the list; the setting itself stays as it is"""
 
     bl_idname = "icymoon.variation_remove"
     bl_label = "Remove Varied Setting"
 
 
-class ICYMOON_OT_variation_move(_OfVariations, MoveEntry, bpy.types.Operator):
+class ICYMOON_OT_variation_move(_VariationOperator, MoveEntry, bpy.types.Operator):
     """Move the selected setting in the list; the last one changes fastest from pair to pair"""
 
     bl_idname = "icymoon.variation_move"

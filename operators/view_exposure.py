@@ -27,7 +27,7 @@ from ..settings.topics.scene import Settings
 from ..stereo.images.develop import Channels
 from ..support.errors import IcyMoonError
 from . import sidebar_text
-from .events import follow
+from .events import make_registration
 
 #: View transform that shows light as the images of a camera do.
 TRANSFORM = "Raw"
@@ -42,7 +42,7 @@ _MOST = 10.0  # exposure of the view, up or down
 _UNSEEN = 1 / 255
 
 
-def white_of(settings: Settings, measured: float = 1.0) -> float:
+def estimate_white(settings: Settings, measured: float = 1.0) -> float:
     """The radiance, W/(m² sr), that is white in the images; 0 if nothing is lit.
 
     With auto exposure it is estimated; ``measured`` is the radiance of a pair as a share of the estimate.
@@ -51,22 +51,24 @@ def white_of(settings: Settings, measured: float = 1.0) -> float:
     if not sensor.auto_exposure:
         rate = Channels(settings.light, sensor, pixel_pitch_m(sensor, settings.rig)).rate
         return capacity_e(sensor) / (rate * sensor.exposure_s) if rate > 0 else 0.0
-    return measured * _brightest(settings) / float(sensor.auto_target)
+    return measured * _estimate_brightest(settings) / float(sensor.auto_target)
 
 
-def _brightest(settings: Settings) -> float:
+def _estimate_brightest(settings: Settings) -> float:
     """About the radiance of the ground's brightest hundredth, W/(m² sr)."""
     walls = settings.source.kind == "PROCEDURAL" and any(settings[topic][key] > 0 for topic, key in _WITH_WALLS)
-    wm2 = sidebar_text.brightness_wm2(settings.light, 90.0 if walls else _STEEPEST * settings.terrain.rms_slope_deg)
-    return wm2 * _albedo(settings) / math.pi
+    wm2 = sidebar_text.compute_brightness_wm2(
+        settings.light, 90.0 if walls else _STEEPEST * settings.terrain.rms_slope_deg
+    )
+    return wm2 * _find_albedo(settings) / math.pi
 
 
-def _albedo(settings: Settings) -> float:
+def _find_albedo(settings: Settings) -> float:
     found = albedos.find_albedos(settings.surface, settings.hapke)
     return max(found.bond if found else settings.surface.albedo, 0.02)
 
 
-def expose(scene: bpy.types.Scene, settings: Settings, anew: bool = False) -> None:
+def expose_view(scene: bpy.types.Scene, settings: Settings, anew: bool = False) -> None:
     """Expose the view of a built scene as a pair with these settings would be, and the present camera response.
 
     An exposure that the user has set stays, unless ``anew``.
@@ -74,47 +76,47 @@ def expose(scene: bpy.types.Scene, settings: Settings, anew: bool = False) -> No
     collection = scenes.find_collection(scene)
     if collection is None:
         return
-    if not (anew or is_ours(scene)):
+    if not (anew or has_own_exposure(scene)):
         _show_planetshine(collection, True)
         return
     present = changes.select_response(scene_properties.read_unchecked(scene.icymoon))
     stored = collection.get(MEASURED)  # of a file, which anyone may have written
     measured = stored if isinstance(stored, float) and 0 < stored < math.inf else 1.0
-    white = white_of(merged(settings, present), measured)
+    white = estimate_white(merged(settings, present), measured)
     if white > 0:
         scene.view_settings.exposure = max(-_MOST, min(_MOST, -math.log2(white)))
         collection[EXPOSED] = scene.view_settings.exposure
-    planet_wm2 = sidebar_text.planetshine_wm2(settings.light)
-    _show_planetshine(collection, white <= 0 or planet_wm2 * _albedo(settings) / math.pi > _UNSEEN * white)
+    planet_wm2 = sidebar_text.compute_planetshine_wm2(settings.light)
+    _show_planetshine(collection, white <= 0 or planet_wm2 * _find_albedo(settings) / math.pi > _UNSEEN * white)
 
 
 def _show_planetshine(collection: bpy.types.Collection, shown: bool) -> None:
     """Show or hide planetshine in 3D Views."""
-    for lamp in _planetshine(collection):
+    for lamp in _find_planetshine(collection):
         if lamp.hide_viewport is shown:
             lamp.hide_viewport = not shown
 
 
-def _planetshine(collection: bpy.types.Collection) -> list[bpy.types.Object]:
+def _find_planetshine(collection: bpy.types.Collection) -> list[bpy.types.Object]:
     return [item for item in collection.all_objects if item.get(TAG) == "planetshine"]
 
 
 def is_without_planetshine(scene: bpy.types.Scene) -> bool:
     """Whether planetshine that is too faint to be seen is left out of the 3D Views."""
     collection = scenes.find_collection(scene)
-    return collection is not None and any(lamp.hide_viewport for lamp in _planetshine(collection))
+    return collection is not None and any(lamp.hide_viewport for lamp in _find_planetshine(collection))
 
 
-def is_ours(scene: bpy.types.Scene) -> bool:
+def has_own_exposure(scene: bpy.types.Scene) -> bool:
     """Whether the view still has the exposure that was set for it."""
     collection = scenes.find_collection(scene)
     stored = collection.get(EXPOSED) if collection is not None else None
     return isinstance(stored, float) and abs(stored - scene.view_settings.exposure) < 1e-4
 
 
-def measure(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[float, ...]) -> None:
+def expose_as_rendered(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[float, ...]) -> None:
     """Expose the view as a rendered pair was, with auto exposure too; ``exposures_s`` are the times of the pair."""
-    built = scenes.find(scene)
+    built = scenes.find_built(scene)
     if built is None or len(exposures_s) != 1:
         return
     present = changes.select_response(scene_properties.read_unchecked(scene.icymoon))
@@ -123,24 +125,24 @@ def measure(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[float, ...]
     except IcyMoonError:  # it is gone by now
         return
     fixed = merged(settings, {"sensor": {"auto_exposure": False, "exposure_s": exposures_s[0]}})
-    estimate = white_of(merged(settings, {"sensor": {"auto_exposure": True}}))
-    if settings.sensor.auto_exposure and estimate > 0 and white_of(fixed) > 0:
-        built.collection[MEASURED] = white_of(fixed) / estimate
-        expose(scene, merged(built.settings, built.preview))
+    estimate = estimate_white(merged(settings, {"sensor": {"auto_exposure": True}}))
+    if settings.sensor.auto_exposure and estimate > 0 and estimate_white(fixed) > 0:
+        built.collection[MEASURED] = estimate_white(fixed) / estimate
+        expose_view(scene, merged(built.settings, built.preview))
 
 
-def how_exposed(scene: bpy.types.Scene) -> str:
+def describe_exposure(scene: bpy.types.Scene) -> str:
     """How the exposure of the view differs from the exposure of a pair: '' if it is equal, 'estimated', or 'other'."""
     collection = scenes.find_collection(scene)
-    if collection is None or not is_ours(scene) or scene.view_settings.view_transform != TRANSFORM:
+    if collection is None or not has_own_exposure(scene) or scene.view_settings.view_transform != TRANSFORM:
         return "other"
     return "estimated" if scene.icymoon.sensor.auto_exposure and MEASURED not in collection else ""
 
 
-def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+def follow_response(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Follow the camera response; all else is followed where the scene is shown."""
-    if scene is not None and "response" in effects and (built := scenes.find(scene)) is not None:
-        expose(scene, merged(built.settings, built.preview))
+    if scene is not None and "response" in effects and (built := scenes.find_built(scene)) is not None:
+        expose_view(scene, merged(built.settings, built.preview))
 
 
-register, unregister = follow(listen)
+register, unregister = make_registration(follow_response)

@@ -13,9 +13,9 @@ from contextlib import suppress
 import bpy
 
 from ..nodes import scene as scenes
-from .events import call, follow
+from .events import call_later, make_registration
 from .session import session
-from .window import areas
+from .window import list_areas
 
 #: Pixels of the screen, across, for one of the view.
 _LARGE = "2"
@@ -33,7 +33,7 @@ def has_window() -> bool:
     return not bpy.app.background
 
 
-def begin(scene: bpy.types.Scene) -> None:
+def begin_coarse(scene: bpy.types.Scene) -> None:
     """Show the changes of a built scene with larger pixels first.
 
     A choice that the user has made since the last time stays, and so does every choice if a graphics card renders.
@@ -41,7 +41,7 @@ def begin(scene: bpy.types.Scene) -> None:
     collection = scenes.find_collection(scene)
     if collection is None or not has_window() or scene.cycles.device == "GPU":
         return
-    users, ours = _noted(collection)
+    users, ours = _read_noted_choices(collection)
     if ours and scene.render.preview_pixel_size != ours:
         return
     users = users or scene.render.preview_pixel_size
@@ -51,12 +51,12 @@ def begin(scene: bpy.types.Scene) -> None:
     collection[_NOTE] = f"{users} {_LARGE}"
     session.traced_since_s = time.monotonic()
     session.load_measured_s = time.monotonic(), time.process_time()
-    call(_work, _INTERVAL_S)
+    call_later(_refine_resting_view, _INTERVAL_S)
 
 
-def restore(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
+def restore_resolution(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
     """Give the view the user's pixels back, unless the user has chosen others since."""
-    users, ours = _noted(collection)
+    users, ours = _read_noted_choices(collection)
     if ours and scene.render.preview_pixel_size == ours:
         with suppress(TypeError):  # of a file, which anyone may have written
             scene.render.preview_pixel_size = users
@@ -66,10 +66,14 @@ def restore(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
 def is_coarse(scene: bpy.types.Scene) -> bool:
     """Whether the view has larger pixels than the user has chosen."""
     collection = scenes.find_collection(scene)
-    return collection is not None and _NOTE in collection and scene.render.preview_pixel_size == _noted(collection)[1]
+    return (
+        collection is not None
+        and _NOTE in collection
+        and scene.render.preview_pixel_size == _read_noted_choices(collection)[1]
+    )
 
 
-def _noted(collection: bpy.types.Collection) -> tuple[str, str]:
+def _read_noted_choices(collection: bpy.types.Collection) -> tuple[str, str]:
     """The user's choice and the one that replaced it; empty if none did."""
     users, _, ours = str(collection.get(_NOTE, "")).partition(" ")
     return users, ours
@@ -78,11 +82,12 @@ def _noted(collection: bpy.types.Collection) -> tuple[str, str]:
 def _is_traced(scene: bpy.types.Scene) -> bool:
     """Whether a 3D View shows the light of the scene."""
     return any(
-        window.scene == scene and area.spaces.active.shading.type == "RENDERED" for window, area in areas("VIEW_3D")
+        window.scene == scene and area.spaces.active.shading.type == "RENDERED"
+        for window, area in list_areas("VIEW_3D")
     )
 
 
-def _work() -> float | None:
+def _refine_resting_view() -> float | None:
     """Give a view that rests the user's pixels, if they take little time. The timer calls it until the view rests."""
     waiting = [scene for scene in bpy.data.scenes if is_coarse(scene)]
     traced = [scene for scene in waiting if _is_traced(scene)]
@@ -98,15 +103,17 @@ def _work() -> float | None:
         collection = scenes.find_collection(scene)
         taken_s, pixels = now[0] - seconds - session.traced_since_s, int(scene.render.preview_pixel_size)
         if pixels**2 * taken_s / max(1, scene.cycles.preview_samples) <= _LONGEST_S:
-            restore(scene, collection)
+            restore_resolution(scene, collection)
     return None
 
 
-def _resume() -> None:
+def _resume_refining() -> None:
     """Undo, redo and opening a file may show larger pixels again."""
     for scene in bpy.data.scenes if has_window() else ():
         if is_coarse(scene):
-            begin(scene)
+            begin_coarse(scene)
 
 
-register, unregister = follow(timers=(_work,), undo_post=_resume, redo_post=_resume, load_post=_resume)
+register, unregister = make_registration(
+    timers=(_refine_resting_view,), undo_post=_resume_refining, redo_post=_resume_refining, load_post=_resume_refining
+)

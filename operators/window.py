@@ -14,7 +14,7 @@ def find_scene(uid: int) -> bpy.types.Scene | None:
     return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
 
 
-def areas(kind: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
+def list_areas(kind: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
     """All areas of a kind, such as VIEW_3D, with their windows."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
@@ -22,7 +22,7 @@ def areas(kind: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
                 yield window, area
 
 
-def inside(window: bpy.types.Window, area: bpy.types.Area) -> bpy.types.ContextTempOverride:
+def override_area(window: bpy.types.Window, area: bpy.types.Area) -> bpy.types.ContextTempOverride:
     """A context in which operators run in an area."""
     region = next(region for region in area.regions if region.type == "WINDOW")
     return bpy.context.temp_override(window=window, area=area, region=region)
@@ -30,7 +30,7 @@ def inside(window: bpy.types.Window, area: bpy.types.Area) -> bpy.types.ContextT
 
 def redraw(kind: str) -> None:
     """Redraw all areas of a kind."""
-    for _, area in areas(kind):
+    for _, area in list_areas(kind):
         area.tag_redraw()
 
 
@@ -39,7 +39,7 @@ def redraw_panels() -> None:
     for window in bpy.context.window_manager.windows:
         window.workspace.status_text_set(None)  # redraws the status bar
     for kind, shown in (("VIEW_3D", "UI"), ("PREFERENCES", "WINDOW")):
-        for _, area in areas(kind):
+        for _, area in list_areas(kind):
             for region in area.regions:
                 if region.type == shown:
                     region.tag_redraw()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..nodes import painted_decisions
-from ..operators.decisions_in_view import MAPS, decided_methods
+from ..operators.decisions_in_view import MAPS, list_decided_methods
 from ..stereo.matchers.methods import describe_method
 from .fields import draw_sentence
 
@@ -16,8 +16,8 @@ def draw_decisions(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     The meanings of the colours follow below the buttons of the matcher that is shown: near the eye, and without moving
     a button from under the mouse.
     """
-    shown, meanings = painted_decisions.shown_map(scene), painted_decisions.legend(scene)
-    for method in decided_methods(scene):
+    shown, meanings = painted_decisions.find_shown_map(scene), painted_decisions.make_legend(scene)
+    for method in list_decided_methods(scene):
         box = layout.box().column(align=True)
         name = describe_method(method)
         box.label(text=name[:1].upper() + name[1:])  # "true depth" is a title here

@@ -24,11 +24,11 @@ def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequen
         box = layout.box().column(align=True)
         _draw_name(box, row, rows)
         if row["n"]:
-            for name, value in _main_metrics(row):
+            for name, value in _list_main_metrics(row):
                 _draw_metric(box, name, value)
             rest = box.column(align=True)
             rest.active = False
-            for name, value in _other_metrics(row):
+            for name, value in _list_other_metrics(row):
                 _draw_metric(rest, name, value)
         _draw_buttons(box, scene, row["method"])
 
@@ -49,9 +49,9 @@ def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Seq
         )
     elif (count := sum(bool(row["n"]) for row in rows)) > 1:
         draw_sentence(layout, f"No ranks: these take {count_scenes_for_methods(count)} scenes.")
-    for sentence in results.typical_differences(scene):
+    for sentence in results.list_typical_differences(scene):
         draw_sentence(layout, sentence)
-    for sentence in results.rare_failures(scene):
+    for sentence in results.list_rare_failures(scene):
         draw_lines(layout, (sentence,), "ERROR")
 
 
@@ -64,16 +64,16 @@ def _draw_name(box: bpy.types.UILayout, row: Mapping[str, Any], rows: Sequence[M
         line.label(text=f"Rank {format_rank(row, RANKING)}", icon="SOLO_ON" if is_best(row, RANKING, rows) else "NONE")
 
 
-def _main_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    return ("Wrong", results.percent(row["total_bad_1"])), ("Covered", results.percent(row["coverage"]))
+def _list_main_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    return ("Wrong", results.format_percent(row["total_bad_1"])), ("Covered", results.format_percent(row["coverage"]))
 
 
-def _other_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+def _list_other_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     return (
-        ("Mean L1 error", results.metres(row["l1_m"])),
-        ("Over 10 cm off", results.percent(row["l1_rate_10"])),
-        ("Wrong order", results.percent(row["dod"])),
-        ("Shape error", results.number(row["si_rmse"], 4)),
+        ("Mean L1 error", results.format_metres(row["l1_m"])),
+        ("Over 10 cm off", results.format_percent(row["l1_rate_10"])),
+        ("Wrong order", results.format_percent(row["dod"])),
+        ("Shape error", results.format_number(row["si_rmse"], 4)),
     )
 
 
@@ -90,9 +90,9 @@ def _draw_buttons(box: bpy.types.UILayout, scene: bpy.types.Scene, method: str) 
     """Draw a button for each way to see the errors of a matcher, grey where the evaluation kept nothing for it."""
     buttons = box.column(align=True)  # beside each other, words with a verb would be cut
     for operator, text, kept in (
-        ("show_error", "Show Error Image", results.methods_with_error_images(scene)),
-        ("paint_errors", "Paint Errors on Ground", results.methods_with_disparities(scene)),
-        ("show_surface", "Show Surface", results.methods_with_points(scene)),
+        ("show_error", "Show Error Image", results.list_methods_with_error_images(scene)),
+        ("paint_errors", "Paint Errors on Ground", results.list_methods_with_disparities(scene)),
+        ("show_surface", "Show Surface", results.list_methods_with_points(scene)),
     ):
         part = buttons.row(align=True)
         part.enabled = method in kept

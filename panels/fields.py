@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 import bpy
 
 from ..operators.session import session
-from ..operators.sidebar_text import in_lines, line_length, plain
+from ..operators.sidebar_text import measure_line_length, replace_keys_by_labels, wrap_lines
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import Setting
@@ -81,7 +81,7 @@ def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str =
 
     Where the sidebar is too narrow for both, it has the words without the icon.
     """
-    icon = icon if len(text) <= line_length() - _BESIDE_WORDS else "NONE"
+    icon = icon if len(text) <= measure_line_length() - _BESIDE_WORDS else "NONE"
     if session.job is not None:
         layout.operator("icymoon.wait", text=text, icon=icon)
         return
@@ -94,13 +94,13 @@ def draw_lines(layout: bpy.types.UILayout, lines: Iterable[str], icon: str = "NO
     """Draw lines of text, with an icon before the first. Text too long for the sidebar goes on in the next line, which
     begins with ``hang``."""
     column, has_icon = layout.column(align=True), icon != "NONE"
-    for k, line in enumerate(part for each in lines for part in in_lines(each, hang, has_icon)):
+    for k, line in enumerate(part for each in lines for part in wrap_lines(each, hang, has_icon)):
         column.label(text=line, icon="BLANK1" if k and has_icon else icon)
 
 
 def draw_sentence(layout: bpy.types.UILayout, sentence: str, icon: str = "NONE", hang: str = "") -> None:
     """Draw a sentence, with labels instead of keys."""
-    draw_lines(layout, (plain(sentence),), icon, hang)
+    draw_lines(layout, (replace_keys_by_labels(sentence),), icon, hang)
 
 
 def _draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
@@ -110,12 +110,12 @@ def _draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, sett
         split.label(text=setting.label)
         split.prop(group, setting.key, text="")
     elif setting.zero and getattr(group, setting.key) == 0:
-        layout.prop(group, setting.key, text=at_zero(setting))
+        layout.prop(group, setting.key, text=label_with_zero(setting))
     else:
         layout.prop(group, setting.key)
 
 
-def at_zero(setting: Setting) -> str:
+def label_with_zero(setting: Setting) -> str:
     """The label of a number that is 0, with what that stands for: 'Threads (0: all)', 'Pixel Pitch (µm, 0: by …)'."""
     if setting.label.endswith(")"):
         return f"{setting.label[:-1]}, 0: {setting.zero})"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..operators.preferences import can_install_evaluator
-from ..operators.presets import preset_items
+from ..operators.presets import list_preset_items
 from ..operators.session import session
 from ..settings.preset_files import KINDS
 
@@ -17,10 +17,10 @@ _STORED = "_draw_orig"
 _TITLES = {"own": "Yours", **KINDS}
 
 
-def presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
+def group_presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
     """(title, presets) of each kind of preset, the user's own first; each preset is (name, title)."""
     kinds: dict[str, list[tuple[str, str]]] = {}
-    for name, title, _ in preset_items():
+    for name, title, _ in list_preset_items():
         kinds.setdefault(name.split("/")[0], []).append((name, title))
     return [(title, kinds[kind]) for kind, title in _TITLES.items() if kind in kinds]
 
@@ -33,10 +33,10 @@ class _KindMenu:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return any(title == cls.kind for title, _ in presets_by_kind())
+        return any(title == cls.kind for title, _ in group_presets_by_kind())
 
     def draw(self, context: bpy.types.Context) -> None:
-        for name, title in dict(presets_by_kind()).get(self.kind, []):
+        for name, title in dict(group_presets_by_kind()).get(self.kind, []):
             self.layout.operator("icymoon.load_preset", text=title).preset = name
 
 
@@ -58,7 +58,7 @@ class ICYMOON_MT_presets(bpy.types.Menu):
     bl_label = "Icy Moon Presets"
 
     def draw(self, context: bpy.types.Context) -> None:
-        there = {title for title, _ in presets_by_kind()}
+        there = {title for title, _ in group_presets_by_kind()}
         for name, title in _KINDS.items():
             if title in there:
                 self.layout.menu(name)

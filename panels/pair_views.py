@@ -15,17 +15,17 @@ _COLUMNS = 3
 
 def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw the buttons for the views of the last rendered pair, and lines about the pair that is shown."""
-    pairs = show_pair.kept_pairs(scene)
+    pairs = show_pair.find_kept_pairs(scene)
     if not pairs:
         return
-    now = show_pair.current(scene)
+    now = show_pair.find_shown_pair(scene)
     number = 1 + pairs.index(now.folder) if now is not None else 1
     column = layout.column(align=True)
     for start in range(0, len(show_pair.VIEWS), _COLUMNS):
         _draw_views(column.row(align=True), show_pair.VIEWS[start : start + _COLUMNS], now, number)
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
-    draw_lines(layout, show_pair.lines(scene), "IMAGE_DATA")
+    draw_lines(layout, show_pair.list_lines(scene), "IMAGE_DATA")
 
 
 def _draw_views(
@@ -46,10 +46,10 @@ def _draw_choice(row: bpy.types.UILayout, view: str, number: int, count: int) ->
 
 
 def _draw_header(self: bpy.types.Header, context: bpy.types.Context) -> None:
-    now = show_pair.current(context.scene)
+    now = show_pair.find_shown_pair(context.scene)
     if now is None or context.space_data.image is None or context.space_data.image != show_pair.find_image():
         return
-    number = 1 + show_pair.kept_pairs(context.scene).index(now.folder)
+    number = 1 + show_pair.find_kept_pairs(context.scene).index(now.folder)
     _draw_views(self.layout.row(align=True), show_pair.VIEWS, now, number)
     self.layout.label(text="; ".join(now.views.lines))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from ..operators.presets import OWN, is_changed, picture_of, preset_items
+from ..operators.presets import OWN, find_picture, is_changed, list_preset_items
 from ..operators.window import ButtonPictures
 from ..settings.preset_files import find_preview, is_whole_scene
 
@@ -22,21 +22,21 @@ _items: dict[tuple[tuple[str, int], ...], list[Item]] = {}  # by picture and tim
 
 def load_choices(_self: object = None, _context: object = None) -> list[Item]:
     """Choices of scenes that have a picture, each picture read once in each state."""
-    whole = [(item, picture_of(item[0])) for item in preset_items() if is_whole_scene(item[0])]
+    whole = [(item, find_picture(item[0])) for item in list_preset_items() if is_whole_scene(item[0])]
     shown = sorted(
         (each for each in whole if _exists(each[0][0], each[1])),
         key=lambda each: _KINDS.index(each[0][0].split("/")[0]),
     )
     state = tuple((item[0], path.stat().st_mtime_ns if item[0].startswith(OWN) else 0) for item, path in shown)
     if state not in _items:
-        items = [(*_NONE, _icon("choose", find_preview("choose")), 0)]
+        items = [(*_NONE, _load_icon("choose", find_preview("choose")), 0)]
         for (name, changed_ns), (item, path) in zip(state, shown, strict=True):
-            items.append((*item, _icon(f"{name} {changed_ns}", path), len(items)))
+            items.append((*item, _load_icon(f"{name} {changed_ns}", path), len(items)))
         _items[state] = items
     return _items[state]
 
 
-def _icon(key: str, path: Path) -> int:
+def _load_icon(key: str, path: Path) -> int:
     known = _pictures.collection
     return int((known.get(key) or known.load(key, str(path), "IMAGE")).icon_id)
 
@@ -50,12 +50,12 @@ def _is_shipped(picture: Path) -> bool:
     return picture.is_file()
 
 
-def _get(_self: object) -> int:
+def _get_choice(_self: object) -> int:
     loaded = bpy.context.scene.icymoon.preset
     return next((number for name, *_, number in load_choices() if name == loaded), 0)
 
 
-def _set(_self: object, number: int) -> None:
+def _set_choice(_self: object, number: int) -> None:
     name = load_choices()[number][0]
     scene = bpy.context.scene
     if number and (name != scene.icymoon.preset or is_changed(scene)):
@@ -68,7 +68,11 @@ def register() -> None:
         bpy.types.WindowManager,
         CHOICE,
         bpy.props.EnumProperty(
-            items=load_choices, get=_get, set=_set, name="Scene", description="Choose a scene preset by its picture"
+            items=load_choices,
+            get=_get_choice,
+            set=_set_choice,
+            name="Scene",
+            description="Choose a scene preset by its picture",
         ),
     )
 

@@ -17,7 +17,7 @@ from ..operators import (
     view_exposure,
     view_resolution,
 )
-from ..operators.preferences import own_matcher_names, plugin_matcher_names
+from ..operators.preferences import list_own_matchers, list_plugin_matchers
 from ..operators.session import session
 from ..settings.blender import scene_properties
 from ..settings.topics.trust_boundary import OWN
@@ -29,7 +29,7 @@ from .decision_maps import draw_decisions
 from .error_table import draw_errors, explain_errors
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 from .pair_views import draw_pair
-from .view_line import view_line
+from .view_line import describe_view
 
 #: ``bl_order`` of the topics' panels begins at the first of these and ends before the second.
 FIRST, LAST = 10, 1000
@@ -50,7 +50,9 @@ class Sidebar:
     page = manual.WINDOW_PAGE
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
-        if len(self.bl_label) > sidebar_text.line_length() - (_WITHIN if hasattr(self, "bl_parent_id") else _BESIDE):
+        if len(self.bl_label) > sidebar_text.measure_line_length() - (
+            _WITHIN if hasattr(self, "bl_parent_id") else _BESIDE
+        ):
             return  # the button would hide the end of the title
         self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
 
@@ -83,7 +85,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
             context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=7.0
         )
         row = layout.row(align=True)
-        row.menu("ICYMOON_MT_presets", text=presets.shown_title(context.scene), icon="PRESET")
+        row.menu("ICYMOON_MT_presets", text=presets.make_button_title(context.scene), icon="PRESET")
         row.operator("icymoon.add_preset", text="", icon="ADD")
         row.operator("icymoon.remove_preset", text="", icon="REMOVE")
         column = layout.column(align=True)
@@ -93,13 +95,13 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         draw_start(column, "icymoon.evaluate", "Evaluate Stereo Pair", "VIEWZOOM", scope="SCENE")
         draw_pair(layout, context.scene)
         layout.prop(group, "live")
-        if shown := live_preview.lines(context.scene):
+        if shown := live_preview.list_lines(context.scene):
             draw_lines(layout, shown, "INFO")
             scene = context.scene
-            told = view_line(
+            told = describe_view(
                 context.space_data,
                 scene.render.engine,
-                view_exposure.how_exposed(scene),
+                view_exposure.describe_exposure(scene),
                 view_resolution.is_coarse(scene),
                 session.picture.is_shown(scene),
                 view_exposure.is_without_planetshine(scene),
@@ -118,16 +120,16 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(results.summary(context.scene))
+        return bool(results.read_summary(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        rows = results.summary(context.scene)
-        origin, *warnings = results.notes(context.scene)
+        rows = results.read_summary(context.scene)
+        origin, *warnings = results.list_notes(context.scene)
         draw_sentence(layout, origin, "TIME")
         for sentence in warnings:
             draw_sentence(layout, sentence, "ERROR")
-        briefs = results.limits_in_brief(context.scene)
+        briefs = results.list_brief_limits(context.scene)
         for brief in briefs:  # the rest of each is below the table, to keep it in sight
             draw_lines(layout, (brief,), "ERROR" if results.is_doubt(context.scene, brief) else "INFO")
             if brief.startswith(NOISE_DECIDES):
@@ -140,7 +142,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         buttons = layout.column(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
         buttons.operator("icymoon.hide_surface", icon="X")
-        meanings = (*painted_errors.legend(context.scene), *measured_surface.legend(context.scene))
+        meanings = (*painted_errors.make_legend(context.scene), *measured_surface.make_legend(context.scene))
         if meanings:
             layout.prop(context.scene.icymoon, "error_range_m", slider=True)
         column = layout.column(align=True)
@@ -150,7 +152,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         explanations = layout.column()
         explanations.active = not warnings
         explain_errors(explanations, context.scene, rows)
-        for sentence in results.limits(context.scene):
+        for sentence in results.list_limits(context.scene):
             told = [f"{brief}: " for brief in briefs if sentence.startswith(f"{brief}: ")]
             draw_sentence(layout, sentence.removeprefix(told[0]) if told else sentence, "INFO")
 
@@ -169,8 +171,8 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         column = self.layout.column(align=True)
         listed = {
             **matcher_titles(),
-            **{name: name for name in plugin_matcher_names()},
-            **{f"{OWN}:{own}": own for own in own_matcher_names()},
+            **{name: name for name in list_plugin_matchers()},
+            **{f"{OWN}:{own}": own for own in list_own_matchers()},
         }
         for name, title in listed.items():
             row, chosen = column.row(align=True), names_method(methods, name)
@@ -198,15 +200,17 @@ class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_sky"
     bl_label = "In the Sky"
-    page = manual.page_of_topic("light")
+    page = manual.find_page_of_topic("light")
     bl_parent_id = "ICYMOON_PT_light"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(sidebar_text.sky_lines(scene_properties.read_for_display(context.scene.icymoon).light))
+        return bool(sidebar_text.list_sky_lines(scene_properties.read_for_display(context.scene.icymoon).light))
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, sidebar_text.sky_lines(scene_properties.read_for_display(context.scene.icymoon).light))
+        draw_lines(
+            self.layout, sidebar_text.list_sky_lines(scene_properties.read_for_display(context.scene.icymoon).light)
+        )
 
 
 class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
@@ -214,11 +218,13 @@ class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_resolution"
     bl_label = "Depth Resolution"
-    page = manual.page_of_topic("rig")
+    page = manual.find_page_of_topic("rig")
     bl_parent_id = "ICYMOON_PT_rig"
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, sidebar_text.rig_lines(scene_properties.read_for_display(context.scene.icymoon).rig))
+        draw_lines(
+            self.layout, sidebar_text.list_rig_lines(scene_properties.read_for_display(context.scene.icymoon).rig)
+        )
 
 
 class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
@@ -231,10 +237,10 @@ class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(sidebar_text.left_out_lines(scene_properties.read_for_display(context.scene.icymoon)))
+        return bool(sidebar_text.list_omission_lines(scene_properties.read_for_display(context.scene.icymoon)))
 
     def draw(self, context: bpy.types.Context) -> None:
-        for sentence in sidebar_text.left_out_lines(scene_properties.read_for_display(context.scene.icymoon)):
+        for sentence in sidebar_text.list_omission_lines(scene_properties.read_for_display(context.scene.icymoon)):
             draw_sentence(self.layout, sentence, "INFO")
 
 
@@ -253,7 +259,7 @@ class ICYMOON_UL_layers(bpy.types.UIList):
         active_data: bpy.types.bpy_struct,
         active_property: str,
     ) -> None:
-        layout.label(text=layers.layer_title(item), icon="RNDCURVE")
+        layout.label(text=layers.describe_layer(item), icon="RNDCURVE")
 
 
 class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
@@ -261,7 +267,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_plan"
     bl_label = "Shipped Plans"
-    page = manual.page_of_topic("dataset")
+    page = manual.find_page_of_topic("dataset")
     bl_parent_id = "ICYMOON_PT_dataset"
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 1
@@ -270,7 +276,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
         layout, root = self.layout, context.scene.icymoon
         group = root.dataset
         row = layout.row(align=True)
-        row.operator("icymoon.choose_plan", text=dataset.title_of(group.plan), icon="PRESET")
+        row.operator("icymoon.choose_plan", text=dataset.find_plan_title(group.plan), icon="PRESET")
         row.operator("icymoon.open_plan", text="", icon="FILEBROWSER")
         draw_settings(layout, root, "dataset", ("plan", "workers", "evaluate", "leave_running"))
         draw_start(layout, "icymoon.plan_dry_run", "Dry Run", "VIEWZOOM")
@@ -290,15 +296,15 @@ class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_ground_report"
     bl_label = "Import Report"
-    page = manual.page_of_topic("source")
+    page = manual.find_page_of_topic("source")
     bl_parent_id = "ICYMOON_PT_source"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(ground.report_lines(context.scene))
+        return bool(ground.list_report_lines(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, ground.report_lines(context.scene), hang="   ")
+        draw_lines(self.layout, ground.list_report_lines(context.scene), hang="   ")
 
 
 CLASSES = (ICYMOON_UL_layers, ICYMOON_PT_main, ICYMOON_PT_results, ICYMOON_PT_evaluation)

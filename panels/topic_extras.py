@@ -11,8 +11,8 @@ import bpy
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..operators import live_exposure, sidebar_text
-from ..operators.sidebar_text import remember
-from ..paper_stand_ins.items import describe, items_of
+from ..operators.sidebar_text import remember_answers
+from ..paper_stand_ins.items import describe_item, list_items
 from ..physics.surfaces import albedos, principled
 from ..settings.blender import scene_properties
 from ..settings.preset_files import find_preset, load, preset_names, read_preset_header
@@ -21,7 +21,7 @@ from ..settings.topics.stand_ins import MeshItem, TextureItem
 from ..settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 
-_albedo_advice, _albedos = remember(principled.advise_on_albedo), remember(albedos.find_albedos)
+_albedo_advice, _albedos = remember_answers(principled.advise_on_albedo), remember_answers(albedos.find_albedos)
 Extra = Callable[[Any, bpy.types.Context], None]
 
 
@@ -45,13 +45,14 @@ def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
     """Draw the measured roughness of the ground. Values of an earlier ground stay, grey: fields must not move while the
     user drags a number."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
-    lines, earlier = scenes.ground_statistics(context.scene), scenes.shows_earlier_ground(context.scene, settings)
+    lines = scenes.describe_ground_statistics(context.scene)
+    earlier = scenes.shows_earlier_ground(context.scene, settings)
     if not lines or (earlier and preview.awaits_ground(context.scene, settings)):
         return
     column = layout.column(align=True)
     column.active = not earlier
     draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))
-    fits = len(lines[2]) <= sidebar_text.line_length() - 2  # characters that the ends of a button take
+    fits = len(lines[2]) <= sidebar_text.measure_line_length() - 2  # characters that the ends of a button take
     draw_lines(column, () if fits else (lines[2],))
     column.operator("icymoon.show_roughness", text=lines[2] if fits else "Measured Roughness")
 
@@ -62,33 +63,33 @@ def _draw_moons(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     split = layout.split(factor=0.25)
     split.label(text="Sky of")
     row = split.row(align=True)
-    for name, title, there in _moons():
+    for name, title, there in _list_moons():
         row.operator("icymoon.load_preset", text=title, depress=there == body).preset = name
 
 
 @cache
-def _moons() -> list[tuple[str, str, object]]:
+def _list_moons() -> list[tuple[str, str, object]]:
     """The name, title and ``light.body`` of the shipped moons; read once, since the window asks at every redraw."""
     return [(name, read_preset_header(name)[0], load(find_preset(name)).light.body) for name in preset_names("bodies")]
 
 
 def _draw_sky_fault(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Why the sky cannot be computed, below the fields that determine it."""
-    if fault := sidebar_text.sky_fault(scene_properties.read_for_display(context.scene.icymoon).light):
+    if fault := sidebar_text.find_sky_fault(scene_properties.read_for_display(context.scene.icymoon).light):
         draw_sentence(layout, fault, "ERROR")
 
 
 def _draw_expose(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     draw_start(layout, "icymoon.expose", "Show Camera Image", "IMAGE_DATA")
     layout.prop(context.scene.icymoon, "follow")
-    draw_lines(layout, live_exposure.lines(), "INFO")
+    draw_lines(layout, live_exposure.list_lines(), "INFO")
 
 
 def _draw_qualities(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """A button for each quality with its seconds and its error; the one that the scene has is pressed."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     column = layout.column(align=True)
-    narrow = sidebar_text.line_length() < sidebar_text.LINE - 4  # then what a quality takes is below its button
+    narrow = sidebar_text.measure_line_length() < sidebar_text.LINE - 4  # then what a quality takes is below its button
     titles = column if narrow else column.split(factor=0.45, align=True)
     for title in ("A pair, stereo error",) if narrow else ("", "A pair, stereo error"):
         titles.label(text=title)
@@ -111,15 +112,15 @@ def _draw_qualities(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
         draw_sentence(column, f"{titles} cannot be rendered here. {told}", "ERROR")
     if own.chosen:
         draw_lines(column, (f"With the settings below: {own.brief}",))
-    draw_sentence(column, sidebar_text.speed_line(settings))
+    draw_sentence(column, sidebar_text.describe_speed(settings))
     layout.operator_context = "INVOKE_DEFAULT"
-    if sidebar_text.known_speed(str(settings.quality.device)) is None:
+    if sidebar_text.recall_known_speed(str(settings.quality.device)) is None:
         draw_start(layout, "icymoon.measure_machine", "Measure This Machine", "TIME")
     draw_start(layout, "icymoon.auto_quality", "Find Cheapest Quality…", "VIEWZOOM")
 
 
 def _draw_camera_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    draw_lines(layout, sidebar_text.camera_notes(scene_properties.read_for_display(context.scene.icymoon)), "INFO")
+    draw_lines(layout, sidebar_text.list_camera_notes(scene_properties.read_for_display(context.scene.icymoon)), "INFO")
 
 
 def _make_surface_extra(topic: str) -> Extra:
@@ -145,9 +146,9 @@ def _draw_hapke(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 def _make_stand_in_note(kind: type) -> Extra:
     def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        for item in items_of(scene_properties.read_for_display(context.scene.icymoon)):
+        for item in list_items(scene_properties.read_for_display(context.scene.icymoon)):
             if isinstance(item, kind):
-                draw_sentence(layout, describe(item), "INFO")
+                draw_sentence(layout, describe_item(item), "INFO")
 
     return draw
 

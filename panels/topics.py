@@ -55,7 +55,7 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_landforms"
     bl_label = LANDFORMS
-    page = manual.page_of_topic("terrain")
+    page = manual.find_page_of_topic("terrain")
     bl_options = {"DEFAULT_CLOSED"}
     bl_parent_id = "ICYMOON_PT_terrain"
 
@@ -75,7 +75,7 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
         )
 
 
-def _switch(topic: str, key: str) -> dict[str, object]:
+def _make_switch(topic: str, key: str) -> dict[str, object]:
     """A tick in a panel's header."""
 
     def draw_header(self: Sidebar, context: bpy.types.Context) -> None:
@@ -91,7 +91,7 @@ def _make_topic_panel(topic: Topic, order: int) -> type:
     elif topic.inside:
         own["bl_parent_id"] = f"ICYMOON_PT_{topic.inside}"
     if topic.key == "rock_surface":
-        own |= _switch("rocks", "own_surface")
+        own |= _make_switch("rocks", "own_surface")
     return type(
         f"ICYMOON_PT_{topic.key}",
         (_TopicPanel, bpy.types.Panel),
@@ -101,14 +101,14 @@ def _make_topic_panel(topic: Topic, order: int) -> type:
             "bl_label": topic.label,
             "bl_order": order,
             "topic": topic,
-            "page": manual.page_of_topic(topic.key),
+            "page": manual.find_page_of_topic(topic.key),
             **own,
         },
     )
 
 
 def _make_section_panel(topic: Topic, section: Section, order: int) -> type:
-    own = _switch(topic.key, section.switch) if section.switch else {}
+    own = _make_switch(topic.key, section.switch) if section.switch else {}
     name = f"ICYMOON_PT_{topic.key}_{section.key}"
     # Blender does not indent the content of a sub-panel, so the label names its topic.
     label = f"{section.label} {topic.brief or topic.label}" if section == ADVANCED else section.label
@@ -123,7 +123,7 @@ def _make_section_panel(topic: Topic, section: Section, order: int) -> type:
             "bl_parent_id": f"ICYMOON_PT_{topic.key}",
             "topic": topic,
             "section": section,
-            "page": manual.page_of_topic(topic.key),
+            "page": manual.find_page_of_topic(topic.key),
             **own,
         },
     )

@@ -14,7 +14,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
 
     bl_idname = "ICYMOON_PT_trade"
     bl_label = "Speed and Accuracy"
-    page = manual.page_of_topic("quality")
+    page = manual.find_page_of_topic("quality")
     bl_parent_id = "ICYMOON_PT_quality"
     bl_options = {"DEFAULT_CLOSED"}
 

@@ -13,7 +13,7 @@ from ..operators import (
     variation_plan,
     vary,
 )
-from ..render.plans.vary_scene import label_of, names_that_vary
+from ..render.plans.vary_scene import find_label, names_that_vary
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from .fields import draw_list, draw_sentence, draw_settings, draw_start
@@ -39,7 +39,7 @@ class ICYMOON_UL_variations(bpy.types.UIList):
         active_data: bpy.types.bpy_struct,
         active_property: str,
     ) -> None:
-        layout.label(text=vary.title_of_varied(scene_properties.read_item(item)), icon="DRIVER_DISTANCE")
+        layout.label(text=vary.describe_varied(scene_properties.read_item(item)), icon="DRIVER_DISTANCE")
 
 
 class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
@@ -77,7 +77,7 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
 def _draw_render(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the pairs, time and size of the variations, and the buttons that render and save them."""
     root = context.scene.icymoon
-    total, *cost = render_variations.lines(context.scene)
+    total, *cost = render_variations.list_lines(context.scene)
     draw_sentence(layout, total, "RENDER_RESULT" if cost else "ERROR")
     for line in cost:
         draw_sentence(layout, line, "TIME")
@@ -98,7 +98,7 @@ def _draw_render(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 def _draw_pictures(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw buttons that show the first and the last pair, if several were rendered."""
-    count = len(show_pair.kept_pairs(scene))
+    count = len(show_pair.find_kept_pairs(scene))
     if count > 1:
         row = layout.row(align=True)
         for text, number in (("First Pair", 1), ("Last Pair", count)):
@@ -111,9 +111,9 @@ def _draw_varied(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, item
         draw_sentence(layout, "This setting cannot vary; remove it.", "ERROR")
         return
     topic, _, key = item.setting.partition(".")
-    draw_sentence(layout, f"{TOPICS[topic].label} ▸ {label_of(item.setting)}")
+    draw_sentence(layout, f"{TOPICS[topic].label} ▸ {find_label(item.setting)}")
     vary.draw_values(layout, item, item.setting)
-    if root.variations.combine != "SOBOL" and (values := vary.values_of_varied(scene_properties.read_item(item))):
+    if root.variations.combine != "SOBOL" and (values := vary.describe_values(scene_properties.read_item(item))):
         draw_sentence(layout, values)
     labels = {choice[0]: choice[1] for choice in TOPICS[topic][key].choices}
     column = layout.column(align=True)
@@ -125,18 +125,18 @@ def _draw_varied(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, item
 
 def _draw_curves(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw a button for each picture of the error against a setting."""
-    found = list(variation_curves.sorted_curves(scene))
+    found = list(variation_curves.sort_curves(scene))
     if not found:
         return
     column = layout.column(align=True)
     for name in found[:_CURVES]:
-        column.operator("icymoon.show_curve", text=variation_curves.curve_title(name), icon="FCURVE").setting = name
+        column.operator("icymoon.show_curve", text=variation_curves.describe_curve(name), icon="FCURVE").setting = name
     column.operator("icymoon.open_report", icon="URL")
 
 
 def _draw_context_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     """Vary… in the context menu of a setting."""
-    name = vary.setting_of_button(context)
+    name = vary.find_setting_of_button(context)
     if not name:
         return
     self.layout.separator()

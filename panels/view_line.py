@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-#: Comparison with a pair, by the result of ``view_exposure.how_exposed``.
+#: Comparison with a pair, by the result of ``view_exposure.describe_exposure``.
 _TRACED = {
     "": "as the pair, but for noise",
     "other": "as the pair, but for exposure and noise",
@@ -12,7 +12,7 @@ _TRACED = {
 }
 
 
-def view_line(
+def describe_view(
     space: bpy.types.Space,
     engine: str,
     exposed: str = "other",

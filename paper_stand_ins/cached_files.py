@@ -33,7 +33,7 @@ _SHAPE = {"recipe": COUNT, "height_m": NUMBER, "sha256": Each(SHA256, FILE_NAME)
 _OLD_S = 3600.0  # after which a part is a leftover of a process that was killed
 
 
-def folder_of(item: TextureItem | MeshItem) -> Path:
+def find_folder(item: TextureItem | MeshItem) -> Path:
     """Where the files of a stand-in are, or will be."""
     return own_cache_folder() / "stand_ins" / str(RECIPE) / item.stem
 
@@ -62,7 +62,7 @@ def make_files(item: TextureItem | MeshItem, folder: Path | None = None) -> Path
 
     Raises IcyMoonError if the folder cannot be written to.
     """
-    there = folder or folder_of(item)
+    there = folder or find_folder(item)
     if not _is_whole(there, item):
         try:
             _write_all(there, *(_encode_texture(item) if isinstance(item, TextureItem) else _encode_mesh(item)))
@@ -76,7 +76,7 @@ def make_files(item: TextureItem | MeshItem, folder: Path | None = None) -> Path
     return there
 
 
-def relief_m(folder: Path) -> float:
+def read_relief_m(folder: Path) -> float:
     """Height in metres of white above black in the height image of a folder of ``make_files``."""
     return float(read_record(folder / _RECORD, _SHAPE, "delete it")["height_m"])
 
@@ -112,14 +112,14 @@ def _write_all(folder: Path, height_m: float, encoded: Mapping[str, bytes]) -> N
                     remove(part)
         remove(folder / _RECORD)  # it is about to become untrue
     for name, data in encoded.items():
-        write_atomically(folder / name, functools.partial(_write, data))
+        write_atomically(folder / name, functools.partial(_write_part, data))
     write_json(
         folder / _RECORD,
         {"recipe": RECIPE, "height_m": height_m, "sha256": {name: hash_file(folder / name) for name in encoded}},
     )
 
 
-def _write(data: bytes, part: Path) -> None:
+def _write_part(data: bytes, part: Path) -> None:
     part.write_bytes(data)
 
 
@@ -127,11 +127,11 @@ def _encode_texture(item: TextureItem) -> tuple[float, dict[str, bytes]]:
     maps = make_maps(item.key)
     low, span = float(maps.height_m.min()), float(np.ptp(maps.height_m))
     images: dict[str, Array | None] = {
-        "albedo": _levels(to_srgb(maps.albedo)),
-        "roughness": _levels(maps.roughness),
-        "normal": _levels((maps.normal + 1.0) / 2.0),
+        "albedo": _to_8_bit_levels(to_srgb(maps.albedo)),
+        "roughness": _to_8_bit_levels(maps.roughness),
+        "normal": _to_8_bit_levels((maps.normal + 1.0) / 2.0),
         "height": np.rint((maps.height_m - low) / span * 65535.0).astype(np.uint16),
-        "transmission": None if maps.transmission is None else _levels(maps.transmission),
+        "transmission": None if maps.transmission is None else _to_8_bit_levels(maps.transmission),
     }
     return span, {
         f"{item.stem}_{kind}.png": encode_png(image[::-1], 6) for kind, image in images.items() if image is not None
@@ -143,14 +143,14 @@ def _encode_mesh(item: MeshItem) -> tuple[float, dict[str, bytes]]:
     image = f"{item.stem}.png"
     comments = ("made by Icy Moon, no reconstruction", f"stand-in for {item.paper}", f"TextureFile {image}")
     return 0.0, {
-        image: encode_png(_levels(to_srgb(made.image))[::-1], 6),
+        image: encode_png(_to_8_bit_levels(to_srgb(made.image))[::-1], 6),
         f"{item.stem}.ply": encode_triangles(
             ("x", "y", "z", "s", "t"), np.hstack([made.positions, made.uv]), made.faces, comments
         ),
     }
 
 
-def _levels(values: Array) -> Array:
+def _to_8_bit_levels(values: Array) -> Array:
     """Values from 0 to 1 as levels of 8 bits."""
     return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
 

@@ -16,7 +16,7 @@ import numpy as np
 from ..support.arrays import Array
 
 
-def wave_numbers(n: int) -> tuple[Array, Array]:
+def list_wave_numbers(n: int) -> tuple[Array, Array]:
     """Waves per width along the columns (1, n // 2 + 1) and along the rows (n, 1), for ``numpy.fft.rfft2``."""
     return np.fft.rfftfreq(n, 1 / n)[None, :], np.fft.fftfreq(n, 1 / n)[:, None]
 
@@ -26,7 +26,7 @@ def normalise(field: Array) -> Array:
     return np.asarray((field - field.mean()) / field.std())
 
 
-def stretch(field: Array) -> Array:
+def stretch_to_unit(field: Array) -> Array:
     """The field from 0 to 1."""
     return np.asarray((field - field.min()) / np.ptp(field))
 
@@ -40,12 +40,12 @@ def smooth_step(field: Array, low: float, high: float) -> Array:
 def blur(field: Array, sigma_px: float) -> Array:
     """The field, smoothed by a Gaussian."""
     n = len(field)
-    k_x, k_y = wave_numbers(n)
+    k_x, k_y = list_wave_numbers(n)
     gain = np.exp(-2.0 * (math.pi * sigma_px / n) ** 2 * (k_x**2 + k_y**2))
     return np.asarray(np.fft.irfft2(gain * np.fft.rfft2(field), (n, n)))
 
 
-def sample(field: Array, rows: Array, columns: Array) -> Array:
+def sample_wrapped(field: Array, rows: Array, columns: Array) -> Array:
     """The field, interpolated linearly at places in pixels, which wrap around."""
     n = len(field)
     row, column = np.floor(rows).astype(np.int64), np.floor(columns).astype(np.int64)
@@ -58,10 +58,10 @@ def sample(field: Array, rows: Array, columns: Array) -> Array:
     )
 
 
-def warp(field: Array, rows_px: Array, columns_px: Array) -> Array:
+def warp_field(field: Array, rows_px: Array, columns_px: Array) -> Array:
     """The field with the value at each pixel taken from ``rows_px`` and ``columns_px`` pixels away."""
     axis = np.arange(len(field), dtype=float)
-    return sample(field, axis[:, None] + rows_px, axis[None, :] + columns_px)
+    return sample_wrapped(field, axis[:, None] + rows_px, axis[None, :] + columns_px)
 
 
 @dataclass(frozen=True)
@@ -77,21 +77,21 @@ class Cells:
     count: int
 
 
-class Draw:
+class FieldGenerator:
     """Draws random fields of ``n`` x ``n`` pixels from a generator, one after the other."""
 
     def __init__(self, random: np.random.Generator, n: int) -> None:
         self.random, self.n = random, n
 
-    def even(self, value: float) -> Array:
+    def make_uniform(self, value: float) -> Array:
         """A field that is the same everywhere."""
         return np.full((self.n, self.n), value)
 
-    def per_cell(self, cells: Cells) -> Array:
+    def draw_per_cell(self, cells: Cells) -> Array:
         """A random number for each cell, evenly from 0 to 1."""
         return self.random.random(cells.count)[cells.number]
 
-    def normal_per_cell(self, cells: Cells) -> Array:
+    def draw_normal_per_cell(self, cells: Cells) -> Array:
         """A random number for each cell, with a normal distribution of unit deviation."""
         return self.random.standard_normal(cells.count)[cells.number]
 
@@ -106,7 +106,7 @@ class Draw:
         random, n = self.random, self.n
         longest = max(longest, 6.0 / n)  # a small image cannot hold shorter ones
         shortest = min(shortest, longest / 2)
-        k_x, k_y = wave_numbers(n)
+        k_x, k_y = list_wave_numbers(n)
         along = math.cos(angle) * k_x + math.sin(angle) * k_y
         across = -math.sin(angle) * k_x + math.cos(angle) * k_y
         k = np.hypot(along * elongation, across)
@@ -122,7 +122,7 @@ class Draw:
         jitter = 0.5 * regular + (1.0 - regular) * random.random((across, across, 2))
         first, second = np.full((n, n), np.inf), np.full((n, n), np.inf)
         number, from_x, from_y = np.zeros((n, n), np.int64), np.zeros((n, n)), np.zeros((n, n))
-        for where, dx, dy in _nearby_points(n, jitter, shift):
+        for where, dx, dy in _list_nearby_points(n, jitter, shift):
             distance = np.hypot(dx, dy)
             nearer = distance < first
             second = np.where(nearer, first, np.minimum(second, distance))
@@ -137,7 +137,7 @@ class Draw:
         jitter = random.random((across, across, 2))
         level, slope = random.random((across, across)), tilt * (2.0 * random.random((across, across, 2)) - 1.0)
         top = np.full((n, n), -np.inf)
-        for where, dx, dy in _nearby_points(n, jitter):
+        for where, dx, dy in _list_nearby_points(n, jitter):
             facet = level[where] + slope[where][..., 0] * dx + slope[where][..., 1] * dy
             # A plate ends at half a cell and falls off steeply.
             top = np.maximum(top, facet - 8.0 * np.maximum(np.hypot(dx, dy) - 0.55, 0.0))
@@ -205,7 +205,7 @@ class Draw:
         return found
 
 
-def _nearby_points(
+def _list_nearby_points(
     n: int, jitter: Array, shift: tuple[Array, Array] | None = None
 ) -> Iterator[tuple[tuple[Array, Array], Array, Array]]:
     """The nine random points around each pixel: row and column in ``jitter`` (k, k, 2), and the way from the point.
@@ -223,18 +223,18 @@ def _nearby_points(
         yield where, x - column - i - jitter[where][..., 0], y - row - j - jitter[where][..., 1]
 
 
-def gradients(height: Array) -> tuple[Array, Array]:
+def find_gradients(height: Array) -> tuple[Array, Array]:
     """Rise of heights in pixels toward the columns and toward the rows, by central differences around the edges."""
     return ((np.roll(height, -1, 1) - np.roll(height, 1, 1)) / 2, (np.roll(height, -1, 0) - np.roll(height, 1, 0)) / 2)
 
 
-def normals(height: Array) -> Array:
+def find_normals(height: Array) -> Array:
     """Unit normals (n, n, 3) of heights in pixels: x to the right, y up the image, z out."""
-    x, y = gradients(height)
+    x, y = find_gradients(height)
     return np.stack([-x, -y, np.ones_like(x)], axis=-1) / np.sqrt(1.0 + x * x + y * y)[..., None]
 
 
-def openness(height: Array, reach_px: float) -> Array:
+def estimate_openness(height: Array, reach_px: float) -> Array:
     """Approximate share of the sky, 0 to 1, that each point of heights in pixels sees over higher ground within
     distances up to ``reach_px``: 1 on crests, less in hollows."""
     hidden = np.zeros_like(height)
@@ -258,7 +258,7 @@ def cast_shadows(height: Array, azimuth: float, elevation: float, reach_px: int)
     return np.asarray(np.clip((elevation + 0.05 - lowest) / 0.1, 0.0, 1.0))
 
 
-def light(
+def light_relief(
     height: Array, sun_deg: tuple[float, float], sky: float = 0.35, scatter_px: float = 0.0, reach_px: int = 96
 ) -> Array:
     """Light on relief, 1 on level ground: sunlight with cast shadows, and a share ``sky`` from all sides.
@@ -270,8 +270,8 @@ def light(
     toward = np.array(
         [math.cos(azimuth) * math.cos(elevation), math.sin(azimuth) * math.cos(elevation), math.sin(elevation)]
     )
-    sun = np.maximum(normals(height) @ toward, 0.0) / math.sin(elevation)
+    sun = np.maximum(find_normals(height) @ toward, 0.0) / math.sin(elevation)
     sun = sun * cast_shadows(height, azimuth, elevation, reach_px)
     if scatter_px > 0.0:
         sun = (sun + blur(sun, scatter_px)) / 2
-    return np.asarray((1.0 - sky) * sun + sky * openness(height, reach_px / 2))
+    return np.asarray((1.0 - sky) * sun + sky * estimate_openness(height, reach_px / 2))

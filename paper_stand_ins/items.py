@@ -11,7 +11,7 @@ PIXELS, MESH_PIXELS = 1024, 2048
 RECIPE = 1
 
 
-def items_of(settings: Settings) -> list[TextureItem | MeshItem]:
+def list_items(settings: Settings) -> list[TextureItem | MeshItem]:
     """The stand-ins that complete settings show."""
     found: list[TextureItem | MeshItem] = []
     if settings.source.kind == "STAND_IN":
@@ -21,7 +21,7 @@ def items_of(settings: Settings) -> list[TextureItem | MeshItem]:
     return found
 
 
-def describe(item: TextureItem | MeshItem) -> str:
+def describe_item(item: TextureItem | MeshItem) -> str:
     """A sentence on what a stand-in is."""
     what = "mesh" if isinstance(item, MeshItem) else "texture"
     return (

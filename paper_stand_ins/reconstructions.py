@@ -20,10 +20,10 @@ from ..physics.random_numbers.seeds import make_generator
 from ..settings.topics.stand_ins import MeshItem, find_mesh_item
 from ..support.arrays import Array
 from . import fields
-from .fields import Draw
+from .fields import FieldGenerator
 from .ice_colours import ice_albedo, snow_albedo
 from .items import MESH_PIXELS
-from .texture_maps import DIRT, SEED, bent, mix
+from .texture_maps import DIRT, SEED, make_bend, mix_colours
 from .triangulation import triangulate
 
 #: Pixels along a side of the true ground; the mesh is made of every second of its points.
@@ -60,7 +60,7 @@ def reconstruct(key: str, seed: int = SEED) -> Reconstruction:
     """The stand-in mesh ``key``. Raises KeyError for another name."""
     item = find_mesh_item(key)
     random = make_generator(seed, "stand_ins", 1, item.number)
-    draw = Draw(random, _GROUND)
+    draw = FieldGenerator(random, _GROUND)
     ground = _RECIPES[key](draw, item)
     pixel_m = item.size_m / _GROUND
     image = _photograph(draw, ground, pixel_m, surveyed=item.holes > 0)
@@ -69,15 +69,15 @@ def reconstruct(key: str, seed: int = SEED) -> Reconstruction:
     edge_m = 2 * pixel_m * (_GROUND / 2) / math.sqrt(len(places))
     uv = places / (_GROUND / 2)
     xy = (uv - 0.5) * item.size_m
-    height = fields.sample(fields.blur(coarse, 0.7), places[:, 1], places[:, 0]) * 2 * pixel_m
-    keep = _within_rim(random, xy[faces].mean(axis=1), item)
-    keep = _largest_sheet(places, faces, keep)
+    height = fields.sample_wrapped(fields.blur(coarse, 0.7), places[:, 1], places[:, 0]) * 2 * pixel_m
+    keep = _find_within_rim(random, xy[faces].mean(axis=1), item)
+    keep = _find_largest_sheet(places, faces, keep)
     if item.holes:
-        openness = fields.sample(fields.openness(coarse, 24.0), places[:, 1], places[:, 0])
-        keep = _with_holes(random, xy, faces, keep, openness, item)
+        openness = fields.sample_wrapped(fields.estimate_openness(coarse, 24.0), places[:, 1], places[:, 0])
+        keep = _cut_holes(random, xy, faces, keep, openness, item)
     positions: Array = np.column_stack([xy, height])
     if item.holes:
-        positions += _drift(random, xy, item.size_m)
+        positions += _make_drift(random, xy, item.size_m)
         positions[:, 2] += _NOISE * edge_m * random.standard_normal(len(positions))
     used, faces = np.unique(faces[keep], return_inverse=True)
     positions, uv, faces = positions[used], uv[used], faces.reshape(-1, 3)
@@ -86,7 +86,7 @@ def reconstruct(key: str, seed: int = SEED) -> Reconstruction:
     return Reconstruction(positions.astype(np.float32), faces.astype(np.int32), uv.astype(np.float32), image)
 
 
-def _drift(random: np.random.Generator, xy: Array, size_m: float) -> Array:
+def _make_drift(random: np.random.Generator, xy: Array, size_m: float) -> Array:
     """The doming and the slow warps (k, 3) at places (k, 2), in metres."""
     at = xy / size_m
     moved = np.zeros((len(xy), 3))
@@ -99,7 +99,7 @@ def _drift(random: np.random.Generator, xy: Array, size_m: float) -> Array:
     return moved
 
 
-def _within_rim(random: np.random.Generator, xy: Array, item: MeshItem) -> Array:
+def _find_within_rim(random: np.random.Generator, xy: Array, item: MeshItem) -> Array:
     """Which places are within the ragged rim of the photographed ground."""
     turn = np.arctan2(xy[:, 1], xy[:, 0])
     radius = np.full(len(xy), 0.46)
@@ -113,7 +113,7 @@ def _within_rim(random: np.random.Generator, xy: Array, item: MeshItem) -> Array
     return np.asarray((far < radius * item.size_m) & square)
 
 
-def _rim_edges(faces: Array) -> tuple[Array, Array]:
+def _find_rim_edges(faces: Array) -> tuple[Array, Array]:
     """Vertices at the beginning and the end of the edges that only one face has."""
     begin, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     key = np.minimum(begin, end).astype(np.int64) * (int(faces.max()) + 1) + np.maximum(begin, end)
@@ -122,7 +122,7 @@ def _rim_edges(faces: Array) -> tuple[Array, Array]:
     return begin[alone], end[alone]
 
 
-def _largest_sheet(places: Array, faces: Array, keep: Array) -> Array:
+def _find_largest_sheet(places: Array, faces: Array, keep: Array) -> Array:
     """The faces to keep that belong to the largest part, without faces that touch others only at a corner."""
     keep = keep.copy()
     while True:
@@ -136,14 +136,14 @@ def _largest_sheet(places: Array, faces: Array, keep: Array) -> Array:
         largest = np.bincount(part).argmax()
         keep[kept[part != largest]] = False
         # Where two rims meet in a corner, and where a face hangs by one edge.
-        starts = np.bincount(_rim_edges(faces[keep])[0], minlength=len(places))
+        starts = np.bincount(_find_rim_edges(faces[keep])[0], minlength=len(places))
         touching = np.flatnonzero(starts > 1)
         if part.max() == largest == part.min() and not len(touching):
             return keep
         keep &= ~np.isin(faces, touching).any(axis=1)
 
 
-def _with_holes(
+def _cut_holes(
     random: np.random.Generator,
     xy: Array,
     faces: Array,
@@ -153,7 +153,7 @@ def _with_holes(
 ) -> Array:
     """The faces to keep with ``item.holes`` holes, where the least of the sky is seen, apart from sites and rim."""
     middle = xy[faces].mean(axis=1)
-    rim = xy[_rim_edges(faces[keep])[0]]
+    rim = xy[_find_rim_edges(faces[keep])[0]]
     order = np.argsort(openness[faces].mean(axis=1) + 0.05 * random.random(len(faces)))
     made: list[tuple[Array, float]] = []
     for k in order:
@@ -169,31 +169,31 @@ def _with_holes(
         turn = np.arctan2(middle[:, 1] - at[1], middle[:, 0] - at[0])
         ragged = 1.0 + 0.25 * np.cos(2 * turn + 6.3 * random.random()) + 0.2 * np.cos(5 * turn + 6.3 * random.random())
         before = keep
-        keep = _largest_sheet(xy, faces, keep & (np.hypot(*(middle - at).T) > radius * ragged))
-        if examine_mesh(_flat(xy), faces[keep]).boundary_loops == len(made) + 2:
+        keep = _find_largest_sheet(xy, faces, keep & (np.hypot(*(middle - at).T) > radius * ragged))
+        if examine_mesh(_add_zero_heights(xy), faces[keep]).boundary_loops == len(made) + 2:
             made.append((at, radius))
         else:
             keep = before
     return keep
 
 
-def _flat(xy: Array) -> Array:
+def _add_zero_heights(xy: Array) -> Array:
     return np.column_stack([xy, np.zeros(len(xy))])
 
 
-def _photograph(draw: Draw, ground: _Ground, pixel_m: float, surveyed: bool) -> Array:
+def _photograph(draw: FieldGenerator, ground: _Ground, pixel_m: float, surveyed: bool) -> Array:
     """The image of a mesh: the colour in the light of its day, put together from photographs."""
     n = len(ground.height_m)
-    lit = fields.light(ground.height_m / pixel_m, ground.sun_deg, sky=0.5)
+    lit = fields.light_relief(ground.height_m / pixel_m, ground.sun_deg, sky=0.5)
     picture = ground.colour * lit[..., None]
     if surveyed:
         shift = (0.2 * draw.waves(4.0, 1 / 20, 1 / 3), 0.2 * draw.waves(4.0, 1 / 20, 1 / 3))
         cells = draw.cells(4, shift, 0.4)
-        exposure = np.exp(0.05 * draw.normal_per_cell(cells))
+        exposure = np.exp(0.05 * draw.draw_normal_per_cell(cells))
         picture = picture * fields.blur(exposure, 4.0)[..., None]
     large = np.repeat(np.repeat(picture, MESH_PIXELS // n, axis=0), MESH_PIXELS // n, axis=1)
     large = np.stack([fields.blur(large[..., k], 0.9) for k in range(3)], axis=-1)
-    fine = Draw(draw.random, MESH_PIXELS).waves(1.6, 2.5 / MESH_PIXELS, 1 / 60)
+    fine = FieldGenerator(draw.random, MESH_PIXELS).waves(1.6, 2.5 / MESH_PIXELS, 1 / 60)
     large = large * np.exp(0.06 * fine)[..., None]
     return np.asarray(np.clip(large * (0.5 / large[..., 1].mean()), 0.0, 1.0))
 
@@ -201,34 +201,34 @@ def _photograph(draw: Draw, ground: _Ground, pixel_m: float, surveyed: bool) -> 
 # What each ground looks like
 
 
-def _away_from_sites(n: int, item: MeshItem) -> Array:
+def _weight_away_from_sites(n: int, item: MeshItem) -> Array:
     """0 where a camera can stand, 1 from some metres away."""
     metres = ((np.arange(n) + 0.5) / n - 0.5) * item.size_m
     apart = [np.hypot(metres[None, :] - x, metres[:, None] - y) for x, y in item.sites]
     return fields.smooth_step(np.minimum.reduce(apart), 2.0, 4.5)
 
 
-def _even(colour: Array, n: int) -> Array:
+def _uniform_colour(colour: Array, n: int) -> Array:
     return np.broadcast_to(colour, (n, n, 3))
 
 
-def _boulders(draw: Draw, across: int, share: float, there: Array | None = None) -> Array:
+def _make_boulders(draw: FieldGenerator, across: int, share: float, there: Array | None = None) -> Array:
     """Heights of angular boulders in cells, 0 between them; ``there`` raises and lowers their number."""
     n = draw.n
-    cells = draw.cells(across, bent(draw, 0.05))
-    size = 0.12 + 0.4 * draw.per_cell(cells) ** 3
-    turn = 2 * math.pi * draw.per_cell(cells)
+    cells = draw.cells(across, make_bend(draw, 0.05))
+    size = 0.12 + 0.4 * draw.draw_per_cell(cells) ** 3
+    turn = 2 * math.pi * draw.draw_per_cell(cells)
     top = np.full((n, n), np.inf)
     for k in range(5):
-        angle = turn + 1.257 * k + 0.5 * draw.normal_per_cell(cells)
+        angle = turn + 1.257 * k + 0.5 * draw.draw_normal_per_cell(cells)
         top = np.minimum(top, size - (np.cos(angle) * cells.x + np.sin(angle) * cells.y))
     lean = 0.25 * (np.cos(turn) * cells.x + np.sin(turn) * cells.y)
     shape = np.minimum(1.5 * top, 0.7 * size + lean)
-    chance = draw.per_cell(cells) - (0.0 if there is None else 0.3 * there)
+    chance = draw.draw_per_cell(cells) - (0.0 if there is None else 0.3 * there)
     return np.where((chance < share) & (cells.first < 0.6), np.maximum(shape, 0.0), 0.0) / across
 
 
-def _channels(draw: Draw, count: int, turns: int, width_px: float) -> Array:
+def _make_channels(draw: FieldGenerator, count: int, turns: int, width_px: float) -> Array:
     """Share, 0 to 1, of each point in meandering channels with smooth banks; a column of pixels crosses ``count`` of
     them, a row ``turns``."""
     n = draw.n
@@ -238,12 +238,12 @@ def _channels(draw: Draw, count: int, turns: int, width_px: float) -> Array:
     return 1.0 - fields.smooth_step(apart * (1.0 + 0.4 * draw.waves(3.0, 1 / 12, 1 / 3)), 0.2 * width_px, width_px)
 
 
-def _athabasca(draw: Draw, item: MeshItem) -> _Ground:
+def _make_athabasca(draw: FieldGenerator, item: MeshItem) -> _Ground:
     n = draw.n
     # Melting glacier surface: foliation, little channels, cryoconite holes, dust.
     w = item.size_m
     foliation = draw.waves(2.8, 1 / 120, 1 / 4, 8.0, 0.35)
-    runnel = _channels(draw, 3, 1, 34.0)
+    runnel = _make_channels(draw, 3, 1, 34.0)
     holes = draw.discs(260, 3.0, 14.0)
     bumps = draw.waves(3.2, 1 / 200, 1 / 6)
     height = (
@@ -255,11 +255,11 @@ def _athabasca(draw: Draw, item: MeshItem) -> _Ground:
     )
     share = 0.012 * np.exp(0.7 * foliation) * (1.0 - 0.6 * runnel)
     dust = np.clip(0.20 + 0.14 * bumps + 0.08 * foliation + 0.1 * draw.waves(1.8, 1 / 300, 1 / 10), 0, 1)
-    colour = mix(ice_albedo(share), _even(1.6 * DIRT, n), np.maximum(dust, 0.9 * holes))
+    colour = mix_colours(ice_albedo(share), _uniform_colour(1.6 * DIRT, n), np.maximum(dust, 0.9 * holes))
     return _Ground(height, colour, (140.0, 38.0))
 
 
-def _glacier_42m(draw: Draw, item: MeshItem) -> _Ground:
+def _make_glacier_42m(draw: FieldGenerator, item: MeshItem) -> _Ground:
     n = draw.n
     # Crevasses across the flow, some open, with snow bridges, on swelling ice.
     w = item.size_m
@@ -267,19 +267,19 @@ def _glacier_42m(draw: Draw, item: MeshItem) -> _Ground:
     bend = 0.5 * draw.waves(4.4, 1 / 5, 1.0) + 0.06 * draw.waves(3.2, 1 / 40, 1 / 6)
     lane = phase + bend
     apart = np.abs(lane % 1.0 - 0.5) * w / 7.0
-    gape = 0.75 * np.clip(draw.waves(3.6, 1 / 8, 1 / 2) + 0.1, 0.0, 2.0) * _away_from_sites(n, item)
+    gape = 0.75 * np.clip(draw.waves(3.6, 1 / 8, 1 / 2) + 0.1, 0.0, 2.0) * _weight_away_from_sites(n, item)
     wall = fields.smooth_step(gape - apart, 0.0, 0.35)
     swell = 0.9 * draw.waves(4.4, 1 / 6, 1.0)
     bumps = draw.waves(3.2, 1 / 160, 1 / 10)
     height = swell + 0.07 * bumps - 4.2 * wall * np.minimum(gape, 1.0) - 0.25 * np.exp(-((apart / 1.2) ** 2))
     layer = draw.waves(2.6, 1 / 200, 1 / 6, 6.0, 0.2)
     snow = fields.smooth_step(draw.waves(3.2, 1 / 60, 1 / 3), -0.7, 0.9) * (1.0 - wall)
-    colour = mix(ice_albedo(0.006 * np.exp(0.6 * layer)), snow_albedo(draw.even(0.0006)), snow)
+    colour = mix_colours(ice_albedo(0.006 * np.exp(0.6 * layer)), snow_albedo(draw.make_uniform(0.0006)), snow)
     dirt = np.clip(0.12 + 0.12 * layer + 0.10 * bumps, 0.0, 0.8) * (1.0 - snow)
-    return _Ground(height, mix(colour, _even(1.5 * DIRT, n), dirt), (60.0, 40.0))
+    return _Ground(height, mix_colours(colour, _uniform_colour(1.5 * DIRT, n), dirt), (60.0, 40.0))
 
 
-def _bloodfalls(draw: Draw, item: MeshItem) -> _Ground:
+def _make_bloodfalls(draw: FieldGenerator, item: MeshItem) -> _Ground:
     n = draw.n
     # The front of a glacier, a cliff with flutes, from which iron stains run over an apron of ice and moraine.
     across, along = np.broadcast_to(np.arange(n)[:, None] / n, (n, n)), np.arange(n)[None, :] / n
@@ -287,7 +287,7 @@ def _bloodfalls(draw: Draw, item: MeshItem) -> _Ground:
     behind = line - across + 0.006 * draw.waves(3.0, 1 / 40, 1 / 8, 3.0, math.pi / 2)
     cliff = fields.smooth_step(behind, 0.0, 0.07) * fields.smooth_step(across, 0.0, 0.06)  # the square's edges meet
     low = 1.0 - cliff
-    stones = (_boulders(draw, 46, 0.3) + 0.6 * _boulders(draw, 90, 0.35)) * low
+    stones = (_make_boulders(draw, 46, 0.3) + 0.6 * _make_boulders(draw, 90, 0.35)) * low
     height = (
         4.5 * cliff
         + 0.3 * draw.waves(4.4, 1 / 8, 1.0)
@@ -301,18 +301,18 @@ def _bloodfalls(draw: Draw, item: MeshItem) -> _Ground:
     ice = ice_albedo(0.02 * np.exp(0.5 * draw.waves(2.6, 1 / 120, 1 / 6, 5.0, 0.0)))
     soil = 1.9 * DIRT * np.exp(0.3 * draw.waves(1.6, 1 / 300, 1 / 10))[..., None]
     bare = low * fields.smooth_step(draw.waves(3.0, 1 / 40, 1 / 3) + 60 * stones, -0.4, 0.6)
-    colour = mix(mix(ice, soil, bare), _even(np.array([0.36, 0.15, 0.06]), n), stain)
+    colour = mix_colours(mix_colours(ice, soil, bare), _uniform_colour(np.array([0.36, 0.15, 0.06]), n), stain)
     return _Ground(height, colour, (250.0, 34.0))
 
 
-def _seaice(draw: Draw, item: MeshItem) -> _Ground:
+def _make_seaice(draw: FieldGenerator, item: MeshItem) -> _Ground:
     # Floes pressed together: ridges of blocks along their edges, snow dunes with the wind, frozen ponds.
     w = item.size_m
-    cells = draw.cells(4, bent(draw, 0.16))
+    cells = draw.cells(4, make_bend(draw, 0.16))
     edge = cells.second - cells.first
-    level = 0.12 * draw.per_cell(cells)
+    level = 0.12 * draw.draw_per_cell(cells)
     pressed = np.exp(-((edge / 0.10) ** 2)) * fields.smooth_step(draw.waves(3.4, 1 / 10, 1 / 2), -0.5, 1.0)
-    blocks = np.maximum(_boulders(draw, 56, 0.75), 0.7 * _boulders(draw, 100, 0.7))
+    blocks = np.maximum(_make_boulders(draw, 56, 0.75), 0.7 * _make_boulders(draw, 100, 0.7))
     dunes = np.maximum(draw.waves(3.4, 1 / 60, 1 / 6, 3.5, 0.2), -0.4)
     fine = draw.waves(2.8, 1 / 250, 1 / 30, 3.0, 0.2)
     snow = fields.smooth_step(dunes, -0.35, 0.5)
@@ -320,30 +320,34 @@ def _seaice(draw: Draw, item: MeshItem) -> _Ground:
         level + 0.09 * dunes + 0.008 * fine + pressed * (0.55 + w * 1.3 * blocks) + 0.05 * draw.waves(4.0, 1 / 8, 1.0)
     )
     pond = fields.smooth_step(-draw.waves(3.6, 1 / 16, 1 / 3), 0.9, 1.3) * (1.0 - pressed)
-    grey = mix(ice_albedo(draw.even(0.015)), ice_albedo(draw.even(0.002)) * 0.6, pond)
-    colour = mix(grey, snow_albedo(draw.even(0.0004)), snow * (1.0 - pond))
-    colour = mix(colour, ice_albedo(draw.even(0.006)), np.clip(pressed * 60 * blocks, 0, 1) * (1 - 0.5 * snow))
+    grey = mix_colours(ice_albedo(draw.make_uniform(0.015)), ice_albedo(draw.make_uniform(0.002)) * 0.6, pond)
+    colour = mix_colours(grey, snow_albedo(draw.make_uniform(0.0004)), snow * (1.0 - pond))
+    colour = mix_colours(
+        colour, ice_albedo(draw.make_uniform(0.006)), np.clip(pressed * 60 * blocks, 0, 1) * (1 - 0.5 * snow)
+    )
     return _Ground(height * (1 - pond) + pond * (level - 0.05), colour, (200.0, 24.0))
 
 
-def _matanuska_a1(draw: Draw, item: MeshItem) -> _Ground:
+def _make_matanuska_a1(draw: FieldGenerator, item: MeshItem) -> _Ground:
     n = draw.n
     # Hummocks of ice under debris, bare on their steep sides.
     w = item.size_m
     hummock = draw.waves(4.0, 1 / 20, 1 / 3)
-    stones = np.maximum(_boulders(draw, 40, 0.5), 0.8 * _boulders(draw, 100, 0.7))
+    stones = np.maximum(_make_boulders(draw, 40, 0.5), 0.8 * _make_boulders(draw, 100, 0.7))
     fine = draw.waves(2.4, 1 / 300, 1 / 30)
     height = 0.9 * hummock + 0.015 * fine
-    x, y = fields.gradients(fields.blur(height, 3.0) * n / w)
+    x, y = fields.find_gradients(fields.blur(height, 3.0) * n / w)
     bare = fields.smooth_step(np.hypot(x, y) + 0.12 * draw.waves(2.6, 1 / 100, 1 / 12), 0.42, 0.62)
     height = height + w * 0.8 * stones * (1.0 - bare)
     tint = np.exp(0.3 * fine + 0.3 * draw.waves(1.6, 1 / 400, 1 / 60))
     layer = draw.waves(2.6, 1 / 160, 1 / 8, 7.0, 1.1)
-    ice = mix(ice_albedo(0.008 * np.exp(0.6 * layer)), _even(1.4 * DIRT, n), np.clip(0.25 + 0.2 * layer, 0, 0.8))
-    return _Ground(height, mix(2.0 * DIRT * tint[..., None], ice, bare), (150.0, 42.0))
+    ice = mix_colours(
+        ice_albedo(0.008 * np.exp(0.6 * layer)), _uniform_colour(1.4 * DIRT, n), np.clip(0.25 + 0.2 * layer, 0, 0.8)
+    )
+    return _Ground(height, mix_colours(2.0 * DIRT * tint[..., None], ice, bare), (150.0, 42.0))
 
 
-def _matanuska_c1(draw: Draw, item: MeshItem) -> _Ground:
+def _make_matanuska_c1(draw: FieldGenerator, item: MeshItem) -> _Ground:
     n = draw.n
     # White ice, weathered to a crust, with boulders, bands of debris, and a crevasse.
     w = item.size_m
@@ -351,24 +355,24 @@ def _matanuska_c1(draw: Draw, item: MeshItem) -> _Ground:
     crust = draw.waves(2.8, 1 / 250, 1 / 14)
     cracks = draw.lines(4, 0.7, 9.0, 0.4, 1)
     there = draw.waves(3.2, 1 / 20, 1 / 2)
-    stones = np.maximum(_boulders(draw, 14, 0.16, there), 0.9 * _boulders(draw, 34, 0.16, there))
+    stones = np.maximum(_make_boulders(draw, 14, 0.16, there), 0.9 * _make_boulders(draw, 34, 0.16, there))
     height = (
         0.5 * draw.waves(4.4, 1 / 6, 1.0) + 0.02 * layer + 0.02 * crust - 0.4 * fields.blur(cracks, 1.5) + w * stones
     )
     grit = np.clip(fields.smooth_step(layer + 0.4 * draw.waves(1.6, 1 / 300, 1 / 30), 0.7, 1.9), 0, 0.9)
-    ice = mix(ice_albedo(0.03 * np.exp(0.5 * crust)), _even(1.4 * DIRT, n), np.maximum(grit, 0.06))
+    ice = mix_colours(ice_albedo(0.03 * np.exp(0.5 * crust)), _uniform_colour(1.4 * DIRT, n), np.maximum(grit, 0.06))
     rock = fields.smooth_step(stones * w, 0.0, 0.02)
     tint = np.exp(0.25 * draw.waves(1.8, 1 / 400, 1 / 20))
-    return _Ground(height, mix(ice, 1.7 * DIRT * tint[..., None], rock), (120.0, 40.0))
+    return _Ground(height, mix_colours(ice, 1.7 * DIRT * tint[..., None], rock), (120.0, 40.0))
 
 
-def _svalbard(draw: Draw, item: MeshItem) -> _Ground:
+def _make_svalbard(draw: FieldGenerator, item: MeshItem) -> _Ground:
     n = draw.n
     # Old snow in the lee of moraine ridges, cut by streams of meltwater.
     w = item.size_m
     ridge = -np.abs(draw.waves(4.2, 1 / 12, 1.0, 2.2, 0.6))
-    stream = _channels(draw, 2, 1, 44.0)
-    stones = np.maximum(_boulders(draw, 70, 0.45), _boulders(draw, 120, 0.5))
+    stream = _make_channels(draw, 2, 1, 44.0)
+    stones = np.maximum(_make_boulders(draw, 70, 0.45), _make_boulders(draw, 120, 0.5))
     soil = 2.2 * ridge + 0.03 * draw.waves(2.8, 1 / 250, 1 / 20) + w * 0.6 * stones - 0.5 * stream
     cover = fields.blur(soil, 26.0) + 0.28 + 0.3 * draw.waves(4.0, 1 / 16, 1 / 2) - 0.6 * stream
     snow = fields.smooth_step(cover - soil, -0.02, 0.04)
@@ -376,50 +380,54 @@ def _svalbard(draw: Draw, item: MeshItem) -> _Ground:
     height = np.maximum(soil, cover + ripple)
     tint = np.exp(0.35 * draw.waves(1.7, 1 / 400, 1 / 10))
     pink = 0.07 * fields.smooth_step(draw.waves(3.0, 1 / 40, 1 / 3), 0.3, 1.6)  # algae
-    white = snow_albedo(draw.even(0.0008)) * (1.0 - pink[..., None] * np.array([0.0, 0.9, 0.6]))
+    white = snow_albedo(draw.make_uniform(0.0008)) * (1.0 - pink[..., None] * np.array([0.0, 0.9, 0.6]))
     water = stream * (1.0 - snow)
     wet = 0.8 * fields.smooth_step(water, 0.5, 0.9)
-    ground = mix(2.1 * DIRT * tint[..., None], _even(np.array([0.09, 0.16, 0.19]), n), wet)
-    return _Ground(height, mix(ground, white, snow), (220.0, 28.0))
+    ground = mix_colours(2.1 * DIRT * tint[..., None], _uniform_colour(np.array([0.09, 0.16, 0.19]), n), wet)
+    return _Ground(height, mix_colours(ground, white, snow), (220.0, 28.0))
 
 
-def _gaea(draw: Draw, height: Array, rock: Array) -> _Ground:
-    grey = mix(snow_albedo(draw.even(0.0004)), ice_albedo(draw.even(0.02)) * 0.85, rock)
+def _make_gaea(draw: FieldGenerator, height: Array, rock: Array) -> _Ground:
+    grey = mix_colours(snow_albedo(draw.make_uniform(0.0004)), ice_albedo(draw.make_uniform(0.02)) * 0.85, rock)
     return _Ground(height, grey, (180.0, 60.0))
 
 
-def _gaea_ridgy(draw: Draw, item: MeshItem) -> _Ground:
+def _make_gaea_ridgy(draw: FieldGenerator, item: MeshItem) -> _Ground:
     n = draw.n
     ridges = sum(0.4**k * (1.0 - np.abs(draw.waves(5.0, 1 / (6 * 2**k), 1 / (2 * 2**k), 1.7, 0.8))) for k in range(4))
     fine = draw.waves(2.8, 1 / 200, 1 / 24)
     height = 1.2 * np.asarray(ridges) + 0.012 * fine
-    return _gaea(draw, height, fields.smooth_step(np.hypot(*fields.gradients(height * n / item.size_m)), 0.5, 0.9))
+    return _make_gaea(
+        draw, height, fields.smooth_step(np.hypot(*fields.find_gradients(height * n / item.size_m)), 0.5, 0.9)
+    )
 
 
-def _gaea_rocky_perlin(draw: Draw, item: MeshItem) -> _Ground:
+def _make_gaea_rocky_perlin(draw: FieldGenerator, item: MeshItem) -> _Ground:
     swell = 1.0 * draw.waves(4.0, 1 / 20, 1 / 2)
-    stones = np.maximum(_boulders(draw, 24, 0.3), _boulders(draw, 60, 0.4))
+    stones = np.maximum(_make_boulders(draw, 24, 0.3), _make_boulders(draw, 60, 0.4))
     height = swell + 0.03 * draw.waves(2.8, 1 / 200, 1 / 20) + 0.8 * item.size_m * stones
-    return _gaea(draw, height, fields.smooth_step(item.size_m * stones, 0.0, 0.03))
+    return _make_gaea(draw, height, fields.smooth_step(item.size_m * stones, 0.0, 0.03))
 
 
-def _gaea_rocky(draw: Draw, item: MeshItem) -> _Ground:
+def _make_gaea_rocky(draw: FieldGenerator, item: MeshItem) -> _Ground:
     n = draw.n
     height = 0.5 * draw.waves(4.4, 1 / 8, 1.0) + 0.012 * draw.waves(2.8, 1 / 200, 1 / 20)
     for across, rise in ((6, 0.8), (15, 0.35), (34, 0.12)):  # slabs, each tilted
-        cells = draw.cells(across, bent(draw, 0.08))
-        level = draw.per_cell(cells)
+        cells = draw.cells(across, make_bend(draw, 0.08))
+        level = draw.draw_per_cell(cells)
         tilt = draw.random.standard_normal((across**2, 2))[cells.number]
         slab = level + 0.5 * (tilt[..., 0] * cells.x + tilt[..., 1] * cells.y)
         height = height + rise * slab * fields.smooth_step(cells.second - cells.first, 0.0, 0.10)
     height = fields.blur(height, 1.2)
-    return _gaea(draw, height, fields.smooth_step(np.hypot(*fields.gradients(height * n / item.size_m)), 0.5, 1.0))
+    return _make_gaea(
+        draw, height, fields.smooth_step(np.hypot(*fields.find_gradients(height * n / item.size_m)), 0.5, 1.0)
+    )
 
 
-def _matanuska_playground(draw: Draw, item: MeshItem) -> _Ground:
+def _make_matanuska_playground(draw: FieldGenerator, item: MeshItem) -> _Ground:
     n = draw.n
     # Smooth white ice, cut by deep blue channels of meltwater, with potholes.
-    channel = _channels(draw, 2, 0, 46.0)
+    channel = _make_channels(draw, 2, 0, 46.0)
     pots = draw.discs(60, 6.0, 30.0)
     crust = draw.waves(2.9, 1 / 250, 1 / 14)
     layer = draw.waves(2.8, 1 / 120, 1 / 5, 6.0, 1.4)
@@ -427,21 +435,21 @@ def _matanuska_playground(draw: Draw, item: MeshItem) -> _Ground:
         0.7 * draw.waves(4.4, 1 / 6, 1.0) + 0.03 * crust + 0.03 * layer - 0.6 * channel - 0.25 * fields.blur(pots, 3.0)
     )
     blue = np.clip(channel + pots, 0.0, 1.0)
-    ice = mix(ice_albedo(0.04 * np.exp(0.4 * crust)), ice_albedo(draw.even(0.004)), blue)
+    ice = mix_colours(ice_albedo(0.04 * np.exp(0.4 * crust)), ice_albedo(draw.make_uniform(0.004)), blue)
     dust = np.clip(0.10 + 0.14 * layer, 0, 0.6) * (1 - blue)
-    return _Ground(height, mix(ice, _even(1.4 * DIRT, n), dust), (80.0, 38.0))
+    return _Ground(height, mix_colours(ice, _uniform_colour(1.4 * DIRT, n), dust), (80.0, 38.0))
 
 
-_RECIPES: dict[str, Callable[[Draw, MeshItem], _Ground]] = {
-    "ATHABASCA": _athabasca,
-    "GLACIER_42M": _glacier_42m,
-    "BLOODFALLS": _bloodfalls,
-    "SEAICE1": _seaice,
-    "MATANUSKA_A1": _matanuska_a1,
-    "MATANUSKA_C1": _matanuska_c1,
-    "SVALBARD1": _svalbard,
-    "GAEA_RIDGY": _gaea_ridgy,
-    "GAEA_ROCKY_PERLIN": _gaea_rocky_perlin,
-    "GAEA_ROCKY": _gaea_rocky,
-    "MATANUSKA_PLAYGROUND": _matanuska_playground,
+_RECIPES: dict[str, Callable[[FieldGenerator, MeshItem], _Ground]] = {
+    "ATHABASCA": _make_athabasca,
+    "GLACIER_42M": _make_glacier_42m,
+    "BLOODFALLS": _make_bloodfalls,
+    "SEAICE1": _make_seaice,
+    "MATANUSKA_A1": _make_matanuska_a1,
+    "MATANUSKA_C1": _make_matanuska_c1,
+    "SVALBARD1": _make_svalbard,
+    "GAEA_RIDGY": _make_gaea_ridgy,
+    "GAEA_ROCKY_PERLIN": _make_gaea_rocky_perlin,
+    "GAEA_ROCKY": _make_gaea_rocky,
+    "MATANUSKA_PLAYGROUND": _make_matanuska_playground,
 }

@@ -20,17 +20,17 @@ def triangulate(random: np.random.Generator, heights: Array, triangles: int, fla
     ``heights`` is (2^j + 1, 2^j + 1) in pixels. ``flat`` is by what share of its edge a flat triangle counts as missing
     the heights, so that flat ground has triangles too.
     """
-    error = _errors(heights, flat)
+    error = _measure_errors(heights, flat)
     low, high = 0.0, float(error.max())
     for _ in range(24):  # the number falls as the error that is allowed grows
         middle = (low + high) / 2
-        low, high = (middle, high) if _count(error, middle) > triangles else (low, middle)
-    places, faces = _split(error, high)
-    places = _moved(random, places, faces, heights.shape[0] - 1)
-    return places, _flipped(random, places, faces)
+        low, high = (middle, high) if _count_triangles(error, middle) > triangles else (low, middle)
+    places, faces = _split_square(error, high)
+    places = _move_vertices(random, places, faces, heights.shape[0] - 1)
+    return places, _flip_edges(random, places, faces)
 
 
-def _levels(size: int) -> list[Array]:
+def _list_levels(size: int) -> list[Array]:
     """Right triangles of each level, coarsest first: (m, 3, 2) columns and rows of the corners a, b and the right
     angle's c; the hypotenuse is a to b."""
     found = [np.array([[(0, 0), (size, size), (size, 0)], [(size, size), (0, 0), (0, size)]])]
@@ -41,10 +41,10 @@ def _levels(size: int) -> list[Array]:
     return found
 
 
-def _errors(heights: Array, flat: float) -> Array:
+def _measure_errors(heights: Array, flat: float) -> Array:
     """For each vertex, by how much the triangles that it halves, and all within them, miss the heights."""
     error = np.zeros_like(heights)
-    for level in reversed(_levels(heights.shape[0] - 1)):
+    for level in reversed(_list_levels(heights.shape[0] - 1)):
         a, b, c = level[:, 0], level[:, 1], level[:, 2]
         if ((a + b) % 2).any():
             continue  # the smallest triangles, which cannot be halved
@@ -61,7 +61,7 @@ def _errors(heights: Array, flat: float) -> Array:
     return error
 
 
-def _halved(error: Array, most: float) -> list[tuple[Array, Array]]:
+def _halve_triangles(error: Array, most: float) -> list[tuple[Array, Array]]:
     """For each level the triangles that are there and which of them are halved."""
     size = error.shape[0] - 1
     level = np.array([[(0, 0), (size, size), (size, 0)], [(size, size), (0, 0), (0, size)]])
@@ -76,12 +76,12 @@ def _halved(error: Array, most: float) -> list[tuple[Array, Array]]:
     return found
 
 
-def _count(error: Array, most: float) -> int:
-    return 2 + sum(int(split.sum()) for _, split in _halved(error, most))
+def _count_triangles(error: Array, most: float) -> int:
+    return 2 + sum(int(split.sum()) for _, split in _halve_triangles(error, most))
 
 
-def _split(error: Array, most: float) -> tuple[Array, Array]:
-    corners = np.concatenate([level[~split] for level, split in _halved(error, most)])
+def _split_square(error: Array, most: float) -> tuple[Array, Array]:
+    corners = np.concatenate([level[~split] for level, split in _halve_triangles(error, most)])
     width = error.shape[0]
     keys, faces = np.unique(corners[..., 1] * width + corners[..., 0], return_inverse=True)
     faces = faces.reshape(-1, 3)
@@ -95,7 +95,7 @@ def _twice_area(places: Array, faces: Array) -> Array:
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
 
 
-def _moved(random: np.random.Generator, places: Array, faces: Array, size: int) -> Array:
+def _move_vertices(random: np.random.Generator, places: Array, faces: Array, size: int) -> Array:
     """The vertices, each moved by too little to turn over a triangle; vertices on the border stay."""
     height = np.full(len(places), np.inf)  # least height of a triangle at each vertex
     for k in range(3):
@@ -109,7 +109,7 @@ def _moved(random: np.random.Generator, places: Array, faces: Array, size: int) 
     return np.asarray(places + step)
 
 
-def _flipped(random: np.random.Generator, places: Array, faces: Array) -> Array:
+def _flip_edges(random: np.random.Generator, places: Array, faces: Array) -> Array:
     """The faces after flips of edges whose two triangles are better the other way (Delaunay)."""
     faces = faces.copy()
     for _ in range(_ROUNDS):

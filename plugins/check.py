@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from ..support.errors import IcyMoonError
-from .installed import Plugin, load, summary_of
+from .installed import Plugin, load_plugin, read_summary
 
 Made = TypeVar("Made")
 
@@ -35,7 +35,7 @@ def check_call(what: str, act: Callable[..., Any], /, *arguments: object, **chan
     return check_making(what, partial(act, *arguments, **changes))[0]
 
 
-def check_of(what: str, act: Callable[[], str | None]) -> Check:
+def check_fault(what: str, act: Callable[[], str | None]) -> Check:
     """A check whose fault is what ``act`` returns, or the sentence that it raises."""
     check, fault = check_making(what, act)
     return Check(what, check.fault or fault or "")
@@ -44,7 +44,7 @@ def check_of(what: str, act: Callable[[], str | None]) -> Check:
 def check_package(plugin: Plugin) -> Iterator[Check]:
     """Whether a plug-in can be loaded without Blender, and states its API, its purpose and its licence."""
     blender_before = "bpy" in sys.modules
-    first, loaded = check_making("it can be imported, and states ICYMOON_API", lambda: load(plugin))
+    first, loaded = check_making("it can be imported, and states ICYMOON_API", lambda: load_plugin(plugin))
     yield first
     if first.fault:
         return
@@ -57,7 +57,7 @@ def check_package(plugin: Plugin) -> Iterator[Check]:
     yield Check(
         "its first line states what it is",
         ""
-        if summary_of(loaded)
+        if read_summary(loaded)
         else f"{plugin.title} has no docstring; begin it with a line that lists and reports show.",
     )
     yield Check(

@@ -76,12 +76,12 @@ class Found:
         return {name: plugin for name, plugin in self.usable.items() if not plugin.built_in}
 
 
-def find(kind: str, taken: Collection[str] = ()) -> Found:
+def find_installed(kind: str, taken: Collection[str] = ()) -> Found:
     """The plug-ins of a kind. Of the installed ones, two of one name are refused, and one that is named as one of Icy
     Moon's, or as one of ``taken``."""
-    ours = {plugin.name: plugin for plugin in _built_in() if plugin.kind == kind}
+    ours = {plugin.name: plugin for plugin in _list_built_in() if plugin.kind == kind}
     by_name: dict[str, list[Plugin]] = {}
-    plugins, damaged = _scan(tuple(sys.path))
+    plugins, damaged = _scan_packages(tuple(sys.path))
     for plugin in plugins:
         if plugin.kind == kind:
             by_name.setdefault(plugin.name, []).append(plugin)
@@ -107,7 +107,7 @@ def find(kind: str, taken: Collection[str] = ()) -> Found:
 
 
 @cache
-def _built_in() -> tuple[Plugin, ...]:
+def _list_built_in() -> tuple[Plugin, ...]:
     """The plug-ins of Icy Moon, in the order of their declaration."""
     root, kinds = __package__.rpartition(".")[0], {group: kind for kind, group in GROUPS.items()}
     return tuple(
@@ -124,7 +124,7 @@ def _built_in() -> tuple[Plugin, ...]:
 
 
 @lru_cache(maxsize=8)
-def _scan(path: tuple[str, ...]) -> tuple[list[Plugin], dict[str, tuple[str, str]]]:
+def _scan_packages(path: tuple[str, ...]) -> tuple[list[Plugin], dict[str, tuple[str, str]]]:
     """All plug-ins of the packages that are installed on a search path, each package once; and by name, what packages
     that cannot be read state as their entry points, with a sentence."""
     kinds = {group: kind for kind, group in GROUPS.items()}
@@ -157,9 +157,12 @@ def _scan(path: tuple[str, ...]) -> tuple[list[Plugin], dict[str, tuple[str, str
     return found, damaged
 
 
-def load(plugin: Plugin) -> Any:
+def load_plugin(plugin: Plugin) -> Any:
     """The module, or what else the entry point names, imported. Raises IcyMoonError if it cannot be used."""
-    with explained(plugin, "cannot be loaded", "correct it, or uninstall the package"), _without_current_folder():
+    with (
+        explain_failures(plugin, "cannot be loaded", "correct it, or uninstall the package"),
+        _import_without_current_folder(),
+    ):
         loaded = plugin.entry.load()
     stated = getattr(loaded, "ICYMOON_API", None)
     if stated != API and not plugin.built_in:
@@ -170,7 +173,7 @@ def load(plugin: Plugin) -> Any:
     return loaded
 
 
-def function_of(plugin: Plugin, loaded: object, name: str, arguments: str) -> Callable[..., Any]:
+def find_function(plugin: Plugin, loaded: object, name: str, arguments: str) -> Callable[..., Any]:
     """A function that a plug-in must have. Raises IcyMoonError if it has none."""
     found = getattr(loaded, name, None)
     if not callable(found):
@@ -179,15 +182,15 @@ def function_of(plugin: Plugin, loaded: object, name: str, arguments: str) -> Ca
     return called
 
 
-def fact_of(plugin: Plugin, name: str) -> Any:
+def read_fact(plugin: Plugin, name: str) -> Any:
     """A literal that the module of a plug-in assigns to ``name``; None if it assigns none, or cannot be read."""
     with suppress(Exception):  # a damaged package: its import explains it
-        return _literal(_source_of(plugin), name)
+        return _read_literal(_find_source(plugin), name)
     return None
 
 
 @lru_cache(maxsize=256)
-def _literal(source: Path, name: str) -> object:
+def _read_literal(source: Path, name: str) -> object:
     """The last literal that a file assigns to ``name`` at its top; None if there is none."""
     text, found = source.read_text(encoding="utf-8"), None
     if f"\n{name} = " in text:  # as parsing takes a hundred times as long
@@ -198,26 +201,26 @@ def _literal(source: Path, name: str) -> object:
 
 
 @lru_cache(maxsize=64)
-def _source_of(plugin: Plugin) -> Path:
+def _find_source(plugin: Plugin) -> Path:
     """The file of the module that an entry point names. Its packages are not imported."""
     first, *rest = plugin.entry.module.split(".")
     if plugin.built_in:
         return ROOT.joinpath(*plugin.entry.module.split(".")[len(__package__.split(".")) - 1 :]).with_suffix(".py")
-    with _without_current_folder():
+    with _import_without_current_folder():
         spec = importlib.util.find_spec(first)
     path = Path(str(spec and spec.origin))
     path = path.parent.joinpath(*rest) if rest else path
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-def summary_of(loaded: object) -> str:
+def read_summary(loaded: object) -> str:
     """The first line of what a plug-in states about itself."""
     stated = getattr(loaded, "__doc__", "")
     return show_controls(next(iter(stated.strip().splitlines()), "")) if isinstance(stated, str) else ""
 
 
 @contextmanager
-def explained(plugin: Plugin, what: str = "failed", fix: str = "correct it, or leave it out") -> Iterator[None]:
+def explain_failures(plugin: Plugin, what: str = "failed", fix: str = "correct it, or leave it out") -> Iterator[None]:
     """Turn whatever a plug-in raises into one sentence that names it, and the line of its source."""
     try:
         yield
@@ -226,21 +229,21 @@ def explained(plugin: Plugin, what: str = "failed", fix: str = "correct it, or l
     except BaseException as error:
         if plugin.built_in:  # a fault of ours, which needs its traceback
             raise
-        words = show_controls(" ".join(_words_of(error).split())[:300])
+        words = show_controls(" ".join(_error_text(error).split())[:300])
         raise IcyMoonError(
             f"{plugin.title} {what} ({type(error).__name__}{': ' if words else ''}{words}"
-            f"{_place(plugin, error)}); {fix}."
+            f"{_find_failing_line(plugin, error)}); {fix}."
         ) from None
 
 
-def _words_of(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     try:
         return str(error)
     except Exception:  # an error of a plug-in's own kind
         return "without words"
 
 
-def _place(plugin: Plugin, error: BaseException) -> str:
+def _find_failing_line(plugin: Plugin, error: BaseException) -> str:
     """The last file and line of the plug-in's own that an error went through."""
     top = plugin.entry.module.partition(".")[0]
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
@@ -251,7 +254,7 @@ def _place(plugin: Plugin, error: BaseException) -> str:
 
 
 @contextmanager
-def _without_current_folder() -> Iterator[None]:
+def _import_without_current_folder() -> Iterator[None]:
     """Import as ``python -P`` does: ``python -m`` puts the current folder first, where a data set may lie."""
     first = sys.path[0] if sys.path else None
     there = not sys.flags.safe_path and first is not None and os.path.realpath(first or os.curdir) == _STARTED_IN
@@ -264,7 +267,7 @@ def _without_current_folder() -> Iterator[None]:
             sys.path.insert(0, first)
 
 
-def source_files(loaded: object) -> list[str]:
+def find_source_files(loaded: object) -> list[str]:
     """The Python files of a plug-in: results depend on them, also where its version stays the same."""
     module = sys.modules.get(getattr(loaded, "__name__", ""), None) or sys.modules.get(
         getattr(loaded, "__module__", ""), None

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from .installed import Plugin, explained, find, function_of, load, summary_of
+from .installed import Plugin, explain_failures, find_function, find_installed, load_plugin, read_summary
 
 #: Prefix of the name of a landform's table of settings; no table of ours begins with it.
 PREFIX = "landform_"
@@ -65,7 +65,7 @@ class PluginLandform:
         """Heights in metres, float64, of points in metres that broadcast. Raises IcyMoonError where the plug-in fails,
         or gives something else."""
         x, y = (np.array(values, np.float64) for values in np.broadcast_arrays(x_m, y_m))
-        with explained(self.plugin, fix="correct it, or set its first setting to 0"):
+        with explain_failures(self.plugin, fix="correct it, or set its first setting to 0"):
             found = self.height(x, y, settings)
         if not isinstance(found, np.ndarray) or found.shape != x.shape or found.dtype.kind != "f":
             what = f"{found.dtype} {found.shape}" if isinstance(found, np.ndarray) else type(found).__name__
@@ -84,7 +84,7 @@ class PluginLandform:
         """The smallest length of the landform in metres; infinite if it states none."""
         if self.finest is None:
             return math.inf
-        with explained(self.plugin, fix="correct it, or set its first setting to 0"):
+        with explain_failures(self.plugin, fix="correct it, or set its first setting to 0"):
             length = float(self.finest(settings))
         if not length > 0.0:
             raise IcyMoonError(f"{self.plugin.title} states a smallest length of {length:g} m; return more than 0.")
@@ -95,9 +95,9 @@ class PluginLandform:
         return MappingProxyType({**{number.key: settings[number.key] for number in self.settings}, "seed": seed})
 
 
-def missing_landform(topic: str, release: str) -> str:
+def describe_missing_landform(topic: str, release: str) -> str:
     """Why a landform cannot be made here, without the place where it is named, and how to fix it."""
-    _, faults = landform_plugins()
+    _, faults = load_landform_plugins()
     if topic in faults:
         return f"{topic} cannot be used: {faults[topic]}"
     package = f", {release}," if release else ""
@@ -107,15 +107,15 @@ def missing_landform(topic: str, release: str) -> str:
     )
 
 
-def name_key(name: str) -> int:
+def hash_name(name: str) -> int:
     """A number of 32 bits that stands for a name, so that no other plug-in changes a landform's random numbers."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big")
 
 
 @cache
-def landform_plugins() -> tuple[dict[str, PluginLandform], dict[str, str]]:
+def load_landform_plugins() -> tuple[dict[str, PluginLandform], dict[str, str]]:
     """The landforms that can be used by the name of their table, and a sentence for each other one."""
-    found = find("landform")
+    found = find_installed("landform")
     usable: dict[str, PluginLandform] = {}
     faults = {f"{PREFIX}{name}": sentence for name, sentence in found.refused.items()}
     for name, plugin in found.usable.items():
@@ -128,8 +128,8 @@ def landform_plugins() -> tuple[dict[str, PluginLandform], dict[str, str]]:
 
 def read_landform(plugin: Plugin) -> PluginLandform:
     """What a plug-in declares. Raises IcyMoonError if it cannot be loaded or is not complete."""
-    loaded = load(plugin)
-    height = function_of(plugin, loaded, "height", "x, y, settings")
+    loaded = load_plugin(plugin)
+    height = find_function(plugin, loaded, "height", "x, y, settings")
     stated = getattr(loaded, "SETTINGS", None)
     if not isinstance(stated, Mapping) or not stated:
         raise IcyMoonError(
@@ -146,7 +146,7 @@ def read_landform(plugin: Plugin) -> PluginLandform:
     finest = getattr(loaded, "finest_m", None)
     label = str(getattr(loaded, "LABEL", plugin.name.replace("_", " ").title()))
     return PluginLandform(
-        plugin, label, summary_of(loaded).rstrip(".") or label, numbers, height, finest if callable(finest) else None
+        plugin, label, read_summary(loaded).rstrip(".") or label, numbers, height, finest if callable(finest) else None
     )
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..formats.asset_library import install_library
-from ..nodes.assets import asset_names, write_asset
+from ..nodes.assets import list_asset_names, write_asset
 from ..support.printer import emit
 from ..support.scratch import open_scratch_folder
 from .worker import run_to_exit
@@ -34,4 +34,4 @@ def make_library(folder: Path, names: Sequence[str], send: Callable[..., None] =
 def main(arguments: list[str]) -> int:
     """Make the library in the folder that is the first argument and end the process, see ``run_to_exit``."""
     folder, *names = arguments
-    run_to_exit(lambda: make_library(Path(folder), names or asset_names()), lambda: _NO_MEMORY)
+    run_to_exit(lambda: make_library(Path(folder), names or list_asset_names()), lambda: _NO_MEMORY)

@@ -21,7 +21,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..nodes.datablocks.fingerprint import added_objects
+from ..nodes.datablocks.fingerprint import find_added_objects
 from ..nodes.rig import turn_about_eye
 from ..nodes.scene import Built
 from ..physics.light import baked_texels
@@ -64,7 +64,7 @@ _OTHERS: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
 
 
 @dataclass(frozen=True)
-class Indirect:
+class IndirectLight:
     """How the indirect light of a pair is made: baked ``lights`` by light group, or traced if ``lights`` is empty.
 
     ``why_traced`` is the reason if the settings ask for baked light. ``tried`` is the baked light that was found unfit
@@ -116,38 +116,42 @@ class Indirect:
         )
 
 
-def provide(built: Built, scene: bpy.types.Scene, planned: PlannedPair, shared: SharedLight) -> Indirect:
+def provide_baked_light(
+    built: Built, scene: bpy.types.Scene, planned: PlannedPair, shared: SharedLight
+) -> IndirectLight:
     """Put the baked light of a planned pair on the built ground, from the data set if it has it.
 
     One process bakes it while others wait. Raises IcyMoonError if it cannot be baked or written.
     """
     settings = planned.settings
     if settings.quality.indirect != "BAKED":
-        return Indirect()
+        return IndirectLight()
     if why := why_not_baked(settings) or _why_unsuitable(built):
-        return Indirect(why_traced=why)
+        return IndirectLight(why_traced=why)
     lights: dict[str, KeptLight] = {}
     spent, mesh = 0.0, built.terrain.data
-    shining = _lights(built)
+    shining = _find_light_groups(built)
     seen = find_seen(built, planned) if settings.quality.bake_area == "VIEW" else None
-    unlit = np.zeros(len(mesh.vertices), bool) if seen is None else ~_vertices_of(mesh, seen)
+    unlit = np.zeros(len(mesh.vertices), bool) if seen is None else ~_find_facet_vertices(mesh, seen)
     for group in BAKED_ATTRIBUTES.keys() - shining.keys():
-        _show(mesh, BAKED_ATTRIBUTES[group], np.zeros((len(mesh.vertices), 3), np.float32))
-        _show(mesh, BAKED_ERROR_ATTRIBUTES[group], np.zeros(len(mesh.vertices), np.float32))
+        _write_attribute(mesh, BAKED_ATTRIBUTES[group], np.zeros((len(mesh.vertices), 3), np.float32))
+        _write_attribute(mesh, BAKED_ERROR_ATTRIBUTES[group], np.zeros(len(mesh.vertices), np.float32))
         if built.rocks is not None:
-            baked_rocks.show(built.rocks, group, np.zeros((len(built.rocks.data.vertices), TERMS, 3), np.float32))
+            baked_rocks.write_rock_light(
+                built.rocks, group, np.zeros((len(built.rocks.data.vertices), TERMS, 3), np.float32)
+            )
     for group, dark in shining.items():
         lights[group], seconds = _find_or_bake(built, scene, settings, shared, group, dark, seen)
         found = lights[group].light
-        _show(mesh, BAKED_ATTRIBUTES[group], np.where(unlit[:, None], np.float32(NOT_BAKED), found.values))
-        _show(mesh, BAKED_ERROR_ATTRIBUTES[group], found.error)
+        _write_attribute(mesh, BAKED_ATTRIBUTES[group], np.where(unlit[:, None], np.float32(NOT_BAKED), found.values))
+        _write_attribute(mesh, BAKED_ERROR_ATTRIBUTES[group], found.error)
         if built.rocks is not None:
-            baked_rocks.show(built.rocks, group, found.rocks)
+            baked_rocks.write_rock_light(built.rocks, group, found.rocks)
         spent += seconds
-    return Indirect(lights, spent_s=spent)
+    return IndirectLight(lights, spent_s=spent)
 
 
-def _lights(built: Built) -> dict[str, list[bpy.types.Object]]:
+def _find_light_groups(built: Built) -> dict[str, list[bpy.types.Object]]:
     """The light groups that light the ground, each with the lamps of the other one."""
     shine = built.planetshine
     if shine is None:
@@ -168,16 +172,16 @@ def _find_or_bake(
     """A light group's baked light, and processor seconds that it took just now."""
     rocks = built.rocks
     return shared.get(
-        key_of(built, settings, group, seen),
+        make_bake_key(built, settings, group, seen),
         len(built.terrain.data.vertices),
         len(rocks.data.vertices) if rocks is not None else 0,
-        lambda: bake(built.terrain, scene, settings, group, dark, rocks, seen),
+        lambda: bake_indirect_light(built.terrain, scene, settings, group, dark, rocks, seen),
     )
 
 
 def _why_unsuitable(built: Built) -> str:
     """Why the built scene rules out baked light, as a clause; empty if it does not."""
-    if added_objects(built.collection):
+    if find_added_objects(built.collection):
         return "objects were added to the scene, which have no baked light of their own"
     if built.edited_parts("terrain object", "terrain materials"):
         return "the ground was edited by hand"
@@ -200,7 +204,7 @@ def find_seen(built: Built, planned: PlannedPair) -> Array:
     return find_seen_facets(find_sides_passed(planned.settings.rig, right, -up, -back), starts, corners)
 
 
-def _vertices_of(mesh: bpy.types.Mesh, facets: Array) -> Array:
+def _find_facet_vertices(mesh: bpy.types.Mesh, facets: Array) -> Array:
     """Which vertices are corners of some facets, bool (vertices,)."""
     _, counts, corners, _ = texel_bakes.read_facets(mesh)
     found = np.zeros(len(mesh.vertices), bool)
@@ -208,7 +212,7 @@ def _vertices_of(mesh: bpy.types.Mesh, facets: Array) -> Array:
     return found
 
 
-def key_of(built: Built, settings: Settings, group: str = "Sun", seen: Array | None = None) -> str:
+def make_bake_key(built: Built, settings: Settings, group: str = "Sun", seen: Array | None = None) -> str:
     """What baked light depends on, as 12 hexadecimal digits: ground, surface, lights, bounces, seed and samples, the
     light group, and the facets that are ``seen`` if not all are to be baked.
 
@@ -257,7 +261,7 @@ def _bake_halves(
     return direct, halves, count
 
 
-def bake(
+def bake_indirect_light(
     terrain: bpy.types.Object,
     scene: bpy.types.Scene,
     settings: Settings,
@@ -279,14 +283,16 @@ def bake(
     kept = scene.render.use_persistent_data, scene.render.use_multiview
     seeds = seed_stream(int(settings.dataset.seed), "bake", *_OTHERS[group]).generate_state(5) >> 1
     mesh = terrain.data
-    lit = np.ones(len(mesh.vertices), bool) if seen is None else _vertices_of(mesh, seen)
-    triangles = (np.cumsum(lit) - 1)[_triangles(mesh, seen)]  # by the order of the vertices that get light
+    lit = np.ones(len(mesh.vertices), bool) if seen is None else _find_facet_vertices(mesh, seen)
+    triangles = (np.cumsum(lit) - 1)[
+        _find_rendered_triangles(mesh, seen)
+    ]  # by the order of the vertices that get light
     positions = read_vertices(mesh)
     under = np.argmin((positions[:, :2] ** 2).sum(axis=1))
     eye = np.array([0.0, 0.0, positions[under, 2] + _EYE_M])
     numbers = _NO_ROCKS
-    with _hidden(dark), _open_bake(terrain, scene, settings, lit) as (found, bake_texels):
-        covered = _covered(bake_texels, int(seeds[4])) if rocks is not None else None
+    with _hide_lamps(dark), _open_bake(terrain, scene, settings, lit) as (found, bake_texels):
+        covered = _find_covered_texels(bake_texels, int(seeds[4])) if rocks is not None else None
 
         def run(kind: str, samples: int, seed: int) -> Array:
             texels = bake_texels(kind, samples, seed)
@@ -296,7 +302,7 @@ def bake(
 
         direct, halves, count = _bake_halves(run, seeds, quality, positions[lit], triangles, eye)
     if rocks is not None and len(rocks.data.vertices):
-        with _hidden(dark):
+        with _hide_lamps(dark):
             numbers = _bake_rocks(rocks, terrain, scene, settings, group, min(2 * count, _MOST_OF_ROCKS))
     scene.render.use_persistent_data, scene.render.use_multiview = kept
     values, error = np.zeros((len(lit), 3), np.float32), np.zeros(len(lit), np.float32)
@@ -310,7 +316,7 @@ def bake(
 
 
 @contextmanager
-def _hidden(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
+def _hide_lamps(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
     """Lamps give no light for a while."""
     before = [lamp.hide_render for lamp in lamps]
     for lamp in lamps:
@@ -322,7 +328,7 @@ def _hidden(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
             lamp.hide_render = hidden
 
 
-def _covered(bake_texels: Callable[[str, int, int], Array], seed: int) -> Array:
+def _find_covered_texels(bake_texels: Callable[[str, int, int], Array], seed: int) -> Array:
     """Whether texels (n,) of the ground are within rocks: from there no ray gets away."""
     return bake_texels("AO", _OPEN, seed)[:, :3].max(axis=1) <= 0
 
@@ -338,11 +344,14 @@ def _bake_rocks(
     """The numbers (rocks, terms, 3) of the indirect light on rocks."""
     random = make_generator(int(settings.dataset.seed), "bake", 2, *_OTHERS[group])
     points = baked_rocks.draw_points(rocks, random)
-    used = baked_rocks.above_ground(points, terrain)
+    used = baked_rocks.are_above_ground(points, terrain)
     seeds = random.integers(0, 2**31 - 1, 2)
     every = np.ones(3 * len(points.rock), bool)
-    with baked_rocks.stand_for(points, scene) as item, _open_bake(item, scene, settings, every) as (found, bake_texels):
-        used &= ~_covered(bake_texels, int(seeds[0]))[found.texels[0]].all(axis=1)
+    with (
+        baked_rocks.add_point_object(points, scene) as item,
+        _open_bake(item, scene, settings, every) as (found, bake_texels),
+    ):
+        used &= ~_find_covered_texels(bake_texels, int(seeds[0]))[found.texels[0]].all(axis=1)
         light = bake_texels("INDIRECT", samples, int(seeds[1]))[found.texels[0], :3].mean(axis=1)
     return fit_terms(points, light, used, len(rocks.data.vertices)).astype(np.float32)
 
@@ -354,16 +363,16 @@ def _open_bake(
     """The texels of an object around the vertices that are to be ``lit``, and a function of kind, samples and seed that
     bakes light over pi to them (n, 4), while the object has no fine relief."""
     mesh = item.data
-    found = texel_bakes.lay_out(mesh, lit)
+    found = texel_bakes.lay_out_mesh_texels(mesh, lit)
     with ExitStack() as undo:
         image = texel_bakes.add_target(mesh, found, undo)
         for material in mesh.materials:
-            _smooth(material.node_tree, undo)
-            texel_bakes.aim(material.node_tree, image, undo)
+            _smooth_normals(material.node_tree, undo)
+            texel_bakes.aim_bake(material.node_tree, image, undo)
 
         def run(kind: str, samples: int, seed: int) -> Array:
             quality = settings.quality | {"samples": samples, "denoiser": "NONE", "noise_threshold": 0.0}
-            cycles_settings.apply(scene, quality, seed)
+            cycles_settings.apply_quality(scene, quality, seed)
             scene.render.use_persistent_data = scene.render.use_multiview = False
             _run_bake(scene, item, kind)
             return texel_bakes.read_texels(image)
@@ -371,13 +380,13 @@ def _open_bake(
         yield found, run
 
 
-def _triangles(mesh: bpy.types.Mesh, seen: Array | None) -> Array:
+def _find_rendered_triangles(mesh: bpy.types.Mesh, seen: Array | None) -> Array:
     """Vertices of the triangles that a mesh, or facets of it that are ``seen``, is rendered as, (n, 3)."""
     loops, facets = read_triangles(mesh)
     return read_corners(mesh)[loops if seen is None else loops[seen[facets]]]
 
 
-def _smooth(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
+def _smooth_normals(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
     """Take the fine relief from the normals of a surface."""
     for node in tree.nodes:
         for link in list(node.inputs["Normal"].links) if node.bl_idname == "ShaderNodeBsdfDiffuse" else ():
@@ -387,11 +396,11 @@ def _smooth(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
 
 def _run_bake(scene: bpy.types.Scene, item: bpy.types.Object, kind: str) -> None:
     what: dict[str, Any] = {"type": "AO"} if kind == "AO" else {"type": "DIFFUSE", "pass_filter": {kind}}
-    if why := texel_bakes.run(scene, item, **what):
+    if why := texel_bakes.run_bake(scene, item, **what):
         raise IcyMoonError(f"Cycles could not bake the light of the ground{why}; set quality.indirect to TRACED.")
 
 
-def _show(mesh: bpy.types.Mesh, name: str, values: Array) -> None:
+def _write_attribute(mesh: bpy.types.Mesh, name: str, values: Array) -> None:
     """Let the vertices of a mesh carry vectors (n, 3) or numbers (n,) of a name, unless they do; a change makes Cycles
     build its tree again."""
     there = mesh.attributes.get(name)

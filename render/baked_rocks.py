@@ -13,7 +13,7 @@ import numpy as np
 
 from ..nodes.datablocks.fingerprint import TAG
 from ..nodes.ground.heights_under import probe_heights
-from ..nodes.ground.rocks import ROTATION, SCALE, SHAPE, parts_of
+from ..nodes.ground.rocks import ROTATION, SCALE, SHAPE, find_rock_parts
 from ..nodes.ground.terrain_mesh import build_mesh_from_arrays
 from ..physics.light import baked_rocks
 from ..physics.light.baked_rocks import RockPoints
@@ -30,17 +30,17 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> RockPoi
     """Points of all rocks of a built object of rocks; of the largest there are most."""
     mesh = rocks.data
     count = len(mesh.vertices)
-    shape = _read(mesh, SHAPE, np.int32, 1)[:, 0]
-    scale = _read(mesh, SCALE, np.float32, 3).astype(np.float64)
-    matrices = euler_matrices(_read(mesh, ROTATION, np.float32, 3).astype(np.float64)) * scale[:, None, :]
+    shape = _read_attribute(mesh, SHAPE, np.int32, 1)[:, 0]
+    scale = _read_attribute(mesh, SCALE, np.float32, 3).astype(np.float64)
+    matrices = euler_matrices(_read_attribute(mesh, ROTATION, np.float32, 3).astype(np.float64)) * scale[:, None, :]
     positions = read_vertices(mesh).astype(np.float64)
     level = np.searchsorted(LEVEL_RANKS, np.arange(count), side="right")
     shapes = sorted(
-        (part for part in parts_of(rocks, TAG) if isinstance(part, bpy.types.Object)), key=lambda part: part.name
+        (part for part in find_rock_parts(rocks, TAG) if isinstance(part, bpy.types.Object)), key=lambda part: part.name
     )
     drawn = []
     for number, of in enumerate(shapes):
-        vertices, triangles = _arrays(of.data)
+        vertices, triangles = _read_shape_arrays(of.data)
         for some, points in enumerate(baked_rocks.POINTS):
             these = np.flatnonzero((shape == number) & (level == some))
             if len(these):
@@ -54,7 +54,7 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> RockPoi
     )
 
 
-def above_ground(points: RockPoints, terrain: bpy.types.Object) -> Array:
+def are_above_ground(points: RockPoints, terrain: bpy.types.Object) -> Array:
     """Whether points (n,) are over the ground, or beside it."""
     middle = points.corners.mean(axis=1)
     with probe_heights(terrain) as heights:
@@ -62,7 +62,7 @@ def above_ground(points: RockPoints, terrain: bpy.types.Object) -> Array:
 
 
 @contextmanager
-def stand_for(points: RockPoints, scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
+def add_point_object(points: RockPoints, scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
     """An object of the points' triangles in a scene, white and seen by no ray."""
     corners = points.corners.reshape(-1, 3)
     mesh = build_mesh_from_arrays(_NAME, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
@@ -85,7 +85,7 @@ def stand_for(points: RockPoints, scene: bpy.types.Scene) -> Iterator[bpy.types.
         bpy.data.materials.remove(material)
 
 
-def show(rocks: bpy.types.Object, group: str, numbers: Array) -> None:
+def write_rock_light(rocks: bpy.types.Object, group: str, numbers: Array) -> None:
     """Let rocks carry the numbers (rocks, terms, 3) of a light group, unless they do."""
     mesh, changed = rocks.data, False
     for term in range(baked_rocks.TERMS):
@@ -94,20 +94,20 @@ def show(rocks: bpy.types.Object, group: str, numbers: Array) -> None:
         if there is None:
             there = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
         values = np.ascontiguousarray(numbers[:, term], np.float32)
-        if not np.array_equal(_read(mesh, name, np.float32, 3), values):
+        if not np.array_equal(_read_attribute(mesh, name, np.float32, 3), values):
             there.data.foreach_set("vector", values.ravel())
             changed = True
     if changed:
         mesh.update()
 
 
-def _read(mesh: bpy.types.Mesh, name: str, kind: type, width: int) -> Array:
+def _read_attribute(mesh: bpy.types.Mesh, name: str, kind: type, width: int) -> Array:
     """An attribute of points, (n, width)."""
     found: Array = np.empty(len(mesh.vertices) * width, kind)
     mesh.attributes[name].data.foreach_get("vector" if width == 3 else "value", found)
     return found.reshape(-1, width)
 
 
-def _arrays(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
+def _read_shape_arrays(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
     """Vertices (n, 3) and triangles (m, 3) of a shape."""
     return read_vertices(mesh).astype(np.float64), read_corners(mesh).reshape(-1, 3)

@@ -20,7 +20,7 @@ from .pairs.pair_folder import EYES
 STEPS_PX = (0.25, 0.5, 0.75)
 
 
-def add_hidden(truth: Mapping[str, Path], between: Mapping[str, Sequence[Array]], camera: StereoCamera) -> None:
+def add_hidden_pass(truth: Mapping[str, Path], between: Mapping[str, Sequence[Array]], camera: StereoCamera) -> None:
     """Write the pass ``HIDDEN`` into the files of the truth, by eye: 1 where the point is hidden from the other.
 
     ``between`` are the disparities, by eye, in frames that are each of STEPS_PX to the right. Raises ValueError,
@@ -37,12 +37,12 @@ def add_hidden(truth: Mapping[str, Path], between: Mapping[str, Sequence[Array]]
 
 
 def read_disparity(data: bytes, camera: StereoCamera) -> Array:
-    """Disparity (H, W), px, of the depth in an EXR file, NaN for sky. Raises what ``add_hidden`` does."""
+    """Disparity (H, W), px, of the depth in an EXR file, NaN for sky. Raises what ``add_hidden_pass`` does."""
     return camera.disparity(read_depth(data))
 
 
 def read_depth(data: bytes) -> Array:
-    """Depth (H, W) in metres in an EXR file, NaN for sky. Raises what ``add_hidden`` does."""
+    """Depth (H, W) in metres in an EXR file, NaN for sky. Raises what ``add_hidden_pass`` does."""
     for piece in read_pieces(data):
         pixels = Pixels(piece)
         for k, name in enumerate(pixels.channels):

@@ -10,7 +10,7 @@ from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
-from .cost.abilities import Abilities, lack_for, lack_for_quality
+from .cost.abilities import Abilities, describe_lack, describe_lack_for_quality
 from .graphics_cards import select_cards
 
 _GLOSSY_BOUNCES = 2
@@ -61,16 +61,16 @@ def detect_abilities(quality: QualitySettings) -> Abilities:
 
 def find_lack(settings: Settings) -> str:
     """What this Blender lacks for complete settings, as a sentence with the fix; empty if nothing."""
-    return lack_for(settings, detect_abilities(settings.quality))
+    return describe_lack(settings, detect_abilities(settings.quality))
 
 
 def check_possible(quality: QualitySettings) -> None:
     """Raise IcyMoonError if this Blender cannot render at the asked quality."""
-    if lack := lack_for_quality(quality, detect_abilities(quality)):
+    if lack := describe_lack_for_quality(quality, detect_abilities(quality)):
         raise IcyMoonError(lack)
 
 
-def apply(
+def apply_quality(
     scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False
 ) -> None:
     """Set the render engine of a scene from ``quality`` settings; ``blurred`` if lens or movement blur the image,

@@ -19,8 +19,8 @@ import bpy
 import numpy as np
 
 from ..formats.placed_meshes import PlacedMesh, group_by_kind
-from ..nodes.datablocks.blend_file_paths import content
-from ..nodes.scene import Built, extra
+from ..nodes.datablocks.blend_file_paths import hash_content
+from ..nodes.scene import Built, make_extra
 from ..nodes.surface.reflectance_laws import OF_NODES
 from ..physics.camera.blur import describe_blur_identity
 from ..physics.mesh.fine_relief import still_spacing_m
@@ -33,7 +33,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_json
 from ..support.labels import PLANET, SEMANTIC
 from ..support.printer import emit
-from .ground_files import frame_facts, refuse_too_many, write_map, write_meshes
+from .ground_files import make_frame_facts, refuse_too_many, write_map, write_meshes
 from .ground_maps import make_ground_map
 from .mesh_arrays import (
     is_rendered,
@@ -43,10 +43,10 @@ from .mesh_arrays import (
     read_vertex_normals,
     read_vertices,
 )
-from .moved_vertices import as_rendered, is_moved
+from .moved_vertices import is_moved, open_rendered_mesh
 from .plans.planned_pair import PlannedPair
 from .scene_source import ScenesFromSettings
-from .worker import pairs_of_job, run_to_exit
+from .worker import list_job_pairs, run_to_exit
 from .workers.job import read_job
 
 #: Positions and normals (n, 3) and triangles (m, 3) of a mesh.
@@ -54,7 +54,7 @@ Triangles = tuple[Array, Array, Array]
 _NO_MEMORY = "There is not enough memory to write the geometry; close other programs, or make the ground coarser."
 
 
-def mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
+def read_mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
     """Positions and shading normals (n, 3) of a mesh, and its triangles (m, 3), in its own coordinates.
 
     Corners share a vertex where the surface is smooth. Otherwise each corner of a triangle has a separate vertex.
@@ -75,7 +75,7 @@ def mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
 
 
 @dataclass
-class _Found:
+class _FoundMesh:
     """A mesh that a render shows: its kind of object, its numbers of vertices and triangles, the matrices of its
     places."""
 
@@ -85,7 +85,7 @@ class _Found:
     places: list[Array]
 
 
-def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
+def _list_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
     """Evaluated objects with a mesh of the site that a render shows."""
     for found in scene.view_layers[0].depsgraph.object_instances:
         item = found.object
@@ -93,13 +93,13 @@ def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.t
             is_rendered(found)
             and item.type == "MESH"
             and len(item.data.polygons)
-            and _label(item.data) != PLANET
+            and _find_label(item.data) != PLANET
             and item.original.get("icymoon") not in ("planet", "rings", "stars")
         ):
             yield item, found
 
 
-def _label(mesh: bpy.types.Mesh) -> int:
+def _find_label(mesh: bpy.types.Mesh) -> int:
     material = next((each for each in mesh.materials if each is not None), None)
     return material.pass_index if material is not None else 0
 
@@ -112,23 +112,25 @@ def write_geometry(
     The planet, its rings and stars are left out: they are no geometry of the site. Relief that is shading only, which
     no depth has, is named under ``left_out``.
     """
-    facts = frame_facts(built.settings, built.ground)
+    facts = make_frame_facts(built.settings, built.ground)
     if kind == "dem":
         made = make_ground_map(built, scene, folder, cell_m)
-        facts |= write_map(made, built.settings, built.ground, folder) | {"left_out": _left_out_of_maps(built.settings)}
+        facts |= write_map(made, built.settings, built.ground, folder) | {
+            "left_out": _list_map_omissions(built.settings)
+        }
     else:
-        meshes = _collect(scene, kind, built.settings)
+        meshes = _collect_meshes(scene, kind, built.settings)
         names = write_meshes(meshes, kind, built.settings, folder)
         facts |= {
             "files": names,
-            "meshes": {each: _count(own) for each, own in group_by_kind(meshes).items()},
-            "left_out": _left_out_of_meshes(built.settings),
+            "meshes": {each: _count_triangles(own) for each, own in group_by_kind(meshes).items()},
+            "left_out": _list_mesh_omissions(built.settings),
         }
     write_json(folder / "geometry.json", facts)
     return facts
 
 
-def _count(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
+def _count_triangles(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
     """Triangles that are rendered of meshes, and in how many places the meshes stand."""
     return {
         "triangles": sum(len(mesh.triangles) * len(mesh.places) for mesh in meshes),
@@ -137,7 +139,7 @@ def _count(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
     }
 
 
-def _left_out_of_meshes(settings: Settings) -> list[str]:
+def _list_mesh_omissions(settings: Settings) -> list[str]:
     """The rendered details that meshes lack, a sentence each."""
     if settings.surface.grain_amplitude_m > 0 and settings.surface.relief != "DISPLACEMENT":
         return [
@@ -147,9 +149,9 @@ def _left_out_of_meshes(settings: Settings) -> list[str]:
     return []
 
 
-def _left_out_of_maps(settings: Settings) -> list[str]:
+def _list_map_omissions(settings: Settings) -> list[str]:
     """The rendered details that the maps lack, a sentence each."""
-    found = _left_out_of_meshes(settings)
+    found = _list_mesh_omissions(settings)
     if settings.rocks.coverage > 0 and any(
         principled.lets_light_through(settings[topic]) for topic in surface_topics(settings)
     ):
@@ -157,16 +159,16 @@ def _left_out_of_maps(settings: Settings) -> list[str]:
     return found
 
 
-def _collect(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[PlacedMesh]:
+def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[PlacedMesh]:
     """The meshes that ``scene`` renders, with their places. Raises IcyMoonError if it renders no mesh, or more
     triangles than a file of this suffix should have."""
     scene.view_layers[0].update()
-    counted: dict[str, _Found] = {}
-    for item, found in _instances(scene):
+    counted: dict[str, _FoundMesh] = {}
+    for item, found in _list_instances(scene):
         mesh = item.data
         if mesh.name_full not in counted:
-            label = _label(mesh)
-            counted[mesh.name_full] = _Found(
+            label = _find_label(mesh)
+            counted[mesh.name_full] = _FoundMesh(
                 SEMANTIC.get(label, "other") if label else "other",
                 len(mesh.vertices),
                 len(mesh.loops) - 2 * len(mesh.polygons),
@@ -179,23 +181,23 @@ def _collect(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[Pl
     # Places first: moving vertices evaluates another scene, and then the objects that were evaluated here are gone.
     ready: dict[str, Triangles] = {}
     moved: dict[str, bpy.types.Mesh] = {}
-    for item, _ in _instances(scene):
+    for item, _ in _list_instances(scene):
         if item.data.name_full in ready or item.data.name_full in moved:
             continue
         if is_moved(item.data):
             moved[item.data.name_full] = item.original.data
         else:
-            ready[item.data.name_full] = mesh_triangles(item.data)
+            ready[item.data.name_full] = read_mesh_triangles(item.data)
     for name, original in moved.items():
-        with as_rendered(
+        with open_rendered_mesh(
             original, counted[name].places[0], settings.quality.threads, still_spacing_m(settings.surface)
         ) as made:
-            ready[name] = mesh_triangles(made)
+            ready[name] = read_mesh_triangles(made)
     return [PlacedMesh(each.kind, *ready[name], np.array(each.places)) for name, each in counted.items()]
 
 
 @contextmanager
-def _own_folder(folder: Path) -> Iterator[Path]:
+def _open_pair_folder(folder: Path) -> Iterator[Path]:
     """The folder of a pair, which does not stay if it gets no file."""
     with explain_disk_errors("write to", folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -206,17 +208,19 @@ def _own_folder(folder: Path) -> Iterator[Path]:
             folder.rmdir()
 
 
-def _without_quality(planned: PlannedPair) -> PlannedPair:
+def _drop_quality(planned: PlannedPair) -> PlannedPair:
     """The same ground, asked for so that any Blender can make it: without denoiser, graphics card and OSL.
 
     A pair that is not what its id names, as where a file has changed, stays as it is, and is refused as in a render.
     """
     settings = planned.settings
-    known = (digest(settings, content(settings) + nodes + describe_blur_identity(settings)) for nodes in ("", OF_NODES))
+    known = (
+        digest(settings, hash_content(settings) + nodes + describe_blur_identity(settings)) for nodes in ("", OF_NODES)
+    )
     if planned.id not in known:
         return planned
     plain = merged(settings, {"quality": {"denoiser": "NONE", "device": "CPU"}, "hapke": {"backend": "AUTO"}})
-    return PlannedPair(digest(plain, extra(plain) + describe_blur_identity(plain)), plain, 0.0)
+    return PlannedPair(digest(plain, make_extra(plain) + describe_blur_identity(plain)), plain, 0.0)
 
 
 def run_job(
@@ -225,12 +229,12 @@ def run_job(
     """Write the ground of each pair of a job in a format. Raises IcyMoonError for what a user can fix."""
     if job.get("blend"):
         raise IcyMoonError("The geometry of a scene in a .blend file cannot be written; give settings or pairs.")
-    pairs = pairs_of_job(job)
+    pairs = list_job_pairs(job)
     with ScenesFromSettings(lambda warning: send("warning", message=warning)) as source:
         for k, planned in enumerate(pairs):
             send("progress", fraction=k / len(pairs), message=f"Geometry {k + 1} of {len(pairs)}")
-            built, scene, _ = source.prepare(_without_quality(planned))
-            with _own_folder(folder / planned.id) as own:
+            built, scene, _ = source.prepare(_drop_quality(planned))
+            with _open_pair_folder(folder / planned.id) as own:
                 write_geometry(built, scene, own, kind, cell_m)
     send("done", folders=[str(folder / planned.id) for planned in pairs])
 

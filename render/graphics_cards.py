@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from .workers.cards import BACKENDS, Cards, pick, read_chosen_cards
+from .workers.cards import BACKENDS, Cards, choose_card_numbers, read_chosen_cards
 
 
 def select_cards() -> list[str]:
@@ -23,14 +23,14 @@ def select_cards() -> list[str]:
     for backend in (chosen.backend,) if chosen.backend else BACKENDS:
         found = _list_cards(cycles, backend)
         if found:
-            numbers = pick(chosen, [card.name for card in found])
+            numbers = choose_card_numbers(chosen, [card.name for card in found])
             for device in cycles.devices:
                 device.use = False
             for number in numbers:
                 found[number].use = True
             return [f"{number}: {found[number].name}" for number in numbers]
     cycles.compute_device_type = "NONE"
-    pick(chosen, [])
+    choose_card_numbers(chosen, [])
     return []
 
 

@@ -39,7 +39,7 @@ def describe_frame(settings: Settings) -> str:
     )
 
 
-def frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str, Any]:
+def make_frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str, Any]:
     """The site's frame, for a file beside the ground's files; ``ground`` is its report, with its place on a map."""
     place = describe_map_place(ground)
     zero = (
@@ -64,7 +64,7 @@ def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], fo
     extent, notes = made.extent, describe_map_notes(ground)
     for (name, text), values in zip(MAPS.items(), (made.ground_m, made.surface_m, made.albedo), strict=True):
         place = Place(extent.cell_m, extent.west_m, extent.north_m, describe_frame(settings), values.ndim == 2, notes)
-        _write(folder / name, encode_tiff(np.ascontiguousarray(values, np.float32), place, text))
+        _write_bytes(folder / name, encode_tiff(np.ascontiguousarray(values, np.float32), place, text))
     return {
         "files": MAPS,
         "cell_m": extent.cell_m,
@@ -77,7 +77,7 @@ def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], fo
     }
 
 
-def _write(path: Path, data: bytes) -> None:
+def _write_bytes(path: Path, data: bytes) -> None:
     def fill(part: Path) -> None:
         part.write_bytes(data)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..formats.exr_layout import is_whole
 from ..formats.exr_pixels import decode_parts
-from ..nodes.datablocks.fingerprint import TAG, instanced_objects
+from ..nodes.datablocks.fingerprint import TAG, find_instanced_objects
 from ..nodes.ground.user_ground import is_from_file
 from ..nodes.lander.objects import ROLES as LANDER_ROLES
 from ..nodes.scene import Built
@@ -33,7 +33,7 @@ from ..support.labels import ALBEDO_AOV, ROCK, SALT_AOV, SKY_DEPTH_M, TERRAIN, T
 from . import cycles_settings, passes, separate_lights
 from .cycles_errors import first_line
 from .pairs.workspace_cells import MOST_CELLS, PLACES, Extent
-from .ray_stage import RaysOfScene
+from .ray_stage import SceneRays
 from .render_camera import SAMPLE_OFFSET_PX
 
 #: Cells along the longer side if none are asked for.
@@ -59,7 +59,7 @@ class GroundMap:
     albedo: Array
 
 
-def extent_of(built: Built, cell_m: float | None) -> Extent:
+def find_extent(built: Built, cell_m: float | None) -> Extent:
     """The cells that cover a ground: its patch, or the bounding box of a ground from a file.
 
     Raises IcyMoonError for more than ``MOST_CELLS`` along a side.
@@ -84,7 +84,7 @@ def extent_of(built: Built, cell_m: float | None) -> Extent:
     return Extent(float(cell), rows, columns, float(middle_x - columns * cell / 2), float(middle_y + rows * cell / 2))
 
 
-def make_heights(rays: RaysOfScene, extent: Extent) -> Array:
+def make_heights(rays: SceneRays, extent: Extent) -> Array:
     """Heights, float32 (2, rows, columns), of the ground with rocks and of the ground alone, in the site's frame.
 
     A height is the median of the heights at 3 x 3 places of its cell, as matchers' points are gridded by medians. Other
@@ -94,7 +94,7 @@ def make_heights(rays: RaysOfScene, extent: Extent) -> Array:
     made = []
     for rocks in (True, False):
         with rays.ground(rocks) as (world, tracer):
-            made.append(_cell_medians(_find_heights(world, tracer, fine)))
+            made.append(_median_by_cell(_find_heights(world, tracer, fine)))
     return np.stack(made).astype(np.float32)
 
 
@@ -118,7 +118,7 @@ def _find_heights(world: World, tracer: Tracer, extent: Extent) -> Array:
     return heights.reshape(extent.rows, extent.columns)
 
 
-def _cell_medians(height_m: Array) -> Array:
+def _median_by_cell(height_m: Array) -> Array:
     """The medians of squares of ``PLACES`` rows and columns, NaN where a part is not known."""
     rows, columns = (count // PLACES for count in height_m.shape)
     squares = height_m.reshape(rows, PLACES, columns, PLACES).swapaxes(1, 2)
@@ -126,7 +126,7 @@ def _cell_medians(height_m: Array) -> Array:
 
 
 @contextmanager
-def _hidden(items: Sequence[bpy.types.Object]) -> Iterator[None]:
+def _hide_objects(items: Sequence[bpy.types.Object]) -> Iterator[None]:
     """Renders do not show these objects."""
     shown = [item for item in items if not item.hide_render]
     for item in shown:
@@ -143,15 +143,15 @@ def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: 
 
     Raises IcyMoonError for cells that are too small, and where Cycles fails.
     """
-    extent = extent_of(built, cell_m)
+    extent = find_extent(built, cell_m)
     lander = [item for item in built.collection.all_objects if item.get(TAG) in LANDER_ROLES.values()]
-    with _from_above(built, scene, extent, {ALBEDO_AOV: "COLOR"}) as top_m, _hidden(lander):
-        whole = _render(scene, folder / "ground_map")
-        surface = _heights(whole, top_m)
+    with _from_above(built, scene, extent, {ALBEDO_AOV: "COLOR"}) as top_m, _hide_objects(lander):
+        whole = _render_cells(scene, folder / "ground_map")
+        surface = _depth_to_heights(whole, top_m)
         rocks = [item for item in built.collection.all_objects if item.get(TAG) == "rock" and not item.hide_render]
-        with _hidden(rocks):
-            ground = _heights(_render(scene, folder / "ground_map"), top_m) if rocks else surface
-    albedo = np.stack(_pass(whole, ALBEDO_AOV), axis=-1)
+        with _hide_objects(rocks):
+            ground = _depth_to_heights(_render_cells(scene, folder / "ground_map"), top_m) if rocks else surface
+    albedo = np.stack(_find_pass(whole, ALBEDO_AOV), axis=-1)
     return GroundMap(extent, ground, surface, _of_ground(whole, albedo, top_m))
 
 
@@ -164,23 +164,23 @@ def make_materials(built: Built, scene: bpy.types.Scene, folder: Path, extent: E
     others = [item for item in built.collection.all_objects if item.get(TAG) not in _GROUND_AND_ROCKS]
     with (
         _from_above(built, scene, extent, {ALBEDO_AOV: "COLOR", SALT_AOV: "VALUE"}) as top_m,
-        _hidden([item for item in others if item.type != "CAMERA"]),
+        _hide_objects([item for item in others if item.type != "CAMERA"]),
     ):
-        found = _render(scene, folder / "materials")
-    values = np.stack([*_pass(found, ALBEDO_AOV), *_pass(found, SALT_AOV)], axis=-1)
+        found = _render_cells(scene, folder / "materials")
+    values = np.stack([*_find_pass(found, ALBEDO_AOV), *_find_pass(found, SALT_AOV)], axis=-1)
     return np.moveaxis(_of_ground(found, values, top_m), -1, 0)
 
 
 @contextmanager
 def _from_above(built: Built, scene: bpy.types.Scene, extent: Extent, aovs: Mapping[str, str]) -> Iterator[float]:
     """``scene`` renders a map with these value passes, by their types; the height of its camera in metres."""
-    cycles_settings.apply(scene, built.settings.quality, 0)
+    cycles_settings.apply_quality(scene, built.settings.quality, 0)
     layer = scene.view_layers[0]
     for name, kind in aovs.items():
         made = layer.aovs.add()
         made.name, made.type = name, kind
-    top_m = _highest_m(scene) + _ABOVE_M
-    with _albedo_materials(built), _look_down(scene, extent, top_m), _without_osl(scene, built):
+    top_m = _find_top_m(scene) + _ABOVE_M
+    with _use_albedo_materials(built), _look_down(scene, extent, top_m), _disable_osl(scene, built):
         yield top_m
     for name in aovs:
         layer.aovs.remove(layer.aovs[name])
@@ -188,20 +188,20 @@ def _from_above(built: Built, scene: bpy.types.Scene, extent: Extent, aovs: Mapp
 
 def _of_ground(channels: dict[str, Array], values: Array, top_m: float) -> Array:
     """float32 ``values`` (rows, columns, n) of a map where it shows ground or rocks, elsewhere NaN."""
-    label = np.rint(_pass(channels, "Material Index", "IndexMA")[0])
-    ours = np.isin(label, (TERRAIN, ROCK)) & np.isfinite(_heights(channels, top_m))
+    label = np.rint(_find_pass(channels, "Material Index", "IndexMA")[0])
+    ours = np.isin(label, (TERRAIN, ROCK)) & np.isfinite(_depth_to_heights(channels, top_m))
     return np.where(ours[..., None], values, np.nan).astype(np.float32)
 
 
 @contextmanager
-def _without_osl(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
+def _disable_osl(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
     """Value passes are written, which Cycles does not do with Open Shading Language."""
     prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
     with separate_lights.disable_osl(scene):
         yield
 
 
-def _highest_m(scene: bpy.types.Scene) -> float:
+def _find_top_m(scene: bpy.types.Scene) -> float:
     """Height of the highest corner of a box around a mesh of the site."""
     scene.view_layers[0].update()
     tops = [0.0]
@@ -216,7 +216,7 @@ def _highest_m(scene: bpy.types.Scene) -> float:
 
 
 @contextmanager
-def _albedo_materials(built: Built) -> Iterator[None]:
+def _use_albedo_materials(built: Built) -> Iterator[None]:
     """Ground and rocks have materials that write ``ALBEDO_AOV``."""
     ground, settings = built.terrain.data, built.settings
     lent: list[tuple[bpy.types.Mesh, bpy.types.Material]] = []
@@ -235,7 +235,7 @@ def _albedo_materials(built: Built) -> Iterator[None]:
         meshes = {
             each.data
             for item in rocks
-            for each in instanced_objects(item)
+            for each in find_instanced_objects(item)
             if isinstance(each.data, bpy.types.Mesh) and len(each.data.materials)
         }
         for mesh in meshes:
@@ -272,7 +272,7 @@ def _look_down(scene: bpy.types.Scene, extent: Extent, top_m: float) -> Iterator
         render.use_multiview = True
 
 
-def _render(scene: bpy.types.Scene, stem: Path) -> dict[str, Array]:
+def _render_cells(scene: bpy.types.Scene, stem: Path) -> dict[str, Array]:
     """The channels, (rows, columns), of a render of one sample at the centres of cells."""
     stem.parent.mkdir(parents=True, exist_ok=True)
     passes.choose_layer(scene, TRUTH, stem, "FULL")
@@ -293,7 +293,7 @@ def _render(scene: bpy.types.Scene, stem: Path) -> dict[str, Array]:
         system.remove(file)
 
 
-def _pass(channels: dict[str, Array], *names: str) -> list[Array]:
+def _find_pass(channels: dict[str, Array], *names: str) -> list[Array]:
     """The channels of a pass, which has another name in each version, in the order R, G, B, or the only one."""
     found = {key: values for key, values in channels.items() if key.split(".")[-2] in names}
     if not found:
@@ -302,6 +302,6 @@ def _pass(channels: dict[str, Array], *names: str) -> list[Array]:
     return [components[key] for key in "RGB"] if "R" in components else list(components.values())
 
 
-def _heights(channels: dict[str, Array], top_m: float) -> Array:
-    depth = _pass(channels, "Depth")[0].astype(np.float64)
+def _depth_to_heights(channels: dict[str, Array], top_m: float) -> Array:
+    depth = _find_pass(channels, "Depth")[0].astype(np.float64)
     return np.where((depth > 0) & (depth < SKY_DEPTH_M), top_m - depth, np.nan).astype(np.float32)

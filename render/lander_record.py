@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..nodes.built_scene import Built
-from ..nodes.datablocks.fingerprint import built_objects
+from ..nodes.datablocks.fingerprint import find_built_objects
 from ..nodes.lander.contact import find_contact
-from ..nodes.lander.objects import INSTANCES, ROLES, link_poses, names_of_links, pads_of
+from ..nodes.lander.objects import INSTANCES, ROLES, find_link_poses, list_link_keys, read_pad_heights_m
 from ..physics.arm.keypoints import describe_keypoints
 from ..physics.arm.lander_arm import describe_joints
 from ..physics.arm.lander_solids import BODY, HEAD
@@ -26,20 +26,20 @@ from .pairs.pair_folder import EYES, TRUTH_FILE
 _ROUNDING = 2e-5
 
 
-def lander_json(built: Built, settings: Settings, poses: Mapping[str, Array], folder: Path) -> dict[str, Any]:
+def make_lander_json(built: Built, settings: Settings, poses: Mapping[str, Array], folder: Path) -> dict[str, Any]:
     """The part "lander" of ``pair.json``, or nothing if there is no lander.
 
     ``poses`` are the camera-to-world matrices of the rectified eyes, ``folder`` has the pair's images. Lengths are
     metres, cameras have OpenCV's axes.
     """
-    objects = {role: item for role, item in built_objects(built.collection).items() if role in ROLES.values()}
+    objects = {role: item for role, item in find_built_objects(built.collection).items() if role in ROLES.values()}
     if settings.lander.kind == "NONE" or not objects:
         return {}
-    links = _real_poses(objects, settings, built.site_m)
-    keys = names_of_links(settings)
+    links = _find_real_poses(objects, settings, built.site_m)
+    keys = list_link_keys(settings)
     links.pop(HEAD, None)  # the cameras are in it
     camera, contact = StereoCamera.from_settings(settings.rig), find_contact(settings, built.site_m, built.terrain)
-    pads_m = pads_of(objects[ROLES[BODY]])
+    pads_m = read_pad_heights_m(objects[ROLES[BODY]])
     matrix = np.array([[camera.focal_px, 0.0, camera.cx_px], [0.0, camera.focal_px, camera.cy_px], [0.0, 0.0, 1.0]])
     keypoints = describe_keypoints(
         settings,
@@ -47,7 +47,7 @@ def lander_json(built: Built, settings: Settings, poses: Mapping[str, Array], fo
         links,
         poses,
         matrix,
-        {eye: _without_margins(read_depth(_truth_file(folder, eye).read_bytes()), camera) for eye in EYES},
+        {eye: _crop_margins(read_depth(_find_truth_file(folder, eye).read_bytes()), camera) for eye in EYES},
     )
     return {
         "lander": {
@@ -71,21 +71,21 @@ def lander_json(built: Built, settings: Settings, poses: Mapping[str, Array], fo
     }
 
 
-def _without_margins(values: Array, camera: StereoCamera) -> Array:
+def _crop_margins(values: Array, camera: StereoCamera) -> Array:
     """An image of the size of the final ones, of one that was rendered with margins."""
     x, y = camera.margin_x_px, camera.margin_y_px
     return values[y : y + camera.height_px, x : x + camera.width_px]
 
 
-def _truth_file(folder: Path, eye: str) -> Path:
+def _find_truth_file(folder: Path, eye: str) -> Path:
     apart = folder / TRUTH_FILE.format(eye)
     return apart if apart.exists() else folder / f"{eye}.exr"
 
 
-def _real_poses(objects: Mapping[str, Any], settings: Settings, site_m: float) -> dict[str, Array]:
+def _find_real_poses(objects: Mapping[str, Any], settings: Settings, site_m: float) -> dict[str, Array]:
     """Poses of the links: in double precision from the settings, unless the user has moved the object."""
-    found, keys = {}, names_of_links(settings)
-    for link, pose in link_poses(settings, site_m).items():
+    found, keys = {}, list_link_keys(settings)
+    for link, pose in find_link_poses(settings, site_m).items():
         if (role := ROLES[keys[link]]) in objects:
             there = np.array(objects[role].matrix_world)
             found[link] = pose if np.abs(there - pose).max() < _ROUNDING else there

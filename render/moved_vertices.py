@@ -64,7 +64,7 @@ def is_moved(mesh: bpy.types.Mesh) -> bool:
 
 
 @contextmanager
-def as_rendered(
+def open_rendered_mesh(
     mesh: bpy.types.Mesh, place: Array, threads: int = 0, still_m: float = math.inf
 ) -> Iterator[bpy.types.Mesh]:
     """A mesh of triangles like ``mesh``, with its vertices where Cycles moves them, while the context is open.
@@ -88,7 +88,7 @@ def move_corners(
     mesh: bpy.types.Mesh, place: Array, threads: int = 0, still_m: float = math.inf
 ) -> tuple[Array, Array]:
     """Positions (n, 3) float32, in the coordinates of a mesh, where Cycles moves its vertices, and of each corner of a
-    facet which of them it is. See ``as_rendered``."""
+    facet which of them it is. See ``open_rendered_mesh``."""
     groups, vertex, normals = _group_corners(mesh)
     vertices = read_vertices(mesh)
     if (height := _find_heights(mesh, vertices, place, still_m)) is not None:
@@ -169,13 +169,13 @@ def _find_shifts(mesh: bpy.types.Mesh, place: Array, groups: Array, many: int, t
                 "The ground has facets with more than four corners, whose displacement cannot be "
                 "exported; set surface.relief to BUMP."
             ) from None
-        still, moved = _bake(mesh, place, found, threads)
+        still, moved = _bake_positions(mesh, place, found, threads)
         for sides, texels in zip((3, 4), found.texels, strict=True):
             facets = np.flatnonzero((counts == sides) & wanted)
             for some in np.array_split(np.arange(len(facets)), len(facets) // _SOLVED_FACETS + 1):
                 own = starts[facets[some], None] + np.arange(sides)
                 rest = still[texels[some], :3].astype(np.float64)
-                shifts, sure = solve(
+                shifts, sure = solve_corner_shifts(
                     at_rest[corners[own]], rest, moved[texels[some], :3] - rest, diagonals[facets[some]]
                 )
                 weight = np.broadcast_to(np.where(sure, 1.0, _NARROW)[:, None], own.shape).ravel()
@@ -193,7 +193,7 @@ def _find_diagonals(mesh: bpy.types.Mesh, starts: Array) -> Array:
     return np.asarray((loops[first] - starts[:, None] == 3).any(axis=1))
 
 
-def solve(corners: Array, rest: Array, shift: Array, across: Array) -> tuple[Array, Array]:
+def solve_corner_shifts(corners: Array, rest: Array, shift: Array, across: Array) -> tuple[Array, Array]:
     """Shifts (n, k, 3) of the corners (n, k, 3) of facets with k = 3 or 4 corners, from places ``rest`` (n, k, 3) on
     them, before they were moved, and the ``shift`` (n, k, 3) there; and whether (n,) the places determine them.
 
@@ -228,7 +228,9 @@ def _barycentric(triangles: Array, points: Array) -> Array:
     return np.stack([1.0 - second - third, second, third], axis=-1)
 
 
-def _bake(mesh: bpy.types.Mesh, place: Array, found: baked_texels.Texels, threads: int) -> tuple[Array, Array]:
+def _bake_positions(
+    mesh: bpy.types.Mesh, place: Array, found: baked_texels.Texels, threads: int
+) -> tuple[Array, Array]:
     """Positions at texels (n, 4) in the world, of a mesh at rest and of the moved one."""
     baked = []
     with ExitStack() as undo:
@@ -246,13 +248,13 @@ def _bake(mesh: bpy.types.Mesh, place: Array, found: baked_texels.Texels, thread
         image = texel_bakes.add_target(mesh, found, undo)
         materials = [material for material in mesh.materials if material is not None]
         for material in materials:
-            texel_bakes.aim(material.node_tree, image, undo)
+            texel_bakes.aim_bake(material.node_tree, image, undo)
             undo.callback(setattr, material, "displacement_method", material.displacement_method)
         own = [material.displacement_method for material in materials]
         for methods in (["BUMP"] * len(own), own):
             for material, method in zip(materials, methods, strict=True):
                 material.displacement_method = method
-            if why := texel_bakes.run(scene, item, type="POSITION"):
+            if why := texel_bakes.run_bake(scene, item, type="POSITION"):
                 raise IcyMoonError(
                     f"Cycles could not bake where the fine relief moves the ground{why}; set surface.relief to BUMP."
                 )

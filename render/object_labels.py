@@ -17,7 +17,7 @@ from ..support.errors import IcyMoonError
 from ..support.labels import FIRST_OBJECT_INSTANCE, LANDER, LAST_OBJECT_INSTANCE
 
 
-def _materials(item: bpy.types.Object) -> set[bpy.types.Material]:
+def _list_materials(item: bpy.types.Object) -> set[bpy.types.Material]:
     slots = [slot.material for slot in item.material_slots]
     return {m.original for m in (*slots, *item.data.materials) if m is not None}
 
@@ -34,7 +34,7 @@ def _find_user_objects(scene: bpy.types.Scene) -> dict[bpy.types.Object, set[bpy
 
     def note(item: bpy.types.Object) -> None:
         if TAG not in item.original and hasattr(item.data, "materials"):
-            found.setdefault(item.original, set()).update(_materials(item))
+            found.setdefault(item.original, set()).update(_list_materials(item))
 
     for instance in layer.depsgraph.object_instances:
         note(instance.object)  # gone at the next turn: Blender crashes if it is kept

@@ -12,7 +12,7 @@ import numpy as np
 from ..nodes.light.sun_lamp import read_scene_sun
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
-from ..paper_stand_ins.items import describe, items_of
+from ..paper_stand_ins.items import describe_item, list_items
 from ..physics import scene_checks
 from ..physics.camera.blur import find_blur
 from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
@@ -31,7 +31,7 @@ from .pairs.workspace_cells import describe_workspace
 from .plans.planned_pair import PlannedPair
 
 
-def light_json(built: Built, source: str) -> dict[str, Any]:
+def make_light_json(built: Built, source: str) -> dict[str, Any]:
     """The sky as it stands: by ``source``, the value of ``light.directions_from``, or as the user turned its lamp."""
     facts = built.sky
     sun = read_scene_sun(built.sun, facts["sun"], source)
@@ -59,7 +59,7 @@ _COMPACT = (
 )
 
 
-def _channels(truth: str, files: str) -> dict[str, Any]:
+def _describe_channels(truth: str, files: str) -> dict[str, Any]:
     """The content of the images with this ``quality.truth`` and these ``quality.files``, in words."""
     light: dict[str, Any] = {
         "radiance": "W/(m² sr), linear, in the bands R, G, B at 620, 550, 460 nm: over all "
@@ -83,14 +83,14 @@ def _channels(truth: str, files: str) -> dict[str, Any]:
     )
 
 
-def _left_out(built: Built, settings: Settings, indirect: dict[str, Any] | None) -> list[str]:
+def _list_omissions(built: Built, settings: Settings, indirect: dict[str, Any] | None) -> list[str]:
     """The parts that are not rendered, and why light is traced if only the scene or the image shows the reason."""
     sentences = find_left_out(settings, built.sky)
     traced = [traced_sentence(indirect["why"])] if indirect and "why" in indirect else []
     return [*sentences, *(each for each in traced if each not in sentences)]
 
 
-def pair_json(
+def make_pair_json(
     built: Built,
     planned: PlannedPair,
     poses: dict[str, Array],
@@ -102,8 +102,8 @@ def pair_json(
 ) -> dict[str, Any]:
     """The content of ``pair.json``, except for facts that are known only when it is finished.
 
-    ``light`` is from ``light_json``, ``denoiser`` is the denoiser that was used, ``indirect`` the statement about baked
-    light, if any.
+    ``light`` is from ``make_light_json``, ``denoiser`` is the denoiser that was used, ``indirect`` the statement about
+    baked light, if any.
     """
     settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
     camera, blur = StereoCamera.from_settings(settings.rig), find_blur(settings)
@@ -120,16 +120,16 @@ def pair_json(
         "terrain": built.statistics,
         "own_files_sha256": built.content,
         **({"excavation": built.excavation} if built.excavation else {}),
-        "stand_ins": [describe(item) for item in items_of(settings)],
+        "stand_ins": [describe_item(item) for item in list_items(settings)],
         "camera": camera.to_json(),
         "eyes": eyes,
         "poses_camera_to_world": {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "blur": blur.to_json() if blur else None,
         "light": light,
-        "left_out": _left_out(built, settings, indirect),
+        "left_out": _list_omissions(built, settings, indirect),
         "advice": scene_checks.advise_on_scene(settings),
-        "channels": _channels(settings.quality.truth, settings.quality.files),
+        "channels": _describe_channels(settings.quality.truth, settings.quality.files),
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
         "versions": {
             "blender": bpy.app.version_string,

@@ -40,7 +40,7 @@ class CannotTrace(Exception):  # noqa: N818  it is an answer, not a fault
 
 
 @dataclass
-class _Part:
+class _LabelledMesh:
     """A mesh with the labels of its materials, where it stands and the numbers of these places."""
 
     shape: Shape | None
@@ -49,31 +49,31 @@ class _Part:
     role: str
 
 
-class RaysOfScene:
+class SceneRays:
     """Rays through a scene that is rendered, for one pair after the other. Trees are built for the first of them."""
 
     def __init__(self, scene: bpy.types.Scene, still_m: float) -> None:
-        """For ``still_m`` see ``moved_vertices.as_rendered``."""
+        """For ``still_m`` see ``moved_vertices.open_rendered_mesh``."""
         self._find_scene, self._still_m = scene, still_m
         self._meshes: list[Any] = []
         self._standing: list[Any] = []
-        self._parts: list[_Part] = []
+        self._parts: list[_LabelledMesh] = []
         self._refused: list[str] = []
         self._stage: Stage | None = None
 
     def prepare(self) -> Stage:
         """The stage as the scene is now. Raises CannotTrace, and MemoryError for trees that memory has no room for."""
-        self._look()
+        self._refresh()
         if self._refused:
             raise CannotTrace(self._refused[0])
-        return self._open()
+        return self._open_stage()
 
     @contextmanager
     def ground(self, rocks: bool) -> Iterator[tuple[World, Tracer]]:
         """The ground of the site as the scene is now, with its rocks or without them, and what traces rays through it
         while the context is open. Other objects are left out, whatever they are. Raises MemoryError as ``prepare``."""
-        self._look()
-        stage, roles = self._open(), _GROUND + (_ROCKS if rocks else ())
+        self._refresh()
+        stage, roles = self._open_stage(), _GROUND + (_ROCKS if rocks else ())
         near = [part for part in self._parts if part.role not in _SKY]
         world = World(
             [
@@ -87,45 +87,45 @@ class RaysOfScene:
         finally:
             stage.ground_tracer.place(stage.ground)
 
-    def _look(self) -> None:
+    def _refresh(self) -> None:
         """Read the scene again, as far as it has changed."""
         items = [item for item in self._find_scene.objects if item.type not in _NO_SURFACE]
         meshes = [(item.name_full, item.data.as_pointer(), item.hide_render) for item in items]
         standing = [tuple(map(tuple, item.matrix_world)) for item in items]
         if meshes != self._meshes:
-            self._read()
+            self._read_scene()
         elif standing != self._standing:
-            self._move()
+            self._move_shapes()
         self._meshes, self._standing = meshes, standing
 
-    def _read(self) -> None:
+    def _read_scene(self) -> None:
         self.close()
-        self._parts, self._refused = _collect(self._find_scene, self._still_m)
+        self._parts, self._refused = _collect_parts(self._find_scene, self._still_m)
 
-    def _move(self) -> None:
+    def _move_shapes(self) -> None:
         """The same shapes in other places."""
-        made = _find(self._find_scene, read=False)
+        made = _find_meshes(self._find_scene, read=False)
         found, self._refused = list(made.parts.values()), made.refused
         if len(found) != len(self._parts):
-            self._read()
+            self._read_scene()
             return
         for part, now in zip(self._parts, found, strict=True):
             part.places, part.numbers = now.places, now.numbers
         if self._stage is not None:
-            ground, sky = self._worlds()
+            ground, sky = self._make_worlds()
             self._stage.ground_tracer.place(ground)
             self._stage.sky_tracer.place(sky)
             self._stage = Stage(ground, self._stage.ground_tracer, sky, self._stage.sky_tracer)
 
-    def _open(self) -> Stage:
+    def _open_stage(self) -> Stage:
         """The stage of the scene as it was read, with trees."""
         if self._stage is None:
-            ground, sky = self._worlds()
+            ground, sky = self._make_worlds()
             tracers = [open_tracer(world, compat.list_library_folders(), TreeTracer) for world in (ground, sky)]
             self._stage = Stage(ground, tracers[0], sky, tracers[1])
         return self._stage
 
-    def _worlds(self) -> tuple[World, World]:
+    def _make_worlds(self) -> tuple[World, World]:
         """The world of all near objects, and the world of the sky."""
         made: tuple[list[Placed], list[Placed]] = [], []
         for part in self._parts:
@@ -141,7 +141,7 @@ class RaysOfScene:
             self._stage = None
 
 
-def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
+def _list_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
     """What a render shows of a scene."""
     layer = scene.view_layers[0]
     layer.update()
@@ -156,9 +156,9 @@ def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.t
             yield item, found
 
 
-def _collect(scene: bpy.types.Scene, still_m: float) -> tuple[list[_Part], list[str]]:
+def _collect_parts(scene: bpy.types.Scene, still_m: float) -> tuple[list[_LabelledMesh], list[str]]:
     """The meshes of a scene with their triangles, and why others are refused."""
-    found = _find(scene, read=True)
+    found = _find_meshes(scene, read=True)
     for key, (mesh, labels) in found.moved.items():
         found.parts[key].shape = _read_moved(mesh, labels, found.parts[key].places[0], still_m)
     return list(found.parts.values()), found.refused
@@ -168,33 +168,33 @@ _Key = tuple[int, tuple[int, ...]]
 
 
 @dataclass
-class _Found:
+class _FoundMeshes:
     """The meshes of a scene, those that their materials move, with their labels, and why other objects are refused."""
 
-    parts: dict[_Key, _Part] = field(default_factory=dict)
+    parts: dict[_Key, _LabelledMesh] = field(default_factory=dict)
     moved: dict[_Key, tuple[bpy.types.Mesh, tuple[int, ...]]] = field(default_factory=dict)
     refused: list[str] = field(default_factory=list)
 
 
-def _find(scene: bpy.types.Scene, read: bool) -> _Found:
+def _find_meshes(scene: bpy.types.Scene, read: bool) -> _FoundMeshes:
     """The meshes of a scene with their places.
 
     With ``read`` shapes are read, except of moved meshes. Their vertices are found in a separate scene, which discards
     the objects that are evaluated here.
     """
-    made = _Found()
+    made = _FoundMeshes()
     points: dict[str, Array] = {}
-    for item, found in _instances(scene):
+    for item, found in _list_instances(scene):
         try:
-            _check(item)
-            number = _number(item, found, points)
+            _check_traceable(item)
+            number = _find_label(item, found, points)
         except CannotTrace as reason:
             made.refused.append(str(reason))
             continue
         labels = tuple(slot.material.pass_index if slot.material else 0 for slot in item.material_slots) or (0,)
         key = item.data.as_pointer(), labels
         if key not in made.parts:
-            made.parts[key] = _Part(None, [], [], item.original.get(TAG, ""))
+            made.parts[key] = _LabelledMesh(None, [], [], item.original.get(TAG, ""))
             if read and is_moved(item.data):
                 made.moved[key] = item.original.data, labels
             elif read:
@@ -204,7 +204,7 @@ def _find(scene: bpy.types.Scene, read: bool) -> _Found:
     return made
 
 
-def _check(item: bpy.types.Object) -> None:
+def _check_traceable(item: bpy.types.Object) -> None:
     """Raise CannotTrace if rays would not meet an object as it is rendered."""
     own = item.original
     if item.type != "MESH":
@@ -226,7 +226,7 @@ def _check(item: bpy.types.Object) -> None:
             raise CannotTrace(f"the object {own.name} may let rays pass")
 
 
-def _number(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance, points: dict[str, Array]) -> int:
+def _find_label(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance, points: dict[str, Array]) -> int:
     """The label of an instance: its point's label for a rock, its pass index otherwise. Raises CannotTrace."""
     parent = found.parent.original if found.is_instance and found.parent is not None else None
     if parent is None or INSTANCE_ATTRIBUTE not in getattr(parent.data, "attributes", ()):

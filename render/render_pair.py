@@ -17,11 +17,11 @@ from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights, measure_b
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, assemble, join_layers, read_pieces
 from ..formats.exr_pixels import compress, drop_passes, round_passes
-from ..nodes.datablocks.fingerprint import built_objects
+from ..nodes.datablocks.fingerprint import find_built_objects
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
 from ..nodes.light.veil import veil_in
-from ..nodes.rig import eye_poses, lens_values, turn_about_eye
+from ..nodes.rig import find_eye_poses, list_lens_values, turn_about_eye
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
@@ -39,21 +39,21 @@ from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
 from ..support.number_text import format_count
 from . import cycles_occlusion, cycles_settings, passes, separate_lights, unlit
-from .baked_light import Indirect
-from .cost.estimate import count_bytes_left, pixels_of
+from .baked_light import IndirectLight
+from .cost.estimate import count_bytes_left, count_pixels
 from .cycles_errors import first_line
 from .ground_maps import make_heights, make_materials
-from .lander_record import lander_json
+from .lander_record import make_lander_json
 from .object_labels import lend_labels
-from .pair_record import light_json, pair_json
+from .pair_record import make_light_json, make_pair_json
 from .pairs.baked_file import LIGHT
-from .pairs.our_files import check_no_link, folder_of_pairs
+from .pairs.our_files import check_no_link, pairs_folder
 from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE
-from .pairs.publish import check_place, discard, publish
-from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, workspace_extent, workspace_files
+from .pairs.publish import check_place, discard_unfinished, publish_pair
+from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
-from .ray_stage import CannotTrace, RaysOfScene
+from .ray_stage import CannotTrace, SceneRays
 from .ray_truth import trace_beside
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .workers.claims import CLAIMS_FOLDER
@@ -65,7 +65,7 @@ _ROOM_WHILE_WRITING = 4 * 48
 
 #: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
 MOST_KEPT_TRIANGLES = 8_000_000
-_TRACED = Indirect()
+_TRACED = IndirectLight()
 #: The eye on whose pixels the noise of a pair is judged: its file alone has the error of baked light.
 _JUDGED = "left"
 
@@ -93,7 +93,7 @@ def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         bpy.data.worlds.remove(sky)
 
 
-def _triangle_count(built: Built) -> int:
+def _count_triangles(built: Built) -> int:
     """Triangles of the collection's meshes; a mesh with several instances counts once."""
     meshes = {item.data for item in built.collection.all_objects if isinstance(item.data, bpy.types.Mesh)}
     return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
@@ -101,13 +101,13 @@ def _triangle_count(built: Built) -> int:
 
 def _turn_head(built: Built, turn_deg: float) -> AbstractContextManager[None]:
     """Turn the lander's head with the cameras in it, if there is a lander."""
-    head = built_objects(built.collection).get(ROLES[HEAD])
+    head = find_built_objects(built.collection).get(ROLES[HEAD])
     return turn_about_eye(head, turn_deg, built.camera) if head is not None else nullcontext()
 
 
 def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
     """Raise IcyMoonError if the folder cannot be made or its disk has no room for the pairs that are left."""
-    check_no_link(folder_of_pairs(dataset), dataset / CLAIMS_FOLDER, dataset / LIGHT)
+    check_no_link(pairs_folder(dataset), dataset / CLAIMS_FOLDER, dataset / LIGHT)
     with explain_disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
         probe = make_part_path(dataset / ".icymoon")
@@ -115,7 +115,7 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
         system.remove(probe)
         free = shutil.disk_usage(dataset).free
     left = count_bytes_left(pairs, dataset, again)
-    needed = left + _ROOM_WHILE_WRITING * max(pixels_of(pair.settings) for pair in pairs) if left else 0.0
+    needed = left + _ROOM_WHILE_WRITING * max(count_pixels(pair.settings) for pair in pairs) if left else 0.0
     if needed > free:
         raise IcyMoonError(
             f"{dataset} has {free / 1e6:.0f} MB free, {format_count(len(pairs), 'pair')} may need "
@@ -132,13 +132,13 @@ def render_pair(
     seconds_build: float,
     report: Callable[[float], None],
     lost: Callable[[], bool],
-    rays: RaysOfScene,
+    rays: SceneRays,
     again: bool = False,
-    indirect: Indirect = _TRACED,
+    indirect: IndirectLight = _TRACED,
 ) -> Path:
     """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
-    ``rays`` are those through that scene. ``indirect`` is what ``baked_light.provide`` returned.
+    ``rays`` are those through that scene. ``indirect`` is what ``baked_light.provide_baked_light`` returned.
     ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish``. Raises IcyMoonError when the
     render or the disk fails; nothing half-written stays.
     """
@@ -151,7 +151,7 @@ def render_pair(
     try:
         found = _render_into(part, built, scene, planned, report, indirect, rays)
         if why := indirect.why_unfit(found.get("indirect"), planned.settings.quality.bake_noise):
-            traced = Indirect(why_traced=why, tried=indirect.lights)
+            traced = IndirectLight(why_traced=why, tried=indirect.lights)
             found = _render_into(part, built, scene, planned, report, traced, rays)
         found["seconds"]["build"] = round(seconds_build, 3)
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs and their bakes.
@@ -160,9 +160,9 @@ def render_pair(
             "pair": round(time.process_time() - spent, 3),
         }
         write_json(part / "pair.json", found)
-        publish(part, folder, lost, again)
+        publish_pair(part, folder, lost, again)
     finally:
-        discard(part)
+        discard_unfinished(part)
     return folder
 
 
@@ -181,7 +181,7 @@ def check_camera(built: Built) -> None:
             "switch it off, and set rig.focus_distance_m instead."
         )
     rig = built.settings.rig
-    wanted = {**lens_values(rig), "interocular_distance": ("rig.baseline_m", rig.baseline_m)}
+    wanted = {**list_lens_values(rig), "interocular_distance": ("rig.baseline_m", rig.baseline_m)}
     for name, (setting, value) in wanted.items():
         there = getattr(stereo if name == "interocular_distance" else built.camera.data, name)
         if there != value and (isinstance(value, str) or abs(there - value) > 1e-5 * max(1e-3, abs(value))):
@@ -200,12 +200,12 @@ class _CameraSetup:
     images: tuple[tuple[str, str], ...]
 
 
-def _is_full(planned: PlannedPair) -> bool:
+def _has_full_truth(planned: PlannedPair) -> bool:
     """Whether truth is a separate render."""
     return planned.settings.quality.truth == "FULL"
 
 
-def _camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[_CameraSetup]:
+def _list_camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[_CameraSetup]:
     """The renders by camera: radiance and truth with one camera, unless truth has another camera than the light."""
     toed = camera.toe_in_deg != 0
     if blur is None and not toed:
@@ -232,8 +232,8 @@ def _render_into(
     scene: bpy.types.Scene,
     planned: PlannedPair,
     report: Callable[[float], None],
-    indirect: Indirect,
-    rays: RaysOfScene,
+    indirect: IndirectLight,
+    rays: SceneRays,
 ) -> dict[str, Any]:
     """Render a pair into the folder ``part`` and return the content of its pair.json."""
     settings = planned.settings
@@ -242,10 +242,10 @@ def _render_into(
     made = _render_takes(part, built, scene, planned, report, bool(indirect.lights), rays, quality, rounded)
     start = time.perf_counter()
     written, shares, noise_of_image = _write_files(part, made.files, planned, bool(indirect.lights), rounded)
-    written |= {name: _fact_of(part / name) for name in workspace_files(settings.workspace)}
+    written |= {name: _describe_file(part / name) for name in workspace_files(settings.workspace)}
     seconds = {**made.seconds, "write": round(time.perf_counter() - start, 3)}
     return {
-        **pair_json(
+        **make_pair_json(
             built,
             planned,
             made.poses,
@@ -256,14 +256,14 @@ def _render_into(
             indirect.to_json(shares, noise_of_image),
         ),
         **({"truth": made.engine} if made.engine else {}),
-        **lander_json(built, settings, made.poses, part),
+        **make_lander_json(built, settings, made.poses, part),
     }
 
 
 def _count_truths(takes: list[_CameraSetup], planned: PlannedPair) -> int:
     """How often Cycles renders truth of a pair."""
     images = sum(layer == TRUTH for take in takes for layer, _ in take.images)
-    return images + (len(cycles_occlusion.STEPS_PX) if _is_full(planned) else 0)
+    return images + (len(cycles_occlusion.STEPS_PX) if _has_full_truth(planned) else 0)
 
 
 def _render_takes(
@@ -273,19 +273,19 @@ def _render_takes(
     planned: PlannedPair,
     report: Callable[[float], None],
     baked: bool,
-    rays: RaysOfScene,
+    rays: SceneRays,
     quality: QualitySettings,
     rounded: set[str],
 ) -> _Rendered:
     """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is."""
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings.rig), find_blur(settings)
-    takes = _camera_setups(camera, blur, _is_full(planned))
+    takes = _list_camera_setups(camera, blur, _has_full_truth(planned))
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
     with turn_about_eye(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
         lights = _prepare_cycles(scene, built, planned, quality, blur is not None, baked)
-        poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
+        poses = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         stage, engine = _choose_engine(rays, settings, takes)
         truths = 0 if stage else _count_truths(takes, planned)
         with (
@@ -313,7 +313,7 @@ def _render_takes(
                             made = _render_truth(scene, built, stem, planned, camera, take.toed)
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
-        light = light_json(built, settings.light.directions_from)
+        light = make_light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
             _write_workspace(part, rays, built, scene.frame_current)
     seconds = {"render": round(time.perf_counter() - start, 3), "sampling": round(sampling.seconds, 3)}
@@ -324,17 +324,17 @@ def _prepare_cycles(
     scene: bpy.types.Scene, built: Built, planned: PlannedPair, quality: QualitySettings, blurred: bool, baked: bool
 ) -> list[separate_lights.LightPass]:
     """Set up Cycles for the radiance of a pair and return its lights, each a render."""
-    cycles_settings.apply(scene, quality, planned.render_seed, blurred, are_rocks_clear(planned.settings))
+    cycles_settings.apply_quality(scene, quality, planned.render_seed, blurred, are_rocks_clear(planned.settings))
     if baked:
         scene.cycles.max_bounces = 0
     prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
-    lights = separate_lights.light_passes(scene, built)
+    lights = separate_lights.list_light_passes(scene, built)
     # Objects that move during a render are not kept for the next one, nor are surfaces that change in between.
     scene.render.use_persistent_data = (
         not blurred
         and len(lights) == 1
         and not scene.cycles.shading_system
-        and _triangle_count(built) <= MOST_KEPT_TRIANGLES
+        and _count_triangles(built) <= MOST_KEPT_TRIANGLES
     )
     return lights
 
@@ -363,7 +363,7 @@ def _write_files(
 
 
 def _choose_engine(
-    rays: RaysOfScene, settings: Settings, takes: list[_CameraSetup]
+    rays: SceneRays, settings: Settings, takes: list[_CameraSetup]
 ) -> tuple[Stage | None, dict[str, str]]:
     """The stage on which rays of our own find the truth, None if Cycles renders it; and the pair's statement about
     that, empty if truth comes with the radiance."""
@@ -378,9 +378,9 @@ def _choose_engine(
     return stage, {"by": stage.ground_tracer.name}
 
 
-def _write_workspace(part: Path, rays: RaysOfScene, built: Built, frame: int) -> None:
+def _write_workspace(part: Path, rays: SceneRays, built: Built, frame: int) -> None:
     """Write the true maps of the workspace, see ``workspace_files``, into the folder ``part``."""
-    extent = workspace_extent(built.settings.workspace)
+    extent = find_workspace_extent(built.settings.workspace)
     maps = {WORKSPACE_FILE: make_heights(rays, extent)}
     if built.settings.workspace.materials:
         with open_render_scene(built, frame) as scene:  # apart, so that nothing of the pair's scene changes
@@ -422,7 +422,7 @@ def _render_truth(
     between: dict[str, list[Array]] = {eye: [] for eye in files}
     with separate_lights.disable_osl(scene), unlit.switch_lights_off(scene):
         _run_cycles(scene, files, planned)
-        if toed or not _is_full(planned):
+        if toed or not _has_full_truth(planned):
             return files
         with _render_depth_alone(scene, built):
             shifted = passes.choose_layer(scene, TRUTH, stem.with_name(f"{stem.name}-between"), "DEPTH")
@@ -437,7 +437,7 @@ def _render_truth(
                         )
                         system.remove(file)
     with explain_disk_errors("write", stem), _report_unreadable(planned):
-        cycles_occlusion.add_hidden(files, between, camera)
+        cycles_occlusion.add_hidden_pass(files, between, camera)
     return files
 
 
@@ -446,7 +446,7 @@ def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
     """Render depth that is read once and removed: without surfaces where that saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
-    too_many = kept and _triangle_count(built) > unlit.MOST_TRIANGLES_A_PIXEL * pixels
+    too_many = kept and _count_triangles(built) > unlit.MOST_TRIANGLES_A_PIXEL * pixels
     with unlit.take_surfaces_off([] if too_many else built.materials):
         yield
 
@@ -504,9 +504,9 @@ def _write_layers(
     with explain_disk_errors("write", final):
         final.write_bytes(data)
         system.flush(final)
-    return _fact_of(final)
+    return _describe_file(final)
 
 
-def _fact_of(file: Path) -> dict[str, Any]:
+def _describe_file(file: Path) -> dict[str, Any]:
     """Size and checksum of a file of a pair."""
     return {"bytes": file.stat().st_size, "sha256": hash_file(file)}

@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from ..nodes.scene import extra
+from ..nodes.scene import make_extra
 from ..settings.blender import scene_properties
 from ..settings.description import check, defaults, merged
 from ..settings.topics.scene import Settings
@@ -26,9 +26,9 @@ class ResidentScenes:
 
     def __init__(self) -> None:
         self._send: Callable[..., None] = lambda *args, **facts: None
-        self._find_position_source = self._open()
+        self._find_position_source = self._open_source()
 
-    def _open(self) -> ScenesFromSettings:
+    def _open_source(self) -> ScenesFromSettings:
         return ScenesFromSettings(lambda warning: self._send("warning", message=warning))
 
     def render(self, settings: Settings, dataset: Path, again: bool, send: Callable[..., None]) -> list[Path]:
@@ -38,12 +38,12 @@ class ResidentScenes:
         """
         self._send = send
         complete = merged(defaults(), check(settings, "settings"))
-        pairs = expand_headings(complete, extra(complete))
+        pairs = expand_headings(complete, make_extra(complete))
         send("progress", fraction=0.0, message="Building the scene")
         try:
             render_from(self._find_position_source, pairs, dataset, send, again)
         except ReferenceError:  # another file was opened in this Blender meanwhile
-            self._find_position_source = self._open()
+            self._find_position_source = self._open_source()
             render_from(self._find_position_source, pairs, dataset, send, again)
         folders = [pair.folder(dataset) for pair in pairs]
         if missing := [folder for folder in folders if not is_complete(folder)]:

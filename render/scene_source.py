@@ -11,7 +11,7 @@ from typing import Self
 import bpy
 
 from ..nodes import eyes_above_ground
-from ..nodes.ground.user_ground import cost_warnings
+from ..nodes.ground.user_ground import warn_of_cost
 from ..nodes.next_scene import adapt_scene
 from ..nodes.scene import Built
 from ..physics import scene_checks
@@ -23,7 +23,7 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import cycles_settings
 from .plans.planned_pair import PlannedPair
-from .ray_stage import RaysOfScene
+from .ray_stage import SceneRays
 from .render_pair import check_camera, open_render_scene
 
 #: The scene of a pair: the built objects, the scene to render, the seconds that building took.
@@ -41,12 +41,12 @@ class FixedScene:
         self._built, self._frame, self._seconds = built, frame, seconds_build
         self._held = ExitStack()
         self._find_scene: bpy.types.Scene | None = None
-        self.rays: RaysOfScene | None = None
+        self.rays: SceneRays | None = None
 
     def __enter__(self) -> Self:
         self._find_scene = self._held.enter_context(open_render_scene(self._built, self._frame))
         self.rays = self._held.enter_context(
-            closing(RaysOfScene(self._find_scene, still_spacing_m(self._built.settings.surface)))
+            closing(SceneRays(self._find_scene, still_spacing_m(self._built.settings.surface)))
         )
         return self
 
@@ -62,7 +62,7 @@ class FixedScene:
         _raise_reasons(
             [
                 *scene_checks.find_reasons_in_settings(planned.settings),
-                *eyes_above_ground.reasons(self._built, planned.turn_deg, self._find_scene),
+                *eyes_above_ground.find_reasons(self._built, planned.turn_deg, self._find_scene),
             ]
         )
         return self._built, self._find_scene, self._seconds
@@ -77,7 +77,7 @@ class ScenesFromSettings:
         self._warned: set[str] = set()
         self._built: Built | None = None
         self._find_scene: bpy.types.Scene | None = None
-        self.rays: RaysOfScene | None = None
+        self.rays: SceneRays | None = None
         self._held = ExitStack()
 
     def __enter__(self) -> Self:
@@ -97,7 +97,7 @@ class ScenesFromSettings:
         shared = before is not None and _same_scene_and_light(before.settings, planned.settings)
         if not shared:  # the data that Cycles keeps are of no use any more
             self._held.close()
-            self._warn_once(cost_warnings(planned.settings))
+            self._warn_once(warn_of_cost(planned.settings))
         built, kept = adapt_scene(before, planned.settings)
         self._warn_once(built.warnings)
         _check_id(planned, built, self._extra)
@@ -105,12 +105,12 @@ class ScenesFromSettings:
             self._held.close()
             self._find_scene = self._held.enter_context(open_render_scene(built, bpy.context.scene.frame_current))
             self.rays = self._held.enter_context(
-                closing(RaysOfScene(self._find_scene, still_spacing_m(built.settings.surface)))
+                closing(SceneRays(self._find_scene, still_spacing_m(built.settings.surface)))
             )
         assert self._find_scene is not None
         self._built = built
         # Not in a scene that comes and goes, after which Cycles would build its tree of triangles again.
-        _raise_reasons(eyes_above_ground.reasons_when_built(built, self._find_scene))
+        _raise_reasons(eyes_above_ground.find_reasons_when_built(built, self._find_scene))
         return built, self._find_scene, time.perf_counter() - start
 
     def _warn_once(self, warnings: list[str] | tuple[str, ...]) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from ..nodes.datablocks.fingerprint import TAG, instanced_objects
+from ..nodes.datablocks.fingerprint import TAG, find_instanced_objects
 from ..nodes.light.scene_lights import ROLES
 from ..nodes.scene import Built
 from ..nodes.surface import sun_inputs
@@ -28,12 +28,12 @@ class LightPass:
     group: str | None = None
 
 
-def _materials_with_sun_inputs(built: Built) -> list[bpy.types.Material]:
+def _find_sun_materials(built: Built) -> list[bpy.types.Material]:
     """The materials whose nodes use the direction of the light."""
     return [material for material in built.materials if sun_inputs.has_one_light_source(material)]
 
 
-def light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
+def list_light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
     """The renders whose sum is the image.
 
     A denoised image is one render: its parts would be denoised one by one.
@@ -42,7 +42,7 @@ def light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
         not scene.view_layers[0].lightgroups
         or built.planetshine is None
         or scene.cycles.use_denoising
-        or not _materials_with_sun_inputs(built)
+        or not _find_sun_materials(built)
     ):
         return [LightPass()]
     if built.sun.data.energy > 0:
@@ -66,15 +66,15 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
             undo.callback(setattr, datablock, name, getattr(datablock, name))
             setattr(datablock, name, value)
 
-        undo.callback(lambda: sun_inputs.aim_surfaces(_materials_with_sun_inputs(built), sun, built.planetshine))
+        undo.callback(lambda: sun_inputs.aim_surfaces(_find_sun_materials(built), sun, built.planetshine))
         for item in list(built.collection.all_objects):
             if item.get(TAG) in light.dark:
                 lend(item, "hide_render", True)
-            for each in (item, *instanced_objects(item)) if item.get(TAG) in ("terrain", "rock") else ():
+            for each in (item, *find_instanced_objects(item)) if item.get(TAG) in ("terrain", "rock") else ():
                 if each.lightgroup:
                     lend(each, "lightgroup", light.group)
         shining = replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun
-        sun_inputs.aim_surfaces(_materials_with_sun_inputs(built), shining, built.planetshine)
+        sun_inputs.aim_surfaces(_find_sun_materials(built), shining, built.planetshine)
         yield
 
 

@@ -13,7 +13,7 @@ from ..support.labels import BAKED_ATTRIBUTES
 from .mesh_arrays import read_corners
 
 
-def lay_out(mesh: bpy.types.Mesh, lit: Array) -> baked_texels.Texels:
+def lay_out_mesh_texels(mesh: bpy.types.Mesh, lit: Array) -> baked_texels.Texels:
     """The texels of the facets around the vertices of a mesh that are to be ``lit``."""
     starts, counts, corners, areas = read_facets(mesh)
     wanted = np.logical_or.reduceat(lit[corners], starts) if len(starts) else np.zeros(0, bool)
@@ -42,7 +42,7 @@ def add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack
     return image
 
 
-def aim(tree: bpy.types.NodeTree, image: bpy.types.Image, undo: ExitStack) -> None:
+def aim_bake(tree: bpy.types.NodeTree, image: bpy.types.Image, undo: ExitStack) -> None:
     """Let a bake of a surface go to an image, until ``undo``."""
     before, node = tree.nodes.active, tree.nodes.new("ShaderNodeTexImage")
     node.image = image
@@ -62,7 +62,7 @@ def read_texels(image: bpy.types.Image) -> Array:
     return texels.reshape(-1, 4)
 
 
-def run(scene: bpy.types.Scene, item: bpy.types.Object, **what: object) -> str:
+def run_bake(scene: bpy.types.Scene, item: bpy.types.Object, **what: object) -> str:
     """Bake ``what`` of an object to its target. Returns why Cycles did not, to begin a sentence; empty if it did."""
     layer = scene.view_layers[0]
     layer.objects.active = item

@@ -80,7 +80,7 @@ class TreeTracer:
         )
         for first in range(0, count, _MOST_RAYS):
             part = np.arange(first, min(count, first + _MOST_RAYS))
-            ray, place, entry = self._spheres.entered_by(
+            ray, place, entry = self._spheres.find_entered(
                 origin if origin.ndim == 1 else origin[part], direction[part], far[part]
             )
             ray = part[ray]
@@ -91,10 +91,10 @@ class TreeTracer:
             by_turn = np.split(np.argsort(turn, kind="stable"), np.cumsum(np.bincount(turn))[:-1])
             for pairs in by_turn:  # the nearest place of every ray, then the second, until it has met something nearer
                 end = np.minimum(far, hits.along)[ray[pairs]]
-                self._meet(hits, origin, direction, near, end, ray[pairs], place[pairs], entry[pairs] <= end)
+                self._note_hits(hits, origin, direction, near, end, ray[pairs], place[pairs], entry[pairs] <= end)
         return hits
 
-    def _meet(
+    def _note_hits(
         self,
         hits: Hits,
         origin: Array,
@@ -113,7 +113,7 @@ class TreeTracer:
         own = np.einsum("nij,nj->ni", inverse[:, :3, :3], start) + inverse[:, :3, 3]
         toward = np.einsum("nij,nj->ni", inverse[:, :3, :3], direction[ray])
         of = self._world.of[place]
-        entered = _enters(self._boxes[of], own, toward)
+        entered = _enters_box(self._boxes[of], own, toward)
         length = np.sqrt(dot_products(toward, toward))
         most = np.minimum((far - near) * length, _LONGEST)
         for number in np.unique(of[entered]):
@@ -135,7 +135,7 @@ class TreeTracer:
             hits.u[found], hits.v[found] = _find_in_triangle(corners, own[rays], toward[rays])
 
 
-def _enters(boxes: Array, origin: Array, direction: Array) -> Array:
+def _enters_box(boxes: Array, origin: Array, direction: Array) -> Array:
     """Whether (n,) rays (n, 3) enter boxes (n, 2, 3), which are taken as a little greater than they are."""
     low, high = boxes[:, 0], boxes[:, 1]
     spare = _SPARE * (high - low).max(axis=1, keepdims=True)
@@ -164,15 +164,15 @@ class _Spheres:
         self._order = _order_along_curve(centre)
         self._levels = [(centre[self._order], radius[self._order] * (1 + _SPARE))]
         while len(self._levels[0][1]) > 1:
-            self._levels.insert(0, _surround(*self._levels[0]))
+            self._levels.insert(0, _group_spheres(*self._levels[0]))
 
-    def entered_by(self, origin: Array, direction: Array, far: Array) -> tuple[Array, Array, Array]:
+    def find_entered(self, origin: Array, direction: Array, far: Array) -> tuple[Array, Array, Array]:
         """Which rays (n, 3) enter which spheres, in pairs, and how many times its direction a ray goes to there.
         ``origin`` is (3,) or (n, 3); rays go to ``far`` (n,) times their direction."""
         length = np.sqrt(dot_products(direction, direction))
         ahead = direction / length[:, None]
         side = _TOGETHER if origin.ndim == 1 else 1
-        bundle, sphere = self._entered_by_bundles(origin, _fill_up(ahead, side), _fill_up(far * length, side))
+        bundle, sphere = self._entered_by_bundles(origin, _pad_bundles(ahead, side), _pad_bundles(far * length, side))
         ray = (bundle[:, None] * side + np.arange(side)).reshape(-1)
         sphere = np.repeat(sphere, side)[ray < len(direction)]
         ray = ray[ray < len(direction)]
@@ -210,13 +210,13 @@ class _Spheres:
         return bundle, node
 
 
-def _fill_up(values: Array, side: int) -> Array:
+def _pad_bundles(values: Array, side: int) -> Array:
     """Values (n, …) of rays in bundles (m, side, …), the last one filled up with the last ray."""
     more = -len(values) % side
     return np.concatenate([values, np.repeat(values[-1:], more, axis=0)]).reshape(-1, side, *values.shape[1:])
 
 
-def _surround(centre: Array, radius: Array) -> tuple[Array, Array]:
+def _group_spheres(centre: Array, radius: Array) -> tuple[Array, Array]:
     """Spheres about ``_GROUP`` spheres in a row each."""
     starts = np.arange(0, len(radius), _GROUP)
     least = np.minimum.reduceat(centre - radius[:, None], starts)

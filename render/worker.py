@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 import bpy
 
 from ..nodes import painted_errors
-from ..nodes.scene import Built, extra, find, separate_copies
+from ..nodes.scene import Built, find_built, make_extra, separate_copies
 from ..settings.blender import scene_properties
 from ..settings.description import check, defaults, merged, overlaid
 from ..settings.topics.scene import Settings
@@ -57,7 +57,7 @@ def render_pairs(
 
     Raises IcyMoonError at the first failure, and if the scene shows a preview; finished pairs stay.
     """
-    painted_errors.clear(built.scene)  # the user's own material could read what no id counts
+    painted_errors.clear_painted(built.scene)  # the user's own material could read what no id counts
     with FixedScene(built, frame, seconds_build) as source:
         render_from(source, pairs, dataset, send, again)
     return [planned.folder(dataset) for planned in pairs]
@@ -135,7 +135,7 @@ def _render_one(
             if planned.settings.quality.device == "GPU" and not sampled.is_set()
             else nullcontext()
         ):
-            indirect = baked_light.provide(built, scene, planned, shared)
+            indirect = baked_light.provide_baked_light(built, scene, planned, shared)
             is_lost = partial(shared.claims.is_lost, planned.id)
             render_pair(built, scene, planned, dataset, build_s, report, is_lost, source.rays, again, indirect)
         shared.note_pair(folder)
@@ -143,7 +143,7 @@ def _render_one(
     send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total, seconds=seconds)
 
 
-def pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
+def list_job_pairs(job: dict[str, Any]) -> list[PlannedPair]:
     """The pairs of a job, with the threads that it states."""
     if job.get("pairs"):
         threads = check({"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}, "job")
@@ -152,7 +152,7 @@ def pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
     # Each pair is built as it is described: there is nothing that has to be turned.
     return [
         PlannedPair(pair.id, pair.settings, 0.0)
-        for pair in expand_headings(settings, extra(settings) + _repeat_text(job))
+        for pair in expand_headings(settings, make_extra(settings) + _repeat_text(job))
     ]
 
 
@@ -176,7 +176,7 @@ def run_job(job: dict[str, Any], send: Send = emit) -> None:
         built, frame, pairs = _open_blend(job)
         render_pairs(built, pairs, dataset, frame, 0.0, send, again)
     else:
-        pairs = pairs_of_job(job)
+        pairs = list_job_pairs(job)
         with ScenesFromSettings(lambda warning: send("warning", message=warning), _repeat_text(job)) as source:
             render_from(source, pairs, dataset, send, again, bool(job.get("pairs")))
     send("done", folders=[str(pair.folder(dataset)) for pair in pairs if is_complete(pair.folder(dataset))])
@@ -190,7 +190,7 @@ def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
         why = first_line(error)
         raise IcyMoonError(f"{job['blend']} cannot be opened ({why}); save the scene and render again.") from None
     scene = bpy.data.scenes.get(job["scene"])
-    built = find(scene) if scene else None
+    built = find_built(scene) if scene else None
     if scene is None or built is None:
         raise IcyMoonError(f"{job['blend']} contains no built Icy Moon scene; press Build Scene and render again.")
     separate_copies(built)

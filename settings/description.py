@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..plugins.landforms import PREFIX, missing_landform
+from ..plugins.landforms import PREFIX, describe_missing_landform
 from ..support.errors import IcyMoonError
 from ..support.files import quote, shorten
 from ..support.foreign_bytes import parse_toml
@@ -163,7 +163,7 @@ def _check_table(topic: str, values: object, where: str, stored: bool) -> Tables
     """The settings of one table of a description, by their present topics, see ``check``."""
     if topic.startswith(PREFIX) and topic not in TOPICS:
         if not isinstance(values, Mapping) or not stored:
-            raise IcyMoonError(f"{where}: {missing_landform(topic, '')}")
+            raise IcyMoonError(f"{where}: {describe_missing_landform(topic, '')}")
         kept = keep_missing_table(topic, values, where)
         return {topic: kept} if kept else {}
     if topic not in TOPICS and not _was_renamed_topic(topic):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..plugins.landforms import PREFIX, RELEASE, missing_landform
+from ..plugins.landforms import PREFIX, RELEASE, describe_missing_landform
 from ..support.errors import IcyMoonError
 from ..support.file_shapes import is_number
 from .table import TOPICS
@@ -70,7 +70,7 @@ def refuse_missing(settings: Mapping[str, Mapping[str, Any]], where: str) -> Non
     """Raise IcyMoonError if a description has a landform that is not installed in this Python."""
     for topic, values in settings.items():
         if topic.startswith(PREFIX) and topic not in TOPICS:
-            raise IcyMoonError(f"{where}: {missing_landform(topic, str(values.get(RELEASE, '')))}")
+            raise IcyMoonError(f"{where}: {describe_missing_landform(topic, str(values.get(RELEASE, '')))}")
 
 
 def list_counted_landforms(settings: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:

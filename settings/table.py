@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..plugins.landforms import RELEASE, PluginLandform, landform_plugins
+from ..plugins.landforms import RELEASE, PluginLandform, load_landform_plugins
 from .topics.declaration import LANDFORMS, Setting, Topic
 from .topics.ground import ABOVE_A_MAP
 from .topics.scene import OUR_TOPICS
@@ -58,7 +58,7 @@ def _make_topic(landform: PluginLandform) -> Topic:
 
 
 TOPICS: dict[str, Topic] = OUR_TOPICS | {
-    landform.topic: _make_topic(landform) for landform in landform_plugins()[0].values()
+    landform.topic: _make_topic(landform) for landform in load_landform_plugins()[0].values()
 }
 
 

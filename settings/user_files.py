@@ -10,7 +10,7 @@ import hashlib
 from pathlib import Path
 
 from ..formats import mesh_file, mesh_images
-from ..paper_stand_ins.items import RECIPE, items_of
+from ..paper_stand_ins.items import RECIPE, list_items
 from ..physics.arm.own_arm import arm_files
 from ..physics.light.kernels import list_kernel_files
 from ..support.errors import IcyMoonError
@@ -63,7 +63,7 @@ def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
                 f"{error.filename or path}: cannot be read ({describe_reason(error)}); check {name}."
             ) from None
     # Stand-ins are made where they are needed. Their recipe counts, not how this machine has rounded them.
-    marks += [f"{item.key} {RECIPE}" for item in items_of(settings)]
+    marks += [f"{item.key} {RECIPE}" for item in list_items(settings)]
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
 
 

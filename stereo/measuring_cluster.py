@@ -14,7 +14,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from ..render.workers.dask_cluster import connect
+from ..render.workers.dask_cluster import connect_cluster
 from ..render.workers.runner import MOST_CRASHES
 from ..support.errors import DiskError
 from .matchers.methods import Method
@@ -45,7 +45,7 @@ def measure_on_cluster(
             "points": run.points,
         }
     )
-    with connect(address) as client:
+    with connect_cluster(address) as client:
         from distributed import as_completed
 
         busy: dict[Any, MeasureTask] = {}

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ..plugins.check import Check, check_call, check_making, check_of
+from ..plugins.check import Check, check_call, check_fault, check_making
 from ..plugins.installed import Plugin
 from ..settings.description import defaults
 from ..support.arrays import Array
@@ -66,7 +66,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
         return
     yield Check("it measures the plane of the trial, in px and with the right sign", _find_fault(plugin, found, truth))
     yield Check("it keeps to the disparities that are searched", _outside(plugin, found))
-    yield check_of(
+    yield check_fault(
         "the same images give the same result",
         lambda: None
         if np.array_equal(found, run(), equal_nan=True)
@@ -147,7 +147,7 @@ def check_metric(plugin: Plugin) -> Iterator[Check]:
         if found is not None
         else f"{plugin.title} returned NaN or infinity for a map with errors and gaps; leave out what is NaN.",
     )
-    yield check_of(
+    yield check_fault(
         "the same map gives the same number",
         lambda: None
         if run(rough) == found
@@ -184,10 +184,10 @@ def check_export(plugin: Plugin) -> Iterator[Check]:
             written[out] = {path.relative_to(folder / out).as_posix(): hash_file(path) for path in files}
             return ""
 
-        yield (ran := check_of("it writes a pair of a grey camera", partial(run, "first", False)))
+        yield (ran := check_fault("it writes a pair of a grey camera", partial(run, "first", False)))
         if ran.fault:
             return
-        yield check_of(
+        yield check_fault(
             "the same pair gives the same files",
             lambda: run("second", False)
             or (
@@ -197,7 +197,7 @@ def check_export(plugin: Plugin) -> Iterator[Check]:
                 "other things that change."
             ),
         )
-        yield check_of("it writes a pair of a colour camera, without labels", partial(run, "colour", True))
+        yield check_fault("it writes a pair of a colour camera, without labels", partial(run, "colour", True))
         if exporter.finishes:
             yield check_call("finish(names, folder) is no error", exporter.finish, ["first"], folder / "first")
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..physics.random_numbers.seeds import make_generator
 from ..render.pairs.pair_folder import EYES, Pair, find_pairs
-from ..render.pairs.scene_splits import check_splits, scene_of, split_of, splits_of
+from ..render.pairs.scene_splits import check_splits, choose_split, name_scene, read_splits
 from ..settings.description import check, merged
 from ..settings.preset_files import load_preset
 from ..settings.table import TOPICS
@@ -54,14 +54,14 @@ class Dataset:
         roots = [paths] if isinstance(paths, str | Path) else list(paths)
         found = [pair for root in roots for pair in find_pairs(Path(root))]
         sets = {pair.folder.parent.parent for pair in found}
-        shares = {dataset: splits_of(dataset) if stated is None else stated for dataset in sets}
+        shares = {dataset: read_splits(dataset) if stated is None else stated for dataset in sets}
         known = list(dict.fromkeys(name for each in shares.values() for name in each))
         if split is not None and split not in known:
             raise IcyMoonError(f"There is no split {split!r}; there are {', '.join(known)}.")
         self.pairs = [
             pair
             for pair in found
-            if split is None or split_of(scene_of(pair), shares[pair.folder.parent.parent]) == split
+            if split is None or choose_split(name_scene(pair), shares[pair.folder.parent.parent]) == split
         ]
         if not self.pairs:
             raise IcyMoonError(
@@ -88,7 +88,7 @@ class Dataset:
                 )
 
     def __repr__(self) -> str:
-        scenes = len({scene_of(pair) for pair in self.pairs})
+        scenes = len({name_scene(pair) for pair in self.pairs})
         return f"<Dataset of {format_count(len(self), 'pair')} of {format_count(scenes, 'scene')}>"
 
     def __len__(self) -> int:
@@ -141,7 +141,7 @@ class Dataset:
             "cx_px": pair.camera.cx_px - left,
             "cy_px": pair.camera.cy_px - upper,
             "pair": pair.id,
-            "scene": scene_of(pair),
+            "scene": name_scene(pair),
         }
 
     def _draw_window(self, pair: Pair, random: np.random.Generator) -> tuple[slice, slice, int, int]:

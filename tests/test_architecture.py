@@ -488,7 +488,7 @@ MOST_LINES = 40
 #: The functions that may be longer, with the reason. A function that follows a formula or tells a story has parts with
 #: names; these are tables, which would read worse in parts.
 LONGER = {
-    "render/pair_record.py:pair_json": "the content of a file, key by key",
+    "render/pair_record.py:make_pair_json": "the content of a file, key by key",
     "settings/blender/scene_properties.py:_make_variations": "a table of declared properties",
     "stereo/adapters/mitsuba_hapke.py:register_bsdf": "a class of Mitsuba, which is imported only where it is used",
     "stereo/cli.py:add_evaluate_options": "a table of declared options",

@@ -25,7 +25,7 @@ from icymoon.render.workers.detached import Detached
 from icymoon.render.workers.job import Job, read_job, read_planned_pairs
 from icymoon.render.workers.manifest import write_manifest
 from icymoon.render.workers.runner import Runner, WorkerOptions
-from icymoon.render.workers.verify import verify
+from icymoon.render.workers.verify import verify_data_set
 from icymoon.settings.description import check
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export.layouts import export, write_truth
@@ -261,7 +261,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
             act()
         path.write_text(good)
     file.write_text(
-        json.dumps({machine._key("CPU", "5.0.1", system.count_processors()): asdict(speed) | {"factor": "abc"}})
+        json.dumps({machine._speed_key("CPU", "5.0.1", system.count_processors()): asdict(speed) | {"factor": "abc"}})
     )
     assert machine.recall_speed("CPU") is None
     claims.close()
@@ -295,10 +295,10 @@ def test_a_bad_pair_stops_no_other_and_is_counted(broken_set, tmp_path):
     assert len(list((tmp_path / "exposed").iterdir())) == len(PAIRS) - 1
     told = {each["pair"]: each["ok"] for each in write_truth([broken_set], tmp_path / "truth")}
     assert [pair for pair, ok in told.items() if not ok] == [bad]
-    found = verify(broken_set)
+    found = verify_data_set(broken_set)
     assert {problem.what for problem in found.problems if "not a table" in problem.text} == {bad}
     assert write_manifest(broken_set, {})["set_aside"].keys() == {bad}
-    assert estimate.estimate(PAIRS, broken_set).there == len(PAIRS)
+    assert estimate.estimate_plan(PAIRS, broken_set).there == len(PAIRS)
     said = []
     runner = Runner(
         broken_set, PAIRS, WorkerOptions(1, 1, "no Blender"), lambda kind, **facts: said.append((kind, facts))

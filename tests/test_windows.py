@@ -13,14 +13,14 @@ from pathlib import Path, PureWindowsPath
 import pairs
 import pytest
 from icymoon.render.pairs.pair_folder import is_complete
-from icymoon.render.pairs.publish import publish
+from icymoon.render.pairs.publish import publish_pair
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import runner as running
 from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.detached import Detached, find_left_running
 from icymoon.render.workers.process import Process
 from icymoon.render.workers.runner import Runner, WorkerOptions
-from icymoon.render.workers.verify import verify
+from icymoon.render.workers.verify import verify_data_set
 from icymoon.support import files, system
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
@@ -420,7 +420,7 @@ def test_a_data_set_is_rendered_whatever_workers_do_and_verified(drive, blender,
     assert not (dataset / "claims").exists()
     assert files_in(drive / "temp") == []
     (dataset / "pairs" / PAIRS[0].id / "left.exr").unlink()
-    found = verify(dataset, remove_broken=True)
+    found = verify_data_set(dataset, remove_broken=True)
     assert found.complete < len(PAIRS)
     assert not is_complete(PAIRS[0].folder(dataset))
 
@@ -488,14 +488,14 @@ def unfinished(dataset: Path, content: bytes) -> Path:
 def test_a_pair_is_published_over_one_that_is_looked_at_once_it_is_closed(drive, monkeypatch):
     dataset = drive / "set"
     folder = PAIRS[0].folder(dataset)
-    publish(unfinished(dataset, b"old"), folder, lambda: False)
+    publish_pair(unfinished(dataset, b"old"), folder, lambda: False)
     thread = held_by_another(folder / "left.exr", 0.2)
-    publish(unfinished(dataset, b"new"), folder, lambda: False, again=True)
+    publish_pair(unfinished(dataset, b"new"), folder, lambda: False, again=True)
     thread.join()
     assert (folder / "left.exr").read_bytes() == b"new"
     monkeypatch.setattr(system, "_WAITS_S", (0.0,) * 5)
     with (folder / "left.exr").open("rb"), pytest.raises(IcyMoonError, match=r"has it open.*close it there"):
-        publish(unfinished(dataset, b"newer"), folder, lambda: False, again=True)
+        publish_pair(unfinished(dataset, b"newer"), folder, lambda: False, again=True)
     assert (folder / "left.exr").read_bytes() == b"new"
     assert is_complete(folder)
     Claims(dataset).clean_up()
@@ -506,14 +506,14 @@ def test_what_is_broken_and_open_stays_and_is_named(drive, monkeypatch):
     monkeypatch.setattr(system, "_WAITS_S", (0.0,) * 5)
     dataset = drive / "set"
     datasets.freeze_plan(dataset, PAIRS, "")
-    publish(unfinished(dataset, b"old"), PAIRS[0].folder(dataset), lambda: False)
+    publish_pair(unfinished(dataset, b"old"), PAIRS[0].folder(dataset), lambda: False)
     left = PAIRS[0].folder(dataset) / "left.exr"
     left.write_bytes(b"changed")
     with left.open("rb"):
-        found = verify(dataset, remove_broken=True)
+        found = verify_data_set(dataset, remove_broken=True)
     assert any("is not removed" in problem.text for problem in found.problems)
     assert left.exists()
-    verify(dataset, remove_broken=True)
+    verify_data_set(dataset, remove_broken=True)
     assert not left.exists()
 
 

@@ -16,7 +16,7 @@ from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.matcher_errors import heads, measure_errors
 from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 from icymoon.settings import description
 from icymoon.stereo.measure.prepare import load_pair
 
@@ -64,7 +64,7 @@ def main(options: argparse.Namespace) -> None:
             "quality": {"samples": options.samples, "threads": 1},
         },
     )
-    built = build(scene, base)
+    built = build_scene(scene, base)
     print(f"{'':26}{'both %':>6}{heads(METHODS)}   CPU")
     first = 0.0
     with scratch() as folder:

@@ -32,7 +32,7 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
 
     start_blender()
     rung = Rung(**job["rung"])
-    apply = cycles_settings.apply
+    apply = cycles_settings.apply_quality
 
     def applied(
         scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False
@@ -41,7 +41,7 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
         for name, value in rung.cycles.items():
             setattr(scene.cycles, name, value)
 
-    cycles_settings.apply = applied
+    cycles_settings.apply_quality = applied
     apart = _Apart()
     if rung.apart:
         render_pair._render_radiance = apart.radiance

@@ -12,7 +12,7 @@ import bpy
 import icymoon
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.processor import seconds_of
-from icymoon.nodes.scene import Built, build
+from icymoon.nodes.scene import Built, build_scene
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from, render_pairs
@@ -49,7 +49,7 @@ def render(built: Built, settings: Settings, folder: Path) -> list[Path]:
 
 def seconds_of_render(settings: Settings) -> float:
     """Processor seconds of the render of a scene's pairs in a new file, without those of its build."""
-    built = build(open_empty_file(), settings)
+    built = build_scene(open_empty_file(), settings)
     with scratch() as folder:
         return seconds_of(lambda: render(built, settings, folder))
 

@@ -172,7 +172,7 @@ def render(job: dict[str, Any], told_at: str) -> None:
     if job["way"] == UNKEPT:
         render_pair.MOST_KEPT_TRIANGLES = -1
     if job["way"] == DENOISED_THERE:
-        apply = cycles_settings.apply
+        apply = cycles_settings.apply_quality
 
         def applied(
             scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False
@@ -180,7 +180,7 @@ def render(job: dict[str, Any], told_at: str) -> None:
             apply(scene, quality, seed, blurred, through)
             scene.cycles.denoising_use_gpu = True
 
-        cycles_settings.apply = applied
+        cycles_settings.apply_quality = applied
     found: dict[str, Any] = {"start_s": round(time.perf_counter() - start, 2), "pairs": [], "errors": []}
 
     def hear(kind: str, **facts: Any) -> None:

@@ -18,10 +18,10 @@ from pathlib import Path
 
 from icymoon.benchmarks.common.arguments import add_out, is_asked, out_folder
 from icymoon.benchmarks.common.own_process import work
-from icymoon.render.cost.estimate import estimate
+from icymoon.render.cost.estimate import estimate_plan
 from icymoon.render.cost.measure_speed import measure_speed
 from icymoon.render.plans import frozen_plan
-from icymoon.render.plans.order import ordered
+from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.plan_file import parse_plan
 from icymoon.support.system import count_processors
 
@@ -80,9 +80,9 @@ def print_table(out: Path, words: list[str]) -> None:
         if not is_asked(name, words):
             continue
         pairs = parse_plan(out / f"{name}.toml", plan_text(name)).pairs()
-        expected = estimate(pairs, None, speed)
+        expected = estimate_plan(pairs, None, speed)
         dataset = out / "".join(letter for letter in name.replace(" ", "_") if letter.isalnum() or letter == "_")
-        frozen_plan.freeze_plan(dataset, ordered(pairs), name)
+        frozen_plan.freeze_plan(dataset, order_pairs(pairs), name)
         taken_s, status = work(dataset)
         if status:
             raise RuntimeError(f"the work on {dataset} ended with status {status}")

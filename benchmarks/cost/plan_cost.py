@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from icymoon.benchmarks.common.arguments import is_asked, scratch
 from icymoon.benchmarks.common.renders import open_empty_file, settings_of, start_blender
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.plans.triangles import count_triangles
@@ -103,7 +103,7 @@ def measured(settings: Settings, folder: Path) -> tuple[float, float, float, flo
     """Processor seconds of the build, of the first and of another pair of the scene, and bytes of a pair."""
     scene = open_empty_file()
     start = time.process_time()
-    built = build(scene, settings)
+    built = build_scene(scene, settings)
     moments = [start, time.process_time()]
     pairs = expand_headings(description.merged(settings, {"dataset": {"headings": 2}}))
     render_pairs(
@@ -136,10 +136,10 @@ def main(options: argparse.Namespace) -> None:
         settings = settings_of((), SMALL, changes)
         with scratch() as folder:
             build_s, first_s, other_s, size = measured(settings, folder)
-        work, triangles = estimate.work_of(settings), count_triangles(settings)
+        work, triangles = estimate.estimate_work(settings), count_triangles(settings)
         expected = work.seconds(triangles)
         print(
             f"{name:32} {triangles / 1e6:6.3f} {build_s:8.2f} {first_s:8.2f} {other_s:8.2f} "
-            f"{expected:8.2f} {size / work.pixels:9.1f} {estimate.bytes_of(settings) / work.pixels:8.1f}",
+            f"{expected:8.2f} {size / work.pixels:9.1f} {estimate.estimate_bytes(settings) / work.pixels:8.1f}",
             flush=True,
         )

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 from icymoon.benchmarks.common.arguments import add_out, add_scale, out_folder
-from icymoon.render.cost.variants import reference
+from icymoon.render.cost.variants import make_reference
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.workers.job import Job, render_job
 from icymoon.settings import description, preset_files
@@ -170,7 +170,7 @@ def measure_presets(options: argparse.Namespace, out: Path) -> None:
     print(f"{where}; differences from the converged render:", flush=True)
     best = {}
     for sun, scene in scenes.items():
-        settings = reference(scene, options.reference_samples).settings
+        settings = make_reference(scene, options.reference_samples).settings
         renders = [render(settings, out / "converged", repeat) for repeat in range(2)]
         best[sun] = [read_reference(pair, methods, {}) for pair in zip(*renders, strict=True)]
         print(

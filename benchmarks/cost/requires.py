@@ -132,7 +132,7 @@ FEATURES = {
 @contextmanager
 def _forced_osl(on: bool) -> Iterator[None]:
     """Cycles uses Open Shading Language for whatever there is."""
-    original = cycles_settings.apply
+    original = cycles_settings.apply_quality
 
     def apply(
         scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False
@@ -140,11 +140,11 @@ def _forced_osl(on: bool) -> Iterator[None]:
         original(scene, quality, seed, blurred, through)
         scene.cycles.shading_system = on
 
-    cycles_settings.apply = apply
+    cycles_settings.apply_quality = apply
     try:
         yield
     finally:
-        cycles_settings.apply = original
+        cycles_settings.apply_quality = original
 
 
 def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, Array]:

@@ -24,7 +24,7 @@ from icymoon.benchmarks.common.own_process import call, work
 from icymoon.benchmarks.common.processor import resident_mib
 from icymoon.benchmarks.common.renders import render_planned, start_blender
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import ordered
+from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
 
@@ -138,7 +138,7 @@ def fresh(folder: Path) -> list[str]:
         for name, sets in (("one worker", [pairs]), ("fresh Blenders", [[pair] for pair in pairs])):
             for k, some in enumerate(sets):
                 dataset = folder / name.split()[0] / f"{seed}_{k}"
-                datasets.freeze_plan(dataset, ordered(some), "benchmark")
+                datasets.freeze_plan(dataset, order_pairs(some), "benchmark")
                 seconds, status = work(dataset, "--threads-per-worker", "1")
                 if status:
                     raise RuntimeError(f"the work on {dataset} ended with status {status}")

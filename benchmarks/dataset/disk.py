@@ -21,7 +21,7 @@ import numpy as np
 from icymoon.benchmarks.common.arguments import is_asked, scratch
 from icymoon.benchmarks.common.renders import open_empty_file, render, start_blender
 from icymoon.formats.exr_parts import read_pieces
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 from icymoon.render.cost import estimate
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings
@@ -61,7 +61,7 @@ def measured(settings: Settings, folder: Path) -> tuple[Counter[str], float, flo
     """Bytes by pass and in all, of a pair, and the share of sky in it."""
     scene = open_empty_file()
     pair = expand_headings(description.merged(settings, {"dataset": {"headings": 1}}))[0]
-    render(build(scene, settings), description.merged(settings, {"dataset": {"headings": 1}}), folder)
+    render(build_scene(scene, settings), description.merged(settings, {"dataset": {"headings": 1}}), folder)
     sizes: Counter[str] = Counter()
     total = 0.0
     for file in pair.folder(folder).glob("*.exr"):
@@ -97,7 +97,7 @@ def main(options: argparse.Namespace) -> None:
         )
         with scratch() as folder:
             sizes, total, sky = measured(settings, folder)
-        pixels, expected = estimate.work_of(settings).pixels, estimate.bytes_of(settings)
+        pixels, expected = estimate.estimate_work(settings).pixels, estimate.estimate_bytes(settings)
         passes = " ".join(
             f"{name.split('.')[-1].replace(' ', '')} {size / pixels:.2f}" for name, size in sorted(sizes.items())
         )

@@ -26,7 +26,7 @@ from icymoon.physics.excavation.jitter import jitter_rig
 from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.render.plans.frozen_plan import freeze_plan
-from icymoon.render.plans.order import ordered
+from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.workers.job import Job, read_job, read_planned_pairs
@@ -69,7 +69,7 @@ def write_dataset(folder: Path, count: int) -> tuple[Path, list[PlannedPair]]:
     headings = min(count, _HEADINGS)
     plan.write_text(PLAN_TEXT.format(seeds=count // headings, headings=headings), encoding="utf-8")
     read = read_plan(plan)
-    pairs = ordered(read.pairs())
+    pairs = order_pairs(read.pairs())
     freeze_plan(folder, pairs, read.text)
     rig = StereoCamera.from_settings(pairs[0].settings.rig)
     made = write_pair(folder / "one", Scene(), rig, settings=pairs[0].settings)

@@ -25,10 +25,10 @@ from pathlib import Path
 from typing import Any
 
 from icymoon.render.plans import frozen_plan
-from icymoon.render.plans.order import ordered
+from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.workers.claims import CLAIMS_FOLDER, STALE_S
-from icymoon.render.workers.verify import verify
+from icymoon.render.workers.verify import verify_data_set
 from icymoon.settings import description
 
 #: Rough Lambert ground in small images, baked with few samples.
@@ -147,7 +147,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Play the rounds and print the faults; status 1 if there are any."""
-    choose, planned = random.Random(options.seed), ordered(pairs())
+    choose, planned = random.Random(options.seed), order_pairs(pairs())
     reference, dataset = options.out / "reference", options.out / "killed"
     for folder in (reference, dataset):
         frozen_plan.freeze_plan(folder, planned, "kill rounds")
@@ -171,7 +171,7 @@ def main(options: argparse.Namespace) -> int:
         before = complete(dataset)
     if start(dataset, 2).wait():
         faults.append("the last run failed")
-    found = verify(dataset)
+    found = verify_data_set(dataset)
     faults += [problem.text for problem in found.problems]
     if lost:
         faults.append(f"{lost} complete pairs were lost")

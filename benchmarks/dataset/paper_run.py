@@ -27,11 +27,11 @@ from typing import Any
 import numpy as np
 from icymoon.benchmarks.common.arguments import add_scale
 from icymoon.benchmarks.common.own_process import work
-from icymoon.render.cost.estimate import estimate
+from icymoon.render.cost.estimate import estimate_plan
 from icymoon.render.cost.speed import recall_speed
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.indirect import light_key
-from icymoon.render.plans.order import ordered
+from icymoon.render.plans.indirect import make_light_key
+from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.plan_file import parse_plan
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
@@ -57,7 +57,7 @@ def scenes_of(name: str, options: argparse.Namespace) -> list[list[PlannedPair]]
     text = PLAN.format(name=name, width=round(640 * options.scale), height=round(480 * options.scale))
     found: defaultdict[str, list[PlannedPair]] = defaultdict(list)
     for pair in parse_plan(Path(f"{name}.toml"), text).pairs():
-        found[light_key(description.merged(pair.settings, {"quality": {"bake_area": "GROUND"}}))].append(pair)
+        found[make_light_key(description.merged(pair.settings, {"quality": {"bake_area": "GROUND"}}))].append(pair)
     scenes = list(found.values())
     return [scenes[k] for k in np.random.default_rng(1).permutation(len(scenes))]
 
@@ -65,7 +65,7 @@ def scenes_of(name: str, options: argparse.Namespace) -> list[list[PlannedPair]]
 def render(name: str, scenes: Sequence[Sequence[PlannedPair]], out: Path) -> None:
     """Render what is missing of a set, and add what that took to its log."""
     dataset = out / name
-    datasets.freeze_plan(dataset, ordered([pair for scene in scenes for pair in scene]), name)
+    datasets.freeze_plan(dataset, order_pairs([pair for scene in scenes for pair in scene]), name)
     if not datasets.read_frozen_plan(dataset).find_missing(dataset):
         return
     start = time.perf_counter()
@@ -136,7 +136,7 @@ def main(options: argparse.Namespace) -> None:
         render(name, scenes, options.out)
         rows[name] = measured(name, scenes, options.out)
         row = rows[name]
-        expected = estimate([pair for scene in scenes for pair in scene], None, recall_speed("CPU"))
+        expected = estimate_plan([pair for scene in scenes for pair in scene], None, recall_speed("CPU"))
         print(
             f"{name:16} {row['pairs']:4.0f} of {sizes[name]:4} pairs, {row['baked']:4.0f} baked: "
             f"{row['cpu_s']:6.2f} ± {row['error']:.2f} CPU s a pair "

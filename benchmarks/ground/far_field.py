@@ -18,7 +18,7 @@ from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.own_process import call
 from icymoon.benchmarks.common.processor import Stopwatch, peak_mib
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 from icymoon.settings.topics.declaration import Parts
 
 WIDTH_PX, HEIGHT_PX = 480, 320
@@ -39,7 +39,7 @@ def measure(preset: str, way: str) -> dict[str, Any]:
         WITHOUT[way],
     )
     watch = Stopwatch()
-    built = build(scene, settings)
+    built = build_scene(scene, settings)
     build_s = watch.lap()
     with scratch() as folder:
         render(built, settings, folder)

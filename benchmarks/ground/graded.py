@@ -136,11 +136,11 @@ def measure(way: str, preset: str) -> dict[str, Any]:
         {"mesh": {"kind": "GRADED" if kind == "mesh" else "GRID"}},
         {kind: changes} if kind != "dice" else {"terrain": {"resolution": 65}},
     )
-    ground = scenes.ground_of(settings)
+    ground = scenes.make_ground(settings)
     pixels = (np.arange(IMAGE) + 0.5) / IMAGE * ground.size_m - ground.size_m / 2
     baked = ground.heights(pixels[None, :], pixels[:, None], 2 * ground.size_m / IMAGE) if kind == "dice" else None
     watch = Stopwatch()
-    built = scenes.build(scene, settings)
+    built = scenes.build_scene(scene, settings)
     if baked is not None:
         _flattened(built.terrain)
         _dice(built.terrain, baked, ground.size_m, changes["px"])

@@ -18,7 +18,7 @@ from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.own_process import call
 from icymoon.benchmarks.common.processor import peak_mib
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 
 NUMBERS = (0, 100, 1000, 10_000, 100_000)
 
@@ -59,7 +59,7 @@ def measure(number: int, way: str) -> dict[str, float]:
         },
     )
     start = time.process_time(), time.perf_counter()
-    built = build(scene, settings)
+    built = build_scene(scene, settings)
     if way == "objects" and number:
         _as_objects(bpy.data.objects["Icy Moon Rock"])
     middle = time.process_time(), time.perf_counter()

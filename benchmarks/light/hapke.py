@@ -47,7 +47,7 @@ MODELS: dict[str, tuple[dict[str, Any], ...]] = {
 def _seconds(surface: dict[str, Any], hapke: dict[str, Any], textures: dict[str, Any] | None = None) -> float:
     """Processor seconds of 63 samples a pixel of an open ground under a low Sun."""
     import bpy
-    from icymoon.nodes.scene import build
+    from icymoon.nodes.scene import build_scene
     from icymoon.nodes.surface.sun_inputs import prepare_for_cycles
     from icymoon.render import cycles_settings
     from rendering import complete, empty_scene
@@ -62,10 +62,10 @@ def _seconds(surface: dict[str, Any], hapke: dict[str, Any], textures: dict[str,
         }
     )
     scene = empty_scene()
-    built = build(scene, settings)
+    built = build_scene(scene, settings)
     spent = []
     for samples in (1, 64):
-        cycles_settings.apply(scene, settings.quality | {"samples": samples}, 1)
+        cycles_settings.apply_quality(scene, settings.quality | {"samples": samples}, 1)
         prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
         scene.render.resolution_x, scene.render.resolution_y, scene.render.threads = 160, 120, 1
         spent.append(seconds_of(bpy.ops.render.render))

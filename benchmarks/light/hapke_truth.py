@@ -62,7 +62,7 @@ def of_mitsuba(folder: Path) -> None:
             "fov": scene["fov_deg"],
             "fov_axis": "x",
             "near_clip": 0.01,
-            "to_world": mi.ScalarTransform4f().look_at(*scene["look_at"]),
+            "to_world": mi.ScalarTransform4f().check_lines(*scene["look_at"]),
             "film": {
                 "type": "hdrfilm",
                 "width": scene["width"],
@@ -94,7 +94,7 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> A
     """Radiance of the left eye; leaves the scene's description in ``folder``."""
     import bpy
     from icymoon.benchmarks.common.renders import render
-    from icymoon.nodes.scene import build
+    from icymoon.nodes.scene import build_scene
     from icymoon.physics.surfaces.hapke import hapke_from_settings
     from icymoon.stereo.images.exr import read_view
     from rendering import complete, empty_scene
@@ -114,7 +114,7 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> A
             "quality": {"samples": SAMPLES, "diffuse_bounces": DEPTH - 2},
         }
     )
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     _flatten(built)
     bpy.context.view_layer.update()
     (pair,) = render(built, settings, folder)

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.renders import open_empty_file, render, settings_of, start_blender
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 from icymoon.settings import preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.stereo.images.develop import average_bands
@@ -38,7 +38,7 @@ VIEW: Parts = {
 def picture(preset: str, folder: Path) -> Array:
     """The left image (rows, columns) of a preset as 8-bit grey values, with its name below."""
     settings = settings_of(("surfaces/fresh_snow", preset), VIEW)
-    built = build(open_empty_file(), settings)
+    built = build_scene(open_empty_file(), settings)
     pair = render(built, settings, folder)[0]
     light = average_bands(read_view(pair / "left.exr").radiance)
     full = np.quantile(light, settings.sensor.auto_percentile) / settings.sensor.auto_target

@@ -120,7 +120,7 @@ def judge_visibility(folder: Path, counts: dict[str, Counter[str]]) -> None:
 def render(dataset: Path, grounds: int) -> None:
     """Render sound pairs. A rig whose eye would be in the ground is left out."""
     from icymoon.benchmarks.common import renders
-    from icymoon.nodes.scene import build
+    from icymoon.nodes.scene import build_scene
 
     renders.start_blender()
     random = np.random.default_rng(5)
@@ -146,7 +146,7 @@ def render(dataset: Path, grounds: int) -> None:
             },
         )
         try:
-            renders.render(build(renders.open_empty_file(), settings), settings, dataset)
+            renders.render(build_scene(renders.open_empty_file(), settings), settings, dataset)
         except IcyMoonError as error:
             print(f"ground {k}: {error}")
 

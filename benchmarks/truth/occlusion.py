@@ -24,7 +24,7 @@ import numpy as np
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.processor import Stopwatch, seconds_of
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
-from icymoon.nodes.scene import Built, build
+from icymoon.nodes.scene import Built, build_scene
 from icymoon.physics.camera import occlusion as columns
 from icymoon.physics.camera.occlusion import find_hidden, find_matching_column, is_in_frame, sample_at_columns
 from icymoon.render import cycles_occlusion, render_pair
@@ -69,7 +69,7 @@ def main(options: argparse.Namespace) -> None:
             "quality": {"threads": 1, "truth_by": "CYCLES"},
         },
     )
-    built = build(scene, settings)
+    built = build_scene(scene, settings)
     by_rays = _find_by_rays(built, settings)
     pair, own, between, cost = _render(built, settings)
     rays = {
@@ -137,7 +137,7 @@ def _render(built: Built, settings: Settings) -> tuple[Pair, Masks, dict[str, li
     take to that of all the rest, the least of two."""
     found: dict[str, list[Array]] = {}
     spent = 0.0
-    add_hidden, shift_frame = cycles_occlusion.add_hidden, render_pair.shift_frame
+    add_hidden, shift_frame = cycles_occlusion.add_hidden_pass, render_pair.shift_frame
 
     def add(truth: Any, between: Any, camera: Any) -> None:
         nonlocal spent
@@ -152,7 +152,7 @@ def _render(built: Built, settings: Settings) -> tuple[Pair, Masks, dict[str, li
             yield
         spent += watch.lap()
 
-    cycles_occlusion.add_hidden, render_pair.shift_frame = add, shift
+    cycles_occlusion.add_hidden_pass, render_pair.shift_frame = add, shift
     ratios = []
     for _ in range(2):
         spent, watch = 0.0, Stopwatch()

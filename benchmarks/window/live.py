@@ -36,9 +36,9 @@ def seconds(scene: bpy.types.Scene, topic: str, key: str) -> float:
         if k == WARM_UP:
             watch = Stopwatch()
         setattr(group, key, middle + 0.01 * (k + 1))
-        live_preview.update(scene)
+        live_preview.update_scene(scene)
         bpy.context.view_layer.update()
-        shown = scenes.find(scene)
+        shown = scenes.find_built(scene)
         assert shown is not None
         mesh = shown.terrain.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         mesh.corner_normals[0].vector  # noqa: B018  (drawing asks for them)
@@ -51,7 +51,7 @@ def built(name: str) -> tuple[bpy.types.Scene, float]:
     scene.icymoon.live = False
     scene_properties.write_settings(scene.icymoon, preset_files.load_preset(name))
     settings = scene_properties.read_settings(scene.icymoon)
-    build = seconds_of(lambda: scenes.build(scene, settings))
+    build = seconds_of(lambda: scenes.build_scene(scene, settings))
     scene.icymoon.live = True
     return scene, build
 

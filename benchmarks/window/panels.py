@@ -87,7 +87,7 @@ def add_results() -> None:
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [pair])
     for setting in ("light.sun_elevation_deg", "surface.model"):
         bpy.ops.icymoon.vary(setting=setting)
-    assert len(results.summary(scene)) == len(decisions_in_view.decided_methods(scene)) == len(methods)
+    assert len(results.read_summary(scene)) == len(decisions_in_view.list_decided_methods(scene)) == len(methods)
 
 
 def write_json(path: Path, what: object) -> None:

@@ -50,18 +50,18 @@ _INDICES = (".corner_vert", ".edge_verts")
 
 
 @lru_cache(maxsize=1)
-def _weights() -> Array:
+def _draw_weights() -> Array:
     numbers = np.random.default_rng(1)  # a fixed seed, so that marks can be compared
     return numbers.integers(0, 2**64, (2, _BLOCK), np.uint64) | np.uint64(1)
 
 
-def mark(values: Array, indices: bool = False) -> str:
+def mark_array(values: Array, indices: bool = False) -> str:
     """A mark of an array's bytes. It need not withstand attacks, so it takes a third of the time of SHA-256.
 
     It hashes the sums of the array's words with random weights, block by block. In such a sum, changes of the highest
     bits of two words would cancel, so the upper halves of the words are summed too. ``indices`` never have that bit.
     """
-    weights, raw = _weights(), np.ascontiguousarray(values).reshape(-1).view(np.uint8)
+    weights, raw = _draw_weights(), np.ascontiguousarray(values).reshape(-1).view(np.uint8)
     words = raw[: len(raw) // (8 * _BLOCK) * 8 * _BLOCK].view(np.uint64).reshape(-1, _BLOCK)
     found = hashlib.sha256(np.array([np.dot(block, weights[0]) for block in words]).tobytes())
     if not indices:
@@ -81,7 +81,7 @@ def read_property(
     return values
 
 
-def attributes(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
+def list_attribute_marks(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
     """Name, domain, type and mark of each attribute of a mesh, curves or points.
 
     Attributes that are false or 0 everywhere are left out, since Blender adds and removes them by itself.
@@ -96,22 +96,22 @@ def attributes(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
             values = read_property(attribute.data, key, dtype, width)
             if (kind == "BOOLEAN" or name == "material_index") and not values.any():
                 continue
-            marked = mark(values, name in _INDICES)
+            marked = mark_array(values, name in _INDICES)
         else:
             marked = repr([getattr(item, "value", None) for item in attribute.data])
         found.append((name, attribute.domain, kind, marked))
     return sorted(found)
 
 
-def mesh_arrays(mesh: bpy.types.Mesh) -> list[Any]:
+def list_mesh_marks(mesh: bpy.types.Mesh) -> list[Any]:
     """Marks of all arrays of a mesh. A mesh in Edit Mode has no arrays: pass a copy."""
     normals = []
     if mesh.has_custom_normals and "custom_normal" not in mesh.attributes:  # before 4.5
-        normals = [mark(read_property(mesh.corner_normals, "vector", width=3))]
+        normals = [mark_array(read_property(mesh.corner_normals, "vector", width=3))]
     shown_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
     sizes = [len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)]
     colour = mesh.attributes.default_color_name or ""
     # 5.2 keeps the name of one that was removed.
     if colour.startswith((PAINTED, *BAKED_ATTRIBUTES.values())) or colour not in mesh.attributes:
         colour = ""
-    return [sizes, attributes(mesh), normals, shown_uv, colour]
+    return [sizes, list_attribute_marks(mesh), normals, shown_uv, colour]

@@ -11,26 +11,26 @@ from ...settings.description import merged
 from ...settings.topics.scene import Settings
 
 
-def _blend_folder() -> str | None:
+def _find_blend_folder() -> str | None:
     return str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None
 
 
-def used_files(settings: Settings) -> dict[str, Path]:
+def find_used_files(settings: Settings) -> dict[str, Path]:
     """``settings.user_files.find_used_files`` with the folder of the open .blend file."""
-    return user_files.find_used_files(settings, _blend_folder())
+    return user_files.find_used_files(settings, _find_blend_folder())
 
 
-def with_absolute_files(settings: Settings) -> Settings:
+def make_paths_absolute(settings: Settings) -> Settings:
     """The settings with absolute paths of files, for another process, which cannot resolve //."""
-    found = [(*name.split("."), str(path)) for name, path in used_files(settings).items()]
+    found = [(*name.split("."), str(path)) for name, path in find_used_files(settings).items()]
     return merged(settings, *({topic: {key: path}} for topic, key, path in found))
 
 
-def content(settings: Settings) -> str:
+def hash_content(settings: Settings) -> str:
     """``settings.user_files.hash_content`` with the folder of the open .blend file."""
-    return user_files.hash_content(settings, _blend_folder())
+    return user_files.hash_content(settings, _find_blend_folder())
 
 
-def are_there(settings: Settings) -> bool:
+def do_files_exist(settings: Settings) -> bool:
     """``settings.user_files.do_files_exist`` with the folder of the open .blend file."""
-    return user_files.do_files_exist(settings, _blend_folder())
+    return user_files.do_files_exist(settings, _find_blend_folder())

@@ -15,24 +15,24 @@ from typing import Any
 import bpy
 
 from ...support.blender import compat
-from .marks import Walk, hashed
+from .marks import Walk, hash_marks
 
 NAME = "Icy Moon"  # prefix of the names of everything that the builders make
 TAG = "icymoon"  # custom property of everything that the builders make; its value is the role
 OWN = "icymoon_own_"  # prefix of the custom properties of a built collection that point to its objects, by role
 
-#: Key, among the marks, of their ``maker``. Marks of different makers cannot be compared.
+#: Key, among the marks, of their ``describe_maker``. Marks of different makers cannot be compared.
 MAKER = "maker"
 #: Raise this number when the same settings are built or marked in another way.
 _SCHEME = 2
 
 
-def maker() -> str:
+def describe_maker() -> str:
     """The scheme of the marks and the series of Blender, since each series has other properties."""
     return f"{_SCHEME} {compat.find_series()}"
 
 
-def built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:
+def find_built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:
     """The objects that the builders made in a collection, by role, without copies that the user made of them."""
     tagged = [item for item in collection.all_objects if TAG in item]
     roles = {item[TAG]: item for item in reversed(tagged)}
@@ -41,37 +41,37 @@ def built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.Objec
     return {role: item for role, item in roles.items() if item is not None and item in tagged}
 
 
-def added_objects(collection: bpy.types.Collection) -> list[bpy.types.Object]:
+def find_added_objects(collection: bpy.types.Collection) -> list[bpy.types.Object]:
     """The objects in a built collection that the builders did not make."""
-    ours = set(built_objects(collection).values())
+    ours = set(find_built_objects(collection).values())
     return [item for item in collection.all_objects if item not in ours]
 
 
-def instanced_objects(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
+def find_instanced_objects(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """The objects that an object instances through the node groups of its modifiers."""
     for tree in (getattr(modifier, "node_group", None) for modifier in item.modifiers):
         for socket in (s for node in tree.nodes for s in node.inputs if s.type == "COLLECTION") if tree else ():
             yield from sorted(socket.default_value.all_objects if socket.default_value else (), key=lambda o: o.name)
 
 
-def _surfaces(item: bpy.types.Object) -> list[list[bpy.types.Material | None]]:
+def _list_surfaces(item: bpy.types.Object) -> list[list[bpy.types.Material | None]]:
     """The materials of an object and of the objects that it instances, which count once if all have the same."""
     own, others = (
         [list(each.data.materials) for each in items if isinstance(each.data, bpy.types.Mesh)]
-        for items in ((item,), instanced_objects(item))
+        for items in ((item,), find_instanced_objects(item))
     )
     return own + (others[:1] if all(slots == others[0] for slots in others) else others)
 
 
-def _among(part: str, wanted: tuple[str, ...]) -> bool:
+def _is_wanted(part: str, wanted: tuple[str, ...]) -> bool:
     return part != MAKER and (not wanted or part in wanted or part.split()[0] in wanted)
 
 
-def _rendered_objects(collection: bpy.types.Collection) -> set[bpy.types.Object]:
+def _find_rendered_objects(collection: bpy.types.Collection) -> set[bpy.types.Object]:
     """The objects of a collection that are rendered."""
     if collection.hide_render:
         return set()
-    return set(collection.objects).union(*map(_rendered_objects, collection.children))
+    return set(collection.objects).union(*map(_find_rendered_objects, collection.children))
 
 
 @dataclass
@@ -89,61 +89,61 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
     The parts are "ROLE object", "ROLE data" and "ROLE materials", and "added" for objects that the user has added. The
     marks are equal in every process that loads the file.
     """
-    ours, shown = built_objects(collection), _rendered_objects(collection)
+    ours, shown = find_built_objects(collection), _find_rendered_objects(collection)
     roles: dict[Any, str] = {item: f"the {role}" for role, item in ours.items()}
-    surfaces = {role: _surfaces(item) for role, item in ours.items()}
+    surfaces = {role: _list_surfaces(item) for role, item in ours.items()}
     listed = {material for each in surfaces.values() for slots in each for material in slots if material is not None}
     aimed = {
         material.node_tree
         for item in collection.all_objects
-        for slots in _surfaces(item)
+        for slots in _list_surfaces(item)
         for material in slots
         if material is not None
     }
     deep, flat = Walk(roles, aimed), Walk(roles | dict.fromkeys(listed, "listed"), aimed)
     found: dict[str, Any] = {}
     for role, item in ours.items():
-        if _among(f"{role} object", wanted):
+        if _is_wanted(f"{role} object", wanted):
             found[f"{role} object"] = [item in shown, flat.content(item, ("data", "material_slots"))]
-        if _among(f"{role} data", wanted):
+        if _is_wanted(f"{role} data", wanted):
             found[f"{role} data"] = flat.content(item.data, ("materials",)) if item.data else []
-        if _among(f"{role} materials", wanted):
+        if _is_wanted(f"{role} materials", wanted):
             found[f"{role} materials"] = [
                 [[material and deep.mark(material) for material in slots] for slots in surfaces[role]],
                 [slot.material and deep.mark(slot.material) for slot in item.material_slots if slot.link == "OBJECT"],
             ]
-    if _among("added", wanted):
-        others = sorted(hashed([item in shown, deep.mark(item)]) for item in added_objects(collection))
+    if _is_wanted("added", wanted):
+        others = sorted(hash_marks([item in shown, deep.mark(item)]) for item in find_added_objects(collection))
         found |= {"added": others} if others else {}
     return Reading(
-        {part: hashed(content) for part, content in found.items()},
+        {part: hash_marks(content) for part, content in found.items()},
         [*flat.refused, *deep.refused],
         flat.changes_with_time or deep.changes_with_time,
     )
 
 
-def parts(collection: bpy.types.Collection, *wanted: str) -> dict[str, str]:
-    """The marks of ``read_marks`` and their ``maker``."""
-    return {**read_marks(collection, *wanted).parts, MAKER: maker()}
+def read_parts(collection: bpy.types.Collection, *wanted: str) -> dict[str, str]:
+    """The marks of ``read_marks`` and their ``describe_maker``."""
+    return {**read_marks(collection, *wanted).parts, MAKER: describe_maker()}
 
 
-def fingerprint(collection: bpy.types.Collection) -> str:
+def make_fingerprint(collection: bpy.types.Collection) -> str:
     """Hash of everything in a built collection."""
-    return hashed(sorted(parts(collection).items()))
+    return hash_marks(sorted(read_parts(collection).items()))
 
 
-def differing(now: Mapping[str, str], known: Mapping[str, str], *wanted: str) -> set[str]:
+def find_differing(now: Mapping[str, str], known: Mapping[str, str], *wanted: str) -> set[str]:
     """Names of the parts, all or the wanted parts and roles, whose marks differ from ``known``, without "added"."""
-    names = {part for part in now.keys() | known.keys() if _among(part, wanted)} - {"added"}
+    names = {part for part in now.keys() | known.keys() if _is_wanted(part, wanted)} - {"added"}
     return {part for part in names if now.get(part) != known.get(part)}
 
 
-def edited_parts(collection: bpy.types.Collection, known: Mapping[str, str], *wanted: str) -> set[str]:
-    """``differing`` for the present marks of a collection."""
-    return differing(read_marks(collection, *wanted).parts, known, *wanted)
+def find_edited_parts(collection: bpy.types.Collection, known: Mapping[str, str], *wanted: str) -> set[str]:
+    """``find_differing`` for the present marks of a collection."""
+    return find_differing(read_marks(collection, *wanted).parts, known, *wanted)
 
 
-def updated_marks(collection: bpy.types.Collection, known: Mapping[str, str], *changed: str) -> dict[str, str]:
+def update_marks(collection: bpy.types.Collection, known: Mapping[str, str], *changed: str) -> dict[str, str]:
     """``known`` with present marks of the changed parts and roles."""
-    kept = {part: mark for part, mark in known.items() if not (changed and _among(part, changed))}
+    kept = {part: mark for part, mark in known.items() if not (changed and _is_wanted(part, changed))}
     return kept | (read_marks(collection, *changed).parts if changed else {})

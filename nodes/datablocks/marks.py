@@ -16,7 +16,7 @@ import bpy
 
 from ...support.blender import compat
 from ...support.files import hash_file
-from .array_marks import attributes, mark, mesh_arrays, read_property
+from .array_marks import list_attribute_marks, list_mesh_marks, mark_array, read_property
 from .stored_properties import OF_THE_VIEW, stored_properties
 
 #: Modifiers whose result is in a cache or comes from particles.
@@ -71,7 +71,7 @@ class Walk:
             self._lowest = min(self._lowest, self._open[block])
             return f"up {depth - self._open[block]}"
         self._open[block], outside, self._lowest = depth, self._lowest, depth
-        found = hashed(self.content(block))
+        found = hash_marks(self.content(block))
         del self._open[block]
         if self._lowest >= depth:  # no reference in it leads to a data-block that is still being read
             self._marks[block] = found
@@ -86,16 +86,16 @@ class Walk:
             omit = (*omit, *OF_THE_VIEW)
         if getattr(block, "use_auto_texspace", False):  # Blender computes the space on access
             omit = (*omit, "texspace_location", "texspace_size")
-        return [*self._struct(block, omit), *self._custom(block), *self._beside(_BLOCKS, block)]
+        return [*self._read_struct(block, omit), *self._read_custom(block), *self._read_special(_BLOCKS, block)]
 
-    def _beside(self, readers: tuple[tuple[Any, Any], ...], struct: bpy.types.bpy_struct) -> list[Any]:
+    def _read_special(self, readers: tuple[tuple[Any, Any], ...], struct: bpy.types.bpy_struct) -> list[Any]:
         read = next((read for kind, read in readers if isinstance(struct, kind)), None)
         return read(self, struct) if read else []
 
     def _refuse(self, struct: bpy.types.bpy_struct, why: str) -> None:
-        self.refused.append(f"{_named(struct)} {why}")
+        self.refused.append(f"{_name_block(struct)} {why}")
 
-    def _struct(self, struct: bpy.types.bpy_struct, omit: tuple[str, ...] = ()) -> list[Any]:
+    def _read_struct(self, struct: bpy.types.bpy_struct, omit: tuple[str, ...] = ()) -> list[Any]:
         kind: Any = type(struct)
         key = (struct.as_pointer(), kind)
         if key in self._structs:
@@ -104,16 +104,16 @@ class Walk:
         found: list[Any] = [kind.bl_rna.identifier]
         for name, how in stored_properties(kind):
             if name not in omit:
-                found.append((name, self._property(struct, name, how)))
+                found.append((name, self._read_property(struct, name, how)))
         self._structs.pop()
         return found
 
-    def _property(self, struct: bpy.types.bpy_struct, name: str, how: str) -> object:
+    def _read_property(self, struct: bpy.types.bpy_struct, name: str, how: str) -> object:
         value = getattr(struct, name)
         if how == "value":
-            return _plain(value)
+            return _to_plain_value(value)
         if how == "file":
-            return self._file(struct, value)
+            return self._mark_file(struct, value)
         if how == "name":
             return value.name if value else None
         if how == "items":
@@ -125,10 +125,10 @@ class Walk:
         if isinstance(value, bpy.types.ID):
             return self.mark(value)
         if isinstance(value, bpy.types.bpy_struct):
-            return [*self._struct(value), *self._beside(_STRUCTS, value)]
-        return _plain(value)
+            return [*self._read_struct(value), *self._read_special(_STRUCTS, value)]
+        return _to_plain_value(value)
 
-    def _custom(self, block: bpy.types.ID) -> list[Any]:
+    def _read_custom(self, block: bpy.types.ID) -> list[Any]:
         """Custom properties, which attribute and geometry nodes read, without groups, which other add-ons make."""
         values = [
             (key, block[key]) for key in sorted(set(compat.list_custom_properties(block)) - {"icymoon", "_RNA_UI"})
@@ -146,7 +146,7 @@ class Walk:
         items = sorted([*value.children, *value.objects], key=lambda item: item.name)
         return [self.mark(value), [self.ordered(item) for item in items]]
 
-    def _file(self, struct: bpy.types.bpy_struct, path: str) -> object:
+    def _mark_file(self, struct: bpy.types.bpy_struct, path: str) -> object:
         """The mark of a file's content, which does not depend on its path."""
         packed = getattr(struct, "packed_file", None)
         if packed or not path or path == "<builtin>" or getattr(struct, "mode", "") == "INTERNAL":
@@ -159,9 +159,11 @@ class Walk:
             return ""
         if file.is_file():
             state = file.stat()
-            return _content(str(file), state.st_size, state.st_mtime_ns)
+            return _hash_file(str(file), state.st_size, state.st_mtime_ns)
         if not isinstance(struct, bpy.types.OceanModifier):  # it names a file before the file is made
-            self.refused.append(f"{file}: this file of {_named(owner)} does not exist; restore it or choose another.")
+            self.refused.append(
+                f"{file}: this file of {_name_block(owner)} does not exist; restore it or choose another."
+            )
         return "missing"
 
     def packed(self, packed: bpy.types.PackedFile | None) -> str:
@@ -214,13 +216,13 @@ class Walk:
     def of_mesh(self, mesh: bpy.types.Mesh) -> list[Any]:
         """All arrays of a mesh. In Edit Mode they are read from a copy, since the mesh itself has none."""
         if not mesh.is_editmode:
-            return mesh_arrays(mesh)
+            return list_mesh_marks(mesh)
         for item in bpy.data.objects:
             if item.data == mesh and item.mode == "EDIT":
                 item.update_from_editmode()
         copy = mesh.copy()
         try:
-            return mesh_arrays(copy)
+            return list_mesh_marks(copy)
         finally:
             bpy.data.meshes.remove(copy)
 
@@ -238,9 +240,9 @@ class Walk:
         if image.source == "GENERATED":
             return []
         return (
-            [self._file(image, _of_tile(image.filepath, tile.number)) for tile in image.tiles]
+            [self._mark_file(image, _tile_path(image.filepath, tile.number)) for tile in image.tiles]
             if (image.source == "TILED")
-            else [self._file(image, image.filepath or f"//{image.name}")]
+            else [self._mark_file(image, image.filepath or f"//{image.name}")]
         )
 
     def of_tree(self, tree: bpy.types.NodeTree) -> list[Any]:
@@ -256,7 +258,7 @@ class Walk:
                     "modifier or remove the node.",
                 )
             self.changes_with_time |= node.bl_idname == "GeometryNodeInputSceneTime"
-            nodes.append([node.bl_idname, self._struct(node), self._sockets(node, tree in self._aimed)])
+            nodes.append([node.bl_idname, self._read_struct(node), self._read_sockets(node, tree in self._aimed)])
         links = [
             (
                 k.from_node.name,
@@ -270,7 +272,7 @@ class Walk:
         ]
         return [nodes, sorted(links)]
 
-    def _sockets(self, node: bpy.types.Node, aimed: bool) -> list[Any]:
+    def _read_sockets(self, node: bpy.types.Node, aimed: bool) -> list[Any]:
         return [
             (socket.identifier, socket.bl_idname, self.ordered(getattr(socket, "default_value", None)))
             for side in (node.inputs, node.outputs)
@@ -309,7 +311,9 @@ class Walk:
     def of_target(self, target: bpy.types.DriverTarget) -> list[Any]:
         """The value that a driver reads."""
         try:
-            return [_plain(target.id.path_resolve(target.data_path)) if target.id and target.data_path else None]
+            return [
+                _to_plain_value(target.id.path_resolve(target.data_path)) if target.id and target.data_path else None
+            ]
         except (ValueError, TypeError):
             return ["?"]
 
@@ -334,7 +338,7 @@ class Walk:
     def of_shape(self, key: bpy.types.Key) -> list[Any]:
         """Positions of the points of a shape key."""
         if len(key.data) and type(key.data[0]).bl_rna.identifier == "ShapeKeyPoint":
-            return [mark(read_property(key.data, "co", width=3))]
+            return [mark_array(read_property(key.data, "co", width=3))]
         return [self.value(item) for item in key.data]
 
     def of_animation(self, animation: bpy.types.AnimData) -> list[Any]:
@@ -350,8 +354,11 @@ _BLOCKS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
     (bpy.types.NodeTree, Walk.of_tree),
     (bpy.types.Collection, Walk.of_collection),
     (bpy.types.Text, lambda walk, text: [text.as_string()]),
-    (bpy.types.Curves, lambda walk, curves: [attributes(curves), [item.first_point_index for item in curves.curves]]),
-    (bpy.types.PointCloud, lambda walk, points: attributes(points)),
+    (
+        bpy.types.Curves,
+        lambda walk, curves: [list_attribute_marks(curves), [item.first_point_index for item in curves.curves]],
+    ),
+    (bpy.types.PointCloud, lambda walk, points: list_attribute_marks(points)),
 )
 _STRUCTS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
     (bpy.types.Driver, Walk.of_driver),
@@ -359,11 +366,11 @@ _STRUCTS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
     (bpy.types.AnimData, Walk.of_animation),
     (bpy.types.ShapeKey, Walk.of_shape),
     (bpy.types.NodesModifier, Walk.of_nodes),
-    (bpy.types.PoseBone, lambda walk, bone: walk._custom(bone)),
+    (bpy.types.PoseBone, lambda walk, bone: walk._read_custom(bone)),
 )
 
 
-def hashed(content: object) -> str:
+def hash_marks(content: object) -> str:
     """SHA-256 of the result of ``Walk.content``."""
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
@@ -374,26 +381,26 @@ def is_aimed(node: bpy.types.Node, socket: str) -> bool:
     return prefixes is not None and socket.startswith(prefixes)
 
 
-def _named(block: bpy.types.ID) -> str:
+def _name_block(block: bpy.types.ID) -> str:
     return f"{type(block).bl_rna.identifier} {block.name!r}"
 
 
-def _of_tile(path: str, number: int) -> str:
+def _tile_path(path: str, number: int) -> str:
     return path.replace("<UDIM>", str(number)).replace(
         "<UVTILE>", f"u{(number - 1001) % 10 + 1}_v{(number - 1001) // 10 + 1}"
     )
 
 
 @lru_cache(maxsize=4096)
-def _content(file: str, size: int, modified_ns: int) -> str:
+def _hash_file(file: str, size: int, modified_ns: int) -> str:
     """SHA-256 of a file, read once for each size and time of change."""
     return hash_file(Path(file))
 
 
-def _plain(value: Any) -> object:
+def _to_plain_value(value: Any) -> object:
     """A number, a text, or tuples of them."""
     if isinstance(value, (str, int, float, bytes)) or value is None:
         return value
     if isinstance(value, (set, frozenset)):
         return tuple(sorted(value))
-    return tuple(_plain(item) for item in value)  # arrays, also of mathutils
+    return tuple(_to_plain_value(item) for item in value)  # arrays, also of mathutils

@@ -200,13 +200,13 @@ _OF_EVERY_BLOCK = {"rna_type", "original", "library", "override_library", "previ
 _PLAIN = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
-def _kinds(struct: bpy.types.bpy_struct) -> list[str]:
+def _list_kinds(struct: bpy.types.bpy_struct) -> list[str]:
     """The RNA names of a structure and of its base structures."""
     return [base.bl_rna.identifier for base in struct.__mro__ if hasattr(base, "bl_rna")]
 
 
 @lru_cache(maxsize=1)
-def _reasons() -> dict[tuple[str, str], str]:
+def _list_reasons() -> dict[tuple[str, str], str]:
     return {
         (kind, name): reason
         for reason, kinds in LEFT_OUT.items()
@@ -217,7 +217,7 @@ def _reasons() -> dict[tuple[str, str], str]:
 
 def why_left_out(struct: bpy.types.bpy_struct, name: str) -> str | None:
     """Why a property does not count, or None if it does."""
-    found = next((_reasons()[kind, name] for kind in _kinds(struct) if (kind, name) in _reasons()), None)
+    found = next((_list_reasons()[kind, name] for kind in _list_kinds(struct) if (kind, name) in _list_reasons()), None)
     if found is None and issubclass(struct, bpy.types.Node) and name.startswith(("bl_", "active_")):
         return "definition of the kind of node, or selection of one of its items"
     return found
@@ -229,8 +229,8 @@ def stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str], ..
 
     It is read as ``value``, ``file`` (a path), ``pointer``, ``name`` (a pointer whose name counts) or ``items``.
     """
-    fixed = set().union(*(_FIXED.get(kind, set()) for kind in _kinds(struct)))
-    by_name = {name for kind, name in BY_NAME if kind in _kinds(struct)}
+    fixed = set().union(*(_FIXED.get(kind, set()) for kind in _list_kinds(struct)))
+    by_name = {name for kind, name in BY_NAME if kind in _list_kinds(struct)}
     found = []
     for prop in struct.bl_rna.properties:
         name = prop.identifier
@@ -238,7 +238,7 @@ def stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str], ..
             name in _OF_EVERY_BLOCK
             or getattr(prop, "is_deprecated", False)
             or why_left_out(struct, name)
-            or _of_an_add_on(struct, prop)
+            or _belongs_to_add_on(struct, prop)
         ):
             continue
         if prop.type in _PLAIN and (not prop.is_readonly or name in fixed):
@@ -250,7 +250,7 @@ def stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str], ..
     return tuple(found)
 
 
-def _of_an_add_on(struct: bpy.types.bpy_struct, prop: bpy.types.Property) -> bool:
+def _belongs_to_add_on(struct: bpy.types.bpy_struct, prop: bpy.types.Property) -> bool:
     """Whether a property belongs to an add-on, which has no effect on Cycles and is not loaded by workers."""
     # Blender registers some properties of its nodes, and from 5.2 on the inputs of modifiers, in the way of add-ons.
     by_blender = (

@@ -26,7 +26,7 @@ from ...settings import changes
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ..datablocks.blend_file_paths import content, with_absolute_files
+from ..datablocks.blend_file_paths import hash_content, make_paths_absolute
 from .terrain_mesh import MeshedGround, mesh_ground
 
 #: Attributes: depth of dug ground below the untouched surface in metres, and whether spoil lies there.
@@ -107,26 +107,26 @@ def mesh_whole_ground(make: Callable[[Settings], Terrain], settings: Settings) -
     if reasons := sites.find_refusals(settings):
         raise IcyMoonError(" ".join(reasons))
     with _Last.lock:
-        prepared = _prepare(make, settings)
-        return _dig(prepared, int(settings.excavation.state))
+        prepared = _prepare_ground(make, settings)
+        return _dig_state(prepared, int(settings.excavation.state))
 
 
-def _key(settings: Settings) -> str:
+def _ground_key(settings: Settings) -> str:
     scene = {topic: dict(values) for topic, values in changes.select_scene(settings).items()}
     scene["excavation"]["state"] = 0
-    return json.dumps([scene, sites.gravity_m_s2(settings), content(settings)], sort_keys=True)
+    return json.dumps([scene, sites.gravity_m_s2(settings), hash_content(settings)], sort_keys=True)
 
 
-def _prepare(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepared:
-    settings = with_absolute_files(settings)
-    key = _key(settings)
+def _prepare_ground(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepared:
+    settings = make_paths_absolute(settings)
+    key = _ground_key(settings)
     if _Last.prepared is None or _Last.prepared.key != key:
         _Last.prepared = None  # its memory is needed
         made = mesh_ground(make(settings), settings)
         site = sites.make_site(settings)
         x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
         before = np.asarray(made.surface.heights(x, y, 2 * site.grid.cell_m), np.float64)
-        joined = join(made, site.grid, before)
+        joined = join_patch(made, site.grid, before)
         level = float(made.surface.heights(np.array([settings.rig.x_m]), np.array([settings.rig.y_m]), 0.0)[0])
         _Last.prepared = _Prepared(
             key,
@@ -142,7 +142,7 @@ def _prepare(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepar
     return _Last.prepared
 
 
-def _dig(prepared: _Prepared, state: int) -> DugGround:
+def _dig_state(prepared: _Prepared, state: int) -> DugGround:
     """The ground in a state: the heights of its patch, and flat faces where it was dug."""
     ground, series = prepared.ground, prepared.series
     top = series.at(state).layers.top
@@ -154,7 +154,7 @@ def _dig(prepared: _Prepared, state: int) -> DugGround:
     return DugGround(ground.surface, positions, ground.faces, ground.sharp, ground.spacing_m, fine, series, state)
 
 
-def join(ground: MeshedGround, grid: ExcavationGrid, heights_m: Array) -> MeshedGround:
+def join_patch(ground: MeshedGround, grid: ExcavationGrid, heights_m: Array) -> MeshedGround:
     """Ground whose mesh has a patch with the vertices of ``grid``, which come last, at ``heights_m`` (rows, columns).
 
     The triangles that meet the patch are taken out, and the gap is filled by a constrained Delaunay triangulation
@@ -221,10 +221,12 @@ def _fill_gap(outer_m: Array, inner_m: Array) -> Array:
     middle = (a + b + c) / 3.0
     low, high = points[len(outer_m) :].min(axis=0), points[len(outer_m) :].max(axis=0)
     in_patch = ((middle > low) & (middle < high)).all(axis=1)
-    return _without_loose(made[is_inside_loop(middle, points[: len(outer_m)]) & ~in_patch], np.sort(edges, axis=1))
+    return _drop_loose_triangles(
+        made[is_inside_loop(middle, points[: len(outer_m)]) & ~in_patch], np.sort(edges, axis=1)
+    )
 
 
-def _without_loose(faces: Array, rims: Array) -> Array:
+def _drop_loose_triangles(faces: Array, rims: Array) -> Array:
     """Triangles (m, 3) that are held on every side, by another triangle or by an edge (k, 2) of the rims.
 
     Along a seam of the mesh three corners of the outer rim lie on a line, but for rounding, and a triangle without

@@ -152,7 +152,7 @@ def _read_exr(path: Path, start: bytes) -> Heights:
         if not {"Y", "R"} & set(names):
             more = ", ..." if len(names) > _MOST_NAMED else ""
             raise RefusedError(
-                f"has the channels {', '.join(map(_shown, names[:_MOST_NAMED]))}{more}; "
+                f"has the channels {', '.join(map(_show_name, names[:_MOST_NAMED]))}{more}; "
                 "save the heights as one channel called Y."
             )
         rows, columns = parts[0].shape
@@ -163,7 +163,7 @@ def _read_exr(path: Path, start: bytes) -> Heights:
     return Heights(_mask_missing(_load_pixels(path).astype(np.float64)), stored=np.dtype(np.float32))
 
 
-def _shown(name: str) -> str:
+def _show_name(name: str) -> str:
     """A name from a file, for a sentence."""
     return "".join(letter if letter.isprintable() else "?" for letter in name[:40])
 

@@ -30,7 +30,7 @@ _MOST_TRIANGLES = 50_000_000
 _MEMORY_FACTOR, _MEMORY_BESIDE = 4, 2**31
 
 
-def _data_blocks() -> set[Any]:
+def _list_data_blocks() -> set[Any]:
     """All data-blocks of the open file."""
     return {
         block
@@ -43,7 +43,7 @@ def _data_blocks() -> set[Any]:
 @contextlib.contextmanager
 def open_scratch_scene() -> Iterator[bpy.types.Scene]:
     """A temporary scene as the context. The scene and all data-blocks made meanwhile are removed at the end."""
-    before = _data_blocks()
+    before = _list_data_blocks()
     scene = bpy.data.scenes.new("Icy Moon Import")
     layer = scene.view_layers[0]
     try:
@@ -57,7 +57,7 @@ def open_scratch_scene() -> Iterator[bpy.types.Scene]:
         ):
             yield scene
     finally:
-        bpy.data.batch_remove(_data_blocks() - before)
+        bpy.data.batch_remove(_list_data_blocks() - before)
 
 
 @contextlib.contextmanager
@@ -106,7 +106,7 @@ def read_mesh(path: Path) -> tuple[Array, Array, Array | None]:
         except RuntimeError as error:
             printer.say("")  # the importer's report has no end of line, and a message follows
             raise IcyMoonError(
-                f"{path}: Blender cannot read it as {kind} ({_last_line(error)}); export it again."
+                f"{path}: Blender cannot read it as {kind} ({_last_error_line(error)}); export it again."
             ) from None
         positions, faces, uv = _read_geometry(path)
     if kind == "PLY":
@@ -129,7 +129,7 @@ def _read_as_written(path: Path, positions: Array, faces: Array, uv: Array | Non
     return written, uv if written_uv is None else written_uv.astype(np.float32)
 
 
-def _last_line(error: Exception) -> str:
+def _last_error_line(error: Exception) -> str:
     lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
     return lines[-1].rstrip(".") if lines else type(error).__name__
 

@@ -110,7 +110,7 @@ def _set_attribute(mesh: bpy.types.Mesh, name: str, data_type: str, values: Arra
 def build_rocks(
     name: str, rocks: Rocks, shapes: Sequence[Sequence[RockShape]], material: bpy.types.Material, tag: str
 ) -> bpy.types.Object:
-    """The object whose points are the rocks. ``parts_of`` returns the other data-blocks that it needs.
+    """The object whose points are the rocks. ``find_rock_parts`` returns the other data-blocks that it needs.
 
     Labels of rocks follow their sizes, the largest first. Everything except the object itself gets the custom property
     ``tag``.
@@ -136,7 +136,7 @@ def build_rocks(
     return item
 
 
-def parts_of(item: bpy.types.Object, tag: str) -> list[Any]:
+def find_rock_parts(item: bpy.types.Object, tag: str) -> list[Any]:
     """Node groups, collections and shape objects that an object of rocks uses; empty for other objects."""
     groups = [m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group and tag in m.node_group]
     libraries = [

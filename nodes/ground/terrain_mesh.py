@@ -38,7 +38,7 @@ def shortest_wavelength_m(terrain: TerrainSettings) -> float:
     return 2 * vertex_spacing_m(terrain)
 
 
-def as_meshed(ground: Terrain, settings: Settings) -> Terrain | GradedGround:
+def make_meshed(ground: Terrain, settings: Settings) -> Terrain | GradedGround:
     """Procedural ground with the mesh of ``settings``: unchanged for a grid, or graded."""
     return grade_ground(ground, settings) if settings.mesh.kind == "GRADED" else ground
 
@@ -70,7 +70,7 @@ class MeshedGround:
         """
         flat = self.fine
         if flat is not None and self.spacing_m is not None and len(self.sharp):
-            flat = flat | _touches_edges(self.faces, self.sharp)
+            flat = flat | _find_edge_triangles(self.faces, self.sharp)
         mesh = build_mesh_from_arrays(name, self.positions, self.faces, self.sharp if flat is self.fine else None)
         if self.spacing_m is not None:
             _mark_spacing(mesh, self.spacing_m)
@@ -84,10 +84,10 @@ def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
 
     Raises ValueError if a height is not finite.
     """
-    surface = as_meshed(ground, settings)
+    surface = make_meshed(ground, settings)
     if not isinstance(surface, GradedGround):
         step = vertex_spacing_m(settings.terrain)
-        positions, faces = grid(settings.terrain, surface)
+        positions, faces = make_grid(settings.terrain, surface)
         spacing = np.full(len(positions), step) if is_carried_by_grid(settings) else None
         return MeshedGround(surface, positions, faces, np.empty((0, 2), np.int64), spacing)
     made = surface.mesh_with_relief()
@@ -97,10 +97,10 @@ def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
 
 def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.types.Mesh:
     """A smooth-shaded grid of ``ground``."""
-    return build_mesh_from_arrays(name, *grid(terrain, ground))
+    return build_mesh_from_arrays(name, *make_grid(terrain, ground))
 
 
-def grid(terrain: TerrainSettings, ground: Surface) -> tuple[Array, Array]:
+def make_grid(terrain: TerrainSettings, ground: Surface) -> tuple[Array, Array]:
     """Positions (n², 3) and faces ((n - 1)², 4) of the grid of ``terrain`` settings, rows from south to north.
 
     Raises ValueError if a height is not finite.
@@ -131,7 +131,7 @@ def leave_unmoved(mesh: bpy.types.Mesh) -> None:
     _mark_spacing(mesh, np.full(len(mesh.vertices), np.inf))
 
 
-def grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> Array | None:
+def read_grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> Array | None:
     """Heights (n, n) in metres of a mesh that ``build_mesh`` made as a grid; None if it is not such a grid any more."""
     n = int(terrain.resolution)
     if len(mesh.vertices) != n * n:
@@ -141,13 +141,13 @@ def grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> Array | None
     return positions[2::3].reshape(n, n).astype(np.float64)
 
 
-def patch_heights(ground: Surface) -> Array:
+def sample_patch(ground: Surface) -> Array:
     """Heights (n, n) in metres of a ground over its patch, with the wavelengths that this grid can contain."""
     axis = np.linspace(-ground.size_m / 2, ground.size_m / 2, _MEASURED)
     return ground.heights(axis[None, :], axis[:, None], 2 * (axis[1] - axis[0]))
 
 
-def patch_roughness(heights: Array | None, terrain: TerrainSettings) -> Roughness | None:
+def measure_patch_roughness(heights: Array | None, terrain: TerrainSettings) -> Roughness | None:
     """The roughness of the patch over the distances that both its grid and ``terrain`` settings include."""
     if heights is None or min(heights.shape) < 3:
         return None
@@ -157,20 +157,20 @@ def patch_roughness(heights: Array | None, terrain: TerrainSettings) -> Roughnes
     return measure_roughness(heights, spacing, terrain.slope_baseline_m, (max(shortest, 6 * spacing), longest))
 
 
-def patch_statistics(heights: Array | None, terrain: TerrainSettings) -> dict[str, Any]:
+def describe_patch_statistics(heights: Array | None, terrain: TerrainSettings) -> dict[str, Any]:
     """``baseline_m``, the statistics of the patch that ``terrain`` settings ask for, and those that it has."""
-    found = patch_roughness(heights, terrain)
+    found = measure_patch_roughness(heights, terrain)
     if found is None:
         return {}
     return {"baseline_m": found.baseline_m, "asked": list_asked_statistics(terrain), "made": found.numbers()}
 
 
-def roughness_table(heights: Array | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:
+def make_roughness_table(heights: Array | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:
     """Rows of text with distance, measured and set RMS deviation, their ratio, and power spectral density.
 
     The density is that at the wave number 1/distance. Empty if there is no grid to measure.
     """
-    found = patch_roughness(heights, terrain)
+    found = measure_patch_roughness(heights, terrain)
     if found is None or heights is None:
         return []
     shortest, longest = law_range_m(terrain)
@@ -213,7 +213,7 @@ def build_mesh_from_arrays(
     return mesh
 
 
-def _touches_edges(faces: Array, edges: Array) -> Array:
+def _find_edge_triangles(faces: Array, edges: Array) -> Array:
     """Whether triangles (m, 3) have one of some edges (k, 2), each from the lower to the higher vertex."""
     sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
     many = int(faces.max()) + 1

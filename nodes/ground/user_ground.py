@@ -27,7 +27,7 @@ from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ...support.number_text import format_count
-from ..datablocks.blend_file_paths import used_files
+from ..datablocks.blend_file_paths import find_used_files
 from . import import_heights
 from .import_mesh import read_mesh
 from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
@@ -95,7 +95,7 @@ def is_from_file(settings: Settings) -> bool:
     return bool(settings.source.kind != "PROCEDURAL")
 
 
-def kind_of(path: Path) -> str:
+def find_kind(path: Path) -> str:
     """``source.kind`` of a file by its suffix. Raises IcyMoonError if the file cannot be a ground."""
     suffix = path.suffix.lower()
     if suffix in gdal_lines.SUFFIXES:
@@ -110,21 +110,21 @@ def is_mesh(settings: Settings) -> bool:
     return bool(settings.source.kind in ("MESH", "STAND_IN"))
 
 
-def file_of(settings: Settings) -> Path:
+def find_ground_file(settings: Settings) -> Path:
     """The absolute path of the ground's file; a stand-in is made if it is not there.
 
     Raises IcyMoonError if the settings name none, or a stand-in cannot be written.
     """
     if settings.source.kind == "STAND_IN":
         return find_mesh_file(settings.source.stand_in)
-    return used_files(settings)["source.file"]
+    return find_used_files(settings)["source.file"]
 
 
-def cost_warnings(settings: Settings) -> list[str]:
+def warn_of_cost(settings: Settings) -> list[str]:
     """A sentence for the user before a ground is loaded that takes long or much memory; otherwise empty."""
     if settings.source.kind != "MESH":
         return []
-    path = file_of(settings)
+    path = find_ground_file(settings)
     cost = mesh_file.estimate_cost(path)
     return [f"{cost.sentence(path)}."] if cost.is_high else []
 
@@ -135,7 +135,7 @@ def load_ground(settings: Settings, make_procedural: Callable[[Settings], Surfac
     ``make_procedural`` makes the procedural ground that ``source.detail`` adds below the resolution of the file.
     Raises IcyMoonError if the file is not a usable ground; then Blender keeps no data of it.
     """
-    path = file_of(settings)
+    path = find_ground_file(settings)
     try:
         if is_mesh(settings):
             return _load_mesh(path, settings)
@@ -146,7 +146,7 @@ def load_ground(settings: Settings, make_procedural: Callable[[Settings], Surfac
         ) from None
 
 
-def _metres(values: Iterable[float]) -> str:
+def _format_metres(values: Iterable[float]) -> str:
     return ", ".join(f"{float(v):.6g}" for v in values)
 
 
@@ -191,7 +191,7 @@ def _check_against_camera(path: Path, positions: Array, faces: Array, height_m: 
     ]
 
 
-def turned_up(positions: Array, kind: str, up_axis: str) -> tuple[Array, str]:
+def turn_up(positions: Array, kind: str, up_axis: str) -> tuple[Array, str]:
     """Vertices of ``read_mesh``, rotated so that ``up_axis`` of the file is z, and that axis."""
     usual = "Y" if kind in ("OBJ", "glTF") else "Z"
     axis = usual if up_axis == "AUTO" else up_axis
@@ -206,8 +206,8 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     source = settings.source
     kind = mesh_file.detect_kind(path)
     positions, faces, uv = read_mesh(path)
-    warnings = [*_coarse_coordinates(path, positions), *_ignored_unit(path, kind)]
-    positions, axis = turned_up(positions * source.scale, kind, source.up_axis)
+    warnings = [*_warn_of_rounding(path, positions), *_ignored_unit(path, kind)]
+    positions, axis = turn_up(positions * source.scale, kind, source.up_axis)
     before = check.examine_mesh(positions, faces)
     fine = _is_fine(subdivide.edge_length_m(positions, faces), float(settings.rig.height_m))
     unlikely = _check_size(path, np.array(before.extents_m), _SET_SCALE, "fix the vertices that stand out.", fine)
@@ -226,10 +226,10 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
         warnings.append(
             f"Most faces of {path.name} point along {after.up}, so another axis may point up; set source.up_axis."
         )
-    shift = _shift(positions, source)
+    shift = _find_shift(positions, source)
     positions = positions + shift
-    report.append(f"Moved by {_metres(shift)} m")
-    place = _place_in_file(shift, source.scale) if source.kind == "MESH" else None
+    report.append(f"Moved by {_format_metres(shift)} m")
+    place = _describe_place_in_file(shift, source.scale) if source.kind == "MESH" else None
     if uv is not None:
         uv, found = texture_coordinates.repair_coordinates(uv)
         report += found
@@ -238,13 +238,13 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     if kinds := ", ".join(mesh_images.find_images(path).by_kind):
         report.append(f"Contains images ({kinds}), which textures.set = MESH shows")
     if source.detail:
-        positions, faces, uv, sentence = _with_roughness(positions, faces, uv, settings)
+        positions, faces, uv, sentence = _add_roughness(positions, faces, uv, settings)
         report.append(sentence)
     positions = positions.astype(np.float32)
     return UserGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv, place)
 
 
-def _with_roughness(
+def _add_roughness(
     positions: Array, faces: Array, uv: Array | None, settings: Settings
 ) -> tuple[Array, Array, Array | None, str]:
     """The mesh, divided to the vertex spacing of ``terrain`` and displaced along its normals, and a sentence on it."""
@@ -275,7 +275,7 @@ def _with_roughness(
     )
 
 
-def _coarse_coordinates(path: Path, positions: Array) -> list[str]:
+def _warn_of_rounding(path: Path, positions: Array) -> list[str]:
     """A warning if single precision rounds large coordinates by more than a thousandth of the vertex spacing.
 
     Raises IcyMoonError if no vertex is finite.
@@ -319,7 +319,7 @@ def _refuse_unusable(path: Path, found: check.MeshReport, repair: bool) -> None:
         )
 
 
-def _shift(positions: Array, source: SourceSettings) -> Array:
+def _find_shift(positions: Array, source: SourceSettings) -> Array:
     """Vector that moves the vertices so that the origin of the site is as in the settings."""
     shift = np.array([-source.origin_x_m, -source.origin_y_m, 0.0])
     if source.centre:
@@ -328,7 +328,7 @@ def _shift(positions: Array, source: SourceSettings) -> Array:
     return shift
 
 
-def _place_in_file(moved_m: Iterable[float], unit_m: float = 1.0) -> dict[str, Any]:
+def _describe_place_in_file(moved_m: Iterable[float], unit_m: float = 1.0) -> dict[str, Any]:
     """Where the origin is in a file without a map, whose coordinates in metres were moved by ``moved_m`` (3,)."""
     east, north, up = (-float(value) for value in moved_m)
     return MapPlace("", unit_m, (east, north), (1.0, 1.0)).to_json() | {"height_zero_m": up}
@@ -356,7 +356,7 @@ def _place_heights(
         origin_m=_origin_m(source),
         size_m=size_m,
     )
-    return surface, moved, _place_in_file(moved)
+    return surface, moved, _describe_place_in_file(moved)
 
 
 def _grid_mesh(surface: HeightMap, spacing_m: float) -> tuple[Array, Array]:
@@ -377,7 +377,7 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     known = np.isfinite(values)
     if not known.any():
         raise IcyMoonError(f"{path}: none of its {known.size} pixels is a height; check its no-data value.")
-    pixel = _pixel_size(path, read, source)
+    pixel = _find_pixel_size(path, read, source)
     warnings = [f"{path.name}: {sentence}." for sentence in (*read.warnings, *sentences)]
     if not known.all():
         warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was interpolated smoothly.")
@@ -399,15 +399,16 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     whole = (columns - 1) * pixel[0], (rows - 1) * pixel[1]
     part = f", of which {heights.shape[1]} x {heights.shape[0]} were read" * (heights.shape != (rows, columns))
     report = (
-        f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres([*whole, extents[2]])} m{part}",
+        f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, "
+        f"{_format_metres([*whole, extents[2]])} m{part}",
         *read.report,
-        f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(moved)} m",
+        f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_format_metres(moved)} m",
         "Procedural roughness below the pixel size" if source.detail else "Nothing finer than the pixel size",
     )
     return UserGround(positions, faces, surface, report, tuple(warnings), map_place=place)
 
 
-def _pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings) -> tuple[float, float]:
+def _find_pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings) -> tuple[float, float]:
     """Metres per pixel (east, north) from the settings, or from the file if they state none."""
     if source.metres_per_pixel > 0:
         return (source.metres_per_pixel,) * 2

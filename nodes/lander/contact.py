@@ -50,13 +50,13 @@ def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -
     """The contacts of the arm of complete settings; contacts with the ground are with its triangles."""
     arm, joints = make_arm(settings, site_m), joint_values(settings)
     ends = np.array([end for line in place_capsules(arm, joints) for end in (line.start, line.end)])
-    heights = _heights_near(terrain, ends.min(axis=0)[:2] - _MARGIN_M, ends.max(axis=0)[:2] + _MARGIN_M)
+    heights = _make_heights_near(terrain, ends.min(axis=0)[:2] - _MARGIN_M, ends.max(axis=0)[:2] + _MARGIN_M)
     return Contact(
         ground_clearances_m(arm, joints, heights), find_self_collisions(arm, joints, make_body_capsules(settings))
     )
 
 
-def _heights_near(terrain: bpy.types.Object, low: Array, high: Array) -> Heights:
+def _make_heights_near(terrain: bpy.types.Object, low: Array, high: Array) -> Heights:
     """Heights of the highest triangle of the ground at points between two corners (2,); NaN outside the ground."""
     mesh = terrain.data
     mesh.calc_loop_triangles()

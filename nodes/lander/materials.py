@@ -17,8 +17,8 @@ from ...physics.arm import lander_solids as names
 from ...support.blender import compat
 from ...support.labels import LANDER, NORMAL_AOV
 from ..datablocks.fingerprint import NAME, TAG
-from ..surface.patches_and_grain import add_noise, threshold_for_share
-from ..tree.builder import Node, Socket, Tree, output
+from ..surface.patches_and_grain import add_noise, find_threshold
+from ..tree.builder import Node, Socket, Tree, find_output
 from ..tree.formula import Number
 
 
@@ -47,16 +47,16 @@ _FROST, _PATCH_M, _LEAST_UP = _Finish((0.9, 0.9, 0.9), 0.0, 0.9), 0.06, 0.35
 
 def build_materials(frost_share: float) -> dict[str, bpy.types.Material]:
     """The materials by name, with frost on a share of what looks up."""
-    return {name: _build(name, finish, frost_share) for name, finish in FINISHES.items()}
+    return {name: _build_material(name, finish, frost_share) for name, finish in FINISHES.items()}
 
 
-def _build(name: str, finish: _Finish, frost_share: float) -> bpy.types.Material:
+def _build_material(name: str, finish: _Finish, frost_share: float) -> bpy.types.Material:
     material = bpy.data.materials.new(f"{NAME} Lander {name.title()}")
     material[TAG], material.pass_index = "material", LANDER
     tree = Tree(compat.ensure_nodes(material))
     geometry = tree.node("ShaderNodeNewGeometry", "Geometry")
     # Places on the link itself: the pattern moves with the arm.
-    place = output(tree.node("ShaderNodeTexCoord", "On the Link", from_instancer=False), "Object")
+    place = find_output(tree.node("ShaderNodeTexCoord", "On the Link", from_instancer=False), "Object")
     shader = _add_finish(tree, name.title(), finish, _add_creases(tree, finish, place))
     if frost_share > 0.0:
         frost = _add_finish(tree, "Frost", _FROST, None)
@@ -95,7 +95,7 @@ def _add_frost(tree: Tree, geometry: Node, place: Socket, share: float) -> Socke
     parts = tree.separated("Which Way Up", geometry.outputs["Normal"])
     up = (Number(tree, parts[2]) - _LEAST_UP) / (1.0 - _LEAST_UP)
     noise = Number(tree, add_noise(tree, "Frost Patches", place, _PATCH_M, 17.0, 5.0))
-    least = threshold_for_share(share)
+    least = find_threshold(share)
     patch = ((noise - least) * 12.0 + 0.5).at_least(0.0).at_most(1.0)
     return (patch * up.at_least(0.0).sqrt() * 0.9).value
 

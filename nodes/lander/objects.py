@@ -33,7 +33,7 @@ ROLES = {link: f"lander {link}" for link in (*_LINKS, *_OWN_LINKS)}
 INSTANCES = {link: FIRST_LINK_INSTANCE + k for k, link in enumerate(ROLES)}
 
 
-def names_of_links(settings: Settings) -> dict[str, str]:
+def list_link_keys(settings: Settings) -> dict[str, str]:
     """The key in ``ROLES`` and ``INSTANCES`` of each link of these settings, by its name."""
     moving = [link for link in make_arm(settings).links if link not in _LINKS]
     return {**{link: link for link in _LINKS}, **dict(zip(moving, _OWN_LINKS, strict=False))}
@@ -53,7 +53,7 @@ def build_lander(settings: Settings, site_m: float, terrain: bpy.types.Object) -
     pads_m = _find_pads_m(settings, site_m, terrain)
     materials = build_materials(settings.lander.frost_share)
     solids = {**make_solids(settings, pads_m), HEAD: make_head(settings)}
-    keys = names_of_links(settings)
+    keys = list_link_keys(settings)
     made = [_build_link(link, keys[link], solid, materials) for link, solid in solids.items()]
     bpy.data.batch_remove([each for each in materials.values() if each.users == 0])
     made[0][PADS] = pads_m
@@ -74,7 +74,7 @@ def _build_link(link: str, key: str, solid: Solid, materials: dict[str, bpy.type
     return item
 
 
-def link_poses(settings: Settings, site_m: float) -> dict[str, Array]:
+def find_link_poses(settings: Settings, site_m: float) -> dict[str, Array]:
     """Pose (4, 4) in the world of each link's frame, in double precision."""
     arm, rig = make_arm(settings, site_m), settings.rig
     head = rigid_transform(camera_axes(rig.heading_deg, rig.pitch_deg), (rig.x_m, rig.y_m, site_m + rig.height_m))
@@ -88,13 +88,13 @@ def link_poses(settings: Settings, site_m: float) -> dict[str, Array]:
 
 def place_lander(objects: dict[str, bpy.types.Object], settings: Settings, site_m: float) -> None:
     """Put the objects, by role, where the settings have them."""
-    keys = names_of_links(settings)
-    for link, place in link_poses(settings, site_m).items():
+    keys = list_link_keys(settings)
+    for link, place in find_link_poses(settings, site_m).items():
         if (role := ROLES[keys[link]]) in objects:  # a link of the user's arm may have nothing to see
             objects[role].matrix_world = Matrix(place.tolist())
 
 
-def pads_of(body: bpy.types.Object) -> list[float]:
+def read_pad_heights_m(body: bpy.types.Object) -> list[float]:
     """Heights in metres of the ground under the pads, for which the legs were made.
 
     They are relative to the ground under the left camera.

@@ -69,7 +69,7 @@ def build_planet_light(name: str, planet: Planet, colour: Array) -> bpy.types.Ob
     return item
 
 
-def planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
+def make_planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
     """Inputs of ``hapke.osl`` for the planet's lamp; without a lamp, they are dark."""
     if shine is None or shine.hide_render:
         return {

@@ -23,7 +23,7 @@ from ...physics.light.planet_face import (
 from ...physics.light.planetshine import Planet, make_ellipsoid
 from ...support.arrays import Array
 from ...support.blender import compat
-from ..tree.builder import Socket, Tree, Triple, Value, output
+from ..tree.builder import Socket, Tree, Triple, Value, find_output
 
 #: Longest wavelength of the ripples of bands along a circle of latitude, in radii, and over that across it.
 _RIPPLE_LENGTH, _RIPPLE_STRETCH = 0.2, 8.0
@@ -56,7 +56,7 @@ class _Globe:
     def __init__(self, tree: Tree, planet: Planet, distance_m: float) -> None:
         self.tree, self.planet = tree, planet
         shape = make_ellipsoid(planet)
-        place = output(tree.node("ShaderNodeTexCoord", "From the Camera", from_instancer=False), "Object")
+        place = find_output(tree.node("ShaderNodeTexCoord", "From the Camera", from_instancer=False), "Object")
         self.toward = tree.vector("NORMALIZE", "Toward the Camera", tree.scaled("Back", place, -1.0))
         centred = tree.vector(
             "SUBTRACT", "From the Centre", tree.scaled("Distances", place, 1 / distance_m), tuple(planet.direction)
@@ -153,7 +153,7 @@ def _add_bands(globe: _Globe, face: Face) -> Socket:
     for element, bands in zip(elements, face.reflectance, strict=True):
         element.color = (*bands, 1.0)
     ramp.color_ramp.interpolation = "LINEAR"
-    return output(ramp, "Color")
+    return find_output(ramp, "Color")
 
 
 def _add_spot(globe: _Globe, spot: Spot, pattern: Socket) -> Socket:

@@ -29,13 +29,13 @@ SKY = "icymoon_sky"  # property of the Sun: positions and brightness of the ligh
 ROLES = ("planet", "planetshine", "rings", "stars")
 
 
-def described_sky(settings: Settings) -> Sky:
+def compute_scene_sky(settings: Settings) -> Sky:
     """The sky of the settings. Raises IcyMoonError if the date or kernels give no sky, or the sky of another body."""
     check_body(settings)
     return sky_of(settings.light, str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None)
 
 
-def settings_of_lights(settings: Settings) -> list[Any]:
+def list_light_settings(settings: Settings) -> list[Any]:
     """The settings on which the lights depend."""
     of_stars = [focal_px(settings.rig), settings.dataset.seed] if settings.light.stars else []
     of_planet = [settings.rig.height_m, settings.terrain.body_radius_m] if settings.light.planet else []
@@ -50,7 +50,7 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list
     return [sun, *_build_others(settings, sky, camera)]
 
 
-def advice(sky: Sky, settings: Settings) -> list[str]:
+def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
     """Sentences for the user on a dark sky, hills before the Sun, rings that are not shown and stars of wrong
     brightness."""
     light, sentences = settings.light, advise_on_skyline(settings, sky.sun, sky.sun_diameter_deg)

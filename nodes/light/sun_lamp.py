@@ -47,13 +47,13 @@ def place_sun(sun: bpy.types.Object, sky: Sky, colour: Array) -> None:
     sun.location = sky.sun * (sky.sun_distance_m or 10.0)  # of the real Sun, it only moves the symbol in the viewport
 
 
-def irradiance_wm2(sun: bpy.types.Object) -> float:
+def read_lamp_irradiance_wm2(sun: bpy.types.Object) -> float:
     """Irradiance of a facing surface at the origin of the site from the lamp as it stands, without its colour."""
     lamp = sun.data
     return float(lamp.energy if lamp.type == "SUN" else lamp.energy / (4.0 * math.pi * sun.location.length_squared))
 
 
-def angular_diameter(sun: bpy.types.Object) -> float:
+def read_lamp_diameter(sun: bpy.types.Object) -> float:
     """Diameter in radians of the lamp as it stands, seen from the origin of the site."""
     lamp = sun.data
     if lamp.type == "SUN":
@@ -70,8 +70,8 @@ def read_scene_sun(sun: bpy.types.Object, facts: Mapping[str, Any], source: str)
     return sun_from_lamp(
         sun_from_facts(facts, source),
         np.array(direction),
-        irradiance_wm2(sun),
-        math.degrees(angular_diameter(sun)),
+        read_lamp_irradiance_wm2(sun),
+        math.degrees(read_lamp_diameter(sun)),
         distance,
     )
 

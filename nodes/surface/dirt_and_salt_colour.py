@@ -77,14 +77,14 @@ def add_ground_colour(
     if surface.dirt != "BLACK":
         clean = add_clean_share(tree, surface, geometry, salt_at + _BESIDE_SALT, elevated)
     if clean != 1.0:
-        dirt = _over(material_bands(surface.dirt), albedo)
+        dirt = _divide_by_albedo(material_bands(surface.dirt), albedo)
         return _add_mix(tree, "Dirt Colour", clean, dirt, tint if colour is None else colour)
     if isinstance(colour, tuple):
         return tree.combined("Ice Colour", *colour)
     return colour
 
 
-def _over(bands: tuple[float, float, float], albedo: float) -> tuple[float, float, float]:
+def _divide_by_albedo(bands: tuple[float, float, float], albedo: float) -> tuple[float, float, float]:
     red, green, blue = (band / albedo for band in bands)
     return red, green, blue
 

@@ -16,7 +16,7 @@ def is_shown(excavation: ExcavationSettings) -> bool:
     return bool(excavation.fresh_albedo != 1.0 or excavation.layer_thickness_m > 0.0)
 
 
-def darkest(excavation: ExcavationSettings) -> float:
+def find_darkest_layer(excavation: ExcavationSettings) -> float:
     """The least factor that ``add_dug_brightness`` gives."""
     layer = excavation.layer_albedo if excavation.layer_thickness_m > 0.0 else 1.0
     return float(min(excavation.fresh_albedo, layer, 1.0))

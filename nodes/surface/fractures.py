@@ -17,9 +17,9 @@ import numpy as np
 
 from ...physics.surfaces.fractures import gap_reflectance, sight_depth_m
 from ...settings.topics.surfaces import SurfaceSettings
-from ..tree.builder import Node, Socket, Tree, output
+from ..tree.builder import Node, Socket, Tree, find_output
 from ..tree.formula import Number, Vector
-from .patches_and_grain import NOISE_DEVIATION, add_noise, threshold_for_share
+from .patches_and_grain import NOISE_DEVIATION, add_noise, find_threshold
 
 #: Normals of the sets: two steep ones that cross, and one that is nearly level.
 _SETS = ((0.83, 0.52, 0.20), (-0.46, 0.87, -0.17), (0.24, -0.12, 0.963))
@@ -69,7 +69,7 @@ def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: floa
     # Each rock has its own planes.
     chance = tree.node("ShaderNodeObjectInfo", "Fractured Rock").outputs["Random"]
     drawn = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Rock", {"W": chance}, noise_dimensions="1D")
-    angles = tree.scaled("Turn of a Rock", output(drawn, "Color"), 2.0 * math.pi)
+    angles = tree.scaled("Turn of a Rock", find_output(drawn, "Color"), 2.0 * math.pi)
     turned = [
         Vector(
             tree,
@@ -107,7 +107,7 @@ def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, nor
     along_view = tree.combined("Distance", *[distance.value] * 3)
     hit = tree.vector("MULTIPLY_ADD", "Met", view.into.socket, along_view, view.place.socket)
     field = add_noise(tree, f"Patches of Set {which + 1}", hit, _PATCH, (plane * 7.31 + view.fourth).value, 3.0)
-    limit, edge = threshold_for_share(surface.fracture_share), _EDGE * NOISE_DEVIATION
+    limit, edge = find_threshold(surface.fracture_share), _EDGE * NOISE_DEVIATION
     is_open = Number(tree, tree.ramp("Open", field, limit - edge, limit + edge, smooth=True))
     gap = Number(
         tree,

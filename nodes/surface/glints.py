@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from ..tree.builder import Node, Socket, Tree, Value, output
+from ..tree.builder import Node, Socket, Tree, Value, find_output
 from ..tree.formula import Number, Vector
 
 #: GGX width of the slopes of facets about the surface, and of the lobe of one facet, as alpha.
@@ -94,7 +94,7 @@ def _add_facet(tree: Tree, place: Socket, normal: Socket, level: Number, cell_m:
     drawn = Number(tree, chance.outputs["Value"]) * _LESS_STEEP
     slope = (drawn / (1.0 - drawn)).sqrt() * _SLOPES
     # The direction of the slope: a random vector, less its part along the normal.
-    random = tree.vector("SUBTRACT", "About 0", output(chance, "Color"), (0.5, 0.5, 0.5))
+    random = tree.vector("SUBTRACT", "About 0", find_output(chance, "Color"), (0.5, 0.5, 0.5))
     across = Vector(tree, normal).cross(Vector(tree, random)).unit()
     tilted = tree.scaled("Sloping", across.socket, slope.value)
     return (Vector(tree, normal) + Vector(tree, tilted)).unit().socket

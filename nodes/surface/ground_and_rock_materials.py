@@ -10,7 +10,7 @@ import numpy as np
 from ...formats import mesh_images
 from ...formats.mesh_images import MeshImage
 from ...paper_stand_ins.cached_files import find_texture_files
-from ...paper_stand_ins.items import describe, items_of
+from ...paper_stand_ins.items import describe_item, list_items
 from ...physics.light.ground_colours import clean_albedo
 from ...physics.scene_requirements import simplify_surface, surface_topics
 from ...physics.surfaces import principled
@@ -20,12 +20,12 @@ from ...settings.topics.stand_ins import find_texture_item
 from ...support.errors import IcyMoonError
 from ...support.labels import ROCK, TERRAIN, UV_LAYER
 from ...support.number_text import show_rounded
-from ..datablocks.blend_file_paths import used_files
+from ..datablocks.blend_file_paths import find_used_files
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.dug_ground import DEPTH
 from ..ground.rocks import label_instances
 from ..ground.terrain_mesh import SPACING
-from ..ground.user_ground import file_of, is_mesh
+from ..ground.user_ground import find_ground_file, is_mesh
 from .ice_material import build_material
 from .images import load_maps, measure_brightness, measure_means
 from .textures import Textured
@@ -34,7 +34,7 @@ from .textures import Textured
 _TOO_BRIGHT = 0.005
 
 
-def advice(settings: Settings) -> list[str]:
+def advise_on_surfaces(settings: Settings) -> list[str]:
     """Sentences of advice on the surfaces in the scene; empty without a problem."""
     topics = surface_topics(settings)
     shown = [simplify_surface(settings, topic) for topic in topics]
@@ -59,7 +59,7 @@ def advice(settings: Settings) -> list[str]:
         )
     ):
         sentences.append("hapke.theta_bar_range_deg has no effect, because the textures have no roughness image.")
-    return [*(sentence for sentence in sentences if sentence), *map(describe, items_of(settings))]
+    return [*(sentence for sentence in sentences if sentence), *map(describe_item, list_items(settings))]
 
 
 def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
@@ -74,7 +74,7 @@ def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
     )
     if is_mesh(settings):
         raise IcyMoonError(
-            f"{file_of(settings)}: has no UV coordinates that show an image, but "
+            f"{find_ground_file(settings)}: has no UV coordinates that show an image, but "
             f"{which}; export it with them, or {fix}."
         )
     ground = "a height map" if kind == "HEIGHT_MAP" else "procedural ground"
@@ -83,9 +83,9 @@ def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
     )
 
 
-def _image_files(settings: Settings) -> dict[str, Path | MeshImage]:
+def _find_image_files(settings: Settings) -> dict[str, Path | MeshImage]:
     """The images that the settings or the mesh name, by kind. Raises IcyMoonError if the mesh has none."""
-    used = used_files(settings)
+    used = find_used_files(settings)
     if settings.textures.set == "STAND_IN":
         return dict(find_texture_files(settings.textures.stand_in))
     if settings.textures.set != "MESH":
@@ -94,7 +94,7 @@ def _image_files(settings: Settings) -> dict[str, Path | MeshImage]:
             for name, path in used.items()
             if name.startswith("textures.")
         }
-    path = file_of(settings)
+    path = find_ground_file(settings)
     found = mesh_images.choose_images(path)
     if not found:
         reason = (
@@ -116,14 +116,14 @@ def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
         return None
     if not uses_uv(textures):
         placement = "PATCH" if textures.mapping == "PATCH" else "POSITION"
-        return Textured(textures, load_maps(textures, _image_files(settings)), placement, settings.terrain.size_m)
+        return Textured(textures, load_maps(textures, _find_image_files(settings)), placement, settings.terrain.size_m)
     if mesh.is_editmode:  # in Edit Mode the mesh has no UV coordinates
         raise IcyMoonError("The ground is being edited; leave Edit Mode to see changes of surfaces with images by UV.")
     refuse_without_uv(settings, UV_LAYER in mesh.attributes)
-    return Textured(textures, measure_means(mesh, load_maps(textures, _image_files(settings))), "UV")
+    return Textured(textures, measure_means(mesh, load_maps(textures, _find_image_files(settings))), "UV")
 
 
-def image_advice(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
+def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
     """A sentence on an albedo image that makes the ground of this mesh reflect more light than it gets; none if it does
     not."""
     textured = _load_textures(settings, mesh)

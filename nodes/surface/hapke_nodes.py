@@ -30,7 +30,7 @@ class Grains:
     h_function: str
 
 
-def brdf(n: Vector, l: Vector, v: Vector, blur: Number, q: Grains) -> Number:  # noqa: E741
+def add_brdf(n: Vector, l: Vector, v: Vector, blur: Number, q: Grains) -> Number:  # noqa: E741
     """Radiance divided by irradiance on the surface, in 1/sr.
 
     n, l and v are unit vectors, with l on the side of n. If a shading normal n points away from v although the facet is
@@ -39,32 +39,32 @@ def brdf(n: Vector, l: Vector, v: Vector, blur: Number, q: Grains) -> Number:  #
     """
     mu0, mu = n.dot(l).at_least(1e-6).named("µ0"), n.dot(v).at_least(1e-6).named("µ")
     single = backscatter = Number(n.tree, 1.0)
-    if q.b != 0.0 or _surges(q):
+    if q.b != 0.0 or _has_surges(q):
         near, far = l.distance(v).named("|l - v|"), (l + v).length().named("|l + v|")
-        single = _phase_function(near, far, q)
-    if _surges(q):
+        single = _add_phase_function(near, far, q)
+    if _has_surges(q):
         t = near / far.at_least(1e-15)
         t = t.times_plus(t, blur * blur).sqrt().named("tan g/2, blurred")
         if q.b_s0 * q.h_s > 0.0:
             single = single * (q.h_s / (t + q.h_s)).times_plus(q.b_s0, 1.0).named("1 + BS0 BS")
         if q.b_c0 * q.h_c > 0.0:
-            backscatter = _coherent_backscatter(t, q.h_c).times_plus(q.b_c0, 1.0).named("1 + BC0 BC")
+            backscatter = _add_coherent_backscatter(t, q.h_c).times_plus(q.b_c0, 1.0).named("1 + BC0 BC")
     # A BRDF is symmetric in Sun and observer: 'n' is the ray nearer to the normal, 'f' the farther one.
     mu_n, mu_f = mu0.at_least(mu), mu0.at_most(mu)
     scale, shadowing = Number(n.tree, 1.0 / q.k), Number(n.tree, 1.0)
     if q.tan_theta.known != 0.0:
-        mu_n, mu_f, shadowing = _rough(n, l, v, mu_n, mu_f, q.tan_theta)
+        mu_n, mu_f, shadowing = _add_roughness(n, l, v, mu_n, mu_f, q.tan_theta)
         scale = scale / (q.tan_theta * q.tan_theta).times_plus(math.pi, 1.0).sqrt()
-    h = _h_function(mu_n * scale, q).named("H") * _h_function(mu_f * scale, q).named("H")
+    h = _add_h_function(mu_n * scale, q).named("H") * _add_h_function(mu_f * scale, q).named("H")
     total = (single + h - 1.0).named("p(1 + BS0 BS) + HH - 1")
     return (total * backscatter * (shadowing / (mu_n + mu_f)) * (q.w * (q.k / (4 * math.pi)))).named(NAME)
 
 
-def _surges(q: Grains) -> bool:
+def _has_surges(q: Grains) -> bool:
     return q.b_s0 * q.h_s > 0.0 or q.b_c0 * q.h_c > 0.0
 
 
-def _phase_function(near: Number, far: Number, q: Grains) -> Number:
+def _add_phase_function(near: Number, far: Number, q: Grains) -> Number:
     if q.b == 0.0:
         return Number(near.tree, 1.0)
     total = Number(near.tree, 0.0)
@@ -77,7 +77,7 @@ def _phase_function(near: Number, far: Number, q: Grains) -> Number:
     return total.named("p")
 
 
-def _coherent_backscatter(t: Number, h_c: float) -> Number:
+def _add_coherent_backscatter(t: Number, h_c: float) -> Number:
     x = (t / h_c).at_most(1e6).named("x")
     # For small x, a series replaces the difference of nearly equal numbers, which would lose digits.
     small = -x.at_most(0.1)
@@ -87,7 +87,7 @@ def _coherent_backscatter(t: Number, h_c: float) -> Number:
     return (ratio + 1.0) * 0.5 / ((x + 1.0) * (x + 1.0))
 
 
-def _h_function(x: Number, q: Grains) -> Number:
+def _add_h_function(x: Number, q: Grains) -> Number:
     gamma = (1.0 - q.w).at_least(0.0).sqrt()
     if q.h_function == "1981":
         return x.times_plus(2.0, 1.0) / x.times_plus(gamma * 2.0, 1.0)
@@ -101,7 +101,7 @@ def _h_function(x: Number, q: Grains) -> Number:
     return 1.0 / (x * q.w).times_plus(-bracket, 1.0)
 
 
-def _rough(
+def _add_roughness(
     n: Vector,
     l: Vector,  # noqa: E741
     v: Vector,

@@ -22,7 +22,7 @@ from .patches_and_grain import (
     NOISE_MEAN,
     add_noise,
     add_patch_noise,
-    threshold_for_share,
+    find_threshold,
 )
 
 #: Whitest and bluest bands have this many times the bubbles of the mean and this part of them; the most bubbles of all.
@@ -38,7 +38,7 @@ _CRUST_EDGE = 0.05
 CRUST_GRAIN = 0.15
 
 
-def as_bubbly_ice(surface: SurfaceSettings) -> SurfaceSettings:
+def apply_bubble_albedo(surface: SurfaceSettings) -> SurfaceSettings:
     """``surface`` settings with the albedo of their bubbles, the mean of the bands; unchanged without bubbles."""
     if surface.model != "PRINCIPLED" or surface.bubble_share == 0.0:
         return surface
@@ -117,18 +117,18 @@ def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth
     upright = tree.separated("Up", geometry.outputs["True Normal"])[2]
     rise = _NEVER * NOISE_DEVIATION / (_FROST_FULL - _FROST_FREE)
     steep = (_FROST_FULL - Number(tree, upright)).at_least(0.0) * rise
-    limit, edge = threshold_for_share(surface.frost_share), _FROST_EDGE * NOISE_DEVIATION
+    limit, edge = find_threshold(surface.frost_share), _FROST_EDGE * NOISE_DEVIATION
     return tree.ramp("Frosted", (Number(tree, field) - steep).value, limit - edge, limit + edge, smooth=True)
 
 
 def add_crust_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float) -> Socket:
     """Output socket of the share of a place that is crust: 0 or 1 but for its edge."""
     field = add_noise(tree, "Crust", geometry.outputs["Position"], surface.crust_patch_m, fourth, 5.0)
-    limit, edge = threshold_for_share(surface.crust_share), _CRUST_EDGE * NOISE_DEVIATION
+    limit, edge = find_threshold(surface.crust_share), _CRUST_EDGE * NOISE_DEVIATION
     return tree.ramp("Crusted", field, limit - edge, limit + edge)
 
 
-def add_smoothed(tree: Tree, crusted: Socket, height: Socket | None) -> Socket | None:
+def smooth_under_crust(tree: Tree, crusted: Socket, height: Socket | None) -> Socket | None:
     """Output socket of a height of fine relief, lower under a crust; None if there is no relief."""
     if height is None:
         return None

@@ -30,11 +30,11 @@ from .glints import add_glints
 from .patches_and_grain import (
     GRAIN_FARTHEST,
     add_brightness,
-    add_faces,
+    add_face_variation,
     add_grain,
     add_grain_by_fineness,
-    add_patchy,
-    darkest,
+    add_patchy_grain,
+    find_darkest_factor,
 )
 from .shown_albedo import add_albedo_pass
 from .sun_inputs import Sun
@@ -75,7 +75,7 @@ def _add_fine_height(
     if surface.grain_amplitude_m > 0.0:
         about_0 = add_grain(tree, where, surface.grain_size_m, place)
         even = tree.math("MULTIPLY", "Grain Height", about_0, surface.grain_amplitude_m)
-        grain = add_patchy(tree, surface, where, place, even)
+        grain = add_patchy_grain(tree, surface, where, place, even)
     return _add_sum(tree, grain, _add_image_height(tree, pieces, textured))
 
 
@@ -233,7 +233,9 @@ def _add_layers(ice: _Ice, crusted: Socket | None, of_rocks: bool) -> tuple[Any,
     return shader, volume
 
 
-def _numbers_of(surface: SurfaceSettings, settings: Settings | None, textured: Textured | None) -> tuple[str, ...]:
+def _list_varying_images(
+    surface: SurfaceSettings, settings: Settings | None, textured: Textured | None
+) -> tuple[str, ...]:
     """Kinds of images that vary inputs of the surface's reflectance law."""
     if surface.model == "PRINCIPLED":
         return "roughness", "transmission"
@@ -310,7 +312,7 @@ class _Material:
         self._of_rocks, self._of_terrain = semantic == ROCK, semantic == TERRAIN
         self._at = _Places.draw(seed)
         self._geometry = self.tree.node("ShaderNodeNewGeometry", "Geometry")
-        self._surface = ice_layers.as_bubbly_ice(surface)
+        self._surface = ice_layers.apply_bubble_albedo(surface)
         self._maps = textured.maps if textured is not None else {}
         self._pieces = (
             textured.make_sampler(self.tree, self._geometry, self._at.image)
@@ -329,7 +331,7 @@ class _Material:
 
     def vary_inputs(self) -> None:
         """Let images vary the inputs of the reflectance law."""
-        for kind in _numbers_of(self._surface, self._settings, self._textured):
+        for kind in _list_varying_images(self._surface, self._settings, self._textured):
             if self._pieces is not None and kind in self._maps:
                 of = self._maps[kind]
                 self._surface = self._surface | {kind: of.mean[of.channel]}
@@ -340,15 +342,15 @@ class _Material:
         """Multiply the albedo by patches, by ground that was dug open, and by the faces of rocks."""
         tree, surface = self.tree, self._surface
         self._grey = add_brightness(tree, surface, self._geometry, self._at.patches, elevated=self._of_terrain)
-        self._least = darkest(surface)
+        self._least = find_darkest_factor(surface)
         if dug and self._settings is not None and dug_layers.is_shown(self._settings.excavation):
             opened = dug_layers.add_dug_brightness(tree, self._settings.excavation)
             self._grey = tree.math("MULTIPLY", "Brightness of Dug Ground", opened, self._grey)
-            self._least *= dug_layers.darkest(self._settings.excavation)
+            self._least *= dug_layers.find_darkest_layer(self._settings.excavation)
         if self._of_rocks and surface.face_variation > 0.0:
-            kept, rougher = add_faces(tree, surface)
+            kept, rougher = add_face_variation(tree, surface)
             self._grey = tree.math("MULTIPLY", "Brightness of Faces", self._grey, kept)
-            if "roughness" in _numbers_of(surface, self._settings, None):
+            if "roughness" in _list_varying_images(surface, self._settings, None):
                 roughness = Number(tree, self._varied.get("roughness", surface.roughness)) + Number(tree, rougher)
                 self._varied["roughness"] = roughness.at_least(0.0).at_most(1.0).value
 
@@ -377,10 +379,10 @@ class _Material:
             self._crusted = ice_layers.add_crust_share(tree, self._surface, self._geometry, self._at.crust)
             height = _add_sum(
                 tree,
-                ice_layers.add_smoothed(tree, self._crusted, height),
+                ice_layers.smooth_under_crust(tree, self._crusted, height),
                 ice_layers.add_crust_height(tree, self._surface, self._crusted),
             )
-            moved = ice_layers.add_smoothed(tree, self._crusted, moved)
+            moved = ice_layers.smooth_under_crust(tree, self._crusted, moved)
         if self._pieces is not None and "normal" in self._maps:
             self._normal = self._pieces.sample_normal(self._maps["normal"])
         if height is not None:
@@ -429,7 +431,7 @@ class _Material:
             _add_reflectance(self.tree, plain, self._grey, self._colour),
             self._varied,
             self._normal,
-            self._is_smooth,
+            self._meets_camera_only,
             self._geometry,
             1.0 / focal_px(settings.rig) if settings is not None else 0.0,
             self._at,
@@ -444,10 +446,10 @@ class _Material:
             else None
         )
         ground = reflectance_laws.Ground(self.tree, self._normal, self._grey, self._colour, slopes)
-        return _add_law(self.material, self._surface, self._settings, ground, self._is_smooth, self._least)
+        return _add_law(self.material, self._surface, self._settings, ground, self._meets_camera_only, self._least)
 
     @property
-    def _is_smooth(self) -> bool:
+    def _meets_camera_only(self) -> bool:
         """Whether only rays of the camera meet the relief."""
         return self._settings is not None and only_camera_meets_relief(self._surface, self._settings.quality)
 

@@ -102,7 +102,7 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
     for each in found.values():
         if each.image.get(_SHOWN) != mark:
             pixels = _read_pixels(each.image)
-            values = _linear(each.image, pixels[texture_coordinates.find_pixels(points, *pixels.shape[:2])])
+            values = _to_linear(each.image, pixels[texture_coordinates.find_pixels(points, *pixels.shape[:2])])
             each.image[_SHOWN], each.image[_SHOWN_MEAN] = mark, (weight @ values).tolist()
     return {kind: replace(each, mean=tuple(each.image[_SHOWN_MEAN])) for kind, each in found.items()}
 
@@ -111,7 +111,7 @@ def measure_brightness(of: Map) -> Array:
     """The linear values of the brightest band that 0, 1, ... 100 % of the pixels of an image have at most, (101,)."""
     key = of.image[_KEY]
     if key not in _measured_brightness:
-        values = _linear(of.image, _read_pixels(of.image)).max(axis=-1)
+        values = _to_linear(of.image, _read_pixels(of.image)).max(axis=-1)
         _measured_brightness[key] = np.percentile(values, np.arange(101))
     return _measured_brightness[key]
 
@@ -156,7 +156,7 @@ def _load_map(kind: str, source: MeshImage, name: str) -> Map:
         if floats or (kind != "albedo" and not image.is_float):
             image.colorspace_settings.name = "Non-Color"
         try:
-            found = _remember_map(key, image, _mean(path, name, image))
+            found = _remember_map(key, image, _measure_mean(path, name, image))
         except IcyMoonError:
             bpy.data.images.remove(image)
             raise
@@ -188,13 +188,13 @@ def _unpack_image(source: MeshImage, data: bytes) -> bpy.types.Image:
     return image
 
 
-def _mean(path: Path, name: str, image: bpy.types.Image) -> Array:
+def _measure_mean(path: Path, name: str, image: bpy.types.Image) -> Array:
     """Mean (3,) of an image's linear values. Raises IcyMoonError if it has no pixels or if values are not finite."""
     if image.size[0] * image.size[1] == 0:
         raise IcyMoonError(f"{path}: is not an image that can be read; give a PNG, JPEG, TIFF or EXR as {name}.")
     pixels, total = _read_pixels(image), np.zeros(3)
     for some in np.array_split(pixels, 1 + pixels.size // _AT_ONCE):
-        values = _linear(image, some)
+        values = _to_linear(image, some)
         if not np.isfinite(values).all():
             raise IcyMoonError(f"{path}: has pixels that are not numbers; fix the image or choose another for {name}.")
         total += values.sum(axis=(0, 1), dtype=np.float64)
@@ -209,7 +209,7 @@ def _read_pixels(image: bpy.types.Image) -> Array:
     return pixels.reshape(height, width, image.channels)
 
 
-def _linear(image: bpy.types.Image, pixels: Array) -> Array:
+def _to_linear(image: bpy.types.Image, pixels: Array) -> Array:
     """Linear values (..., 3) of pixels (..., channels) of an image."""
     values = pixels[..., :3] if image.channels >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
     if image.colorspace_settings.name == "sRGB" and not image.is_float:

@@ -19,7 +19,7 @@ from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE
 from ..ground.terrain_mesh import SPACING
-from ..tree.builder import Node, Socket, Tree, Value, output
+from ..tree.builder import Node, Socket, Tree, Value, find_output
 from ..tree.formula import Number
 
 ELEVATION = "icymoon_elevation"  # attribute: height above the mean plane in standard deviations
@@ -52,7 +52,9 @@ def add_noise(tree: Tree, label: str, where: Socket, wavelength_m: float, fourth
     return tree.noise(label, {"Vector": where, "W": fourth}, 1.0 / wavelength_m, octaves).outputs[0]
 
 
-def add_patchy(tree: Tree, surface: SurfaceSettings, where: Socket, place: Sequence[float], height: Socket) -> Socket:
+def add_patchy_grain(
+    tree: Tree, surface: SurfaceSettings, where: Socket, place: Sequence[float], height: Socket
+) -> Socket:
     """Output socket of a height of grain that is stronger in some places and weaker in others. The RMS height is kept.
 
     The factor is log-normal, as in a multiplicative cascade: exp(s g - s²) with Gaussian noise g of unit deviation has
@@ -97,7 +99,7 @@ def add_grain_by_fineness(
     """
     askew = _add_grain_place(tree, where, surface.grain_size_m, place)
     spacing = Number(tree, tree.attribute("Vertex Spacing", SPACING))
-    first = _partly_carried(surface, spacing)
+    first = _find_partly_carried(surface, spacing)
     part_scale = Number(tree, 2.0).power(first).named("Scale of the Octave in Part")
     waves = spacing * part_scale * (1.0 / surface.grain_size_m)
     share = Number(tree, tree.ramp("Carried of It", waves.value, 1.0, CARRIED))
@@ -109,10 +111,12 @@ def add_grain_by_fineness(
     some_shorter, some_longer = (OCTAVES - 1.0 - first).at_most(1.0), first.at_most(1.0)
     rest = ((1.0 - share) * partly + 0.5 * some_shorter * shorter) / part_scale * span
     carried = (share * partly / part_scale + some_longer * longer) * span
-    return add_patchy(tree, surface, where, place, carried.value), add_patchy(tree, surface, where, place, rest.value)
+    return add_patchy_grain(tree, surface, where, place, carried.value), add_patchy_grain(
+        tree, surface, where, place, rest.value
+    )
 
 
-def _partly_carried(surface: SurfaceSettings, spacing: Number) -> Number:
+def _find_partly_carried(surface: SurfaceSettings, spacing: Number) -> Number:
     """The longest octave, from 0, that vertices do not carry whole; the last one if they carry all."""
     whole = 1.0 - (spacing.at_least(1e-9) / (CARRIED * surface.grain_size_m)).log() * (1.0 / math.log(2.0))
     carried = Number(spacing.tree, spacing.tree.math("FLOOR", "Octaves Carried", whole.value))
@@ -151,7 +155,7 @@ def mark_elevation(
     attribute.data.foreach_set("value", np.clip(elevation, -_MOST_ELEVATION, _MOST_ELEVATION).astype(np.float32))
 
 
-def _add_kept(tree: Tree, label: str, share: Value, dirt: float) -> Value:
+def _add_undimmed_share(tree: Tree, label: str, share: Value, dirt: float) -> Value:
     """Output socket of 1 - dirt x share."""
     return tree.math("SUBTRACT", f"{label} Kept", 1.0, tree.math("MULTIPLY", f"{label} Darkening", share, dirt))
 
@@ -164,7 +168,7 @@ def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth:
     factors: list[Any] = []
     if surface.albedo_variation > 0.0:
         patches = add_noise(tree, "Patches", geometry.outputs["Position"], surface.albedo_patch_m, fourth, 4.0)
-        factors.append(_add_kept(tree, "Patches", patches, surface.albedo_variation))
+        factors.append(_add_undimmed_share(tree, "Patches", patches, surface.albedo_variation))
     if surface.dirt == "BLACK":
         factors += _clean_shares(tree, surface, geometry, elevated)
     return _add_factors(tree, "Brightness", factors)
@@ -219,16 +223,16 @@ def _clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Node, elevated
         height = tree.attribute("Elevation", ELEVATION)
         clean = math.copysign(1.0, surface.trough_dirt)
         troughs = tree.ramp("Trough Share", height, clean, -clean)
-        factors.append(_add_kept(tree, "Trough", troughs, abs(surface.trough_dirt)))
+        factors.append(_add_undimmed_share(tree, "Trough", troughs, abs(surface.trough_dirt)))
     if surface.slope_dirt != 0.0:
         upright = tree.separated("Upright", geometry.outputs["True Normal"])[2]
         ends = (1.0, 1.0 - _STEEP) if surface.slope_dirt > 0 else (1.0 - _STEEP, 1.0)
         slopes = tree.ramp("Slope Share", upright, *ends)
-        factors.append(_add_kept(tree, "Slope", slopes, abs(surface.slope_dirt)))
+        factors.append(_add_undimmed_share(tree, "Slope", slopes, abs(surface.slope_dirt)))
     return factors
 
 
-def add_faces(tree: Tree, surface: SurfaceSettings) -> tuple[Any, Any]:
+def add_face_variation(tree: Tree, surface: SurfaceSettings) -> tuple[Any, Any]:
     """Output sockets of a grey factor and of a change of roughness, drawn separately for each face of each rock.
 
     Their means are 1 - v/2 and 0, with v the setting ``face_variation``.
@@ -238,18 +242,18 @@ def add_faces(tree: Tree, surface: SurfaceSettings) -> tuple[Any, Any]:
     place = tree.combined("Face of a Rock", face, 0.0)
     at = {"Vector": place, "W": rock}
     chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Face", at, noise_dimensions="4D")
-    parts = tree.node("ShaderNodeSeparateColor", "Chances", {"Color": output(chance, "Color")}, mode="RGB").outputs
+    parts = tree.node("ShaderNodeSeparateColor", "Chances", {"Color": find_output(chance, "Color")}, mode="RGB").outputs
     rough = (Number(tree, parts["Green"]) * 2.0 - 1.0) * surface.face_variation
-    return _add_kept(tree, "Face", parts["Red"], surface.face_variation), rough.value
+    return _add_undimmed_share(tree, "Face", parts["Red"], surface.face_variation), rough.value
 
 
-def darkest(surface: SurfaceSettings) -> float:
+def find_darkest_factor(surface: SurfaceSettings) -> float:
     """The minimum of the factor of ``add_brightness``, and of the faces of rocks."""
     dirt = ("trough_dirt", "slope_dirt") if surface.dirt == "BLACK" else ()
     return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", "face_variation", *dirt)))
 
 
-def threshold_for_share(share: float, deviation: float = NOISE_DEVIATION) -> float:
+def find_threshold(share: float, deviation: float = NOISE_DEVIATION) -> float:
     """The value that this share of noise of four octaves exceeds, of this standard ``deviation``."""
     return NOISE_MEAN + deviation * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
 
@@ -259,5 +263,5 @@ def add_stained_share(tree: Tree, surface: SurfaceSettings, geometry: Node, four
     share = surface.salt_share
     field = add_noise(tree, "Salt", geometry.outputs["Position"], surface.salt_patch_m, fourth, 4.0)
     deviation = _DEVIATION_OF_OWN_SALT if surface.salt == "OWN" else NOISE_DEVIATION
-    threshold = threshold_for_share(share, deviation)
+    threshold = find_threshold(share, deviation)
     return tree.ramp("Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)

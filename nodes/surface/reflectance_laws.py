@@ -34,12 +34,12 @@ from ...settings.topics.surfaces import HapkeSettings
 from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
-from ..light.planet_lamp import planet_inputs
+from ..light.planet_lamp import make_planet_inputs
 from ..tree.builder import Socket, Tree, Triple, Value
 from ..tree.formula import Number, Vector
 from . import hapke_nodes
 from .hapke_osl import add_script_node
-from .sun_inputs import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, sun_inputs
+from .sun_inputs import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, make_sun_inputs
 
 
 @dataclass(frozen=True)
@@ -97,30 +97,30 @@ def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
     return False, level, f"Hapke's surface is built from nodes, because {why}." if asked == "AUTO" else ""
 
 
-def _uses(settings: Settings, model: str) -> bool:
+def _uses_law(settings: Settings, model: str) -> bool:
     topics = ["surface"] + (["rock_surface"] if settings.rocks.own_surface else [])
     return any(settings[topic]["model"] == model for topic in topics)
 
 
 def uses_hapke(settings: Settings) -> bool:
     """Whether the ground or the rocks reflect by Hapke's law."""
-    return _uses(settings, "HAPKE")
+    return _uses_law(settings, "HAPKE")
 
 
 #: A part of the identity of scenes in which nodes replace OSL.
 OF_NODES = "Hapke of nodes"
 
 
-def osl_substitute(settings: Settings) -> str:
+def describe_osl_substitute(settings: Settings) -> str:
     """A text for the scene's identity if nodes replace OSL here, which the settings do not determine; else empty."""
     automatic = uses_hapke(settings) and settings.hapke.backend == "AUTO"
     of_osl = not automatic or choose_backend(settings.hapke, settings.quality.device)[0]
     return "" if of_osl else OF_NODES
 
 
-def advice(settings: Settings) -> list[str]:
+def advise_on_hapke(settings: Settings) -> list[str]:
     """Sentences of advice on a Hapke surface. Raises IcyMoonError if it, or snow of OSL, cannot be built."""
-    if _uses(settings, "SNOW") and settings.hapke.backend == "OSL":
+    if _uses_law(settings, "SNOW") and settings.hapke.backend == "OSL":
         choose_backend(settings.hapke, settings.quality.device)
     if not uses_hapke(settings):
         return []
@@ -251,8 +251,8 @@ def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], la
             "Tint": (1.0, 1.0, 1.0, 1.0) if ground.colour is None else ground.colour,
             "Level": LEVELS.index(level),
             "Normal": normal,
-            **sun_inputs(sun),
-            **planet_inputs(None),
+            **make_sun_inputs(sun),
+            **make_planet_inputs(None),
             **inputs,
         },
     )
@@ -261,7 +261,7 @@ def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], la
 
 
 @lru_cache(maxsize=64)
-def _fit(q: model.HapkeParameters, darkest: float, slopes: tuple[float, float]) -> Array:
+def _fit_hemispherical_albedo(q: model.HapkeParameters, darkest: float, slopes: tuple[float, float]) -> Array:
     """Coefficients of the hemispherical albedo, for θ̄ in ``slopes`` and for w times a factor from ``darkest`` to 1."""
     least, most = math.sqrt(1 - q.w), math.sqrt(1 - q.w * darkest)
     gammas = np.linspace(least, most, 5) if most - least > 1e-6 else np.array([least])
@@ -272,7 +272,7 @@ def _fit(q: model.HapkeParameters, darkest: float, slopes: tuple[float, float]) 
     return hemispherical_fit(law_of, gammas, slopes)
 
 
-def _white(ground: Ground, grains: Grains) -> list[list[Number]]:
+def _add_albedo_coefficients(ground: Ground, grains: Grains) -> list[list[Number]]:
     """Coefficients (4, 3) of the hemispherical albedo in powers of cos e and r0, for the ground's θ̄."""
     low = high = float(grains.parameters.theta_bar)
     t = Number(ground.tree, 0.0)
@@ -287,10 +287,13 @@ def _white(ground: Ground, grains: Grains) -> list[list[Number]]:
             value = value.times_plus(t, coefficient)
         return value
 
-    return [[at(column) for column in row] for row in _fit(grains.parameters, grains.darkest, (low, high)).tolist()]
+    return [
+        [at(column) for column in row]
+        for row in _fit_hemispherical_albedo(grains.parameters, grains.darkest, (low, high)).tolist()
+    ]
 
 
-def _known(ground: Ground, q: model.HapkeParameters) -> hapke_nodes.Grains:
+def _make_node_grains(ground: Ground, q: model.HapkeParameters) -> hapke_nodes.Grains:
     w = (Number(ground.tree, ground.grey) * float(q.w)).at_most(1.0)
     theta_bar = Number(ground.tree, float(q.theta_bar) if ground.slopes is None else ground.slopes.value)
     return hapke_nodes.Grains(
@@ -310,14 +313,14 @@ def _known(ground: Ground, q: model.HapkeParameters) -> hapke_nodes.Grains:
 def add_hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Socket:
     """Shader socket of Hapke's law from nodes."""
     n, toward_sun, eye = _add_sight(ground, sun)
-    tree, known = ground.tree, _known(ground, grains.parameters)
+    tree, known = ground.tree, _make_node_grains(ground, grains.parameters)
     blur = tree.math("ADD", BLUR, sun.blur, 0.0)  # a node whose number can be set
-    weight = hapke_nodes.brdf(n, toward_sun, eye, Number(tree, blur), known) * math.pi
+    weight = hapke_nodes.add_brdf(n, toward_sun, eye, Number(tree, blur), known) * math.pi
     if not blur.is_linked:
         tree.tree.nodes.remove(blur.node)
     gamma, white, mu = (1.0 - known.w).at_least(0.0).sqrt(), Number(tree, 0.0), n.dot(eye).at_least(0.0)
     r0 = (1.0 - gamma) / (gamma + 1.0)
-    for c0, c1, c2 in reversed(_white(ground, grains)):
+    for c0, c1, c2 in reversed(_add_albedo_coefficients(ground, grains)):
         white = white.times_plus(mu, r0.times_plus(c2, c1).times_plus(r0, c0))
     return _add_lit_or_not(ground, n.dot(toward_sun), weight, white.at_least(0.0).at_most(1.0))
 
@@ -332,8 +335,11 @@ def _add_vector(tree: Tree, label: str, numbers: list[Number]) -> Socket:
 def add_hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> Socket:
     """Shader socket of Hapke's law in Open Shading Language."""
     tree, q = ground.tree, grains.parameters
-    known = _known(ground, q)
-    albedo = {f"Albedo{k}": _add_vector(tree, f"Albedo {k}", row) for k, row in enumerate(_white(ground, grains))}
+    known = _make_node_grains(ground, q)
+    albedo = {
+        f"Albedo{k}": _add_vector(tree, f"Albedo {k}", row)
+        for k, row in enumerate(_add_albedo_coefficients(ground, grains))
+    }
     return _add_script(
         ground,
         sun,

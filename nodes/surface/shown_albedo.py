@@ -35,7 +35,7 @@ def add_albedo_pass(
     """
     found: Triple = (*[reflectance] * 3, 1.0) if isinstance(reflectance, (int, float)) else reflectance
     if surface.model == "HAPKE" and settings is not None:
-        factors, bond = hapke_curve(settings, 1.0 if isinstance(grey, float) else least)
+        factors, bond = compute_hapke_curve(settings, 1.0 if isinstance(grey, float) else least)
         level: Value = float(bond[-1]) if isinstance(grey, float) else tree.curve("Albedo of w", grey, factors, bond)
         vector = found[:3] if isinstance(found, tuple) else found
         found = tree.vector("MULTIPLY", "Albedo by Band", vector, (level,) * 3 if isinstance(level, float) else level)
@@ -45,7 +45,7 @@ def add_albedo_pass(
     tree.value_pass("Albedo", ALBEDO_AOV, found)
 
 
-def hapke_curve(settings: Settings, least: float) -> tuple[Array, Array]:
+def compute_hapke_curve(settings: Settings, least: float) -> tuple[Array, Array]:
     """Factors on w from ``least`` to 1, and the Bond albedo of Hapke's law with each."""
     known = hapke_from_settings(settings.hapke)
     factors = np.unique(np.linspace(least, 1.0, _STEPS))

@@ -20,8 +20,8 @@ from ...support.arrays import Numbers
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ..datablocks.fingerprint import TAG
-from ..light.planet_lamp import MEAN, planet_inputs
-from ..light.sun_lamp import angular_diameter, irradiance_wm2
+from ..light.planet_lamp import MEAN, make_planet_inputs
+from ..light.sun_lamp import read_lamp_diameter, read_lamp_irradiance_wm2
 from . import hapke_nodes
 
 LEVELS = ("FAST", "ACCURATE", "REFERENCE")
@@ -54,8 +54,8 @@ class Sun:
     def from_lamp(cls, lamp: bpy.types.Object, world: Matrix) -> Sun:
         """The Sun of a lamp. ``world`` is its present matrix, since the user may have rotated it."""
         x, y, z = world.to_3x3().col[2].normalized()
-        red, green, blue = (irradiance_wm2(lamp) * band for band in lamp.data.color)
-        return cls((x, y, z), (red, green, blue), angular_diameter(lamp))
+        red, green, blue = (read_lamp_irradiance_wm2(lamp) * band for band in lamp.data.color)
+        return cls((x, y, z), (red, green, blue), read_lamp_diameter(lamp))
 
     @classmethod
     def of_planet(cls, shine: bpy.types.Object) -> Sun:
@@ -79,7 +79,7 @@ class Sun:
         return 2 / 3 * math.tan(self.angular_diameter / 4)
 
 
-def sun_inputs(sun: Sun) -> dict[str, Any]:
+def make_sun_inputs(sun: Sun) -> dict[str, Any]:
     """Inputs of ``hapke.osl`` for the Sun."""
     return {
         "SunDirection": sun.direction,
@@ -114,7 +114,7 @@ def aim_surfaces(materials: Iterable[bpy.types.Material], sun: Sun, shine: bpy.t
         if node := _find_own_node(material, BLUR, "ShaderNodeMath"):
             _set_input(node.inputs[0], lit_by.blur)
         if node := _find_own_node(material, SCRIPT, "ShaderNodeScript"):
-            for name, value in {**sun_inputs(sun), **planet_inputs(shine)}.items():
+            for name, value in {**make_sun_inputs(sun), **make_planet_inputs(shine)}.items():
                 _set_input(node.inputs[name], value)
 
 
@@ -130,14 +130,14 @@ def is_osl(material: bpy.types.Material) -> bool:
     return _find_own_node(material, SCRIPT, "ShaderNodeScript") is not None
 
 
-def _level(material: bpy.types.Material) -> str:
+def _read_level(material: bpy.types.Material) -> str:
     node = _find_own_node(material, SCRIPT, "ShaderNodeScript")
     return LEVELS[node.inputs["Level"].default_value] if node else LEVELS[0]
 
 
 def traces_sun(material: bpy.types.Material) -> bool:
     """Whether a material traces the Sun, so that the lamp must not light it. Every OSL material traces the planet."""
-    return _level(material) != LEVELS[0]
+    return _read_level(material) != LEVELS[0]
 
 
 #: Inputs of ``hapke.osl`` that may vary from place to place, with their names in ``pair.json``.
@@ -154,8 +154,8 @@ def describe_hapke(materials: Iterable[bpy.types.Material]) -> dict[str, Any] | 
     for material in materials:
         nodes = material.node_tree.nodes if material.node_tree else ()
         if any(node.label in (SCRIPT, hapke_nodes.NAME) for node in nodes):
-            known = known or {"made_of": "OSL" if is_osl(material) else "NODES", "accuracy": _level(material)}
-        if _level(material) == LEVELS[2]:
+            known = known or {"made_of": "OSL" if is_osl(material) else "NODES", "accuracy": _read_level(material)}
+        if _read_level(material) == LEVELS[2]:
             inputs = material.node_tree.nodes[SCRIPT].inputs
             varying |= {name for socket, name in _VARYING.items() if inputs[socket].is_linked}
     return known and {**known, "neighbours_as_here": sorted(varying)}

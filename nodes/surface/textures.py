@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 from ...settings.topics.surfaces import TexturesSettings
 from ...support.blender import compat
 from ...support.labels import UV_LAYER
-from ..tree.builder import Node, Socket, Tree, Triple, Value, output
+from ..tree.builder import Node, Socket, Tree, Triple, Value, find_output
 from .images import Map
 
 #: Hexagons per image width. Each shows about half of the image.
@@ -58,7 +58,7 @@ class Sampler:
         self.tree = tree
         self.pieces: list[tuple[Any, Any, Any]] = []
 
-    def _images(self, kind: str, of: Map) -> list[Any]:
+    def _add_images(self, kind: str, of: Map) -> list[Any]:
         """Output sockets of the image's colour at each piece."""
         return [
             self.tree.node(
@@ -72,7 +72,7 @@ class Sampler:
             for k, (place, _, _) in enumerate(self.pieces)
         ]
 
-    def _blended(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Socket:
+    def _add_blend(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Socket:
         """Output socket of mean + sum of share x (value - mean), but no albedo below 0.
 
         The squares of the shares add up to 1, so that contrast is kept, and the shares to more.
@@ -88,7 +88,7 @@ class Sampler:
 
     def sample(self, kind: str, of: Map) -> Socket:
         """Output socket of the blended colour of a map."""
-        return self._blended(kind, self._images(kind, of), of.mean)
+        return self._add_blend(kind, self._add_images(kind, of), of.mean)
 
     def sample_normal(self, of: Map) -> Socket:
         """Output socket of the surface's normal tilted as a normal map states (x right, y up, z out; OpenGL)."""
@@ -116,7 +116,10 @@ class ByUV(Sampler):
         # The node uses the normal before displacement. So its change of that normal is added to the true one.
         mapped, level = (
             self.tree.node("ShaderNodeNormalMap", label, {"Strength": 1.0, "Color": colour}, **self._TANGENT).outputs[0]
-            for label, colour in (("Normal Map", self._images("normal", of)[0]), ("Level Map", (0.5, 0.5, 1.0, 1.0)))
+            for label, colour in (
+                ("Normal Map", self._add_images("normal", of)[0]),
+                ("Level Map", (0.5, 0.5, 1.0, 1.0)),
+            )
         )
         tree = self.tree
         tilt = tree.vector("SUBTRACT", "Tilt", mapped, level)
@@ -132,11 +135,11 @@ class Pieces(Sampler):
         if textures.repeat == "PLAIN":
             self.pieces = [(self.plane, 1.0, 0.0)]
         else:
-            self._hexagons(turned=textures.repeat == "TURNED")
+            self._add_hexagons(turned=textures.repeat == "TURNED")
 
     def chosen(self, label: str, share: Value, a: Triple, b: Triple) -> Socket:
         """Output socket of vector ``a`` where ``share`` is 0 and ``b`` where it is 1."""
-        return output(
+        return find_output(
             self.tree.node(
                 "ShaderNodeMix",
                 label,
@@ -161,7 +164,7 @@ class Pieces(Sampler):
         side = self.chosen("Side", self.faces_east, tree.combined("From South", x, z), tree.combined("From East", y, z))
         self.plane = self.chosen("Seen From", self.is_wall, tree.combined("From Above", x, y), side)
 
-    def _hexagons(self, turned: bool) -> None:
+    def _add_hexagons(self, turned: bool) -> None:
         tree, math_, k = self.tree, self.tree.math, _HEXAGONS
         skewed = tree.combined(
             "Skewed",
@@ -194,9 +197,9 @@ class Pieces(Sampler):
             angle: Value = 0.0
             place = self.plane
             if turned:
-                angle = math_("MULTIPLY", f"Angle {name}", output(random, "Value"), 2 * math.pi)
+                angle = math_("MULTIPLY", f"Angle {name}", find_output(random, "Value"), 2 * math.pi)
                 place = self.rotated(f"Turned {name}", place, angle, middle)
-            moved = tree.vector("ADD", f"Piece {name}", place, output(random, "Color"))
+            moved = tree.vector("ADD", f"Piece {name}", place, find_output(random, "Color"))
             self.pieces.append((moved, math_("DIVIDE", f"Share {name}", weight, total), angle))
 
     def rotated(
@@ -214,7 +217,7 @@ class Pieces(Sampler):
     def sample_normal(self, of: Map) -> Socket:
         """Output socket of the surface's normal tilted as a normal map states (x right, y up, z out; OpenGL)."""
         tree, slopes = self.tree, []
-        for k, colour in enumerate(self._images("normal", of)):
+        for k, colour in enumerate(self._add_images("normal", of)):
             scaled = tree.scaled(f"Normal {k} Doubled", colour, 2.0)
             x, y, z = tree.separated(f"Normal {k} Axes", tree.vector("SUBTRACT", f"Normal {k}", scaled, (1.0,) * 3))
             level = tree.math("MAXIMUM", f"Normal {k} Out", z, 0.05)
@@ -227,7 +230,7 @@ class Pieces(Sampler):
             slopes.append(
                 slope if isinstance(angle, float) else self.rotated(f"Slope {k} Turned", slope, angle, back=True)
             )
-        x, y, _ = tree.separated("Slopes", self._blended("normal", slopes, (0.0, 0.0, 0.0)))
+        x, y, _ = tree.separated("Slopes", self._add_blend("normal", slopes, (0.0, 0.0, 0.0)))
         side = self.chosen(
             "Side Slopes",
             self.faces_east,

@@ -63,7 +63,7 @@ _PRINCIPLED_IN_SOME = {
 _TO_NUMBER = ("DOT_PRODUCT", "LENGTH", "DISTANCE")
 
 
-def non_socket_values(node: bpy.types.Node) -> list[Any]:
+def list_non_socket_values(node: bpy.types.Node) -> list[Any]:
     """Values of a node that are not in sockets: the name of its image, the points of its curves, its UV layer."""
     image, mapping = getattr(node, "image", None), getattr(node, "mapping", None)
     curves = getattr(mapping, "curves", ())
@@ -71,7 +71,7 @@ def non_socket_values(node: bpy.types.Node) -> list[Any]:
     return [image.name if image else "", points, *([node.uv_map] if hasattr(node, "uv_map") else [])]
 
 
-def output(node: bpy.types.Node, identifier: str) -> Socket:
+def find_output(node: bpy.types.Node, identifier: str) -> Socket:
     """The output socket with an identifier. Unlike names, no version has renamed identifiers."""
     return next(socket for socket in node.outputs if socket.identifier == identifier)
 
@@ -129,7 +129,7 @@ class Tree:
         operands = {"Vector": a, "Vector_001": b, "Vector_002": c}
         inputs = {key: value for key, value in operands.items() if value is not None}
         node = self.node("ShaderNodeVectorMath", label, inputs, operation=operation)
-        return output(node, "Value" if operation in _TO_NUMBER else "Vector")
+        return find_output(node, "Value" if operation in _TO_NUMBER else "Vector")
 
     def scaled(self, label: str, vector: Triple, factor: Value) -> Socket:
         """Output socket of a vector times a number."""
@@ -151,7 +151,7 @@ class Tree:
 
     def mixed(self, label: str, share: Value, a: Triple, b: Triple) -> Socket:
         """Output socket of a colour that is ``b`` to this share and else ``a``."""
-        return output(
+        return find_output(
             self.node(
                 "ShaderNodeMix",
                 label,
@@ -204,7 +204,9 @@ class Tree:
 
     def attribute(self, label: str, name: str, identifier: str = "Fac", kind: str = "GEOMETRY") -> Socket:
         """Output socket of an attribute of the mesh, or of the instance."""
-        return output(self.node("ShaderNodeAttribute", label, attribute_type=kind, attribute_name=name), identifier)
+        return find_output(
+            self.node("ShaderNodeAttribute", label, attribute_type=kind, attribute_name=name), identifier
+        )
 
     def bump(self, label: str, height: Value, distance_m: float, normal: Socket | None = None) -> Socket:
         """Output socket of the normal with bumps, which are ``distance_m`` high where ``height`` is 1.
@@ -290,7 +292,7 @@ class Tree:
         self.tree.nodes.foreach_set("location", places)  # to move one node would update the whole tree
 
 
-def _plain(struct: bpy.types.bpy_struct) -> dict[str, Any]:
+def _list_plain_properties(struct: bpy.types.bpy_struct) -> dict[str, Any]:
     """The plain properties of a node, without properties of the node editor."""
     return {
         p.identifier: getattr(struct, p.identifier)
@@ -317,7 +319,7 @@ _EDITOR = {
 }
 
 
-def take_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
+def copy_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
     """Copy the values of a tree to another with the same nodes and links; False, without a change, if they differ.
 
     A tree that keeps its nodes also keeps its compiled shader, so that the view can follow a slider.
@@ -325,7 +327,7 @@ def take_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
 
     def structure(tree: bpy.types.NodeTree) -> list[Any]:
         return [
-            [(n.bl_idname, n.name, _plain(n), non_socket_values(n)) for n in tree.nodes],
+            [(n.bl_idname, n.name, _list_plain_properties(n), list_non_socket_values(n)) for n in tree.nodes],
             [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier) for k in tree.links],
         ]
 

@@ -46,7 +46,7 @@ def ask_abilities(blender: str) -> Abilities:
     return Abilities(facts["osl"], facts["denoiser"], bool(facts["devices"]))
 
 
-def lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
+def describe_lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
     """A sentence on what a Blender lacks for these quality settings, with the fix; empty if it lacks nothing."""
     if quality.denoiser != "NONE" and not able.denoiser:
         return "This Blender was built without OpenImageDenoise; set quality.denoiser to NONE or use an official build."
@@ -55,7 +55,7 @@ def lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
     return ""
 
 
-def lack_for(settings: Settings, able: Abilities) -> str:
+def describe_lack(settings: Settings, able: Abilities) -> str:
     """The same, for complete settings."""
     if (
         not able.osl
@@ -65,12 +65,12 @@ def lack_for(settings: Settings, able: Abilities) -> str:
         return (
             "This Blender was built without Open Shading Language; set hapke.backend to AUTO or use an official build."
         )
-    return lack_for_quality(settings.quality, able)
+    return describe_lack_for_quality(settings.quality, able)
 
 
 def needs_full_build(settings: Settings) -> bool:
     """Whether settings need what not every Blender has."""
-    return bool(lack_for(settings, Abilities(osl=False, denoiser=False, gpu=False)))
+    return bool(describe_lack(settings, Abilities(osl=False, denoiser=False, gpu=False)))
 
 
 def find_lack(wanted: Iterable[Settings], blender: str) -> str:
@@ -87,7 +87,7 @@ def find_lack(wanted: Iterable[Settings], blender: str) -> str:
     if not asked:
         return ""
     able = ask_abilities(blender)
-    found = [lack for lack in (lack_for(settings, able) for settings in asked) if lack]
+    found = [lack for lack in (describe_lack(settings, able) for settings in asked) if lack]
     if not found or count == 1:
         return "".join(found)
     what, fix = found[0].rstrip(".").split("; ", 1)

@@ -30,11 +30,11 @@ from ...support.labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
 from ...support.number_text import format_count
 from ...support.system import count_processors
 from ..pairs.pair_folder import is_complete, read_pair
-from ..plans.indirect import bake_seconds, light_bytes, light_key
-from ..plans.order import MOST_SCENES, cut_into_jobs, ordered, settings_key, usual_workers
+from ..plans.indirect import bake_seconds, light_bytes, make_light_key
+from ..plans.order import MOST_SCENES, choose_worker_count, cut_into_jobs, make_settings_key, order_pairs
 from ..plans.planned_pair import PlannedPair
 from ..plans.triangles import count_triangles
-from .speed import Speed, wall_seconds
+from .speed import Speed, to_wall_seconds
 
 #: Processor seconds, 2-core x86 server, Blender 5.0 (``python benchmarks plan_cost``): of the process that starts
 #: workers, of starting a worker, of building a scene, of building ground from a file, of a pair.
@@ -152,30 +152,30 @@ class Work:
         )
 
 
-def work_of(settings: Settings) -> Work:
+def estimate_work(settings: Settings) -> Work:
     """The work of a pair with these complete settings."""
     quality = choose_image_quality(settings)
     topics, coverage = surface_topics(settings), settings.rocks.coverage
     weights = (1.0,) if len(topics) == 1 else (1.0 - coverage, coverage)
     relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
     relative += _ROCKS * (coverage > 0)
-    samples = samples_taken(quality.samples, quality.noise_threshold)
+    samples = mean_samples_taken(quality.samples, quality.noise_threshold)
     truth = _TRUTH_S_PER_MPX[quality.truth_by] if quality.truth == "FULL" else 0.0
-    return Work(pixels_of(settings), samples, relative, quality.denoiser != "NONE", truth, coverage > 0)
+    return Work(count_pixels(settings), samples, relative, quality.denoiser != "NONE", truth, coverage > 0)
 
 
-def pixels_of(settings: Settings) -> int:
+def count_pixels(settings: Settings) -> int:
     """Pixels of both eyes, margins included."""
     width, height = StereoCamera.from_settings(settings.rig).rendered_px
     return 2 * width * height
 
 
-def bytes_of(settings: Settings) -> float:
+def estimate_bytes(settings: Settings) -> float:
     """Bytes of the images of a pair with these complete settings, before any pair of the scene is known."""
     quality, light = choose_image_quality(settings), settings.light
     rounded = rounded_passes(quality.files, quality.half_floats)
     stored = _LIGHT[IMAGE_PASS in rounded]
-    samples = samples_taken(quality.samples, quality.noise_threshold)
+    samples = mean_samples_taken(quality.samples, quality.noise_threshold)
     noisy = min(stored.most, stored.one_sample + stored.per_doubling * math.log2(samples))
     if settings.textures.set in _PHOTOGRAPHS:
         noisy = stored.most * stored.coloured
@@ -186,12 +186,12 @@ def bytes_of(settings: Settings) -> float:
         beside = 0.0 if quality.files == "COMPACT" and not denoised else seen
         seen = beside + (stored.sun + (stored.coloured if coloured else stored.planet)) * noisy
     copies = 1 + (settings.rig.toe_in_deg != 0)  # the truth of the rectified rig, and of eyes that are turned in
-    truth = _DEPTH + _shape(settings, _NORMALS[NORMAL_PASS in rounded]) if quality.truth == "FULL" else _DEPTH
+    truth = _DEPTH + _bytes_of_shape(settings, _NORMALS[NORMAL_PASS in rounded]) if quality.truth == "FULL" else _DEPTH
     larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
-    return pixels_of(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
+    return count_pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
 
 
-def _shape(settings: Settings, stored: _NormalBytes) -> float:
+def _bytes_of_shape(settings: Settings, stored: _NormalBytes) -> float:
     """Bytes per pixel of normals and labels. Cycles' truth has normals of shading too."""
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
     fraction = 1.0 if graded else stored.grid
@@ -249,7 +249,7 @@ def _sample_cost(settings: Settings, topic: str) -> float:
     return relative + images * (_OWN_IMAGE if settings.textures.set == "MESH" else 1.0)
 
 
-def samples_taken(samples: int, threshold: float) -> float:
+def mean_samples_taken(samples: int, threshold: float) -> float:
     """Samples that a pixel takes on the mean where none takes more than ``samples``, under a noise threshold (0: none).
 
     Measured by ``python benchmarks plan_cost``.
@@ -259,7 +259,7 @@ def samples_taken(samples: int, threshold: float) -> float:
     return min(float(samples), max(_LEAST * threshold**_LEAST_POWER, (_SAMPLE_NOISE / threshold) ** 2))
 
 
-def scene_seconds(settings: Settings, triangles: float) -> float:
+def build_seconds(settings: Settings, triangles: float) -> float:
     """Processor seconds of building a scene."""
     traced = _RAYS_S_PER_MTRI * (settings.quality.truth == "FULL" and settings.quality.truth_by == "RAYS")
     return (
@@ -310,9 +310,9 @@ class Estimate:
         ]
         if self.there < self.pairs:
             lines += [
-                f"{duration_text(left)} on {format_count(self.processors, 'processor')} ({duration_text(low)} to "
-                f"{duration_text(high)}; {basis}), {duration_text(self.left_s)} of a processor",
-                f"{size_text(self.left_bytes)} on the disk",
+                f"{format_duration(left)} on {format_count(self.processors, 'processor')} ({format_duration(low)} to "
+                f"{format_duration(high)}; {basis}), {format_duration(self.left_s)} of a processor",
+                f"{format_size(self.left_bytes)} on the disk",
             ]
         return lines
 
@@ -321,7 +321,7 @@ class Estimate:
         return {name: getattr(self, name) for name in self.__dataclass_fields__} | {"lines": self.lines()}
 
 
-def duration_text(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """'40 s', '12 min', '5.5 h' or '3.2 days'."""
     for unit, length, limit in (("s", 1.0, 99.0), ("min", 60.0, 99.0), ("h", 3600.0, 48.0)):
         if seconds <= limit * length:
@@ -329,41 +329,44 @@ def duration_text(seconds: float) -> str:
     return f"{seconds / 86400.0:.2g} days"
 
 
-def size_text(count: float) -> str:
+def format_size(count: float) -> str:
     """'12 MB' or '3.4 GB'."""
     return f"{count / 1e6:.3g} MB" if count < 1e9 else f"{count / 1e9:.3g} GB"
 
 
-def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: Speed | None = None) -> Estimate:
+def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: Speed | None = None) -> Estimate:
     """The cost of planned pairs on a machine of a known ``speed``. Pairs that are complete are not counted as left,
     and correct the estimate."""
-    pairs = ordered(pairs)
+    pairs = order_pairs(pairs)
     keys = [
-        tuple(settings_key(part, pair) for part in (changes.select_scene, changes.select_look, changes.select_light))
+        tuple(
+            make_settings_key(part, pair) for part in (changes.select_scene, changes.select_look, changes.select_light)
+        )
         for pair in pairs
     ]
     triangles = _count_triangles_of_all({each[0]: pair for each, pair in zip(keys, pairs, strict=True)})
     there = {pair.id for pair in pairs if dataset is not None and is_complete(pair.folder(dataset))}
     scenes = {pair.id: each[0] for each, pair in zip(keys, pairs, strict=True)}
     expected = {
-        pair.id: work_of(pair.settings).seconds(triangles[each[0]]) for each, pair in zip(keys, pairs, strict=True)
+        pair.id: estimate_work(pair.settings).seconds(triangles[each[0]])
+        for each, pair in zip(keys, pairs, strict=True)
     }
     ratios = _read_ratios(pairs, dataset, there, expected)
-    factor, spread = _corrected(ratios, speed, any(pair.settings.quality.device == "GPU" for pair in pairs))
+    factor, spread = _correct_by_pairs(ratios, speed, any(pair.settings.quality.device == "GPU" for pair in pairs))
     left = [pair for pair in pairs if pair.id not in there]
-    lit = {light_key(pair.settings) for pair in pairs if pair.id in there and is_baked(pair.settings)}
+    lit = {make_light_key(pair.settings) for pair in pairs if pair.id in there and is_baked(pair.settings)}
     seconds = factor * _processor_seconds(pairs, scenes, triangles, expected, set())
     left_s = factor * _processor_seconds(left, scenes, triangles, expected, lit) if there else seconds
     return Estimate(
         pairs=len(pairs),
         there=len(there),
-        geometries=len({settings_key(changes.select_geometry, pair) for pair in pairs}),
+        geometries=len({make_settings_key(changes.select_geometry, pair) for pair in pairs}),
         scenes=len({k[0] for k in keys}),
         surfaces=len({k[1] for k in keys}),
         lights=len({k[2] for k in keys}),
         seconds=seconds,
         left_s=left_s,
-        left_wall_s=wall_seconds(left_s, speed),
+        left_wall_s=to_wall_seconds(left_s, speed),
         left_bytes=_count_bytes(pairs, left, dataset, there),
         factor=math.exp(2.0 * spread),
         measured=len(ratios),
@@ -387,16 +390,16 @@ def _processor_seconds(
     """
     seconds = _START_S if pairs else 0.0
     baked = set(lit)
-    for job in cut_into_jobs(pairs, usual_workers(), MOST_SCENES):
+    for job in cut_into_jobs(pairs, choose_worker_count(), MOST_SCENES):
         seconds += _WORKER_S
         before = ""
         for pair in job:
             scene = scenes[pair.id]
             seconds += expected[pair.id]
             if scene != before:
-                seconds += scene_seconds(pair.settings, triangles[scene])
+                seconds += build_seconds(pair.settings, triangles[scene])
             before = scene
-            if is_baked(pair.settings) and (light := light_key(pair.settings)) not in baked:
+            if is_baked(pair.settings) and (light := make_light_key(pair.settings)) not in baked:
                 seconds += bake_seconds(pair.settings)
                 baked.add(light)
     return seconds
@@ -407,11 +410,11 @@ def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed
 
     Takes some milliseconds, because no triangles are counted and no pair of the data set is read.
     """
-    work = sum(work_of(each).seconds(_UNCOUNTED) for each in some) / len(some) * pairs
-    work += grounds * scene_seconds(some[0], _UNCOUNTED) + _START_S + _WORKER_S
+    work = sum(estimate_work(each).seconds(_UNCOUNTED) for each in some) / len(some) * pairs
+    work += grounds * build_seconds(some[0], _UNCOUNTED) + _START_S + _WORKER_S
     return (
-        wall_seconds((speed.factor if speed else 1.0) * work, speed),
-        (sum(map(bytes_of, some)) / len(some) + STATED_BYTES) * pairs,
+        to_wall_seconds((speed.factor if speed else 1.0) * work, speed),
+        (sum(map(estimate_bytes, some)) / len(some) + STATED_BYTES) * pairs,
     )
 
 
@@ -456,17 +459,17 @@ def _read_ratios(
     return ratios
 
 
-def spread_before(speed: Speed | None, gpu: bool) -> float:
+def prior_spread(speed: Speed | None, gpu: bool) -> float:
     """Standard deviation of the logarithm of the seconds, before a pair is known."""
     return _BEFORE_HERE if speed else _UNKNOWN_DEVICE if gpu else _BEFORE
 
 
-def _corrected(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[float, float]:
+def _correct_by_pairs(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[float, float]:
     """The factor on the expected seconds, and the standard deviation of its logarithm.
 
     The logarithm is the weighted mean of normal distributions: one known before, and one for each pair.
     """
-    before = spread_before(speed, gpu) ** -2
+    before = prior_spread(speed, gpu) ** -2
     each = _ONE_PAIR**-2
     weight = before + each * len(ratios)
     known = math.log(speed.factor) if speed else 0.0
@@ -487,11 +490,11 @@ def _count_bytes(
     """Bytes that are left to write: the expected bytes of the pairs that are left, corrected by the complete pairs, and
     the light that is baked for the pairs that are left."""
     known = [
-        (sum(float(f["bytes"]) for f in facts["files"].values()), bytes_of(pair.settings))
+        (sum(float(f["bytes"]) for f in facts["files"].values()), estimate_bytes(pair.settings))
         for pair, facts in (_read_pairs(pairs, dataset, there) if dataset is not None else ())
     ]
-    expected = sum(bytes_of(pair.settings) for pair in left)
+    expected = sum(estimate_bytes(pair.settings) for pair in left)
     if known:
         expected *= sum(a for a, _ in known) / sum(b for _, b in known)
-    lights = {light_key(pair.settings): pair.settings for pair in left if is_baked(pair.settings)}
+    lights = {make_light_key(pair.settings): pair.settings for pair in left if is_baked(pair.settings)}
     return expected + STATED_BYTES * len(left) + sum(map(light_bytes, lights.values()))

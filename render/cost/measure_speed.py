@@ -16,7 +16,7 @@ from ..plans.triangles import count_triangles
 from ..workers.job import Job, render_job
 from ..workers.process import Message
 from .abilities import ask_abilities
-from .estimate import work_of
+from .estimate import estimate_work
 from .speed import Speed, remember_speed
 
 #: The small render: all parts of a pair (both eyes, interreflection, denoiser, truth, files), in some 4 processor
@@ -34,20 +34,21 @@ _LEAST_BUSY = 0.5
 _PAIR = {"seconds": {"render": NUMBER, "write": NUMBER}, "cpu_seconds": {"pair": NUMBER}, "versions": {"blender": TEXT}}
 
 
-def small_render(device: str, denoiser: bool = True) -> Settings:
+def make_small_render(device: str, denoiser: bool = True) -> Settings:
     """Complete settings of the small render, for a Blender that has a denoiser or not."""
     quality = {"device": device, **({} if denoiser else {"denoiser": "NONE"})}
     return merged(defaults(), _SMALL_RENDER, {"quality": quality})
 
 
 def read_speed(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
-    """The speed by the pairs of ``small_render``: by the fastest after the first, for other work may slow any down.
+    """The speed by the pairs of ``make_small_render``: by the fastest after the first, for other work may slow any
+    down.
 
     At least half of the processors are taken to be at work: if a pair took longer, other work had them, or the pair is
     too small for all processors. Raises IcyMoonError if the pairs cannot be read.
     """
-    settings = small_render(device, denoiser)
-    expected = work_of(settings).seconds(count_triangles(settings))
+    settings = make_small_render(device, denoiser)
+    expected = estimate_work(settings).seconds(count_triangles(settings))
     try:
         facts = [read_record(pair / "pair.json", _PAIR, "measure again") for pair in pairs]
         held = [count_processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
@@ -73,6 +74,6 @@ def measure_speed(blender: str, device: str, scratch: Path, hear: Callable[[Mess
     Raises IcyMoonError if the render or the disk fails.
     """
     denoiser = ask_abilities(blender).denoiser
-    speed = read_speed(render_job(Job(scratch, small_render(device, denoiser)), blender, hear), device, denoiser)
+    speed = read_speed(render_job(Job(scratch, make_small_render(device, denoiser)), blender, hear), device, denoiser)
     remember_speed(speed)
     return speed

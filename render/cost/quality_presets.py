@@ -14,9 +14,9 @@ from ...settings.preset_files import find_preset, load, preset_names, read_prese
 from ...settings.toml_text import read_toml
 from ...settings.topics.scene import Settings
 from ..plans.indirect import bake_seconds, settle_indirect
-from .abilities import Abilities, lack_for
-from .estimate import duration_text, spread_before, work_of
-from .speed import Speed, wall_seconds
+from .abilities import Abilities, describe_lack
+from .estimate import estimate_work, format_duration, prior_spread
+from .speed import Speed, to_wall_seconds
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,14 @@ class QualityPreset:
         """Such as '12 s (8 s to 18 s)', or the ability that the Blender lacks for it."""
         if self.lacks:
             return self.lacks
-        low, high = duration_text(self.seconds / self.factor), duration_text(self.seconds * self.factor)
-        return f"{duration_text(self.seconds)} ({low} to {high})"
+        low, high = format_duration(self.seconds / self.factor), format_duration(self.seconds * self.factor)
+        return f"{format_duration(self.seconds)} ({low} to {high})"
 
     @property
     def brief(self) -> str:
         """Such as '12 s, +0.03 px': the seconds of a pair, and the error that it adds to SGBM's if one was measured."""
         added = f", {self.errors['sgbm_px']:+.2f} px" if self.errors else ""
-        return "" if self.lacks else f"{duration_text(self.seconds)}{added}"
+        return "" if self.lacks else f"{format_duration(self.seconds)}{added}"
 
     @property
     def error(self) -> str:
@@ -58,11 +58,11 @@ def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> t
     """Wall seconds of a further pair of a scene of ``triangles`` triangles, and the factor by which they may be off.
     Light that is baked for the view of one pair counts; light that all pairs share does not."""
     settled = settle_indirect(settings, int(settings.dataset.headings))
-    work = work_of(settled).seconds(triangles)
+    work = estimate_work(settled).seconds(triangles)
     if is_baked(settled) and settled.quality.bake_area == "VIEW":
         work += bake_seconds(settled)
-    seconds = wall_seconds(work * (speed.factor if speed else 1.0), speed)
-    return seconds, math.exp(2.0 * spread_before(speed, settings.quality.device == "GPU"))
+    seconds = to_wall_seconds(work * (speed.factor if speed else 1.0), speed)
+    return seconds, math.exp(2.0 * prior_spread(speed, settings.quality.device == "GPU"))
 
 
 def list_qualities(
@@ -87,7 +87,7 @@ def list_qualities(
                 title,
                 *pair_seconds(whole, triangles, speed),
                 errors,
-                lack_for(whole, able),
+                describe_lack(whole, able),
                 chosen=whole == settings,
             )
         )
@@ -96,7 +96,7 @@ def list_qualities(
         "As described",
         *pair_seconds(settings, triangles, speed),
         {},
-        lack_for(settings, able),
+        describe_lack(settings, able),
         chosen=not any(quality.chosen for quality in found),
     )
     return [*sorted(found, key=lambda quality: quality.seconds), own]

@@ -43,7 +43,7 @@ _SPEED = {"factor": POSITIVE, "device": TEXT, "blender": TEXT, "processors": COU
 _BUSY = 0.85
 
 
-def wall_seconds(processor_s: float, speed: Speed | None) -> float:
+def to_wall_seconds(processor_s: float, speed: Speed | None) -> float:
     """Seconds on the clock of ``processor_s`` processor seconds, which ``speed.factor`` has already corrected."""
     return processor_s / (count_processors() * (speed.busy if speed else _BUSY))
 
@@ -60,7 +60,7 @@ def _read_speeds() -> dict[str, Any]:
         return {}
 
 
-def _key(device: str, blender: str, count: int) -> str:
+def _speed_key(device: str, blender: str, count: int) -> str:
     return f"{platform.node()} {device} {count} {blender}"
 
 
@@ -75,11 +75,13 @@ def recall_speed(device: str, blender: str = "") -> Speed | None:
     found = [
         speed
         for key, speed in known
-        if key == _key(device, speed.blender, count_processors()) and blender in ("", speed.blender)
+        if key == _speed_key(device, speed.blender, count_processors()) and blender in ("", speed.blender)
     ]
     return max(found, key=lambda speed: speed.measured, default=None)
 
 
 def remember_speed(speed: Speed) -> None:
     """Keep a speed for all later estimates. Raises IcyMoonError if the disk refuses."""
-    write_json(_speed_file(), {**_read_speeds(), _key(speed.device, speed.blender, speed.processors): asdict(speed)})
+    write_json(
+        _speed_file(), {**_read_speeds(), _speed_key(speed.device, speed.blender, speed.processors): asdict(speed)}
+    )

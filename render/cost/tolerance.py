@@ -56,7 +56,7 @@ def _is_under(value: float | None, doubt: float | None, limit: float) -> bool | 
     return None if doubt is None or abs(value - limit) < doubt else value <= limit
 
 
-def checked_tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
+def make_tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
     """The tolerance with these limits; a mean disparity error of PX if neither is given.
 
     Raises IcyMoonError for a limit out of its range. A smaller error cannot be told from noise, and with a larger one

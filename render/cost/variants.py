@@ -29,8 +29,8 @@ from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from ...support.number_text import format_count
 from ..plans.indirect import bake_seconds
-from .abilities import Abilities, lack_for
-from .estimate import work_of
+from .abilities import Abilities, describe_lack
+from .estimate import estimate_work
 
 _ALL = Abilities()
 #: Parts of settings by the name of the variant that has them.
@@ -88,7 +88,7 @@ class Variant:
         return f"{self.group}: {self.name}"
 
 
-def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Variant:
+def make_reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Variant:
     """The scene with its light as accurate as possible: no denoiser, no threshold, many bounces, full fine relief, the
     most accurate Hapke's law.
 
@@ -129,7 +129,7 @@ def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Va
     return Variant("reference", f"{samples} samples{', fine' * fine}", merged(settings, *parts))
 
 
-def variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _ALL) -> list[Variant]:
+def list_variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _ALL) -> list[Variant]:
     """The variants of complete settings in the named ``groups``, after the scene as it is described.
 
     Without ``groups``, all groups that the scene has are varied. Equal settings appear once for each kind of reference,
@@ -143,7 +143,7 @@ def variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _
     for group in groups or GROUPS:
         parts = _PARTS[group](settings).items()
         varied = (Variant(group, name, merged(settings, part)) for name, part in parts)
-        own = [variant for variant in varied if not lack_for(variant.settings, able)]
+        own = [variant for variant in varied if not describe_lack(variant.settings, able)]
         if not own and group in groups:
             raise IcyMoonError(f"This scene has nothing to vary in {group} ({GROUPS[group]}); leave it out.")
         alike = [variant.settings for variant in found if (variant.group in SHAPES) == (group in SHAPES)]
@@ -163,7 +163,7 @@ class _Shortcut:
     whole: str
 
 
-def baked_settings(settings: Settings, area: str = "GROUND") -> dict[str, Settings]:
+def list_baked_settings(settings: Settings, area: str = "GROUND") -> dict[str, Settings]:
     """The ways to bake the light of a scene to a ``quality.bake_area``, by name; none if it cannot be baked."""
     return {name: merged(settings, part) for name, part in _baked_parts(settings, area).items()}
 
@@ -184,7 +184,7 @@ def _baked_parts(settings: Settings, area: str = "GROUND") -> _Parts:
     )
 
 
-def _shortcuts(settings: Settings) -> list[_Shortcut]:
+def _list_shortcuts(settings: Settings) -> list[_Shortcut]:
     """The parts that the scene has: shaded relief, subsurface scattering, labels and normals."""
     found = []
     topics = surface_topics(settings)
@@ -202,16 +202,16 @@ def _shortcuts(settings: Settings) -> list[_Shortcut]:
     return [*found, _Shortcut("truth", "DEPTH", "FULL", "depth only", "normals and labels")]
 
 
-def leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
+def list_leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
     """Parts of settings, by name, that each leave out one more part of the scene's light."""
     return {
         part.without: {"quality": {part.key: part.lean}}
-        for part in _shortcuts(settings)
+        for part in _list_shortcuts(settings)
         if part.key != "truth" and settings.quality[part.key] != part.lean
     }
 
 
-def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
+def _make_isotropic_hapke(settings: Settings) -> dict[str, Any]:
     """Hapke settings with the surface's albedo for sunlight on level ground: isotropic, smooth, without surges."""
     incidence = math.radians(90.0 - min(max(compute_sky(settings.light).sun_elevation_deg, 1.0), 90.0))
 
@@ -240,7 +240,7 @@ def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
     }
 
 
-def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> list[Variant]:
+def list_candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> list[Variant]:
     """Ways to compute the light, cheapest first by their expected cost: for a search that stops at the first one that
     is good enough. Ways that a Blender with the abilities ``able`` cannot render are left out.
 
@@ -250,17 +250,17 @@ def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> l
     parts = _sampled(("NONE", "OIDN"), noise_threshold=0.0)
     found = [Variant("auto", name, merged(settings, part)) for name, part in parts.items()]
     area = "GROUND" if images > 1 else "VIEW"
-    found += [Variant("auto", name, each) for name, each in baked_settings(settings, area).items()]
+    found += [Variant("auto", name, each) for name, each in list_baked_settings(settings, area).items()]
     return sorted(
-        (variant for variant in found if not lack_for(variant.settings, able)),
-        key=lambda variant: _seconds(variant.settings, images),
+        (variant for variant in found if not describe_lack(variant.settings, able)),
+        key=lambda variant: _image_seconds(variant.settings, images),
     )
 
 
-def _seconds(settings: Settings, images: int) -> float:
+def _image_seconds(settings: Settings, images: int) -> float:
     """Processor seconds of an image, with its share of the bake."""
     bake = bake_seconds(settings) / count_images_per_bake(settings, images) if is_baked(settings) else 0.0
-    return work_of(settings).seconds(0.0) + bake
+    return estimate_work(settings).seconds(0.0) + bake
 
 
 def _has_graded_mesh(settings: Settings) -> bool:
@@ -294,7 +294,7 @@ def _baked(settings: Settings) -> _Parts:
 def _left_out(settings: Settings) -> _Parts:
     quality = settings.quality
     found = {}
-    for part in _shortcuts(settings):
+    for part in _list_shortcuts(settings):
         has = quality[part.key] != part.lean
         found[part.without if has else part.whole] = {"quality": {part.key: part.lean if has else part.full}}
     labels = {"depth and semantic labels": {"quality": {"truth": "SEMANTIC"}}}
@@ -312,7 +312,7 @@ def _subsurface(settings: Settings) -> _Parts:
     }
     return {
         **(followed if traces_random_walk(settings, "surface") else {}),
-        "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
+        "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _make_isotropic_hapke(settings)},
         "Lambert": {"surface": {"model": "LAMBERT"}},
     }
 

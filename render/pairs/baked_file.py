@@ -53,7 +53,7 @@ class BakedLight:
     cpu_seconds: float
 
 
-def name_of(key: str, checksum: str) -> str:
+def make_file_name(key: str, checksum: str) -> str:
     """The name of a file of baked light with this SHA-256 checksum."""
     return f"{key}-{checksum[:_CONTENT_DIGITS]}.npz"
 
@@ -67,7 +67,7 @@ def parse_name(name: str) -> tuple[str, str] | None:
     return (found[1], found[2] or "") if found else None
 
 
-def encode(key: str, light: BakedLight) -> bytes:
+def encode_baked_light(key: str, light: BakedLight) -> bytes:
     """The content of a file of baked light: the same bytes for the same light."""
     stream = io.BytesIO()
     numbers = {name: np.float64(getattr(light, name)) for name in _NUMBERS}
@@ -82,14 +82,14 @@ def encode(key: str, light: BakedLight) -> bytes:
     return stream.getvalue()
 
 
-def write(dataset: Path, key: str, light: BakedLight) -> tuple[Path, str]:
+def write_baked_light(dataset: Path, key: str, light: BakedLight) -> tuple[Path, str]:
     """Write baked light, whole or not at all, and return its file and SHA-256 checksum.
 
     A file that already has this content stays. Raises IcyMoonError if the disk refuses, or the folder is a link.
     """
-    data = encode(key, light)
+    data = encode_baked_light(key, light)
     checksum = hashlib.sha256(data).hexdigest()
-    path = dataset / LIGHT / name_of(key, checksum)
+    path = dataset / LIGHT / make_file_name(key, checksum)
     check_no_link(path.parent)
     if _read_unchanged(path, checksum, len(data)) is None:
         write_atomically(path, lambda part: _write_bytes(part, data))
@@ -100,7 +100,7 @@ def _write_bytes(part: Path, data: bytes) -> None:
     part.write_bytes(data)
 
 
-def read(path: Path, key: str, checksum: str, vertices: int, rocks: int = 0) -> BakedLight | None:
+def read_baked_light(path: Path, key: str, checksum: str, vertices: int, rocks: int = 0) -> BakedLight | None:
     """The baked light of a ground with this number of vertices and rocks; ``cpu_seconds`` is 0, as no file states it.
 
     None if there is no such file with this SHA-256 checksum, or if it does not hold such light.
@@ -111,7 +111,12 @@ def read(path: Path, key: str, checksum: str, vertices: int, rocks: int = 0) -> 
         return None
     try:
         return parse_part(
-            data, path, lambda foreign: _parse(foreign, key, vertices, rocks), "baked light", "delete it", most
+            data,
+            path,
+            lambda foreign: _parse_baked_light(foreign, key, vertices, rocks),
+            "baked light",
+            "delete it",
+            most,
         )
     except IcyMoonError:
         return None
@@ -128,7 +133,7 @@ def _read_unchanged(path: Path, checksum: str, most: int) -> bytes | None:
     return data if hashlib.sha256(data).hexdigest() == checksum else None
 
 
-def _parse(foreign: ForeignBytes, key: str, vertices: int, rocks: int) -> BakedLight:
+def _parse_baked_light(foreign: ForeignBytes, key: str, vertices: int, rocks: int) -> BakedLight:
     found = parse_npz(foreign, kinds="fS")
     if found.keys() != {*_NUMBERS, *_ARRAYS}:
         raise ValueError("other members")

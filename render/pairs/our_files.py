@@ -36,17 +36,17 @@ _PAIR_FILES = re.compile(
 )
 
 
-def folder_of_pairs(dataset: Path) -> Path:
+def pairs_folder(dataset: Path) -> Path:
     """The folder of a data set that contains its pairs."""
     return dataset / "pairs"
 
 
 def folder_of_pair(dataset: Path, name: str) -> Path:
     """The folder of a pair, by its name: its id."""
-    return folder_of_pairs(dataset) / name
+    return pairs_folder(dataset) / name
 
 
-def checked_id(value: object, where: object) -> str:
+def check_id(value: object, where: object) -> str:
     """A pair's id as it was read from ``where``. Raises IcyMoonError if the value is no id."""
     if not isinstance(value, str) or not _ID.fullmatch(value):
         raise IcyMoonError(
@@ -56,22 +56,22 @@ def checked_id(value: object, where: object) -> str:
     return value
 
 
-def is_unfinished(path: Path) -> bool:
+def is_unfinished_name(path: Path) -> bool:
     """Whether a name is one that we give to an unfinished file or folder."""
     return bool(re.fullmatch(rf".+{_UNFINISHED}", path.name))
 
 
-def is_of_a_pair(path: Path) -> bool:
+def is_pair_name(path: Path) -> bool:
     """Whether a name is one that we give to a pair, finished or not."""
     return bool(_OUR_NAMES["pairs"].fullmatch(path.name)) and not path.name.startswith(".")
 
 
-def is_claim(path: Path) -> bool:
+def is_claim_name(path: Path) -> bool:
     """Whether a name is the name of a claim."""
     return bool(re.fullmatch(_CLAIM, path.name))
 
 
-def is_regular(path: Path) -> bool:
+def is_regular_file(path: Path) -> bool:
     """Whether there is a regular file, which is no link. Raises OSError where that cannot be told."""
     try:
         return stat.S_ISREG(path.lstat().st_mode)

@@ -42,7 +42,7 @@ from ...support.file_shapes import (
 )
 from ...support.files import PART, hash_file, quote, read_text, replace_if_unchanged, to_json_text
 from ...support.foreign_bytes import describe_reason, parse_json
-from .our_files import check_no_link, checked_id, folder_of_pairs, is_regular
+from .our_files import check_id, check_no_link, is_regular_file, pairs_folder
 from .statements import find_contradictions
 from .workspace_cells import workspace_files
 
@@ -154,7 +154,7 @@ def _read_pair_json(path: Path) -> str:
         raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_FIX}.") from None
 
 
-def _parse(path: Path, text: str) -> Any:
+def _parse_pair_json(path: Path, text: str) -> Any:
     try:
         return parse_json(text)
     except ValueError as error:
@@ -167,7 +167,7 @@ def read_pair(folder: Path, restore: Restore = restore_settings) -> Pair:
     ``restore`` is a ``Restorer`` for many pairs.
     """
     path = folder / "pair.json"
-    return check_pair(folder, _parse(path, _read_pair_json(path)), restore)
+    return check_pair(folder, _parse_pair_json(path, _read_pair_json(path)), restore)
 
 
 def check_pair(folder: Path, data: object, restore: Restore = restore_settings) -> Pair:
@@ -182,7 +182,7 @@ def check_pair(folder: Path, data: object, restore: Restore = restore_settings) 
         )
     check_record(data, _SHAPE, path, _FIX)
     settings = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
-    pair = Pair(folder, checked_id(data["id"], path), settings, StereoCamera.from_json(data["camera"]), data)
+    pair = Pair(folder, check_id(data["id"], path), settings, StereoCamera.from_json(data["camera"]), data)
     _check_statements(pair, path)
     for eye in EYES:
         if not pair.image(eye).is_file():
@@ -205,12 +205,12 @@ def _find_contradictions(pair: Pair) -> Iterator[str]:
     camera = StereoCamera.from_settings(pair.settings.rig)
     stated = {**pair.data, "camera": {**pair.data["camera"], **asdict(pair.camera)}}
     yield from find_contradictions(stated, pair.settings, {**asdict(camera), **camera.to_json()}, camera.eyes_json())
-    wanted, there = _name_files(pair.settings, camera), pair.data["files"].keys()
+    wanted, there = _list_file_names(pair.settings, camera), pair.data["files"].keys()
     yield from (f"files has no {name}, and its settings give it" for name in sorted(wanted - there))
     yield from (f"files has {name}, and its settings give no such file" for name in sorted(there - wanted))
 
 
-def _name_files(settings: Settings, camera: StereoCamera) -> set[str]:
+def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
     """The names of the files of a pair with these settings, besides ``pair.json``."""
     kinds = [
         "{}.exr",
@@ -250,21 +250,21 @@ def read_whole(folder: Path) -> dict[str, Any] | None:
     try:
         path = folder / "pair.json"
         # A pipe would be waited for.
-        if folder.is_symlink() or not is_regular(path):
+        if folder.is_symlink() or not is_regular_file(path):
             return None
         data = parse_json(read_text(path))
-        return dict(data) if has_its_files(folder, data) else None
+        return dict(data) if has_stated_files(folder, data) else None
     except (FileNotFoundError, NotADirectoryError, ValueError):
         return None
 
 
-def has_its_files(folder: Path, data: Any) -> bool:
+def has_stated_files(folder: Path, data: Any) -> bool:
     """Whether the files that the content of a ``pair.json`` states are there, of their sizes.
 
     Raises OSError where that cannot be told.
     """
     return not find_fault(data, _FILES_SHAPE) and all(
-        is_regular(folder / name) and (folder / name).stat().st_size == fact["bytes"]
+        is_regular_file(folder / name) and (folder / name).stat().st_size == fact["bytes"]
         for name, fact in data["files"].items()
     )
 
@@ -287,7 +287,7 @@ def update_response(folder: Path, settings: Settings) -> None:
     path = folder / "pair.json"
     check_no_link(folder, path)
     before = _read_pair_json(path)
-    data = _parse(path, before)
+    data = _parse_pair_json(path, before)
     # Compared as they are read: a setting that is newer than the file is no difference.
     if has_response(folder, data, settings):
         return
@@ -301,20 +301,20 @@ def find_pair_folders(path: Path) -> list[Path]:
 
     Raises IcyMoonError if it has no complete pair.
     """
-    folders = [path.resolve()] if os.path.lexists(path / "pair.json") else sorted(_pairs_in(path))
+    folders = [path.resolve()] if os.path.lexists(path / "pair.json") else sorted(_find_pairs_in(path))
     if not folders:
         raise IcyMoonError(f"{path} contains no complete stereo pair; render one first or choose another folder.")
     return folders
 
 
-def _pairs_in(path: Path) -> Iterator[Path]:
-    root = folder_of_pairs(path) if folder_of_pairs(path).is_dir() else path
+def _find_pairs_in(path: Path) -> Iterator[Path]:
+    root = pairs_folder(path) if pairs_folder(path).is_dir() else path
     return (p.parent for p in root.glob("*/pair.json") if not p.parent.name.endswith(PART))
 
 
 def has_pairs(path: Path) -> bool:
     """Whether there is a complete pair at ``path``, see ``find_pair_folders``."""
-    return os.path.lexists(path / "pair.json") or next(_pairs_in(path), None) is not None
+    return os.path.lexists(path / "pair.json") or next(_find_pairs_in(path), None) is not None
 
 
 def find_pairs(path: Path) -> list[Pair]:

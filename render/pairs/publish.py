@@ -16,11 +16,11 @@ from pathlib import Path
 from ...support.errors import IcyMoonError
 from ...support.files import explain_disk_errors, make_part_path
 from ...support.system import flush, rename
-from .our_files import find_reason_to_keep, is_of_a_pair, remove_ours
+from .our_files import find_reason_to_keep, is_pair_name, remove_ours
 from .pair_folder import is_whole
 
 
-def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = False) -> None:
+def publish_pair(part: Path, folder: Path, lost: Callable[[], bool], again: bool = False) -> None:
     """Make the pair in ``part`` the one at ``folder``, unless a whole one is there; ``again`` replaces that too.
 
     ``lost`` returns whether another process has claimed the pair since, whose pair then stays. Raises IcyMoonError
@@ -59,17 +59,17 @@ def resolve_leftover(part: Path) -> None:
     Anything that is not ours stays, and is not read. Raises OSError if the leftover cannot be read; it then stays as it
     is.
     """
-    if not is_of_a_pair(part):
+    if not is_pair_name(part):
         return
     folder = part.with_name(part.name.split(".")[0])
     with suppress(FileNotFoundError):  # another has settled it
         if not is_whole(part) or is_whole(folder):
-            discard(part)
+            discard_unfinished(part)
         else:
             _try_rename(part, folder)  # and stays where it is if something broken is in its place
 
 
-def discard(part: Path) -> None:
+def discard_unfinished(part: Path) -> None:
     """Remove an unfinished folder. Whoever still writes to it loses it at one moment, not file by file.
 
     What cannot be removed is left for whoever sweeps next.

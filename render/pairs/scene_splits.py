@@ -20,7 +20,7 @@ _NAME = re.compile(r"[A-Za-z0-9_-]+")
 SPLITS = {"train": 0.8, "val": 0.1, "test": 0.1}
 
 
-def scene_of(pair: Pair) -> str:
+def name_scene(pair: Pair) -> str:
     """A name of the ground and the rocks of a pair: twelve hexadecimal digits, of what their shape depends on.
 
     The seed is a part of it. Surfaces, light, cameras and qualities are not: another Sun makes no other scene.
@@ -28,12 +28,15 @@ def scene_of(pair: Pair) -> str:
     own = pair.id if pair.data.get("edited_by_hand") else pair.data.get("own_files_sha256", "")
     # As ids are made: a setting that a later version adds moves no scene into another split.
     shape = [
-        [name, value] for part in pair_ids.list_counted_values(pair.settings) for name, value in part if _is_shape(name)
+        [name, value]
+        for part in pair_ids.list_counted_values(pair.settings)
+        for name, value in part
+        if _changes_shape(name)
     ]
     return hashlib.sha256(json.dumps([shape, own], sort_keys=True).encode()).hexdigest()[:12]
 
 
-def _is_shape(name: str) -> bool:
+def _changes_shape(name: str) -> bool:
     """Whether the shape of ground and rocks depends on a setting, or on an entry of its list."""
     topic, key, *_ = re.split(r"[. ]", pair_ids.find_present_name(name))
     return topic in TOPICS and any(s.key == key and s.effect == "geometry" for s in TOPICS[topic].settings)
@@ -55,7 +58,7 @@ def check_splits(splits: object) -> dict[str, float]:
     return dict(splits)
 
 
-def splits_of(dataset: Path) -> dict[str, float]:
+def read_splits(dataset: Path) -> dict[str, float]:
     """The shares of splits that the plan of a data set states; ``SPLITS`` if it states none or there is no plan.
 
     Raises IcyMoonError for a plan that states invalid shares.
@@ -80,12 +83,12 @@ def _parse_plan(foreign: ForeignBytes) -> str:
     raise ValueError("its first line has no end")
 
 
-def split_of_pair(pair: Pair) -> str:
+def find_split_of_pair(pair: Pair) -> str:
     """The split of a pair, by the shares that the plan of its data set states."""
-    return split_of(scene_of(pair), splits_of(pair.folder.parent.parent))
+    return choose_split(name_scene(pair), read_splits(pair.folder.parent.parent))
 
 
-def split_of(scene: str, splits: Mapping[str, float]) -> str:
+def choose_split(scene: str, splits: Mapping[str, float]) -> str:
     """The split that a scene is in: drawn by its name, so that it stays there whatever else a data set contains.
 
     The shares hold for many scenes; with a few scenes, a split may stay empty.

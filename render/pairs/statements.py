@@ -46,8 +46,8 @@ def find_contradictions(
     """
     by_hand = bool(data.get("edited_by_hand"))
     distortion = dict(zip(COEFFICIENTS, read_coefficients(settings.rig), strict=True))
-    yield from _compare("camera", data["camera"], camera)
-    yield from _compare(
+    yield from _compare_value("camera", data["camera"], camera)
+    yield from _compare_value(
         "eyes", data.get("eyes", {}), {eye: {**facts, "distortion": distortion} for eye, facts in eyes.items()}
     )
     yield from _compare_poses(data, settings, eyes, by_hand)
@@ -55,7 +55,7 @@ def find_contradictions(
     indirect = data.get("indirect")
     is_baked = isinstance(indirect, Mapping) and indirect.get("method") == "BAKED"
     yield from _compare_indirect(indirect, data.get("light") or {}, settings)
-    yield from _compare(
+    yield from _compare_value(
         "",
         data,
         {
@@ -106,7 +106,9 @@ def _compare_pose(name: str, stated: Array, wanted: Array, place_m: float) -> It
     limits = np.full((4, 4), _SINGLE)
     limits[:3, 3] = place_m + 1e-12 * np.abs(wanted[:3, 3])  # a large number has no more digits
     for row, column in np.argwhere(np.abs(stated - wanted) > limits):
-        yield _contradict(f"{name}[{row}][{column}]", float(stated[row, column]), float(wanted[row, column]))
+        yield _describe_contradiction(
+            f"{name}[{row}][{column}]", float(stated[row, column]), float(wanted[row, column])
+        )
 
 
 def _compare_light(light: Mapping[str, Any], settings: Settings, by_hand: bool) -> Iterator[str]:
@@ -118,7 +120,7 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, by_hand: bool) 
         wanted = sun_from_facts(facts["sun"], settings.light.directions_from) if facts else sun
         stated = {**light["sun"], "distance_m": sun.distance_m}
         yield from _compare_direction("light.sun", light["sun"], wanted.direction)
-        yield from _compare(
+        yield from _compare_value(
             "light.sun",
             stated,
             {
@@ -130,11 +132,11 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, by_hand: bool) 
             },
             _SINGLE,
         )
-        yield from _compare(
+        yield from _compare_value(
             "light.sun", stated, {"ground_irradiance_wm2": wanted.ground_irradiance_wm2}, _SINGLE, wanted.irradiance_wm2
         )
     if facts:
-        yield from _compare("light", light, {"j2000_to_world": facts["j2000_to_world"]})
+        yield from _compare_value("light", light, {"j2000_to_world": facts["j2000_to_world"]})
         yield from _compare_planet(light.get("planet"), facts["planet"])
 
 
@@ -142,20 +144,20 @@ def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings)
     """Contradictions in how indirect light was made: with the settings, with its noise and with the light groups."""
     asked = settings.quality.indirect == "BAKED"
     if asked != isinstance(stated, Mapping):
-        yield _contradict("indirect", stated, {} if asked else None)
+        yield _describe_contradiction("indirect", stated, {} if asked else None)
         return
     if not asked or stated.get("method") != "BAKED":  # it may be traced although it was to be baked
         return
     noise, most = stated.get("noise"), settings.quality.bake_noise
     if not is_number(noise) or 0 < most < noise - _NOISE_DIGITS:
-        yield f"indirect.noise is {_show(noise)}, and its settings give at most {_show(most)}"
+        yield f"indirect.noise is {_show_value(noise)}, and its settings give at most {_show_value(most)}"
     sun, lights = sun_from_json(light), stated.get("lights")
     if sun is None or not isinstance(lights, Mapping):
         return
     planet = {"Planet"} & lights.keys() if light.get("planet") else set()
     wanted = sorted(planet | ({"Sun"} if sun.irradiance_wm2 > 0 or not planet else set()))
     if sorted(lights) != wanted:
-        yield _contradict("indirect.lights", sorted(lights), wanted)
+        yield _describe_contradiction("indirect.lights", sorted(lights), wanted)
 
 
 def _describe_sky(settings: Settings) -> dict[str, Any]:
@@ -170,10 +172,10 @@ def _describe_sky(settings: Settings) -> dict[str, Any]:
 
 def _compare_planet(stated: object, wanted: Mapping[str, Any] | None) -> Iterator[str]:
     if wanted is None or not isinstance(stated, Mapping):
-        yield from _compare("light.planet", stated, wanted)
+        yield from _compare_value("light.planet", stated, wanted)
         return
     yield from _compare_direction("light.planet", stated, np.array(wanted["direction_to_world"]))
-    yield from _compare(
+    yield from _compare_value(
         "light.planet",
         stated,
         {
@@ -192,36 +194,38 @@ def _compare_planet(stated: object, wanted: Mapping[str, Any] | None) -> Iterato
 def _compare_direction(name: str, stated: Mapping[str, Any], wanted: Array) -> Iterator[str]:
     """Contradictions in a direction and its angles, which are compared as a direction: at the zenith any azimuth is
     right, and in the north 0 is 360."""
-    yield from _compare(name, stated, {"direction_to_world": wanted.tolist()}, _SINGLE)
+    yield from _compare_value(name, stated, {"direction_to_world": wanted.tolist()}, _SINGLE)
     angles = {"elevation_deg": elevation_deg(wanted), "azimuth_deg": azimuth_deg(wanted)}
     elevation, azimuth = (stated.get(key, angle) for key, angle in angles.items())
     if not (is_number(elevation) and is_number(azimuth)):
-        yield from _compare(name, stated, angles)
+        yield from _compare_value(name, stated, angles)
     elif np.abs(direction_toward(azimuth, elevation) - wanted).max() > _SINGLE:
         is_high = abs(elevation - angles["elevation_deg"]) > math.degrees(_SINGLE)
         key = "elevation_deg" if is_high else "azimuth_deg"
-        yield _contradict(f"{name}.{key}", stated[key], angles[key])
+        yield _describe_contradiction(f"{name}.{key}", stated[key], angles[key])
 
 
-def _compare(name: str, stated: object, wanted: object, digits: float = _DIGITS, scale: float = 1.0) -> Iterator[str]:
+def _compare_value(
+    name: str, stated: object, wanted: object, digits: float = _DIGITS, scale: float = 1.0
+) -> Iterator[str]:
     """Where a stated value differs from the wanted one. Numbers may differ by ``digits``, relative or of ``scale``."""
     if stated == wanted:
         return
     if isinstance(wanted, Mapping) and isinstance(stated, Mapping):
         for key in (each for each in wanted if each in stated):
-            yield from _compare(f"{name}.{key}" if name else key, stated[key], wanted[key], digits, scale)
+            yield from _compare_value(f"{name}.{key}" if name else key, stated[key], wanted[key], digits, scale)
     elif isinstance(wanted, list) and isinstance(stated, list) and len(wanted) == len(stated):
         for k, (own, other) in enumerate(zip(stated, wanted, strict=True)):
-            yield from _compare(f"{name}[{k}]", own, other, digits, scale)
+            yield from _compare_value(f"{name}[{k}]", own, other, digits, scale)
     elif not (
         is_number(wanted) and is_number(stated) and math.isclose(stated, wanted, rel_tol=digits, abs_tol=digits * scale)
     ):
-        yield _contradict(name, stated, wanted)
+        yield _describe_contradiction(name, stated, wanted)
 
 
-def _contradict(name: str, stated: object, wanted: object) -> str:
-    return f"{name} is {_show(stated)}, and its settings give {_show(wanted)}"
+def _describe_contradiction(name: str, stated: object, wanted: object) -> str:
+    return f"{name} is {_show_value(stated)}, and its settings give {_show_value(wanted)}"
 
 
-def _show(value: object) -> str:
+def _show_value(value: object) -> str:
     return "a table" if isinstance(value, Mapping) else "nothing" if value is None else quote(value)

@@ -32,7 +32,7 @@ class Extent:
     north_m: float
 
 
-def workspace_extent(workspace: WorkspaceSettings) -> Extent:
+def find_workspace_extent(workspace: WorkspaceSettings) -> Extent:
     """The cells of a workspace; whole cells that cover its square. Raises IcyMoonError for too many."""
     count = max(1, int(np.ceil(workspace.size_m / workspace.cell_m - 1e-6)))
     if PLACES * count > MOST_CELLS:
@@ -57,7 +57,7 @@ def describe_workspace(workspace: WorkspaceSettings) -> dict[str, Any] | None:
     """The table "workspace" of ``pair.json``: the files of its maps and their cells; None without a workspace."""
     if workspace.cell_m <= 0:
         return None
-    extent = workspace_extent(workspace)
+    extent = find_workspace_extent(workspace)
     return {
         "file": WORKSPACE_FILE,
         "cell_m": extent.cell_m,

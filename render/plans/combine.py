@@ -27,7 +27,7 @@ from ...support.foreign_bytes import note_on_backslashes
 from . import poses, sweeps
 from .indirect import choose_indirect
 from .overwritten import check_overwritten
-from .own_files import list_files, replace_stand_ins
+from .own_files import list_files_by_name, replace_stand_ins
 from .planned_pair import PlannedPair, turned_heading_deg
 from .sweeps import Sweep, Variation, check_pair_count
 
@@ -63,7 +63,7 @@ _FILES = [
 
 
 @dataclass(frozen=True)
-class Design:
+class PlanDesign:
     """What a plan combines: ``base`` settings, the later over the earlier, sweeps, ``seeds`` and their place, whether
     sweeps draw values of their own for each of them, the number of ``grounds`` of its scenes and its place, the most
     pairs that it may have, and the folder of the user's own files."""
@@ -128,7 +128,7 @@ class _Grounds:
 
 
 @dataclass(frozen=True)
-class Combined:
+class CombinedPairs:
     """The pairs of a design, why some of them cannot be rendered, by their ids, and the made-up grounds that were
     checked and that were not, by ``_Grounds.key_of``."""
 
@@ -138,27 +138,29 @@ class Combined:
     unchecked: frozenset[str] = frozenset()
 
 
-def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = lambda done, total: None) -> Combined:
+def combine(
+    design: PlanDesign, most_grounds: int = MOST_GROUNDS, report: Report = lambda done, total: None
+) -> CombinedPairs:
     """The pairs of a design, checked on ``most_grounds`` of its grounds.
 
     Raises IcyMoonError that names the line at fault if none can be rendered.
     """
     grounds = _Grounds()
-    made = _deal_grounds(list(_combinations(design)), design)
+    made = _deal_grounds(list(_list_combinations(design)), design)
     rigs = SettingsTexts(_RIG)
-    for sweep in _cameras(design):
+    for sweep in _list_camera_sweeps(design):
         known: dict[str, list[Variation]] = {}
         made = [
-            each.with_part(_with_file_paths(part, design))
+            each.with_part(_resolve_file_paths(part, design))
             for each in made
             for part in _place_cameras(sweep, each, grounds, rigs, known)
         ]
         check_pair_count(len(made), sweep.place)
     _check_headings(made)
-    made = [each for whole in made for each in _headings_of(whole)]
+    made = [each for whole in made for each in _expand_headings(whole)]
     if design.at_most is not None and design.at_most < len(made):
         made = [made[k * len(made) // design.at_most] for k in range(design.at_most)]
-    looked_at, unchecked = _grounds_to_check(made, grounds, most_grounds)
+    looked_at, unchecked = _choose_grounds_to_check(made, grounds, most_grounds)
     refusals = _find_refusals(made, grounds, looked_at, report)
     if refusals and all(refusals):
         raise refusals[0] or AssertionError
@@ -169,42 +171,45 @@ def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = l
         for each, settings in zip(made, described, strict=True)
     ]
     refused = {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error}
-    return Combined(pairs, refused, looked_at, unchecked)
+    return CombinedPairs(pairs, refused, looked_at, unchecked)
 
 
-def _cameras(design: Design) -> list[Sweep]:
+def _list_camera_sweeps(design: PlanDesign) -> list[Sweep]:
     """The sweeps that place cameras, in the order in which they are applied."""
     return sorted((b for b in design.sweeps if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind))
 
 
-def _with_file_paths(part: Variation, design: Design) -> Variation:
+def _resolve_file_paths(part: Variation, design: PlanDesign) -> Variation:
     """A part whose relative files are in the plan's folder of files, or beside the plan that names them."""
     if not part.settings:
         return part
     return replace(part, settings=make_paths_relative_to(design.files or part.place.file.parent, merged(part.settings)))
 
 
-def _combinations(design: Design) -> Iterator[_Combination]:
+def _list_combinations(design: PlanDesign) -> Iterator[_Combination]:
     """The descriptions that the sweeps of settings combine to; the camera is not placed yet."""
     base = _Combination(defaults(), ())
     for part in design.base:
-        base = base.with_part(_with_file_paths(part, design))
+        base = base.with_part(_resolve_file_paths(part, design))
     place = design.sweeps[0].place if design.sweeps else None
     each_seed: list[tuple[Variation, ...]] = [()]
     if design.seeds is not None:
         stated, place = design.seeds
         each_seed = [
             (Variation({"dataset": {"seed": seed}}, place),)
-            for seed in seeds_of(stated, int(base.settings.dataset.seed))
+            for seed in list_seeds(stated, int(base.settings.dataset.seed))
         ]
-    there = list_files(design.files) if design.files else {}
+    there = list_files_by_name(design.files) if design.files else {}
     settled = [sweep for sweep in design.sweeps if sweep.kind in sweeps.KINDS]
     factors: list[list[Variation]] = []
     for k, seed in enumerate(each_seed):
         if k == 0 or design.draw_again:
             drawn_from = base.with_part(seed[0]) if seed and design.draw_again else base
             factors = [
-                [_with_file_paths(part, design) for part in sweeps.make_variations(sweep, drawn_from.settings)]
+                [
+                    _resolve_file_paths(part, design)
+                    for part in sweeps.make_setting_variations(sweep, drawn_from.settings)
+                ]
                 for sweep in settled
             ]
             if place is not None:
@@ -214,26 +219,26 @@ def _combinations(design: Design) -> Iterator[_Combination]:
                 base.parts,
                 design.seeds and design.seeds[1],
                 list(zip(settled, factors, strict=True)),
-                _cameras(design),
+                _list_camera_sweeps(design),
             )
         for chosen in itertools.product(*factors):
             made = base
             for part in (*seed, *chosen):
                 made = made.with_part(part)
-            yield _with_own_files(made, there) if there else made
+            yield _replace_stand_ins(made, there) if there else made
 
 
-def _with_own_files(made: _Combination, there: dict[str, list[Path]]) -> _Combination:
+def _replace_stand_ins(made: _Combination, there: dict[str, list[Path]]) -> _Combination:
     """A combination with the user's own files in place of the stand-ins that have their names."""
     place = made.place_of("textures.stand_in", "source.stand_in")
     try:
         own = replace_stand_ins(made.settings, there)
     except IcyMoonError as error:
-        raise _at_place(error, place) from None
+        raise _locate_error(error, place) from None
     return made.with_part(Variation(own, place)) if own and place is not None else made
 
 
-def _deal_grounds(made: list[_Combination], design: Design) -> list[_Combination]:
+def _deal_grounds(made: list[_Combination], design: PlanDesign) -> list[_Combination]:
     """The combinations with the ``design.grounds`` seeds of scenes, each about as often as the others.
 
     The order is random, so that the seeds do not follow a setting that varies. Ground from a file depends on no seed.
@@ -249,13 +254,13 @@ def _deal_grounds(made: list[_Combination], design: Design) -> list[_Combination
         source, seed = each.settings.source, int(each.settings.dataset.seed)
         if source.kind == "PROCEDURAL" or source.detail:
             if seed not in children:
-                children[seed] = seeds_of(count, seed)
+                children[seed] = list_seeds(count, seed)
             each = each.with_part(Variation({"dataset": {"seed": children[seed][int(k) % count]}}, place))
         dealt.append(each)
     return dealt
 
 
-def seeds_of(stated: int | list[int], seed: int) -> list[int]:
+def list_seeds(stated: int | list[int], seed: int) -> list[int]:
     """Seeds of scenes: the ``stated`` list, or a ``stated`` number of children of the data set's seed, whose first ones
     are the same for any number."""
     if isinstance(stated, list):
@@ -270,13 +275,13 @@ def _place_cameras(
     key = grounds.key_of(made.settings) + rigs.of(made.settings)
     if key not in known:
         try:
-            known[key] = poses.make_variations(sweep, made.settings, grounds.find)
+            known[key] = poses.make_camera_variations(sweep, made.settings, grounds.find)
         except IcyMoonError as error:
-            raise _at_place(error, sweep.place) from None
+            raise _locate_error(error, sweep.place) from None
     return known[key]
 
 
-def _at_place(error: IcyMoonError, place: Place | None) -> IcyMoonError:
+def _locate_error(error: IcyMoonError, place: Place | None) -> IcyMoonError:
     """An error with the line at fault before it, if it does not name one."""
     text = str(error)
     if place is None or text.startswith(str(place.file)):
@@ -292,7 +297,7 @@ def _check_headings(made: list[_Combination]) -> None:
         check_pair_count(pairs, place)
 
 
-def _headings_of(made: _Combination) -> Iterator[_Combination]:
+def _expand_headings(made: _Combination) -> Iterator[_Combination]:
     """A description at each of its ``dataset.headings``; that setting is 1 in the results."""
     headings = int(made.settings.dataset.headings)
     if headings == 1:
@@ -313,10 +318,10 @@ def _read_content(made: _Combination) -> str:
     try:
         return hash_content(made.settings)
     except IcyMoonError as error:
-        raise _at_place(error, made.place_of("source.file", "textures.albedo_file")) from None
+        raise _locate_error(error, made.place_of("source.file", "textures.albedo_file")) from None
 
 
-def _grounds_to_check(
+def _choose_grounds_to_check(
     made: Sequence[_Combination], grounds: _Grounds, most: int
 ) -> tuple[frozenset[str], frozenset[str]]:
     """The made-up grounds that a plan is checked on, by ``_Grounds.key_of``: all, or ``most`` evenly among more; and
@@ -373,7 +378,7 @@ def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | 
         return [Reason(str(error)) for _ in made]
     for each, reason in zip(made, found, strict=True):
         if reason is not None and reason.names == scene_checks.OUTSIDE:
-            raise _at_place(IcyMoonError(reason), each.place_of(*reason.names))
+            raise _locate_error(IcyMoonError(reason), each.place_of(*reason.names))
     return found
 
 
@@ -383,10 +388,10 @@ def _join_reasons(made: _Combination, reasons: list[Reason]) -> IcyMoonError | N
         return None
     error = IcyMoonError(" ".join(reasons))
     place = made.place_of(*reasons[0].names) if reasons[0].names else None
-    return _at_place(error, place or _place_named_in(error, made))
+    return _locate_error(error, place or _find_named_place(error, made))
 
 
-def _place_named_in(error: IcyMoonError, made: _Combination) -> Place | None:
+def _find_named_place(error: IcyMoonError, made: _Combination) -> Place | None:
     """The place of the settings that an error names."""
     named = [word.strip(",;:().") for word in str(error).split() if word.count(".") and word.split(".")[0] in TOPICS]
     return made.place_of(*named)
@@ -397,10 +402,10 @@ def _check_files(made: _Combination) -> None:
     try:
         files = find_used_files(made.settings)
     except IcyMoonError as error:
-        raise _at_place(error, _place_named_in(error, made)) from None
+        raise _locate_error(error, _find_named_place(error, made)) from None
     for name, path in files.items():
         if not (path.is_file() or (name == "light.kernels" and path.is_dir())):
-            raise _at_place(
+            raise _locate_error(
                 IcyMoonError(
                     f"{name}: {path} is missing{note_on_backslashes(path)}; put it there, or "
                     "extend this plan by one of your own that names another file, or that states "

@@ -23,7 +23,7 @@ from ...support.files import quote, read_text, write_text
 from ...support.foreign_bytes import describe_reason, parse_json
 from ...support.number_text import format_count
 from ...support.version import version
-from ..pairs.our_files import checked_id
+from ..pairs.our_files import check_id
 from ..pairs.pair_folder import is_complete
 from .planned_pair import PlannedPair
 
@@ -104,7 +104,7 @@ def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPa
     """By which settings some ``known`` pairs are not among the others, in words."""
     names = [(topic, s.key) for topic, s in list_all_settings() if affects_pixels(s)]
     before, now = (
-        {name: {_value(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
+        {name: {_value_in_id(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
         for plan in (known, pairs)
     )
     texts = [
@@ -113,17 +113,17 @@ def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPa
         if before[name].keys() - now[name].keys()
     ]
     if texts:
-        return _join(texts)
+        return _join_texts(texts)
     # Each value is there, but not together with the others.
     varied = [name for name in names if len(before[name]) > 1]
-    there = {tuple(_value(name, pair) for name in varied) for pair in pairs}
-    lost = next((pair for pair in known if tuple(_value(name, pair) for name in varied) not in there), None)
+    there = {tuple(_value_in_id(name, pair) for name in varied) for pair in pairs}
+    lost = next((pair for pair in known if tuple(_value_in_id(name, pair) for name in varied) not in there), None)
     if lost is None:
         return "a file of yours has another content"
-    return f"no pair has together {_join([f'{a}.{b} {quote(lost.settings[a][b])}' for a, b in varied])}"
+    return f"no pair has together {_join_texts([f'{a}.{b} {quote(lost.settings[a][b])}' for a, b in varied])}"
 
 
-def _value(name: tuple[str, str], pair: PlannedPair) -> str:
+def _value_in_id(name: tuple[str, str], pair: PlannedPair) -> str:
     """The value of a setting as the id of a pair has it, to be compared."""
     return repr(value_in_id(".".join(name), pair.settings))
 
@@ -141,7 +141,7 @@ def _list_values(values: Sequence[Any]) -> str:
     return quote(values[0]) + (f" and {format_count(more, 'more value')}" if more else "")
 
 
-def _join(texts: Sequence[str]) -> str:
+def _join_texts(texts: Sequence[str]) -> str:
     more = len(texts) - _MOST_NAMED
     return ", ".join([*texts[:_MOST_NAMED], *([format_count(more, "more setting")] if more > 0 else [])])
 
@@ -173,4 +173,4 @@ def read_frozen_plan(dataset: Path) -> FrozenPlan:
 def _parse_pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
     check_record(line, _LINE, path, _FIX)
     settings = overlaid(base, check(line["changes"], str(path), stored=True))
-    return PlannedPair(checked_id(line["id"], path), settings, 0.0)
+    return PlannedPair(check_id(line["id"], path), settings, 0.0)

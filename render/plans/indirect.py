@@ -54,13 +54,13 @@ _MOST_TRIED = 129
 
 def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
     """The settings of all pairs of a data set, with BAKED or TRACED in place of AUTO."""
-    keys = [light_key(each) if each.quality.indirect == "AUTO" else "" for each in settings]
+    keys = [make_light_key(each) if each.quality.indirect == "AUTO" else "" for each in settings]
     images = Counter(keys)
     enough: dict[str, int] = {}
     found = []
     for each, key in zip(settings, keys, strict=True):
         if key and key not in enough:
-            enough[key] = break_even(each) if can_be_baked(each) else 0
+            enough[key] = find_break_even(each) if can_be_baked(each) else 0
         if key:
             baked = 0 < enough[key] <= images[key]
             each = merged(each, {"quality": {"indirect": "BAKED" if baked else "TRACED"}})
@@ -74,7 +74,7 @@ def settle_indirect(settings: Settings, images: int) -> Settings:
     return choose_indirect([settings] * count_images_per_bake(settings, images))[0]
 
 
-def light_key(settings: Settings) -> str:
+def make_light_key(settings: Settings) -> str:
     """A text that is equal for pairs that can share baked light."""
     quality = settings.quality
     seen = [changes.select_camera(settings)] if quality.bake_area == "VIEW" else []
@@ -91,7 +91,7 @@ def light_key(settings: Settings) -> str:
     )
 
 
-def break_even(settings: Settings) -> int:
+def find_break_even(settings: Settings) -> int:
     """Number of images of a ground under one Sun from which baked light takes less than traced light; 0 if it never
     does."""
     saved = _pair_seconds(settings, settings.quality) - _pair_seconds(settings, make_direct_quality(settings.quality))
@@ -133,11 +133,11 @@ def _count_corners(settings: Settings) -> float:
         with suppress(IcyMoonError):  # a file that cannot be read; the build reports why
             corners = _OF_A_TRIANGLE * count_triangles(settings)
     points = min(terrain.resolution, _MOST_TRIED)
-    return corners * (_share_seen(size_m, points, tuple(rig.items())) if in_view else 1.0)
+    return corners * (_estimate_share_seen(size_m, points, tuple(rig.items())) if in_view else 1.0)
 
 
 @lru_cache(maxsize=256)
-def _share_seen(size_m: float, points: int, rig_items: tuple[tuple[str, float], ...]) -> float:
+def _estimate_share_seen(size_m: float, points: int, rig_items: tuple[tuple[str, float], ...]) -> float:
     """Share of a level square of ``size_m`` metres that a rig sees, from ``points`` points tried along each side."""
     rig = RigSettings.from_values(rig_items)
     across = np.linspace(-size_m / 2, size_m / 2, points)

@@ -32,31 +32,31 @@ MOST_SCENES = 50
 _PROCESSORS_PER_WORKER = 4
 
 
-def usual_workers() -> int:
+def choose_worker_count() -> int:
     """Workers that render a data set on this machine, unless another number is given."""
     return max(1, count_processors() // _PROCESSORS_PER_WORKER)
 
 
-def settings_key(part: Callable[[Settings], Parts], pair: PlannedPair) -> str:
+def make_settings_key(part: Callable[[Settings], Parts], pair: PlannedPair) -> str:
     """A text that is equal for pairs that agree in a part of their settings, such as ``changes.select_scene``."""
     return json.dumps(part(pair.settings))
 
 
-def ordered(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
+def order_pairs(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
     """The same pairs, each once, so that scenes change least, then surfaces, then lights, then landers, then cameras.
 
     Within a stage the order follows the plan. It does not depend on which pairs are complete.
     """
     pairs = list({pair.id: pair for pair in pairs}.values())
-    keys = [tuple(settings_key(stage, pair) for stage in _STAGES) for pair in pairs]
+    keys = [tuple(make_settings_key(stage, pair) for stage in _STAGES) for pair in pairs]
     ranks = [{text: rank for rank, text in enumerate(dict.fromkeys(column))} for column in zip(*keys, strict=True)]
     places = [tuple(rank[text] for rank, text in zip(ranks, texts, strict=True)) for texts in keys]
     return [pairs[k] for k in sorted(range(len(pairs)), key=places.__getitem__)]
 
 
-def runs_of_scenes(pairs: Sequence[PlannedPair]) -> list[list[PlannedPair]]:
+def split_into_scene_runs(pairs: Sequence[PlannedPair]) -> list[list[PlannedPair]]:
     """Ordered pairs, in runs that share a scene."""
-    return [list(run) for _, run in groupby(pairs, lambda pair: settings_key(changes.select_scene, pair))]
+    return [list(run) for _, run in groupby(pairs, lambda pair: make_settings_key(changes.select_scene, pair))]
 
 
 def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list[list[PlannedPair]]:
@@ -68,7 +68,7 @@ def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) 
     length = -(-len(pairs) // (workers * _JOBS_PER_WORKER))
     found: list[list[PlannedPair]] = []
     held = 0  # scenes in the last run
-    for scene in runs_of_scenes(pairs):
+    for scene in split_into_scene_runs(pairs):
         for start in range(0, len(scene), 2 * length):
             piece = scene[start : start + 2 * length]
             if found and held < most_scenes and len(found[-1]) + len(piece) <= length:
@@ -80,12 +80,12 @@ def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) 
     return found
 
 
-def shard(pairs: Sequence[PlannedPair], number: int, count: int) -> list[PlannedPair]:
+def choose_shard(pairs: Sequence[PlannedPair], number: int, count: int) -> list[PlannedPair]:
     """The pairs of shard ``number`` (from 1) of ``count``, in order: runs of about equal length.
 
     Whole scenes where there are enough of them. All shards together are all pairs.
     """
-    units = runs_of_scenes(pairs)
+    units = split_into_scene_runs(pairs)
     if len(units) < count:
         units = [[pair] for pair in pairs]
     ends = [0]

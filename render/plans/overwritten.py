@@ -42,12 +42,12 @@ def check_overwritten(
     states them, then the sweeps of settings with their variations, then ``cameras``, in the order of ``poses.KINDS``.
     """
     layers = [
-        _Layer(sweep.place, sweep.name, _named_by(sweep), [_stated(part) for part in variations])
+        _Layer(sweep.place, sweep.name, _list_named(sweep), [_list_stated(part) for part in variations])
         for sweep, variations in made
     ]
     _check_settings(parts, layers)
     for sweep in cameras:
-        varied, overwritten = poses.rig_settings(sweep)
+        varied, overwritten = poses.list_rig_settings(sweep)
         layers.append(_Layer(sweep.place, sweep.name, varied, [dict.fromkeys(overwritten)]))
     if seeds is not None:
         layers.insert(0, _Layer(seeds, "", frozenset({"dataset.seed"}), []))
@@ -57,7 +57,7 @@ def check_overwritten(
         _check_differences(base, earlier, layers[k + 1 :])
 
 
-def _named_by(sweep: Sweep) -> frozenset[str]:
+def _list_named(sweep: Sweep) -> frozenset[str]:
     """The settings that a sweep names, other than by presets."""
     tables = sweep.table.get("case", ()) if sweep.kind == "cases" else (sweep.table,)
     return frozenset(
@@ -69,7 +69,7 @@ def _named_by(sweep: Sweep) -> frozenset[str]:
     )
 
 
-def _stated(part: Variation) -> dict[str, Any]:
+def _list_stated(part: Variation) -> dict[str, Any]:
     """The settings of a variation by their full names."""
     return {f"{topic}.{key}": value for topic, values in part.settings.items() for key, value in values.items()}
 
@@ -80,7 +80,7 @@ def _check_settings(parts: Sequence[Variation], layers: Sequence[_Layer]) -> Non
     for k, part in enumerate(parts):
         if part.place.key:
             continue  # a preset, whose other settings may be what it is taken for
-        for key in _stated(part):
+        for key in _list_stated(part):
             for layer in layers:
                 if order[layer.place.file] < k and key in layer.names and layer.covers(key):
                     raise IcyMoonError(
@@ -103,7 +103,7 @@ def _check_named(earlier: _Layer, later: _Layer) -> None:
     )
     raise IcyMoonError(
         f"{later.place}: this sweep sets {', '.join(lost)}, so what {earlier.place} states of that "
-        f"would be lost; {fix}{_or_replace(earlier, later)}."
+        f"would be lost; {fix}{_replace_hint(earlier, later)}."
     )
 
 
@@ -133,11 +133,11 @@ def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) 
                     raise IcyMoonError(
                         f"{later.place}: this sweep sets {', '.join(sorted(keys))}, without which some "
                         f"variations of that of {earlier.place} are the same; leave one of the two "
-                        f"out{_or_replace(earlier, later)}."
+                        f"out{_replace_hint(earlier, later)}."
                     )
                 known.add(lost)
 
 
-def _or_replace(earlier: _Layer, later: _Layer) -> str:
+def _replace_hint(earlier: _Layer, later: _Layer) -> str:
     """The end of a fix where the earlier sweep is of a plan that is extended."""
     return f", or write replaces = '{earlier.name}'" if earlier.name and earlier.place.file != later.place.file else ""

@@ -23,7 +23,7 @@ from ...support.foreign_bytes import parse_toml
 from ...support.suggestions import suggest_nearest
 from ..pairs.scene_splits import check_splits
 from . import poses, sweeps
-from .combine import MOST_GROUNDS, Combined, Design, Report, combine
+from .combine import MOST_GROUNDS, CombinedPairs, PlanDesign, Report, combine
 from .own_files import describe_stand_ins
 from .planned_pair import PlannedPair
 from .sweeps import Sweep, Variation, check_keys, check_settings, load_included
@@ -58,20 +58,20 @@ class Plan:
     title: str
     description: str
     text: str
-    designs: tuple[Design, ...]
+    designs: tuple[PlanDesign, ...]
     splits: dict[str, float] | None = None
 
-    def check(self, report: Report = lambda done, total: None) -> Combined:
+    def check(self, report: Report = lambda done, total: None) -> CombinedPairs:
         """Combine and check the pairs, once; ``report`` receives how many of how many are checked.
 
         Raises IcyMoonError as ``pairs`` does.
         """
         if "_combined" not in self.__dict__:
-            self.__dict__["_combined"] = self._combine(report)
-        found: Combined = self.__dict__["_combined"]
+            self.__dict__["_combined"] = self._combine_designs(report)
+        found: CombinedPairs = self.__dict__["_combined"]
         return found
 
-    def _combine(self, report: Report) -> Combined:
+    def _combine_designs(self, report: Report) -> CombinedPairs:
         found: dict[str, PlannedPair] = {}
         refused: dict[str, str] = {}
         checked: frozenset[str] = frozenset()
@@ -87,7 +87,7 @@ class Plan:
             checked, unchecked, before = checked | made.checked, unchecked | made.unchecked, before + len(made.pairs)
             for pair in made.pairs:
                 found.setdefault(pair.id, pair)
-        return Combined(list(found.values()), refused, checked, unchecked - checked)
+        return CombinedPairs(list(found.values()), refused, checked, unchecked - checked)
 
     def pairs(self) -> list[PlannedPair]:
         """The pairs with complete settings, in the order of the plan, each once.
@@ -167,14 +167,14 @@ def read_plan(path: Path) -> Plan:
 
 def parse_plan(path: Path, text: str) -> Plan:
     """The plan that a file with this text would be. Raises IcyMoonError as ``read_plan``."""
-    return _parse(path, parse_toml(text), text, ())
+    return _parse_plan(path, parse_toml(text), text, ())
 
 
 def _read_extended(path: Path, readers: tuple[Path, ...]) -> Plan:
-    return _parse(path, *read_toml_and_text(path), readers)
+    return _parse_plan(path, *read_toml_and_text(path), readers)
 
 
-def _parse(path: Path, data: dict[str, Any], text: str, readers: tuple[Path, ...]) -> Plan:
+def _parse_plan(path: Path, data: dict[str, Any], text: str, readers: tuple[Path, ...]) -> Plan:
     whole = Place(path, text)
     header = data.pop("plan", None)
     if not isinstance(header, Mapping):
@@ -192,13 +192,13 @@ def _parse(path: Path, data: dict[str, Any], text: str, readers: tuple[Path, ...
         )
     designs = _read_parents(header, place, (*readers, path.resolve()))
     for k, table in enumerate(tables):
-        designs = _with_sweep(designs, table, whole.at("sweep", k))
+        designs = _add_sweep(designs, table, whole.at("sweep", k))
     return Plan(
         path,
-        _text(header, "title", place) or path.stem,
-        _text(header, "description", place),
+        _read_text(header, "title", place) or path.stem,
+        _read_text(header, "description", place),
         text,
-        tuple(_with_header(_with_settings(design, header, data, whole), header, place) for design in designs),
+        tuple(_apply_header(_add_settings(design, header, data, whole), header, place) for design in designs),
         _read_splits(header, place),
     )
 
@@ -216,13 +216,13 @@ def _count_seeds(stated: int | list[int]) -> int:
     return len(stated) if isinstance(stated, list) else stated
 
 
-def _text(header: Mapping[str, Any], key: str, place: Place) -> str:
+def _read_text(header: Mapping[str, Any], key: str, place: Place) -> str:
     if not isinstance(header.get(key, ""), str):
         raise IcyMoonError(f"{place.at(key)}: {key} must be a text in quotes, not {quote(header[key])}.")
     return str(header.get(key, ""))
 
 
-def _names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple[str, Place]]:
+def _read_names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple[str, Place]]:
     """The names that a key lists, or the one that it is, each with its place."""
     value = header.get(key, [])
     if not isinstance(value, list):
@@ -234,10 +234,10 @@ def _names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple[str,
     ]
 
 
-def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...]) -> list[Design]:
+def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...]) -> list[PlanDesign]:
     """The designs that a plan begins with: the designs of the plans that it extends, or an empty one."""
-    designs: list[Design] = []
-    for name, at in _names(header, "extends", place):
+    designs: list[PlanDesign] = []
+    for name, at in _read_names(header, "extends", place):
         try:
             path = at.file.parent / parse_path(name, "The plan") if name.endswith(".toml") else find_plan(name)
             if path.resolve() in readers:
@@ -249,8 +249,8 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
             raise IcyMoonError(
                 f"{at}: with this one more than {_MOST_DESIGNS} plans are extended; name fewer, each once."
             )
-    designs = designs or [Design()]
-    for name, at in _names(header, "without", place):
+    designs = designs or [PlanDesign()]
+    for name, at in _read_names(header, "without", place):
         if not any(name == sweep.name for design in designs for sweep in design.sweeps):
             known = sorted({sweep.name for design in designs for sweep in design.sweeps})
             raise IcyMoonError(f"{at}: there is no sweep {quote(name)} to leave out, {suggest_nearest(name, known)}")
@@ -258,33 +258,33 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
     return designs
 
 
-def _with_settings(design: Design, header: Mapping[str, Any], data: Mapping[str, Any], whole: Place) -> Design:
+def _add_settings(design: PlanDesign, header: Mapping[str, Any], data: Mapping[str, Any], whole: Place) -> PlanDesign:
     """A design with the presets and settings of a plan over its own."""
     place = whole.at("plan")
-    parts = [Variation(load_included(name, at), at) for name, at in _names(header, "include", place)]
+    parts = [Variation(load_included(name, at), at) for name, at in _read_names(header, "include", place)]
     return replace(design, base=(*design.base, *parts, Variation(check_settings(data, whole), whole)))
 
 
-def _with_header(design: Design, header: Mapping[str, Any], place: Place) -> Design:
+def _apply_header(design: PlanDesign, header: Mapping[str, Any], place: Place) -> PlanDesign:
     """A design with the seeds, the grounds, the limit and the folder of files that a plan states."""
     if "seeds" in header:
-        design = replace(design, seeds=_seeds(header["seeds"], place.at("seeds")))
+        design = replace(design, seeds=_read_seeds(header["seeds"], place.at("seeds")))
     if "draw_again" in header:
         if not isinstance(header["draw_again"], bool):
             raise IcyMoonError(f"{place.at('draw_again')}: draw_again must be true or false.")
         design = replace(design, draw_again=header["draw_again"])
     if "grounds" in header:
-        count = _count(header, "grounds", "grounds", place)
+        count = _read_count(header, "grounds", "grounds", place)
         design = replace(design, grounds=(count, place.at("grounds")))
     if "at_most" in header:
-        design = replace(design, at_most=_count(header, "at_most", "pairs", place))
+        design = replace(design, at_most=_read_count(header, "at_most", "pairs", place))
     if "files" in header:
-        folder = parse_path(_text(header, "files", place), f"{place.at('files')}: files")
+        folder = parse_path(_read_text(header, "files", place), f"{place.at('files')}: files")
         design = replace(design, files=place.file.parent.absolute() / folder)
     return design
 
 
-def _count(header: Mapping[str, Any], key: str, what: str, place: Place) -> int:
+def _read_count(header: Mapping[str, Any], key: str, what: str, place: Place) -> int:
     """A whole number that the header states."""
     value = header[key]
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
@@ -292,7 +292,7 @@ def _count(header: Mapping[str, Any], key: str, what: str, place: Place) -> int:
     return value
 
 
-def _seeds(value: object, place: Place) -> tuple[int | list[int], Place]:
+def _read_seeds(value: object, place: Place) -> tuple[int | list[int], Place]:
     """A number of seeds to draw, or the seeds themselves."""
     whole = [
         v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int) and not isinstance(v, bool)
@@ -308,10 +308,10 @@ def _seeds(value: object, place: Place) -> tuple[int | list[int], Place]:
     return whole[0], place
 
 
-def _with_sweep(designs: Sequence[Design], table: Mapping[str, Any], place: Place) -> list[Design]:
+def _add_sweep(designs: Sequence[PlanDesign], table: Mapping[str, Any], place: Place) -> list[PlanDesign]:
     """Designs with one more sweep, or with one in place of the sweep that it replaces."""
     kinds = (*sweeps.KINDS, *poses.KINDS)
-    kind, replaces = table.get("kind"), _text(table, "replaces", place) or None
+    kind, replaces = table.get("kind"), _read_text(table, "replaces", place) or None
     if kind not in kinds:
         problem = "lacks its kind" if kind is None else f"is of kind {quote(kind)}"
         raise IcyMoonError(f"{place.at('kind')}: this sweep {problem}, {suggest_nearest(str(kind), kinds)}")
@@ -322,7 +322,7 @@ def _with_sweep(designs: Sequence[Design], table: Mapping[str, Any], place: Plac
             f"{suggest_nearest(replaces, sorted(known))}"
         )
     # Random numbers depend on the name; a made-up one counts the sweeps of its kind in this file.
-    name = replaces or _text(table, "name", place) or _free_name(kind, known)
+    name = replaces or _read_text(table, "name", place) or _find_free_name(kind, known)
     if replaces is None and name in known:
         raise IcyMoonError(
             f"{place.at('name')}: there is a sweep {quote(name)} already; write replaces = "
@@ -334,5 +334,5 @@ def _with_sweep(designs: Sequence[Design], table: Mapping[str, Any], place: Plac
     return [replace(design, sweeps=tuple(sweep if b.name == name else b for b in design.sweeps)) for design in designs]
 
 
-def _free_name(kind: str, known: set[str]) -> str:
+def _find_free_name(kind: str, known: set[str]) -> str:
     return next(name for k in range(len(known) + 1) if (name := f"{kind} {k + 1}") not in known)

@@ -148,7 +148,7 @@ _MAKERS: dict[str, Callable[[Sweep, Settings, Ground], list[Variation]]] = {
 KINDS = tuple(_MAKERS)
 
 
-def rig_settings(sweep: Sweep) -> tuple[frozenset[str], frozenset[str]]:
+def list_rig_settings(sweep: Sweep) -> tuple[frozenset[str], frozenset[str]]:
     """The settings that cameras of a sweep of one of ``KINDS`` differ in, and those that they have whatever the
     settings under them are: equal turns begin at ``rig.heading_deg``, and a view sphere is about the rig's place."""
     if sweep.kind == "panorama":
@@ -164,7 +164,7 @@ def rig_settings(sweep: Sweep) -> tuple[frozenset[str], frozenset[str]]:
     return keys, keys
 
 
-def make_variations(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
+def make_camera_variations(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
     """The cameras that a sweep of one of ``KINDS`` gives to complete settings.
 
     Raises IcyMoonError that names the line at fault.

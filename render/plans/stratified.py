@@ -15,7 +15,7 @@ from .planned_pair import PlannedPair
 _ORDER_SEED = 0
 
 
-def varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
+def find_varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
     """(topic, key) of the settings that are not the same in all pairs."""
     # Pairs share most of their tables; each is compared once.
     tables = {
@@ -36,7 +36,7 @@ def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedP
     always one whose values lack most, and in a random order that is always the same among equals. So a larger part of
     the same pairs contains every smaller one.
     """
-    levels = _levels(pairs)
+    levels = _number_levels(pairs)
     share = [np.bincount(level) / len(pairs) for level in levels]
     chosen_of = [np.zeros(len(each)) for each in share]
     order = make_generator(_ORDER_SEED, "plan", zlib.crc32(b"stratified")).permutation(len(pairs))
@@ -55,10 +55,10 @@ def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedP
     return [pairs[k] for k in sorted(chosen)]
 
 
-def _levels(pairs: Sequence[PlannedPair]) -> list[Array]:
+def _number_levels(pairs: Sequence[PlannedPair]) -> list[Array]:
     """The value of each pair as a number from 0 on, of each setting that varies independently."""
     found: dict[bytes, Array] = {}
-    for topic, key in varied_settings(pairs):
+    for topic, key in find_varied_settings(pairs):
         if (topic, key) == ("dataset", "seed"):
             continue
         known: dict[str, int] = {}

@@ -191,14 +191,14 @@ def _read_listed(sweep: Sweep) -> list[list[Variation]]:
     return factors
 
 
-def _joined(parts: Iterable[Variation], place: Place) -> Variation:
+def _join_variations(parts: Iterable[Variation], place: Place) -> Variation:
     return Variation(merged(*(part.settings for part in parts)), place)
 
 
 def _make_grid(sweep: Sweep, base: Settings) -> list[Variation]:
     factors = _read_listed(sweep)
     check_pair_count(math.prod(map(len, factors)), sweep.place)
-    return [_joined(chosen, sweep.place) for chosen in itertools.product(*factors)]
+    return [_join_variations(chosen, sweep.place) for chosen in itertools.product(*factors)]
 
 
 def _make_one_at_a_time(sweep: Sweep, base: Settings) -> list[Variation]:
@@ -273,7 +273,7 @@ def _read_law(name: str, setting: Setting | None, law: object, place: Place, kin
     if setting.kind == "int" and law_name == "uniform":
         return lambda fraction: [int(v) for v in sampling.to_whole_numbers(fraction, int(first), int(second))]
     draw = sampling.to_uniform if law_name == "uniform" else sampling.to_log_uniform
-    return lambda fraction: _rounded(setting, draw(fraction, first, second))
+    return lambda fraction: _round_values(setting, draw(fraction, first, second))
 
 
 def _read_normal(
@@ -289,10 +289,10 @@ def _read_normal(
             f"{place}: the normal distribution of {name} has next to nothing within {limits[0]:g} to "
             f"{limits[1]:g}; widen within."
         ) from None
-    return lambda fraction: _rounded(setting, sampling.to_normal(fraction, *law, *limits))
+    return lambda fraction: _round_values(setting, sampling.to_normal(fraction, *law, *limits))
 
 
-def _rounded(setting: Setting, values: Array) -> list[Any]:
+def _round_values(setting: Setting, values: Array) -> list[Any]:
     """Values as the setting takes them: whole numbers, or six digits, which keeps a file of settings legible."""
     if setting.kind == "int":
         return [round(v) for v in values.tolist()]
@@ -331,7 +331,7 @@ def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
     for axis, (name, setting, law, place) in enumerate(factors):
         values = _read_law(name, setting, law, place, sweep.kind)(fractions[:, axis])
         columns.append([Variation(_read_part(name, value, place), place) for value in values])
-    return [_joined(row, sweep.place) for row in zip(*columns, strict=True)]
+    return [_join_variations(row, sweep.place) for row in zip(*columns, strict=True)]
 
 
 _MAKERS: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
@@ -342,7 +342,7 @@ _MAKERS: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
 }
 
 
-def make_variations(sweep: Sweep, base: Settings) -> list[Variation]:
+def make_setting_variations(sweep: Sweep, base: Settings) -> list[Variation]:
     """The variations of a sweep of one of ``KINDS``, over complete settings.
 
     Raises IcyMoonError that names the line at fault.

@@ -25,7 +25,7 @@ from ...support.number_text import format_count
 from ...support.suggestions import suggest_nearest
 from ...support.version import version
 from . import sweeps
-from .combine import seeds_of
+from .combine import list_seeds
 from .planned_pair import expand_headings
 from .sweeps import MOST_PAIRS, NOT_SWEPT, Sweep
 
@@ -113,7 +113,7 @@ def vary_around(name: str, value: float | str) -> VariedSetting:
     if not low <= value <= high:
         low, high = setting.minimum, setting.maximum
     ends = sorted((value / 2, value * 2)) if value else (0.0 if low >= 0 else low / 4, high / 4)
-    first, last = (min(max(_rounded(setting, end, 3), low), high) for end in ends)
+    first, last = (min(max(_round_value(setting, end, 3), low), high) for end in ends)
     if setting.kind == "int":
         last = min(max(last, first + VariedSetting.count - 1), high)
         first = max(min(first, last - VariedSetting.count + 1), low)
@@ -123,7 +123,7 @@ def vary_around(name: str, value: float | str) -> VariedSetting:
     return VariedSetting(name, first, last)
 
 
-def _rounded(setting: Setting, value: float, digits: int = 6) -> float:
+def _round_value(setting: Setting, value: float, digits: int = 6) -> float:
     return round(value) if setting.kind == "int" else float(f"{value:.{digits}g}")
 
 
@@ -140,7 +140,7 @@ def list_values(varied: VariedSetting) -> list[Any]:
     else:
         between = [first + (last - first) * k / steps for k in range(1, steps)]
     low, high = sorted((first, last))
-    inside = [min(max(_rounded(setting, value), low), high) for value in between]
+    inside = [min(max(_round_value(setting, value), low), high) for value in between]
     return list(dict.fromkeys([first, *inside, last]))
 
 
@@ -188,8 +188,10 @@ def _make_factors(settings: Settings, variations: SceneVariations) -> list[_Fact
     if not varied:
         return []
     if variations.combine == "SOBOL":
-        what = label_of(names[0]) if len(varied) == 1 else f"{len(varied)} settings"
-        table = _sweep_table("sobol", "draws", {each.name: _law(each) for each in varied}, count=variations.draws)
+        what = find_label(names[0]) if len(varied) == 1 else f"{len(varied)} settings"
+        table = _make_sweep_table(
+            "sobol", "draws", {each.name: _make_law(each) for each in varied}, count=variations.draws
+        )
         return [_Factor(table, variations.draws, f"{format_count(variations.draws, 'draw')} of {what}")]
     if variations.combine == "ONE_AT_A_TIME":
         return [_make_one_at_a_time(settings, varied)]
@@ -198,13 +200,15 @@ def _make_factors(settings: Settings, variations: SceneVariations) -> list[_Fact
 
 def _make_grid_factor(varied: VariedSetting) -> _Factor:
     if _is_drawn(varied):
-        table = _sweep_table("random", varied.name, {varied.name: _law(varied)}, count=varied.count)
-        return _Factor(table, varied.count, f"{format_count(varied.count, 'random value')} of {label_of(varied.name)}")
+        table = _make_sweep_table("random", varied.name, {varied.name: _make_law(varied)}, count=varied.count)
+        return _Factor(
+            table, varied.count, f"{format_count(varied.count, 'random value')} of {find_label(varied.name)}"
+        )
     values = list_values(varied)
     return _Factor(
-        _sweep_table("grid", varied.name, {varied.name: values}),
+        _make_sweep_table("grid", varied.name, {varied.name: values}),
         len(values),
-        f"{format_count(len(values), 'value')} of {label_of(varied.name)}",
+        f"{format_count(len(values), 'value')} of {find_label(varied.name)}",
     )
 
 
@@ -224,7 +228,7 @@ def _make_one_at_a_time(settings: Settings, varied: Sequence[VariedSetting]) -> 
         for value in values
     )
     return _Factor(
-        _sweep_table("one_at_a_time", "one at a time", listed),
+        _make_sweep_table("one_at_a_time", "one at a time", listed),
         1 + others,
         f"{format_count(1 + others, 'scene')}, one setting at a time",
     )
@@ -234,14 +238,14 @@ def _is_drawn(varied: VariedSetting) -> bool:
     return check_varied(varied).kind in ("int", "float") and varied.spacing == "RANDOM"
 
 
-def _law(varied: VariedSetting) -> dict[str, list[Any]]:
+def _make_law(varied: VariedSetting) -> dict[str, list[Any]]:
     """The distribution that a setting is drawn from."""
     if check_varied(varied).kind in ("choice", "bool"):
         return {"choice": list_values(varied)}
     return {"log_uniform" if varied.spacing == "RATIO" else "uniform": sorted((varied.first, varied.last))}
 
 
-def _sweep_table(kind: str, name: str, stated: Mapping[str, Any], **also: int) -> dict[str, Any]:
+def _make_sweep_table(kind: str, name: str, stated: Mapping[str, Any], **also: int) -> dict[str, Any]:
     table: dict[str, Any] = {"kind": kind, "name": name, **also}
     for setting, values in stated.items():
         topic, _, key = setting.partition(".")
@@ -252,21 +256,24 @@ def _sweep_table(kind: str, name: str, stated: Mapping[str, Any], **also: int) -
 def _draw_seeds(settings: Settings, seeds: int) -> list[int]:
     """The scene's own seed, then others that are drawn from it."""
     own = int(settings.dataset.seed)
-    return [own, *seeds_of(seeds - 1, own)]
+    return [own, *list_seeds(seeds - 1, own)]
 
 
-def plan_text(settings: Settings, variations: SceneVariations) -> str:
+def make_plan_text(settings: Settings, variations: SceneVariations) -> str:
     """The TOML text of a plan: what varies, and all settings of the scene. Their files must have absolute paths.
 
     Raises IcyMoonError for values out of range, and for what cannot be combined.
     """
     count_pairs(settings, variations)
-    header: dict[str, Any] = {"title": title_of(variations), "description": f"Made by {WHERE} of Icy Moon {version()}"}
+    header: dict[str, Any] = {
+        "title": make_title(variations),
+        "description": f"Made by {WHERE} of Icy Moon {version()}",
+    }
     if variations.seeds > 1:
         header["seeds"] = _draw_seeds(settings, variations.seeds)
     lines = ["[plan]", *(f"{key} = {to_toml_value(value)}" for key, value in header.items()), ""]
     for factor in _make_factors(settings, variations):
-        lines += ["[[sweep]]", *_sweep_lines(factor.table), ""]
+        lines += ["[[sweep]]", *_make_sweep_lines(factor.table), ""]
     described = {
         topic: {key: value for key, value in values.items() if topic != "dataset" or key in _OF_DATASET}
         for topic, values in settings.items()
@@ -274,7 +281,7 @@ def plan_text(settings: Settings, variations: SceneVariations) -> str:
     return "\n".join([*lines, "# All settings of the scene.", to_toml(described)])
 
 
-def _sweep_lines(table: Mapping[str, Any]) -> list[str]:
+def _make_sweep_lines(table: Mapping[str, Any]) -> list[str]:
     lines = []
     for key, value in table.items():
         if not isinstance(value, dict):
@@ -290,14 +297,14 @@ def _sweep_lines(table: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def title_of(variations: SceneVariations) -> str:
+def make_title(variations: SceneVariations) -> str:
     """What varies, as the title of the plan."""
-    names = [label_of(each.name) for each in variations.varied]
+    names = [find_label(each.name) for each in variations.varied]
     names += [f"{variations.seeds} Seeds"] if variations.seeds > 1 else []
     return ", ".join(names) or "One Scene"
 
 
-def label_of(name: str) -> str:
+def find_label(name: str) -> str:
     """The label of a setting without its unit; the name itself if no setting has it."""
     return _SETTINGS[name].label.partition(" (")[0] if name in _SETTINGS else name
 
@@ -323,7 +330,7 @@ def count_pairs(settings: Settings, variations: SceneVariations) -> int:
     return pairs
 
 
-def describe(settings: Settings, variations: SceneVariations) -> str:
+def describe_variations(settings: Settings, variations: SceneVariations) -> str:
     """The number of pairs and its factors, such as '5 values of Sun Elevation x 3 seeds = 15 pairs'.
 
     Raises IcyMoonError as ``count_pairs``.
@@ -343,7 +350,7 @@ def sample_settings(settings: Settings, variations: SceneVariations, most: int) 
     grounds, choices = 1.0, []
     for factor in _make_factors(settings, variations):
         made = _make_parts(factor, settings, most)
-        different = len({json.dumps(_geometry_of(part)) for part in made})
+        different = len({json.dumps(_select_geometry(part)) for part in made})
         grounds *= different * factor.size / len(made) if different > 1 else 1
         choices.append(made)
     if variations.seeds > 1:
@@ -359,7 +366,7 @@ def sample_settings(settings: Settings, variations: SceneVariations, most: int) 
     return found, grounds
 
 
-def end_settings(settings: Settings, variations: SceneVariations) -> tuple[Settings, Settings]:
+def make_end_settings(settings: Settings, variations: SceneVariations) -> tuple[Settings, Settings]:
     """Complete settings of the first and the last pair of the plan. Raises IcyMoonError as ``count_pairs``."""
     count_pairs(settings, variations)
     choices = [_make_parts(factor, settings) for factor in _make_factors(settings, variations)]
@@ -376,10 +383,10 @@ def _make_parts(factor: _Factor, settings: Settings, most: int = MOST_PAIRS) -> 
     if "count" in table:  # the first draws are the same, however many there are
         table["count"] = min(table["count"], most)
     sweep = Sweep(table.pop("kind"), table.pop("name"), table, Place(Path("plan.toml"), ""))
-    return [each.settings for each in sweeps.make_variations(sweep, settings)]
+    return [each.settings for each in sweeps.make_setting_variations(sweep, settings)]
 
 
-def _geometry_of(part: Parts) -> list[tuple[str, str, Any]]:
+def _select_geometry(part: Parts) -> list[tuple[str, str, Any]]:
     """What a part sets that the ground is made from."""
     return [
         (topic, key, value)

@@ -67,7 +67,7 @@ def choose_cards(text: str) -> Cards:
     return cards
 
 
-def choose_one(cards: Cards, place: int, workers: int) -> Cards:
+def choose_worker_cards(cards: Cards, place: int, workers: int) -> Cards:
     """The cards of one of several ``workers``: where several cards are chosen, workers get one each, in turn."""
     if workers < 2 or len(cards.numbers) < 2:
         return cards
@@ -81,7 +81,7 @@ def add_cards(environment: Mapping[str, str] | None, cards: Cards) -> Mapping[st
     return {**(os.environ if environment is None else environment), ENVIRONMENT: str(cards)}
 
 
-def pick(cards: Cards, found: Sequence[str]) -> list[int]:
+def choose_card_numbers(cards: Cards, found: Sequence[str]) -> list[int]:
     """Numbers of the cards to use among those that Cycles has ``found``, by name. Raises IcyMoonError if one is not
     there."""
     absent = [number for number in cards.numbers if number >= len(found)]

@@ -23,7 +23,7 @@ from ...support.file_shapes import NUMBER, PROCESS, SHA256, TEXT, Maybe, find_fa
 from ...support.files import PART, explain_disk_errors, find_leftover_parts, make_part_path, read_text, write_text
 from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
-from ..pairs.our_files import folder_of_pairs, is_claim, remove_ours
+from ..pairs.our_files import is_claim_name, pairs_folder, remove_ours
 from ..pairs.publish import resolve_leftover
 
 CLAIMS_FOLDER = "claims"
@@ -50,7 +50,7 @@ class Claims:
     def __init__(self, dataset: Path) -> None:
         self._dataset = dataset
         self._folder = dataset / CLAIMS_FOLDER
-        self._pairs = folder_of_pairs(dataset)
+        self._pairs = pairs_folder(dataset)
         self._key = secrets.token_hex(8)  # what tells a claim of ours from another's that got the same name later
         self._held: dict[str, Path] = {}
         self._ahead: dict[Path, tuple[float, float]] = {}  # claims with times ahead: the time, and when it was seen
@@ -157,7 +157,7 @@ class Claims:
     def clean_up_after(self, pid: int) -> None:
         """Drop the claims of a process of this machine that has ended, and its unfinished folders."""
         for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART}"):
-            self._settle(part)
+            self._settle_leftover(part)
         for path in self._list_claims():
             holder = _read_claim(path)
             if holder.get("pid") == pid and holder.get("host") == system.computer_name():
@@ -170,7 +170,7 @@ class Claims:
         claimed = self.find_claimed_elsewhere() | self._held.keys()
         for part in parts:
             if part.name.split(".")[0] not in claimed:
-                self._settle(part)
+                self._settle_leftover(part)
         # Such as of the manifest, of baked light or of a claim that was to state it, of the clock, and of a pair.json
         # that was to state other settings.
         for where, pattern in (
@@ -198,17 +198,17 @@ class Claims:
         return {_claim_number(path): path for path in self._list_claims() if path.name.startswith(f"{pair}.")}
 
     def _list_claims(self) -> list[Path]:
-        return [path for path in self._folder.glob("*.*") if is_claim(path)]
+        return [path for path in self._folder.glob("*.*") if is_claim_name(path)]
 
     def _remove(self, path: Path) -> None:
         remove_ours(path, self._dataset)
 
     def _resolve_leftovers(self, pair: str) -> None:
         for part in self._pairs.glob(f"{pair}.*{PART}"):
-            self._settle(part)
+            self._settle_leftover(part)
 
     @staticmethod
-    def _settle(part: Path) -> None:
+    def _settle_leftover(part: Path) -> None:
         if part.is_dir():  # a file is another's affair, such as a clock
             with suppress(OSError):  # which leaves it for another time
                 resolve_leftover(part)

@@ -32,7 +32,7 @@ def render_task(dataset: str, names: Sequence[str], workers: WorkerOptions) -> d
 
 
 @contextmanager
-def connect(address: str) -> Iterator[Any]:
+def connect_cluster(address: str) -> Iterator[Any]:
     """A connection to the scheduler at an address, or to workers of this machine (``local:N``)."""
     try:
         import distributed
@@ -65,7 +65,7 @@ def render_on_cluster(
 
     Every Dask worker needs this package, the Blender that ``workers`` names and the folder at the same path.
     """
-    with connect(address) as client:
+    with connect_cluster(address) as client:
         there = {pair.id for pair in pairs if is_complete(pair.folder(dataset))}
         missing = [pair for pair in pairs if pair.id not in there]
         slots = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))

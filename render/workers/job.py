@@ -16,7 +16,7 @@ from ...support.files import absolute_path, explain_disk_errors
 from ...support.scratch import make_scratch_folder
 from ...support.system import is_python, remove_folder
 from ...support.version import ROOT
-from ..pairs.our_files import checked_id
+from ..pairs.our_files import check_id
 from ..plans.planned_pair import PlannedPair
 from .claims import Claims
 from .process import Message, Process
@@ -76,7 +76,7 @@ def read_planned_pairs(job: Mapping[str, Any]) -> list[PlannedPair]:
     """The planned pairs of a job, each with its own settings beside those that all share."""
     restore, shared = Restorer(), job.get("shared", {})
     return [
-        PlannedPair(checked_id(pair["id"], "The job"), restore(add_shared(pair["settings"], shared), "job"), 0.0)
+        PlannedPair(check_id(pair["id"], "The job"), restore(add_shared(pair["settings"], shared), "job"), 0.0)
         for pair in job["pairs"]
     ]
 

@@ -21,7 +21,7 @@ from ..plans.frozen_plan import FORMAT, PLAN, VERSION, FrozenPlan, read_frozen_p
 MANIFEST = "manifest.json"
 
 
-def _counts(values: list[str]) -> dict[str, int]:
+def _count_values(values: list[str]) -> dict[str, int]:
     return dict(sorted(Counter(values).items()))
 
 
@@ -55,9 +55,9 @@ def write_manifest(dataset: Path, failed: Mapping[str, str]) -> dict[str, Any]:
         "missing": [pair.id for pair in frozen.pairs if pair.id not in there],
         "set_aside": unreadable | {name: why for name, why in failed.items() if name not in there},
         "seeds": sorted({int(pair.settings.dataset.seed) for pair in frozen.pairs}),
-        "versions": _counts([json.dumps(facts.get("versions")) for facts in there.values()]),
-        "devices": _counts([facts.get("device", "") for facts in there.values()]),
-        "platforms": _counts([facts.get("platform", "") for facts in there.values()]),
+        "versions": _count_values([json.dumps(facts.get("versions")) for facts in there.values()]),
+        "devices": _count_values([facts.get("device", "") for facts in there.values()]),
+        "platforms": _count_values([facts.get("platform", "") for facts in there.values()]),
         "seconds": {
             step: round(sum(each.get(step, 0.0) for each in taken), 3)
             for step in sorted({step for each in taken for step in each})

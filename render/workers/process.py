@@ -42,7 +42,7 @@ class ProcessOutput:
 
     def _read_line(self, line: str) -> Message | None:
         """The message in a line; None if it is another line, which is kept."""
-        message = _parse(line)
+        message = _parse_message(line)
         if message is None:
             self._tail.append(line.rstrip())
         return message
@@ -86,11 +86,11 @@ class Process(ProcessOutput):
         except OSError as error:
             raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; check its path.") from None
         self._find_crest_lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._reader = threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True)
+        self._reader = threading.Thread(target=self._queue_lines, args=(self._process.stdout,), daemon=True)
         self._reader.start()
         self._ended = False
 
-    def _read(self, stream: IO[bytes]) -> None:
+    def _queue_lines(self, stream: IO[bytes]) -> None:
         for line in stream:
             self._find_crest_lines.put(line.decode("utf-8", "replace"))
         self._find_crest_lines.put(None)
@@ -149,7 +149,7 @@ class Process(ProcessOutput):
         self._process.wait()
 
 
-def _parse(line: str) -> Message | None:
+def _parse_message(line: str) -> Message | None:
     if not line.startswith("{"):
         return None
     try:

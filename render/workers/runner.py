@@ -19,11 +19,11 @@ from ...support.errors import IcyMoonError
 from ...support.file_shapes import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
 from ...support.number_text import format_count
 from ..pairs.baked_file import LIGHT
-from ..pairs.our_files import check_no_link, folder_of_pair, folder_of_pairs
+from ..pairs.our_files import check_no_link, folder_of_pair, pairs_folder
 from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response
 from ..plans.order import MOST_SCENES, cut_into_jobs
 from ..plans.planned_pair import PlannedPair
-from .cards import ALL_CARDS, Cards, add_cards, choose_one
+from .cards import ALL_CARDS, Cards, add_cards, choose_worker_cards
 from .claims import CLAIMS_FOLDER, Claims
 from .job import Job, blender_command
 from .process import Message, Process
@@ -111,7 +111,7 @@ class Runner:
         Raises IcyMoonError when nothing can be rendered (the disk is full, Blender does not start). However
         it ends, no worker is left.
         """
-        check_no_link(folder_of_pairs(self._dataset), self._dataset / CLAIMS_FOLDER, self._dataset / LIGHT)
+        check_no_link(pairs_folder(self._dataset), self._dataset / CLAIMS_FOLDER, self._dataset / LIGHT)
         try:
             self._claims.clean_up()
             restore = Restorer()
@@ -122,7 +122,7 @@ class Runner:
             while missing := self._find_missing():
                 self._enqueue(missing)
                 while self._queue or self._running:
-                    self._step()
+                    self._step_workers()
                     time.sleep(_STEP_S)
                 if missing == self._find_missing():  # all of them are other runners'
                     self._report_progress(missing)
@@ -159,14 +159,14 @@ class Runner:
         )
         self._queue.extend(jobs)
 
-    def _step(self) -> None:
+    def _step_workers(self) -> None:
         """Start workers, handle their messages, and finish those that have ended."""
         while self._queue and len(self._running) < self._options.count:
-            self._start(self._queue.popleft())
+            self._start_worker(self._queue.popleft())
         for worker in list(self._running):
             for message in worker.process.poll():
                 worker.heard, worker.spoke = time.monotonic(), True
-                self._handle(worker, message)
+                self._handle_message(worker, message)
             silent = time.monotonic() - worker.heard
             if silent > self._patience_s(worker, silent):
                 worker.error = worker.error or f"it sent nothing for {silent:.0f} s"
@@ -175,21 +175,21 @@ class Runner:
                 self._reassign(worker)
             if not worker.process.running:
                 self._running.remove(worker)
-                self._finish(worker)
+                self._finish_worker(worker)
 
     def _patience_s(self, worker: _Worker, silent: float) -> float:
         """For how long a worker may send nothing: not long if all its pairs are complete, perhaps by others."""
-        idle = worker.done or (silent > _EXIT_S and not self._look_for_left(worker))
+        idle = worker.done or (silent > _EXIT_S and not self._get_pairs_left(worker))
         return _EXIT_S if idle else self._options.silence_s
 
-    def _look_for_left(self, worker: _Worker) -> list[PlannedPair]:
-        """The result of ``_find_left``, some seconds old at most."""
+    def _get_pairs_left(self, worker: _Worker) -> list[PlannedPair]:
+        """The result of ``_find_pairs_left``, some seconds old at most."""
         now = time.monotonic()
         if now - worker.looked > _LOOK_S:
-            worker.looked, worker.left = now, self._find_left(worker)
+            worker.looked, worker.left = now, self._find_pairs_left(worker)
         return worker.left
 
-    def _find_left(self, worker: _Worker) -> list[PlannedPair]:
+    def _find_pairs_left(self, worker: _Worker) -> list[PlannedPair]:
         """A worker's pairs that are neither there nor set aside. A pair that is there is never looked for again."""
         for pair in worker.pairs:
             if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
@@ -199,28 +199,28 @@ class Runner:
     def _reassign(self, worker: _Worker) -> None:
         """Give the pairs that a worker has not begun to another. If it goes on after all, it finds them complete or
         claimed."""
-        waiting = [pair for pair in self._look_for_left(worker) if pair.id != worker.current]
+        waiting = [pair for pair in self._get_pairs_left(worker) if pair.id != worker.current]
         if waiting:
             given = {pair.id for pair in waiting}
             worker.pairs = [pair for pair in worker.pairs if pair.id not in given]
             worker.left = [pair for pair in worker.left if pair.id not in given]
             self._queue.append(waiting)
 
-    def _start(self, pairs: list[PlannedPair]) -> None:
+    def _start_worker(self, pairs: list[PlannedPair]) -> None:
         job = Job(self._dataset, pairs=pairs, threads=self._options.threads)
         taken = {worker.place for worker in self._running}
         place = next(place for place in range(len(taken) + 1) if place not in taken)
         try:
             process = Process(
                 blender_command(self._options.blender, "worker", str(job.file)),
-                add_cards(None, choose_one(self._options.cards, place, self._options.count)),
+                add_cards(None, choose_worker_cards(self._options.cards, place, self._options.count)),
             )
         except IcyMoonError:
             job.discard()
             raise
         self._running.append(_Worker(job, process, pairs, place))
 
-    def _handle(self, worker: _Worker, message: Message) -> None:
+    def _handle_message(self, worker: _Worker, message: Message) -> None:
         kind = message["type"]
         named = {message.get("pair"), message.get("id")}
         if find_fault(message, _MESSAGES.get(kind, TABLE)) or not self._known >= named:
@@ -245,7 +245,7 @@ class Runner:
         elif kind == "done":
             worker.done = True
 
-    def _finish(self, worker: _Worker) -> None:
+    def _finish_worker(self, worker: _Worker) -> None:
         """Judge by the disk what a worker has done, and give the rest to another."""
         worker.close()
         self._claims.clean_up_after(worker.process.pid)
@@ -257,7 +257,7 @@ class Runner:
             raise IcyMoonError(f"The worker does not start: {why}.")
         if worker.current and not is_complete(folder_of_pair(self._dataset, worker.current)):
             self._count_crash(worker.current, why)
-        left = self._find_left(worker)
+        left = self._find_pairs_left(worker)
         if left and not worker.done:
             self._queue.append(left)
 

@@ -21,8 +21,8 @@ from typing import Any
 from ...support.file_shapes import NUMBER, SHA256, TEXT, Each, Maybe, find_fault
 from ..pairs import baked_file
 from ..pairs.baked_file import LIGHT, BakedLight
-from ..pairs.our_files import folder_of_pairs, is_of_a_pair, is_unfinished
-from ..pairs.pair_folder import has_its_files, read_whole
+from ..pairs.our_files import is_pair_name, is_unfinished_name, pairs_folder
+from ..pairs.pair_folder import has_stated_files, read_whole
 from .claims import Claims
 
 _WAIT_S = 0.5
@@ -63,7 +63,7 @@ class KeptLight:
         }
 
 
-def find_stated(pair_json: Mapping[str, Any]) -> list[LightFile]:
+def find_stated_light_files(pair_json: Mapping[str, Any]) -> list[LightFile]:
     """The files of baked light that the content of a ``pair.json`` states; those with names of other kinds left out."""
     if find_fault(pair_json, _SHAPE):
         return []
@@ -81,13 +81,13 @@ class VouchedLight:
     """The baked light that the complete pairs of a data set state; each pair is read once."""
 
     def __init__(self, dataset: Path) -> None:
-        self._pairs = folder_of_pairs(dataset)
+        self._pairs = pairs_folder(dataset)
         self._by_pair: dict[str, list[LightFile]] = {}
 
     def by_pair(self) -> Mapping[str, list[LightFile]]:
         """The files that each complete pair states, by its id."""
         for folder in self._pairs.glob("*"):
-            if folder.name not in self._by_pair and is_of_a_pair(folder) and not is_unfinished(folder):
+            if folder.name not in self._by_pair and is_pair_name(folder) and not is_unfinished_name(folder):
                 self.add(folder)
         return self._by_pair
 
@@ -95,12 +95,12 @@ class VouchedLight:
         """Read a pair that may be complete now, unless ``data`` is the content of its ``pair.json``; gives the files
         that it states."""
         try:
-            data = read_whole(folder) if data is None else data if has_its_files(folder, data) else None
+            data = read_whole(folder) if data is None else data if has_stated_files(folder, data) else None
         except OSError:
             return []
         if data is None:
             return []
-        self._by_pair[folder.name] = found = find_stated(data)
+        self._by_pair[folder.name] = found = find_stated_light_files(data)
         return found
 
     def of_key(self, key: str) -> list[LightFile]:
@@ -125,16 +125,16 @@ class SharedLight:
         """
         made: BakedLight | None = None
         while True:
-            if found := self._find(key, vertices, rocks):
+            if found := self._find_usable(key, vertices, rocks):
                 return found, made.cpu_seconds if made else 0.0
             if self.claims.is_held(key) or self.claims.take(key):
                 try:
                     # Another may have finished it before it was claimed here.
-                    found = self._find(key, vertices, rocks)
+                    found = self._find_usable(key, vertices, rocks)
                     if found is None:
                         made = made or bake()
                         # Another may have taken this process for dead meanwhile; then its light counts.
-                        found = None if self.claims.is_lost(key) else self._keep(key, made)
+                        found = None if self.claims.is_lost(key) else self._keep_light(key, made)
                 finally:
                     if key not in self._waiting:
                         self.claims.release(key)
@@ -151,7 +151,7 @@ class SharedLight:
                 self._waiting.discard(file.key)
                 self.claims.release(file.key)
 
-    def _find(self, key: str, vertices: int, rocks: int) -> KeptLight | None:
+    def _find_usable(self, key: str, vertices: int, rocks: int) -> KeptLight | None:
         """Light that may be used, from its file."""
         candidates = self._vouched.of_key(key)
         if key in self._known:
@@ -159,25 +159,28 @@ class SharedLight:
         if stated := self.claims.find_stated_light(key):
             candidates.append(
                 LightFile(
-                    baked_file.name_of(key, stated["sha256"]), key, stated["sha256"], float(stated["cpu_seconds"])
+                    baked_file.make_file_name(key, stated["sha256"]),
+                    key,
+                    stated["sha256"],
+                    float(stated["cpu_seconds"]),
                 )
             )
         for file in candidates:
             path = self._dataset / LIGHT / file.name
-            light = baked_file.read(path, key, file.checksum, vertices, rocks)
+            light = baked_file.read_baked_light(path, key, file.checksum, vertices, rocks)
             if light is not None:
                 self._known[key] = file
-                return _kept(path, file.checksum, replace(light, cpu_seconds=file.cpu_seconds))
+                return _make_kept_light(path, file.checksum, replace(light, cpu_seconds=file.cpu_seconds))
         return None
 
-    def _keep(self, key: str, light: BakedLight) -> KeptLight:
+    def _keep_light(self, key: str, light: BakedLight) -> KeptLight:
         """Write light that was baked here, and hold its claim until a pair states it."""
-        path, checksum = baked_file.write(self._dataset, key, light)
+        path, checksum = baked_file.write_baked_light(self._dataset, key, light)
         self.claims.state_light(key, checksum, light.cpu_seconds)
         self._known[key] = LightFile(path.name, key, checksum, light.cpu_seconds)
         self._waiting.add(key)
-        return _kept(path, checksum, light)
+        return _make_kept_light(path, checksum, light)
 
 
-def _kept(path: Path, checksum: str, light: BakedLight) -> KeptLight:
+def _make_kept_light(path: Path, checksum: str, light: BakedLight) -> KeptLight:
     return KeptLight(light, f"{LIGHT}/{path.name}", checksum)

@@ -11,7 +11,7 @@ from pathlib import Path
 from ...support.errors import IcyMoonError
 from ...support.files import write_text
 from ..plans.frozen_plan import FrozenPlan
-from ..plans.order import shard
+from ..plans.order import choose_shard
 from .job import python_command
 
 SLURM_FOLDER = "slurm"
@@ -73,7 +73,7 @@ exit "$status"
 MOST_RESTARTS = 3
 
 
-def array_ranges(numbers: Sequence[int]) -> str:
+def format_array_ranges(numbers: Sequence[int]) -> str:
     """Rising numbers as SLURM writes them: ``1-3,7``."""
     runs: list[list[int]] = []
     for number in numbers:
@@ -93,7 +93,7 @@ def _refuse_lines(text: str) -> None:
         )
 
 
-def _quoted(folder: Path) -> str:
+def _quote_folder(folder: Path) -> str:
     """A folder as sbatch reads it in an option: one word, nothing in it an escape or one of its % patterns."""
     if "\\" in str(folder):
         raise IcyMoonError(
@@ -114,7 +114,7 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
     open_shards = [
         number
         for number in range(1, request.shards + 1)
-        if any(pair.id in missing for pair in shard(frozen.pairs, number, request.shards))
+        if any(pair.id in missing for pair in choose_shard(frozen.pairs, number, request.shards))
     ]
     if not open_shards:
         return None
@@ -130,11 +130,11 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
             dataset=dataset,
             shards=request.shards,
             file=shlex.quote(str(file)),
-            array=array_ranges(open_shards) + limit,
+            array=format_array_ranges(open_shards) + limit,
             cpus=request.cpus,
             memory=request.memory,
             time=request.time,
-            log=f"{_quoted(folder)}/%A_%a.log",
+            log=f"{_quote_folder(folder)}/%A_%a.log",
             options="".join(f"#SBATCH {option}\n" for option in request.options),
             restarts=MOST_RESTARTS,
             command=f"{shlex.join(words)} {given}",

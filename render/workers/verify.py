@@ -25,12 +25,12 @@ from ..pairs.our_files import (
     INPUTS,
     find_reason_to_keep,
     folder_of_pair,
-    folder_of_pairs,
-    is_claim,
-    is_of_a_pair,
-    is_regular,
-    is_unfinished,
+    is_claim_name,
+    is_pair_name,
+    is_regular_file,
+    is_unfinished_name,
     list_foreign,
+    pairs_folder,
     remove_ours,
 )
 from ..pairs.pair_folder import Pair, check_pair, is_complete, read_pair
@@ -66,8 +66,8 @@ class Problem:
 
 @dataclass(frozen=True)
 class Findings:
-    """The findings of ``verify``: the number of planned and of complete pairs, the problems, and notes on missing files
-    that the pairs do not need. Without a plan (``has_plan``) the planned pairs are the existing ones."""
+    """The findings of ``verify_data_set``: the number of planned and of complete pairs, the problems, and notes on
+    missing files that the pairs do not need. Without a plan (``has_plan``) the planned pairs are the existing ones."""
 
     pairs: int
     complete: int
@@ -76,7 +76,7 @@ class Findings:
     has_plan: bool = True
 
 
-def verify(dataset: Path, remove_broken: bool = False) -> Findings:
+def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
     """Check every file of a data set against the plan, the statements of its pairs, and the checksums.
 
     With ``remove_broken`` broken pairs and leftovers are removed, but never anything that is not ours, nor a pair whose
@@ -92,7 +92,7 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
         )
     working = Claims(dataset).find_claimed_elsewhere()
     problems: list[Problem] = []
-    complete, shared = 0, _Shared(VouchedLight(dataset))
+    complete, shared = 0, _SharedChecks(VouchedLight(dataset))
     for name, pair in planned.items():
         folder = folder_of_pair(dataset, name)
         try:
@@ -103,7 +103,7 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
         problems += found
     problems += _check_other_files(dataset, planned.keys(), working, has_plan)
     stated = _find_stated_light(shared.light)
-    problems += _check_light(dataset, stated, working, _again(has_plan))
+    problems += _check_light(dataset, stated, working, _describe_repair(has_plan))
     told = {problem.what for problem in problems if problem.kind == "foreign"}  # with the reason why it stays
     for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
         if not remove_ours(path, dataset) and path.name not in told:
@@ -128,10 +128,10 @@ def _find_unplanned(dataset: Path) -> dict[str, None]:
     """The ids of the pairs of a data set that has no plan, as of ``icymoon render``."""
     found = dict.fromkeys(
         path.name
-        for path in sorted(folder_of_pairs(dataset).glob("*"))
-        if is_of_a_pair(path) and not is_unfinished(path)
+        for path in sorted(pairs_folder(dataset).glob("*"))
+        if is_pair_name(path) and not is_unfinished_name(path)
     )
-    renamed = [path.parent for path in list_put_there(folder_of_pairs(dataset), "*/pair.json")]
+    renamed = [path.parent for path in list_put_there(pairs_folder(dataset), "*/pair.json")]
     if not found and renamed:
         raise IcyMoonError(
             _describe_misplaced(renamed[0])
@@ -158,7 +158,7 @@ def _describe_misplaced(folder: Path) -> str:
     return f"{folder} is pair {own} under another name; call it {own}, or move it out of the data set."
 
 
-class _Shared:
+class _SharedChecks:
     """Objects that are made once for all pairs of a data set, and the light that the pairs state."""
 
     def __init__(self, light: VouchedLight) -> None:
@@ -172,12 +172,12 @@ class _Shared:
         ]
 
 
-def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared: _Shared) -> Iterator[Problem]:
+def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared: _SharedChecks) -> Iterator[Problem]:
     name = folder.name
     if link := _find_link(folder):
         text = (
             f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
-            f"{_again(planned is not None)}."
+            f"{_describe_repair(planned is not None)}."
         )
         strange = _find_strange(folder) if link.parent == folder else ()
         yield Problem("foreign", name, " ".join([text, *strange]))
@@ -192,7 +192,7 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
         else:
             yield Problem("missing", name, f"Pair {name} is {'being rendered' if working else 'missing'}.")
         return
-    data = _parse(record)
+    data = _parse_pair_json(record)
     intact = _has_rendered_files(folder, data)
     shared.light.add(folder, data)
     try:
@@ -200,7 +200,7 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
         texts = [
             *(() if intact else _find_damage(pair)),
             *(
-                f"{clause}; move the folder away and {_again(planned is not None)}."
+                f"{clause}; move the folder away and {_describe_repair(planned is not None)}."
                 for clause in _find_contradictions(pair, planned, shared)
             ),
         ]
@@ -215,7 +215,7 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
         yield Problem("foreign", name, text)
 
 
-def _again(has_plan: bool) -> str:
+def _describe_repair(has_plan: bool) -> str:
     """How a pair is made again, in words: by the plan of its data set, or where there is none, as it was."""
     return "run icymoon batch" if has_plan else "render the pair again"
 
@@ -233,7 +233,7 @@ def _find_link(folder: Path) -> Path | None:
     return next((path for path in (folder.parent, folder, *inside) if path.is_symlink()), None)
 
 
-def _parse(record: Path) -> object:
+def _parse_pair_json(record: Path) -> object:
     """The content of a ``pair.json``; None if it is gone or no JSON. Raises OSError where that cannot be told."""
     try:
         return parse_json(read_text(record))
@@ -252,7 +252,7 @@ def _has_rendered_files(folder: Path, data: Any) -> bool:
             not find_fault(data, _FILES_SHAPE)
             and bool(data["files"])
             and all(
-                is_regular(folder / name) and hash_file(folder / name) == fact["sha256"]
+                is_regular_file(folder / name) and hash_file(folder / name) == fact["sha256"]
                 for name, fact in data["files"].items()
             )
         )
@@ -262,7 +262,7 @@ def _has_rendered_files(folder: Path, data: Any) -> bool:
 
 def _may_be_intact(folder: Path) -> bool:
     try:
-        return _has_rendered_files(folder, _parse(folder / "pair.json"))
+        return _has_rendered_files(folder, _parse_pair_json(folder / "pair.json"))
     except OSError:
         return True
 
@@ -279,7 +279,7 @@ def _find_damage(pair: Pair) -> Iterator[str]:
             yield f"{file} is not what was rendered: its checksum differs."
 
 
-def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Shared) -> Iterator[str]:
+def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _SharedChecks) -> Iterator[str]:
     """Differences of a pair that can be read from the plan, in clauses. Its own statements excuse no difference.
 
     Without a plan its name and its settings decide, unless it was edited by hand.
@@ -368,9 +368,9 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
     checksums: dict[str, str] = {}
     for path in list_put_there(folder):
         parts = parse_name(path.name)
-        if is_unfinished(path) and path.name.split("-")[0].split(".")[0] not in working:
+        if is_unfinished_name(path) and path.name.split("-")[0].split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
-        elif parts and not is_regular(path):
+        elif parts and not is_regular_file(path):
             yield Problem("foreign", path.name, f"{path} is no regular file, so its light counts as absent; remove it.")
         elif parts:
             checksums[path.name] = checksum = hash_file(path)
@@ -380,7 +380,7 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
                 )
             elif parts[0] not in working and not any(file.name == path.name for file in stated):
                 yield Problem("light", path.name, f"No pair states the light {path}, so it is not used; remove it.")
-        elif not is_unfinished(path):
+        elif not is_unfinished_name(path):
             yield Problem("foreign", path.name, f"{path} is no baked light.")
     for file, pairs in stated.items():
         if checksums.get(file.name, file.checksum) != file.checksum:
@@ -424,16 +424,16 @@ def _is_edited(folder: Path) -> bool:
 
 def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool) -> Iterator[Problem]:
     """Problems of files in the folder that belong to no planned pair."""
-    for path in list_put_there(folder_of_pairs(dataset)):
+    for path in list_put_there(pairs_folder(dataset)):
         name = path.name.split(".")[0]
-        if is_unfinished(path):
+        if is_unfinished_name(path):
             aside = _may_be_intact(path) and not is_complete(path.with_name(name))
             if aside and name not in working:
                 fix = "icymoon batch puts it into its place" if has_plan else f"rename it to {name}"
                 yield Problem("leftover", path.name, f"{path} is a whole pair; {fix}.")
             elif name not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
-        elif name not in planned and is_of_a_pair(path) and _is_edited(path):
+        elif name not in planned and is_pair_name(path) and _is_edited(path):
             yield Problem(
                 "edited",
                 path.name,
@@ -447,15 +447,15 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
                 or (f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it out of the data set."),
             )
     for path in list_put_there(dataset / CLAIMS_FOLDER):
-        if is_unfinished(path):
+        if is_unfinished_name(path):
             if path.name.split(".")[0] not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
-        elif not is_claim(path):
+        elif not is_claim_name(path):
             yield Problem("foreign", path.name, f"{path} is no claim.")
         elif path.name.split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)
     for path in list_put_there(dataset):
-        if is_unfinished(path):
+        if is_unfinished_name(path):
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif path.name not in _OUR_FILES:
             yield Problem("foreign", path.name, f"{path} is not of this data set; move it out.")

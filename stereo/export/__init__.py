@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ...plugins.installed import Found, fact_of, find
+from ...plugins.installed import Found, find_installed, read_fact
 
 #: The packages that read pairs and show their progress.
 IMAGES = ("numpy", "cv2", "OpenEXR", "rich")
@@ -32,14 +32,14 @@ class Export:
 
 def find_plugins() -> Found:
     """The exports of this Python."""
-    return find("export")
+    return find_installed("export")
 
 
 def exports_with_blender() -> list[str]:
     """The exports for which Blender builds ground."""
-    return [name for name, plugin in find_plugins().usable.items() if fact_of(plugin, "NEEDS") == "Blender"]
+    return [name for name, plugin in find_plugins().usable.items() if read_fact(plugin, "NEEDS") == "Blender"]
 
 
 def list_packages(name: str) -> tuple[str, ...]:
     """The packages that an export needs."""
-    return fact_of(find_plugins().usable[name], "PACKAGES") or IMAGES
+    return read_fact(find_plugins().usable[name], "PACKAGES") or IMAGES

@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ...render.pairs.scene_splits import split_of_pair
+from ...render.pairs.scene_splits import find_split_of_pair
 from ...settings.table import list_all_settings
 from ...settings.topics.scene import Settings
 from ...support.files import write_atomically
@@ -45,7 +45,7 @@ def write_all(each: Each, out: Path) -> None:
         camera = pair.pair.camera
         rows.append(
             {
-                **describe_row(pair, split_of_pair(pair.pair)),
+                **describe_row(pair, find_split_of_pair(pair.pair)),
                 "folder": Path(folder).as_posix(),
                 "cx_px": camera.cx_px,
                 "cy_px": camera.cy_px,

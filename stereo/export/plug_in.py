@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...plugins.installed import Plugin, explained, function_of, load
+from ...plugins.installed import Plugin, explain_failures, find_function, load_plugin
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.printer import show_controls
@@ -110,20 +110,20 @@ class PluginExport:
     """An export. Raises IcyMoonError if the plug-in cannot be loaded or is not complete."""
 
     def __init__(self, plugin: Plugin) -> None:
-        self.plugin, self._loaded = plugin, load(plugin)
+        self.plugin, self._loaded = plugin, load_plugin(plugin)
         self.takes: tuple[str, ...] = getattr(self._loaded, "takes", ())
         self.writes_all, self.reads_folders, self.finishes = map(
             self._has_function, ("write_all", "write_folders", "finish")
         )
         if not (self.writes_all or self.reads_folders):
-            self._write_pair = function_of(plugin, self._loaded, "write_pair", "pair, folder")
+            self._write_pair = find_function(plugin, self._loaded, "write_pair", "pair, folder")
 
     def _has_function(self, function: str) -> bool:
         return callable(getattr(self._loaded, function, None))
 
     def check(self) -> None:
         """Raise IcyMoonError with the sentence that the plug-in's own ``check`` returns if it cannot write here."""
-        with explained(self.plugin):
+        with explain_failures(self.plugin):
             fault = self._loaded.check() if self._has_function("check") else ""
         if fault:
             where = "" if self.plugin.built_in else f"{self.plugin.title} cannot write here: "
@@ -159,7 +159,7 @@ class PluginExport:
         """Write a pair to the folder ``name`` in ``out``; return the losses of one of ours. Raises IcyMoonError if the
         plug-in fails or writes nothing."""
         with fill_whole_folder(out / name) as folder:
-            with explained(self.plugin):
+            with explain_failures(self.plugin):
                 losses: Sequence[Loss] | None = self._write_pair(pair, folder)
             if not any(path.is_file() for path in folder.rglob("*")):
                 raise IcyMoonError(
@@ -185,7 +185,7 @@ class PluginExport:
         if self.plugin.built_in:
             yield out
             return
-        with fill_whole_folder(out) as folder, explained(self.plugin):
+        with fill_whole_folder(out) as folder, explain_failures(self.plugin):
             yield folder
 
     def _convert_pairs(self, each: Each) -> Callable[[Callable[[ExportedPair], Any]], None]:
@@ -193,7 +193,7 @@ class PluginExport:
 
         def each_pair(write: Callable[[ExportedPair], Any]) -> None:
             def write_one(pair: LoadedPair) -> None:
-                with explained(self.plugin):
+                with explain_failures(self.plugin):
                     write(make_exported_pair(pair))
 
             each(write_one)

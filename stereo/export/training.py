@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ...render.pairs.pair_folder import EYES
-from ...render.pairs.scene_splits import scene_of, split_of_pair
+from ...render.pairs.scene_splits import find_split_of_pair, name_scene
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import explain_disk_errors, hash_file, make_part_path, write_json, write_text
@@ -128,7 +128,7 @@ def describe_row(pair: LoadedPair, split: str) -> dict[str, Any]:
     return {
         "key": pair.pair.id,
         "split": split,
-        "scene": scene_of(pair.pair),
+        "scene": name_scene(pair.pair),
         "width_px": camera.width_px,
         "height_px": camera.height_px,
         "focal_px": camera.focal_px,
@@ -161,7 +161,7 @@ def _write_webdataset(each: Each, out: Path) -> None:
             pair.pair.camera.disparity(pair.depth["left"]), KITTI_SCALE, "disparity", "px"
         )
         refuse_losses(pair, losses)
-        split = split_of_pair(pair.pair)
+        split = find_split_of_pair(pair.pair)
         index.add(pair, split, shards.add(split, pair.pair.id, _encode_pair_files(pair, steps)))
         return losses
 
@@ -198,7 +198,7 @@ def _encode_pair_files(pair: LoadedPair, steps: Array) -> dict[str, bytes]:
     found["disparity.png"] = encode_image(steps, ".png")
     found["visible.png"] = encode_image(pair.visible["left"].astype(np.uint8) * 255, ".png")
     camera = pair.pair.camera.rectified
-    found["camera.json"] = json.dumps({**camera.to_json(), "scene": scene_of(pair.pair)}).encode()
+    found["camera.json"] = json.dumps({**camera.to_json(), "scene": name_scene(pair.pair)}).encode()
     return found
 
 
@@ -276,8 +276,8 @@ def _write_sceneflow(each: Each, out: Path) -> None:
     tested = []
 
     def write(pair: LoadedPair) -> None:
-        scene = scene_of(pair.pair)
-        split = "TRAIN" if split_of_pair(pair.pair) == "train" else "TEST"
+        scene = name_scene(pair.pair)
+        split = "TRAIN" if find_split_of_pair(pair.pair) == "train" else "TEST"
         folder = folders[split].setdefault(scene, f"{len(folders[split]):04d}")
         frame = numbers.setdefault(split, Counter())
         number = f"{frame[folder]:04d}"

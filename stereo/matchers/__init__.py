@@ -10,7 +10,7 @@ program that the options name does not exist, ``load(options)`` does work that i
 options with numbers for those that follow from the pair, and the ``SearchRange``. With ``SPARSE`` a pair without any
 measurement is a result; otherwise it is an error.
 
-Lists show literals of its module, see ``plugins.installed.fact_of``: ``TITLE`` in place of its name, ``NEEDS`` beside
+Lists show literals of its module, see ``plugins.installed.read_fact``: ``TITLE`` in place of its name, ``NEEDS`` beside
 the evaluator, ``ONE_PROCESSOR`` if it uses one and little memory, and ``SET_UP`` of one that the user sets up in the
 preferences: its place in that list, the option that is asked for, a label and a description.
 """
@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
-from ...plugins.installed import Found, Plugin, fact_of, find, load
+from ...plugins.installed import Found, Plugin, find_installed, load_plugin, read_fact
 from ...settings.topics.trust_boundary import OWN
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -44,7 +44,7 @@ _TAKEN = (OWN, "prediction")
 
 def find_plugins() -> Found:
     """The matchers of this Python."""
-    return find("matcher", _TAKEN)
+    return find_installed("matcher", _TAKEN)
 
 
 def matcher_names() -> tuple[str, ...]:
@@ -70,19 +70,19 @@ def matcher_titles() -> dict[str, str]:
 
 def list_set_ups() -> list[tuple[str, tuple[int, str, str, str]]]:
     """The matchers that the user sets up, with their ``SET_UP``, in the order of its numbers."""
-    found = {name: fact_of(plugin, "SET_UP") for name, plugin in find_plugins().usable.items() if plugin.built_in}
+    found = {name: read_fact(plugin, "SET_UP") for name, plugin in find_plugins().usable.items() if plugin.built_in}
     return sorted(((name, stated) for name, stated in found.items() if stated), key=lambda entry: entry[1])
 
 
 def uses_one_processor(method: str) -> bool:
     """Whether a matcher uses one processor and little memory. Others may fill a GPU, or all processors."""
     plugin = find_plugins().usable.get(method)
-    return plugin is not None and fact_of(plugin, "ONE_PROCESSOR") is True
+    return plugin is not None and read_fact(plugin, "ONE_PROCESSOR") is True
 
 
 def _literal_text(method: str, fact: str) -> str:
     plugin = find_plugins().usable.get(method)
-    stated = fact_of(plugin, fact) if plugin else ""
+    stated = read_fact(plugin, fact) if plugin else ""
     return show_controls(stated) if isinstance(stated, str) else ""
 
 
@@ -227,7 +227,7 @@ def load_matcher(method: str) -> Any:
 
 @lru_cache(maxsize=64)
 def _load_plugin(plugin: Plugin) -> Any:
-    if plugin.built_in and not hasattr(loaded := load(plugin), "match"):
+    if plugin.built_in and not hasattr(loaded := load_plugin(plugin), "match"):
         return loaded
     from .plug_in import PluginMatcher  # not at the top: it needs OpenCV
 

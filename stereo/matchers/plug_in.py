@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
-from ...plugins.installed import Plugin, explained, function_of, load, source_files, summary_of
+from ...plugins.installed import Plugin, explain_failures, find_function, find_source_files, load_plugin, read_summary
 from ...settings.topics.trust_boundary import LOADS
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -52,10 +52,10 @@ class PluginMatcher:
 
     def __init__(self, plugin: Plugin) -> None:
         self.plugin = plugin
-        self.loaded = load(plugin)
-        self.__doc__ = summary_of(self.loaded) + ("" if plugin.built_in else f" (plug-in, {plugin.release})")
-        self._match = function_of(plugin, self.loaded, "match", "left, right, context")
-        with explained(plugin, "cannot be used", "correct it, or uninstall the package"):
+        self.loaded = load_plugin(plugin)
+        self.__doc__ = read_summary(self.loaded) + ("" if plugin.built_in else f" (plug-in, {plugin.release})")
+        self._match = find_function(plugin, self.loaded, "match", "left, right, context")
+        with explain_failures(plugin, "cannot be used", "correct it, or uninstall the package"):
             self.COLOUR, self.SPARSE, self._searches = (
                 bool(getattr(self.loaded, name, default))
                 for name, default in (("COLOUR", False), ("SPARSE", False), ("SEARCHES", True))
@@ -83,7 +83,7 @@ class PluginMatcher:
             if camera is None
             else {key: float(getattr(camera, key)) for key in ("focal_px", "cx_px", "cy_px", "baseline_m")}
         )
-        with explained(self.plugin):
+        with explain_failures(self.plugin):
             found = self._match(
                 left.copy(), right.copy(), MatchContext(_declared_options(options), least, most, **known)
             )
@@ -104,12 +104,12 @@ class PluginMatcher:
 
     def _call_function(self, name: str, options: dict[str, Any]) -> object:
         act = getattr(self.loaded, name, None)
-        with explained(self.plugin):
+        with explain_failures(self.plugin):
             return act(_declared_options(options)) if callable(act) else None
 
     def files(self, options: dict[str, Any]) -> list[str]:
         """The files that the result depends on: the source of an installed plug-in; ours has Icy Moon's version."""
-        return [] if self.plugin.built_in else source_files(self.loaded)
+        return [] if self.plugin.built_in else find_source_files(self.loaded)
 
 
 def _declared_options(options: Mapping[str, Any]) -> Mapping[str, Any]:

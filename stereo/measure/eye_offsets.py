@@ -249,8 +249,8 @@ class _ShiftedImage:
 
     def __init__(self, image: Array, column: Array) -> None:
         """``column`` (H, W) lies inside the image."""
-        self._beside, self._above = int(np.ceil(SHIFTS_PX.max())) + 1, int(ROWS_PX.max())
-        self._padded = np.pad(image, ((self._above,) * 2, (self._beside,) * 2), mode="edge")
+        self._read_special, self._above = int(np.ceil(SHIFTS_PX.max())) + 1, int(ROWS_PX.max())
+        self._padded = np.pad(image, ((self._above,) * 2, (self._read_special,) * 2), mode="edge")
         self._width = self._padded.shape[1]
         rows = np.arange(image.shape[0])[:, None] * self._width
         self._places = {}
@@ -262,7 +262,7 @@ class _ShiftedImage:
         """The image (H, W), ``shift_px`` (of SHIFTS_PX) to the right of those columns and ``rows`` below; constant
         beyond its edges."""
         place, weight = self._places[shift_px % 1.0]
-        start = (self._above + rows) * self._width + self._beside + int(np.floor(shift_px))
+        start = (self._above + rows) * self._width + self._read_special + int(np.floor(shift_px))
         before, after = (self._padded.ravel()[start + k :].take(place) for k in (0, 1))
         return np.asarray(before + weight * (after - before))
 

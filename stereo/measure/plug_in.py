@@ -10,7 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from ...plugins.installed import Found, Plugin, explained, find, function_of, load, source_files, summary_of
+from ...plugins.installed import (
+    Found,
+    Plugin,
+    explain_failures,
+    find_function,
+    find_installed,
+    find_source_files,
+    load_plugin,
+    read_summary,
+)
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import read_checksum
@@ -28,7 +37,7 @@ _COLUMNS = ("pair", "method", "status", "error")
 
 def find_plugins() -> Found:
     """The metrics of packages that are installed in this Python."""
-    return find("metric", (*NUMBERS, *_COLUMNS))
+    return find_installed("metric", (*NUMBERS, *_COLUMNS))
 
 
 @dataclass(frozen=True)
@@ -69,8 +78,8 @@ class PluginMetric:
     """The metric of a plug-in. Raises IcyMoonError if the plug-in cannot be loaded or is not complete."""
 
     def __init__(self, plugin: Plugin) -> None:
-        self.plugin, self.loaded = plugin, load(plugin)
-        self._measure = function_of(plugin, self.loaded, "measure", "found")
+        self.plugin, self.loaded = plugin, load_plugin(plugin)
+        self._measure = find_function(plugin, self.loaded, "measure", "found")
         self.heading = str(getattr(self.loaded, "TITLE", plugin.name))
         self.unit, self.decimals = getattr(self.loaded, "UNIT", None), getattr(self.loaded, "DECIMALS", 3)
         if self.unit not in UNITS:
@@ -80,7 +89,7 @@ class PluginMetric:
 
     def measure(self, found: MeasuredMap) -> float | None:
         """The number, None where it is undefined. Raises IcyMoonError if the plug-in fails or gives none."""
-        with explained(self.plugin), np.errstate(all="ignore"):
+        with explain_failures(self.plugin), np.errstate(all="ignore"):
             value = self._measure(found)
         if isinstance(value, bool) or not isinstance(value, (numbers.Real, np.floating, np.integer)):
             raise IcyMoonError(
@@ -96,13 +105,13 @@ class PluginMetric:
             "heading": self.heading,
             "unit": self.unit,
             "decimals": self.decimals,
-            "doc": summary_of(self.loaded),
+            "doc": read_summary(self.loaded),
             "plug_in": self.plugin.release,
         }
 
     def inputs(self) -> list[Any]:
         """What its numbers depend on, besides the pair and the disparity."""
-        files = source_files(self.loaded)
+        files = find_source_files(self.loaded)
         return [self.plugin.name, self.plugin.release, [read_checksum(Path(file)) for file in files]]
 
 

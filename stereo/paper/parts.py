@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from ...render.plans.combine import combine
-from ...render.plans.order import ordered
+from ...render.plans.order import order_pairs
 from ...render.plans.plan_file import Plan, find_plan, parse_plan, read_plan
 from ...render.plans.planned_pair import PlannedPair
 from ...render.plans.stratified import choose_stratified
@@ -47,7 +47,7 @@ class Part:
     @cached_property
     def pairs(self) -> list[PlannedPair]:
         """All pairs, in the order in which they are rendered."""
-        return ordered([pair for pairs in self.sets.values() for pair in pairs])
+        return order_pairs([pair for pairs in self.sets.values() for pair in pairs])
 
 
 def make_parts(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...render.cost.tolerance import Tolerance, all_hold
-from ...render.cost.variants import Variant, candidates, leaner_settings, reference
+from ...render.cost.variants import Variant, list_candidates, list_leaner_settings, make_reference
 from ...settings.description import changed, merged
 from ...settings.toml_text import to_toml
 from ...support.files import explain_disk_errors, write_text
@@ -45,9 +45,9 @@ def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, 
     from .losses import read_reference
 
     methods = parse_methods(bench.methods, own=bench.own)
-    best = reference(bench.settings, bench.samples)
-    ladder = candidates(bench.settings, check_abilities(bench, best.settings), bench.images)
-    parts = leaner_settings(bench.settings)
+    best = make_reference(bench.settings, bench.samples)
+    ladder = list_candidates(bench.settings, check_abilities(bench, best.settings), bench.images)
+    parts = list_leaner_settings(bench.settings)
     counter = RenderCounter(bench.on_event, best.repeats + len(ladder) + len(parts))
     file = bench.out / "auto.toml"
     with explain_disk_errors("write to", bench.out):

@@ -13,8 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...render.cost.abilities import Abilities, ask_abilities, lack_for
-from ...render.cost.variants import GROUPS, SHAPES, Variant, reference, variants
+from ...render.cost.abilities import Abilities, ask_abilities, describe_lack
+from ...render.cost.variants import GROUPS, SHAPES, Variant, list_variants, make_reference
 from ...render.workers.job import Job, render_job
 from ...render.workers.process import Message
 from ...settings.description import changed, defaults, merged
@@ -83,9 +83,9 @@ def run_trade(bench: TradeBench, groups: Sequence[str] = ()) -> dict[str, Any]:
 
     methods = parse_methods(bench.methods, own=bench.own)
     able = check_abilities(bench, bench.settings)
-    chosen = [replace(variant, repeats=bench.repeats) for variant in variants(bench.settings, groups, able)]
+    chosen = [replace(variant, repeats=bench.repeats) for variant in list_variants(bench.settings, groups, able)]
     kinds = sorted({variant.group in SHAPES for variant in chosen})
-    bests = {fine: reference(bench.settings, bench.samples, fine) for fine in kinds}
+    bests = {fine: make_reference(bench.settings, bench.samples, fine) for fine in kinds}
     counter = RenderCounter(bench.on_event, sum(variant.repeats for variant in (*bests.values(), *chosen)))
     truths = {
         fine: read_reference(render_all(best, bench, counter), methods, {}, read_rules())
@@ -119,7 +119,7 @@ def check_abilities(bench: TradeBench, settings: Settings) -> Abilities:
     Raises IcyMoonError if it cannot render these settings.
     """
     able = ask_abilities(bench.blender)
-    if lack := lack_for(settings, able):
+    if lack := describe_lack(settings, able):
         raise IcyMoonError(lack)
     if not able.denoiser:
         bench.on_event(

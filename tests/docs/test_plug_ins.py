@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from icymoon.commands.check_plugin import find_all
+from icymoon.commands.check_plugin import find_all_plugins
 from icymoon.commands.cli import main
 from icymoon.support.version import ROOT
 from plugin_packages import add_package, examples
@@ -20,7 +20,7 @@ def test_every_example_is_on_the_page_and_tried_here(plugins_of_the_manual):
     assert sorted(plugins_of_the_manual) == sorted(NAMES)
     for project in examples():
         assert f"`docs/examples/{project.name}`" in PAGE
-    found = {plugin.name: plugin.kind for each in find_all().values() for plugin in each.usable.values()}
+    found = {plugin.name: plugin.kind for each in find_all_plugins().values() for plugin in each.usable.values()}
     assert plugins_of_the_manual.items() <= found.items()
 
 

@@ -13,7 +13,7 @@ import pytest
 from icymoon.formats import files_beside, gdal_lines, geotiff
 from icymoon.formats.geotiff import Site
 from icymoon.nodes.ground.import_heights import read_heights
-from icymoon.nodes.ground.user_ground import kind_of
+from icymoon.nodes.ground.user_ground import find_kind
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from tiffs import write_tiff
@@ -208,7 +208,7 @@ def test_files_of_other_formats_are_answered_with_a_command_that_works(tmp_path,
         pytest.skip(f"this GDAL has no {driver}")
     run(f"gdal_translate -of {driver} {options} source.tif {name}", tmp_path)
     path = tmp_path / name
-    assert kind_of(path) == "HEIGHT_MAP"
+    assert find_kind(path) == "HEIGHT_MAP"
     with pytest.raises(IcyMoonError, match=rf"{re.escape(name)}: is .*gdal_translate") as caught:
         read_heights(path)
     made = follow(str(caught.value), tmp_path)

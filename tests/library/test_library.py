@@ -18,7 +18,7 @@ import pairs
 import pytest
 from icymoon import IcyMoonError, Scene
 from icymoon.formats.tiff_write import encode_tiff
-from icymoon.library.inputs import albedo_input, heights_input
+from icymoon.library.inputs import make_albedo_input, make_heights_input
 from icymoon.library.renderers import Hear
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.mesh.height_map import place_map
@@ -91,7 +91,7 @@ def test_heights_of_a_function_are_those_of_its_places():
     def height(x: Array, y: Array) -> Array:
         return 0.3 * x - 0.1 * y + 5.0
 
-    given, stated = heights_input(height, 20.0, 33, None)
+    given, stated = make_heights_input(height, 20.0, 33, None)
     source = stated["source"]
     pixel = source["metres_per_pixel"]
     ground, _ = place_map(
@@ -107,7 +107,7 @@ def test_heights_of_a_function_are_those_of_its_places():
 
 
 def test_an_array_has_the_size_that_its_spacing_gives():
-    _, stated = heights_input(np.zeros((5, 9)), 20.0, 33, 0.5)
+    _, stated = make_heights_input(np.zeros((5, 9)), 20.0, 33, 0.5)
     assert stated["terrain"] == {"size_m": 4.0, "resolution": 9}
     assert (stated["source"]["origin_x_m"], stated["source"]["origin_y_m"]) == (2.0, 1.0)
 
@@ -130,7 +130,7 @@ def test_heights_that_cannot_be_are_refused(heights, words):
 
 def test_albedos_keep_their_mean_and_range():
     albedo = np.linspace(0.1, 0.7, 12).reshape(3, 4)
-    given, stated = albedo_input(albedo, 20.0, 512)
+    given, stated = make_albedo_input(albedo, 20.0, 512)
     assert stated["surface"]["albedo"] == pytest.approx(0.4)
     assert given.content == encode_tiff(albedo.astype(np.float32), description="albedo")
     with pytest.raises(IcyMoonError, match="0 to 1"):

@@ -10,7 +10,7 @@ import pytest
 from built_scenes import everything, positions
 from icymoon.nodes import scene as scenes
 from icymoon.nodes import scene_objects
-from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
+from icymoon.nodes.datablocks.fingerprint import TAG, make_fingerprint
 from icymoon.nodes.tree.builder import Tree
 from icymoon.physics.light.directions import direction_toward
 from icymoon.settings import description, preset_files
@@ -23,27 +23,27 @@ from rendering import complete, empty_scene
 def test_two_builds_of_one_seed_are_equal_and_leave_nothing_behind():
     scene = empty_scene()
     settings = complete({"rocks": {"coverage": 0.1}})
-    first = scenes.build(scene, settings)
-    vertices, mark, counts = positions(first.terrain), fingerprint(first.collection), everything()
+    first = scenes.build_scene(scene, settings)
+    vertices, mark, counts = positions(first.terrain), make_fingerprint(first.collection), everything()
     names = sorted(o.name for o in bpy.data.objects)
     for _ in range(3):
-        again = scenes.build(scene, settings)
+        again = scenes.build_scene(scene, settings)
         assert np.array_equal(positions(again.terrain), vertices)
-        assert fingerprint(again.collection) == mark
+        assert make_fingerprint(again.collection) == mark
     assert everything() == counts
     assert sorted(o.name for o in bpy.data.objects) == names
     assert not any("." in o.name for o in bpy.data.objects)
-    other = scenes.build(scene, description.merged(settings, {"dataset": {"seed": 2}}))
+    other = scenes.build_scene(scene, description.merged(settings, {"dataset": {"seed": 2}}))
     assert not np.array_equal(positions(other.terrain), vertices)
 
 
 def test_the_mesh_is_a_regular_grid_of_the_height_function():
     settings = complete({"terrain": {"resolution": 33, "size_m": 8.0}})
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     grid = positions(built.terrain).reshape(33, 33, 3)
     assert np.allclose(np.diff(grid[..., 0], axis=1), 0.25)
     assert np.allclose(np.diff(grid[..., 1], axis=0), 0.25)
-    ground = scenes.ground_of(settings)
+    ground = scenes.make_ground(settings)
     assert np.allclose(grid[..., 2], ground.heights(grid[..., 0], grid[..., 1], 0.5), atol=1e-6)
     assert all(polygon.normal.z > 0 for polygon in built.terrain.data.polygons)
     assert built.terrain.data.validate() is False
@@ -55,12 +55,12 @@ def test_what_is_the_persons_stays():
     world, camera, cube = scene.world, scene.camera, bpy.data.objects["Cube"]
     before = {o.name: (o.matrix_world.copy(), o.hide_render) for o in bpy.data.objects}
     cycles_samples, engine = scene.cycles.samples, scene.render.engine
-    built = scenes.build(scene, complete())
+    built = scenes.build_scene(scene, complete())
     lander = bpy.data.objects.new("Lander", bpy.data.meshes.new("Lander"))
     built.collection.objects.link(lander)
     cube.parent = built.camera
     assert built.edited
-    built = scenes.build(scene, complete({"terrain": {"rms_slope_deg": 5.0}}))
+    built = scenes.build_scene(scene, complete({"terrain": {"rms_slope_deg": 5.0}}))
     assert cube.parent == built.camera
     cube.parent = None
     assert lander.name in built.collection.objects
@@ -68,14 +68,14 @@ def test_what_is_the_persons_stays():
     assert (scene.cycles.samples, scene.render.engine) == (cycles_samples, engine)
     assert scene.camera == built.camera
     scene.camera, scene.world = camera, world
-    built = scenes.build(scene, complete())
+    built = scenes.build_scene(scene, complete())
     assert (scene.camera, scene.world) == (camera, world)  # what a person chose after the first build
     scene.camera = built.camera
-    assert scenes.clear(scene)
+    assert scenes.clear_scene(scene)
     assert (scene.camera, scene.world) == (camera, world)
     assert {o.name for o in bpy.data.objects} == set(before) | {"Lander"}
     assert not any(TAG in block for kind in (bpy.data.meshes, bpy.data.materials, bpy.data.worlds) for block in kind)
-    assert not scenes.clear(scene)
+    assert not scenes.clear_scene(scene)
 
 
 def test_every_edit_by_hand_is_noticed():
@@ -98,7 +98,7 @@ def test_every_edit_by_hand_is_noticed():
         b.collection.objects.link(bpy.data.objects.new("Lander", None))
 
     for edit in (vertex, roughness, camera, sun, modifier, added):
-        built = scenes.build(empty_scene(), complete())
+        built = scenes.build_scene(empty_scene(), complete())
         assert not built.edited
         edit(built)
         assert built.edited, edit.__name__
@@ -106,13 +106,13 @@ def test_every_edit_by_hand_is_noticed():
 
 def test_fingerprint_survives_saving_and_loading(tmp_path):
     scene = empty_scene()
-    built = scenes.build(scene, complete({"rocks": {"coverage": 0.05}}))
-    mark, name = fingerprint(built.collection), scene.name
+    built = scenes.build_scene(scene, complete({"rocks": {"coverage": 0.05}}))
+    mark, name = make_fingerprint(built.collection), scene.name
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
-    found = scenes.find(bpy.data.scenes[name])
+    found = scenes.find_built(bpy.data.scenes[name])
     assert found is not None
-    assert fingerprint(found.collection) == mark
+    assert make_fingerprint(found.collection) == mark
     assert not found.edited
     assert found.settings == complete({"rocks": {"coverage": 0.05}})
 
@@ -129,12 +129,12 @@ def test_sun_and_camera_stand_as_described():
             "rig": {"height_m": 2.0, "pitch_deg": 30.0, "heading_deg": 90.0},
         }
     )
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     bpy.context.view_layer.update()
     assert np.allclose(built.sun.matrix_world.to_3x3().col[2], direction_toward(200.0, 15.0), atol=1e-6)
     assert built.sun.data.energy == pytest.approx(50.26)
     assert built.sun.data.angle == pytest.approx(math.radians(0.1024), rel=1e-6)
-    ground = scenes.site_ground_m(settings, scenes.ground_of(settings))
+    ground = scenes.find_site_ground_m(settings, scenes.make_ground(settings))
     assert built.camera.matrix_world.translation.z == pytest.approx(ground + 2.0, abs=1e-6)
     assert np.allclose(-built.camera.matrix_world.to_3x3().col[2], direction_toward(90.0, -30.0), atol=1e-6)
     stereo = built.camera.data.stereo
@@ -143,7 +143,7 @@ def test_sun_and_camera_stand_as_described():
 
 
 def test_the_sky_gives_no_light_and_the_only_lamp_is_the_sun():
-    built = scenes.build(empty_scene(), complete())
+    built = scenes.build_scene(empty_scene(), complete())
     assert bpy.context.scene.world.node_tree.nodes["Space"].inputs["Strength"].default_value == 0.0
     assert [o.type for o in built.collection.all_objects].count("LIGHT") == 1
 
@@ -165,14 +165,14 @@ def test_property_groups_hold_a_description_and_give_it_back(scene):
 
 def test_too_little_memory_is_a_sentence_and_changes_nothing(monkeypatch):
     scene = empty_scene()
-    scenes.build(scene, complete())
-    mark, counts = fingerprint(scenes.find_collection(scene)), everything()
+    scenes.build_scene(scene, complete())
+    mark, counts = make_fingerprint(scenes.find_collection(scene)), everything()
 
     def no_memory(*_):
         raise MemoryError
 
     monkeypatch.setattr(scene_objects, "mesh_whole_ground", no_memory)
     with pytest.raises(IcyMoonError, match=r"terrain\.resolution"):
-        scenes.build(scene, complete())
-    assert fingerprint(scenes.find_collection(scene)) == mark
+        scenes.build_scene(scene, complete())
+    assert make_fingerprint(scenes.find_collection(scene)) == mark
     assert everything() == counts

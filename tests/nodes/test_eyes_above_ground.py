@@ -33,7 +33,7 @@ def silent(*args, **facts):
 @pytest.mark.parametrize("kind", ["GRADED", "GRID"])
 def test_build_tells_and_render_refuses_in_the_same_sentence(tmp_path, kind):
     settings = complete(UNDERGROUND, {"mesh": {"kind": kind}})
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     (told,) = [text for text in built.warnings if "right eye" in text]
     assert "under the ground" in told
     with pytest.raises(IcyMoonError) as refused, ScenesFromSettings(silent) as stage:
@@ -57,29 +57,29 @@ def test_one_bad_pair_is_set_aside_and_the_others_are_rendered(tmp_path):
 
 
 def test_eyes_that_were_moved_by_hand_are_asked_of_the_scene():
-    built = scenes.build(empty_scene(), complete(TALL))
-    assert not eyes_above_ground.reasons(built)
+    built = scenes.build_scene(empty_scene(), complete(TALL))
+    assert not eyes_above_ground.find_reasons(built)
     camera = built.camera
     start = camera.location.copy()
     block = max(
         (item for item in bpy.data.objects if item.get("icymoon") == "rock"), key=lambda item: len(item.data.vertices)
     )
     camera.location = block.data.vertices[0].co  # the middle of the largest block
-    assert any("left eye in a rock" in text for text in eyes_above_ground.reasons(built))
+    assert any("left eye in a rock" in text for text in eyes_above_ground.find_reasons(built))
     camera.location = start
     camera.location.z = -0.2
-    assert len(eyes_above_ground.reasons(built)) == 2
+    assert len(eyes_above_ground.find_reasons(built)) == 2
     camera.location.z = 3e-4
-    assert any("0.0003 m above the ground" in text for text in eyes_above_ground.reasons(built))
+    assert any("0.0003 m above the ground" in text for text in eyes_above_ground.find_reasons(built))
     # An object of the person's own is none of the ground: a lander's mast may hold the camera.
     camera.location = start
     bpy.ops.mesh.primitive_cube_add(size=1.0, location=start)
-    assert not eyes_above_ground.reasons(built)
+    assert not eyes_above_ground.find_reasons(built)
 
 
 def test_turned_with_the_headings_of_a_standing_scene():
     """The rig of a built scene is turned about its left eye: the right one comes round to where a wall stands."""
-    built = scenes.build(
+    built = scenes.build_scene(
         empty_scene(),
         complete({"terrain": {"rms_slope_deg": 0.0, "size_m": 4.0}, "rig": {"height_m": 0.5, "baseline_m": 1.0}}),
     )
@@ -89,7 +89,7 @@ def test_turned_with_the_headings_of_a_standing_scene():
     mesh.from_pydata(
         [(-4, -4, 4), (0, -4, 0), (4, -4, 0), (-4, 4, 4), (0, 4, 0), (4, 4, 0)], [], [(0, 1, 4, 3), (1, 2, 5, 4)]
     )
-    found = [bool(eyes_above_ground.reasons(built, turn)) for turn in (0.0, 90.0, 180.0, 270.0)]
+    found = [bool(eyes_above_ground.find_reasons(built, turn)) for turn in (0.0, 90.0, 180.0, 270.0)]
     assert found == [False, False, True, False]
 
 
@@ -106,14 +106,14 @@ def box(low, high):
     ids=["under a roof", "in a cliff"],
 )
 def test_a_roof_over_the_eyes_is_open_and_a_cliff_about_one_is_not(low, high, admitted):
-    built = scenes.build(
+    built = scenes.build_scene(
         empty_scene(), complete({"terrain": {"rms_slope_deg": 0.0}, "rig": {"height_m": 0.5, "baseline_m": 1.0}})
     )
     ground = [(-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0)]
     corners, faces = box(low, high)
     built.terrain.data.clear_geometry()
     built.terrain.data.from_pydata([*ground, *corners], [], [(0, 1, 2, 3), *(tuple(4 + k for k in f) for f in faces)])
-    assert bool(eyes_above_ground.reasons(built)) != admitted
+    assert bool(eyes_above_ground.find_reasons(built)) != admitted
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_a_roof_over_the_eyes_is_open_and_a_cliff_about_one_is_not(low, high, ad
 def test_what_needs_no_scene_is_refused_before_anything_is_made(parts, names):
     scene = empty_scene()
     with pytest.raises(IcyMoonError) as refused:
-        scenes.build(scene, complete(parts))
+        scenes.build_scene(scene, complete(parts))
     assert all(name in str(refused.value) for name in names)
     assert not len(bpy.data.meshes)
     assert not len(bpy.data.materials)
@@ -151,7 +151,7 @@ def test_the_pair_says_what_to_know_of_it(tmp_path):
             "rig": {"width_px": 16, "height_px": 16},
         }
     )
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     (folder,) = render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, silent)
     (told,) = read_pair(folder).data["advice"]
     assert told in built.warnings

@@ -93,16 +93,16 @@ def test_errors_of_either_sign_are_seen(shown):
         assert np.mean(met) == pytest.approx(hidden, abs=0.05)  # the ground is before it, seen from the camera
     assert (built.terrain.hide_viewport, built.terrain.display_type, built.terrain.show_in_front) == before
     assert not built.edited
-    shares = dict(line.split(": ") for line, _ in measured_surface.legend(scene) if ": " in line)
+    shares = dict(line.split(": ") for line, _ in measured_surface.make_legend(scene) if ": " in line)
     assert set(shares) == {"Too far, red", "Too near, blue", "Within 1 cm, white", "Missing, no point"}
     assert sum(float(share.removesuffix(" %")) for share in shares.values()) == pytest.approx(100, abs=0.2)
     assert float(shares["Missing, no point"].removesuffix(" %")) == pytest.approx(25, abs=5)
     icons = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
-    assert {icon for _, icon in measured_surface.legend(scene)} <= set(icons)
+    assert {icon for _, icon in measured_surface.make_legend(scene)} <= set(icons)
     item["icymoon_points"] = "of a file that someone made"
-    assert measured_surface.legend(scene) == ()
+    assert measured_surface.make_legend(scene) == ()
     measured_surface.clear_points(scene)
-    assert measured_surface.legend(scene) == ()
+    assert measured_surface.make_legend(scene) == ()
 
 
 def test_a_surface_of_an_older_evaluation_does_not_say_what_is_missing(shown, tmp_path):
@@ -115,8 +115,8 @@ def test_a_surface_of_an_older_evaluation_does_not_say_what_is_missing(shown, tm
         + b"\n".join(content[5:])
     )
     measured_surface.build_points(bpy.context.scene, [old], "old")
-    assert not any("Missing" in line for line, _ in measured_surface.legend(bpy.context.scene))
-    assert any("Too far" in line for line, _ in measured_surface.legend(bpy.context.scene))
+    assert not any("Missing" in line for line, _ in measured_surface.make_legend(bpy.context.scene))
+    assert any("Too far" in line for line, _ in measured_surface.make_legend(bpy.context.scene))
     measured_surface.clear_points(bpy.context.scene)
 
 
@@ -124,7 +124,7 @@ def test_squares_of_any_line_of_sight():
     random = np.random.default_rng(0)
     toward = random.standard_normal((200, 3))
     toward = np.concatenate([toward / np.linalg.norm(toward, axis=1, keepdims=True), [[0, 0, 1], [0, 0, -1]]])
-    quads = measured_surface.squares(np.zeros((202, 3)), toward, np.full(202, 2.0))
+    quads = measured_surface.make_squares(np.zeros((202, 3)), toward, np.full(202, 2.0))
     sides = np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=2)
     np.testing.assert_allclose(sides, 2.0)
     normal = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 1]) / 4
@@ -177,7 +177,7 @@ def test_by_operator(shown, tmp_path):
     scene = bpy.context.scene
     evaluated(scene, tmp_path, *summary, shown=rows)
     try:
-        assert results.methods_with_points(scene) == ["right", "wrong"]
+        assert results.list_methods_with_points(scene) == ["right", "wrong"]
         assert bpy.ops.icymoon.show_surface() == {"FINISHED"}
         assert measured_surface.find_points(bpy.context.scene).name.endswith("right")
         assert bpy.ops.icymoon.show_surface(method="wrong") == {"FINISHED"}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from icymoon.nodes import painted_decisions, painted_errors
 from icymoon.nodes.datablocks.array_marks import read_property
-from icymoon.nodes.datablocks.fingerprint import instanced_objects, parts
+from icymoon.nodes.datablocks.fingerprint import find_instanced_objects, read_parts
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings.blender import scene_properties
@@ -45,7 +45,7 @@ def shown(tmp_path_factory):
 def nothing_left():
     """A failed test leaves nothing for the next."""
     yield
-    painted_errors.clear(bpy.context.scene)
+    painted_errors.clear_painted(bpy.context.scene)
 
 
 def made(kind: str = SUITABILITY) -> StoredMap:
@@ -78,7 +78,7 @@ def blocks() -> list[int]:
 def test_vertices_have_the_colours_of_their_cells(shown):
     _, built = shown
     stored = made()
-    painted_decisions.paint(bpy.context.scene, built, stored, "bm")
+    painted_decisions.paint_decisions(bpy.context.scene, built, stored, "bm")
     x, y, _ = read_property(built.terrain.data.vertices, "co", width=3).reshape(-1, 3).astype(np.float64).T
     within = (np.abs(x) < 1.49) & (np.abs(y) < 0.99)
     assert within.sum() > 1000
@@ -88,14 +88,14 @@ def test_vertices_have_the_colours_of_their_cells(shown):
     np.testing.assert_array_equal(painted[clear], colour_cells(stored)[row[clear], column[clear]])
     assert (painted[(np.abs(x) > 1.51) | (np.abs(y) > 1.01)] == 60).all()
     (field,) = (item for item in built.collection.all_objects if item.get("icymoon") == "rock")
-    for shape in instanced_objects(field):
+    for shape in find_instanced_objects(field):
         assert (colours(shape.data) == 60).all()
 
 
 def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
     _, built = shown
     site, reach = sorted(
-        painted_decisions.paint(bpy.context.scene, built, made(), "bm").objects, key=lambda item: item.name
+        painted_decisions.paint_decisions(bpy.context.scene, built, made(), "bm").objects, key=lambda item: item.name
     )
     assert (site.name, reach.name) == ("Chosen Site", "Reach")
     thick_m = 0.0065  # half a line, and rounding
@@ -117,14 +117,14 @@ def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
         assert set(Counter(edge for face in item.data.polygons for edge in face.edge_keys).values()) == {2}
     assert site.hide_render
     assert reach.hide_render
-    told = {text for text, _ in painted_decisions.legend(bpy.context.scene)}
+    told = {text for text, _ in painted_decisions.make_legend(bpy.context.scene)}
     assert {"Chosen site, magenta ring", "Reach of the arm, cyan line"} <= told
     for item, colour in ((site, (255, 0, 188)), (reach, (0, 243, 255))):  # as the view shows them in each Blender
         assert (colours(item.data) == colour).all()
-    none = painted_decisions.paint(bpy.context.scene, built, replace(made(), chosen=None, reach=None), "bm")
+    none = painted_decisions.paint_decisions(bpy.context.scene, built, replace(made(), chosen=None, reach=None), "bm")
     assert not none.objects
     assert "Reach" not in bpy.data.meshes
-    assert not any(text.startswith(("Chosen", "Reach")) for text, _ in painted_decisions.legend(bpy.context.scene))
+    assert not any(text.startswith(("Chosen", "Reach")) for text, _ in painted_decisions.make_legend(bpy.context.scene))
 
 
 def test_what_is_no_ground_is_dark(shown):
@@ -135,9 +135,9 @@ def test_what_is_no_ground_is_dark(shown):
     item = bpy.data.objects.new("Lander", mesh)
     built.collection.objects.link(item)
     try:
-        painted_decisions.paint(bpy.context.scene, built, made(), "bm")
+        painted_decisions.paint_decisions(bpy.context.scene, built, made(), "bm")
         assert (colours(mesh) == 60).all()
-        painted_errors.clear(bpy.context.scene)
+        painted_errors.clear_painted(bpy.context.scene)
         assert not mesh.color_attributes
     finally:
         bpy.data.batch_remove([item, mesh])
@@ -148,14 +148,14 @@ def test_nothing_that_is_rendered_or_identified_changes(shown, tmp_path):
     pair, built = shown
     scene, mesh = bpy.context.scene, built.terrain.data
     there = blocks()
-    before = parts(built.collection), built.extra, set(mesh.attributes.keys()), mesh.attributes.default_color_name
-    painted_decisions.paint(scene, built, made(), "bm")
-    assert (parts(built.collection), built.extra) == before[:2]
+    before = read_parts(built.collection), built.extra, set(mesh.attributes.keys()), mesh.attributes.default_color_name
+    painted_decisions.paint_decisions(scene, built, made(), "bm")
+    assert (read_parts(built.collection), built.extra) == before[:2]
     assert not built.edited
     (planned,) = expand_headings(pair.settings, built.extra)
     assert planned.id == pair.id
     render_pairs(built, [planned], tmp_path, 1, 0.0, lambda *a, **k: None)
-    assert painted_errors.find(scene) is None  # a material of the user's could read it
+    assert painted_errors.find_painted(scene) is None  # a material of the user's could read it
     assert set(mesh.attributes.keys()) == before[2]
     assert mesh.attributes.default_color_name == before[3]
     assert blocks() == there
@@ -163,14 +163,14 @@ def test_nothing_that_is_rendered_or_identified_changes(shown, tmp_path):
 
 def test_a_ground_elsewhere_is_refused_and_what_is_shown_stays(shown):
     _, built = shown
-    painted_decisions.paint(bpy.context.scene, built, made(), "first")
+    painted_decisions.paint_decisions(bpy.context.scene, built, made(), "first")
     with pytest.raises(IcyMoonError, match="No vertex of the ground"):
-        painted_decisions.paint(
+        painted_decisions.paint_decisions(
             bpy.context.scene, built, replace(made(), grid=Grid(CELL_M, ROWS, COLUMNS, 99.0, 0.0)), "second"
         )
-    assert painted_decisions.legend(bpy.context.scene)[0][0] == "Suitability by first"
-    painted_errors.clear(bpy.context.scene)
-    assert painted_decisions.legend(bpy.context.scene) == ()
+    assert painted_decisions.make_legend(bpy.context.scene)[0][0] == "Suitability by first"
+    painted_errors.clear_painted(bpy.context.scene)
+    assert painted_decisions.make_legend(bpy.context.scene) == ()
 
 
 @pytest.mark.heavy
@@ -183,19 +183,19 @@ def test_from_a_pair_to_the_button(shown):
     there = blocks()
     for kind, title in ((SUITABILITY, "Suitability"), (SLOPE, "Slope"), (HEIGHT_ERROR, "Height error")):
         assert bpy.ops.icymoon.paint_decisions(method="bm", map=kind) == {"FINISHED"}
-        lines = painted_decisions.legend(scene)
+        lines = painted_decisions.make_legend(scene)
         assert lines[0][0] == f"{title} by StereoBM"
         shares = [text.rpartition(": ")[2].removesuffix(" %") for text, _ in lines if text.endswith(" %")]
         assert sum(map(float, shares)) == pytest.approx(100, abs=0.2)
         icons = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
         assert {icon for _, icon in lines} <= set(icons)
-        assert painted_errors.legend(scene) == ()
+        assert painted_errors.make_legend(scene) == ()
         scene.icymoon.error_range_m = 0.5  # these colours have no range
         stored = read_map(folder, pair.id, "bm", kind)
         seen = {tuple(colour) for colour in colours(built.terrain.data)}
         assert len(seen & {tuple(colour) for colour in colour_cells(stored).reshape(-1, 3).astype(float)}) > 1
     assert bpy.ops.icymoon.paint_decisions(method="true depth") == {"FINISHED"}
-    assert painted_decisions.legend(scene)[0][0] == "Suitability by true depth"
+    assert painted_decisions.make_legend(scene)[0][0] == "Suitability by true depth"
     with pytest.raises(RuntimeError, match="no decisions by SGBM"):
         bpy.ops.icymoon.paint_decisions(method="sgbm")
     assert bpy.ops.icymoon.hide_decisions() == {"FINISHED"}

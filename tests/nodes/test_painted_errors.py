@@ -8,7 +8,7 @@ import pytest
 from evaluations import evaluated
 from icymoon.nodes import painted_errors
 from icymoon.nodes.datablocks.array_marks import read_property
-from icymoon.nodes.datablocks.fingerprint import instanced_objects, parts
+from icymoon.nodes.datablocks.fingerprint import find_instanced_objects, read_parts
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings.blender import scene_properties
@@ -44,7 +44,9 @@ def shown(tmp_path_factory):
 
 def paint(shown, name="far", full_m=1.0):
     pair, built, files = shown
-    return painted_errors.paint(bpy.context.scene, built, [read_depth_errors(pair.folder, files[name])], name, full_m)
+    return painted_errors.paint_errors(
+        bpy.context.scene, built, [read_depth_errors(pair.folder, files[name])], name, full_m
+    )
 
 
 def read(mesh):
@@ -101,7 +103,7 @@ def test_vertices_that_rays_reach_have_the_error_of_their_depth(shown):
     assert (colour[kind == UNSEEN] == 60).all()
     assert (colour[error > 0.05, 0] > colour[error > 0.05, 2]).all()
     assert np.isnan(error[kind != MEASURED]).all()
-    painted_errors.clear(scene)
+    painted_errors.clear_painted(scene)
 
 
 def test_rocks_that_are_seen_show_their_errors_too(shown):
@@ -109,7 +111,7 @@ def test_rocks_that_are_seen_show_their_errors_too(shown):
     collection = paint(shown, "near")
     (copies,) = collection.objects
     (field,) = (item for item in built.collection.all_objects if item.get("icymoon") == "rock")
-    shapes = list(instanced_objects(field))
+    shapes = list(find_instanced_objects(field))
     assert shapes
     for shape in shapes:  # what is behind the copies is dark, never white
         assert (read(shape.data)[2] == 60).all()
@@ -125,7 +127,7 @@ def test_rocks_that_are_seen_show_their_errors_too(shown):
     assert (-error[kind == MEASURED] < 0.07 * depth[kind == MEASURED]).all()
     assert (kind == UNSEEN).sum() > 50  # their backs
     assert not (kind == COARSE).any()  # copies are divided
-    painted_errors.clear(bpy.context.scene)
+    painted_errors.clear_painted(bpy.context.scene)
     assert all(painted_errors.COLOUR not in shape.data.attributes for shape in shapes)
 
 
@@ -134,16 +136,16 @@ def test_nothing_that_is_rendered_or_identified_changes(shown, tmp_path):
     pair, built, _ = shown
     scene, mesh = bpy.context.scene, built.terrain.data
     blocks = [len(data) for data in (bpy.data.objects, bpy.data.meshes, bpy.data.materials, bpy.data.collections)]
-    before = parts(built.collection), built.extra, set(mesh.attributes.keys()), mesh.attributes.default_color_name
+    before = read_parts(built.collection), built.extra, set(mesh.attributes.keys()), mesh.attributes.default_color_name
     paint(shown)
-    assert (parts(built.collection), built.extra) == before[:2]
+    assert (read_parts(built.collection), built.extra) == before[:2]
     assert not built.edited
     (planned,) = expand_headings(pair.settings, built.extra)
     assert planned.id == pair.id
     (again,) = render_pairs(built, [planned], tmp_path, 1, 0.0, lambda *a, **k: None)
-    assert painted_errors.find(scene) is None  # a material of the user's could read it
+    assert painted_errors.find_painted(scene) is None  # a material of the user's could read it
     assert set(mesh.attributes.keys()) == before[2]
-    assert parts(built.collection) == before[0]
+    assert read_parts(built.collection) == before[0]
     assert mesh.attributes.default_color_name == before[3]
     assert blocks == [
         len(data) for data in (bpy.data.objects, bpy.data.meshes, bpy.data.materials, bpy.data.collections)
@@ -160,15 +162,15 @@ def test_the_users_own_colours_are_active_again_afterwards(shown):
     for name in ("First", "Second"):
         mesh.color_attributes.new(name, "BYTE_COLOR", "POINT")
     mesh.attributes.active_color_name, mesh.attributes.default_color_name = "Second", "First"
-    marked = parts(built.collection)
+    marked = read_parts(built.collection)
     try:
         paint(shown)
         paint(shown, "near")
         assert mesh.attributes.active_color_name == painted_errors.COLOUR
         assert mesh.attributes.default_color_name == "First"
-        assert parts(built.collection) == marked
-        assert painted_errors.clear(bpy.context.scene)
-        assert not painted_errors.clear(bpy.context.scene)
+        assert read_parts(built.collection) == marked
+        assert painted_errors.clear_painted(bpy.context.scene)
+        assert not painted_errors.clear_painted(bpy.context.scene)
         assert (mesh.attributes.active_color_name, mesh.attributes.default_color_name) == ("Second", "First")
     finally:
         for name in ("First", "Second"):
@@ -179,7 +181,7 @@ def test_a_ground_of_wide_triangles_is_refused_and_one_of_both_kinds_says_so(sho
     pair, built, _ = shown
     scene, known = bpy.context.scene, np.isfinite(prepare_pair(pair.folder, {}).truth)
     paint(shown)
-    lines = dict(line.split(": ") for line, _ in painted_errors.legend(scene) if ": " in line)
+    lines = dict(line.split(": ") for line, _ in painted_errors.make_legend(scene) if ": " in line)
     assert sum(float(lines[key].removesuffix(" %")) for key in lines if "Triangles" not in key) == pytest.approx(
         100, abs=0.2
     )
@@ -201,9 +203,9 @@ def test_a_ground_of_wide_triangles_is_refused_and_one_of_both_kinds_says_so(sho
         for item in rocks:
             item.hide_viewport = False
         bpy.data.meshes.remove(coarse)
-    assert painted_errors.find(scene) is not None  # a refusal leaves what is shown
-    painted_errors.clear(scene)
-    assert painted_errors.legend(scene) == ()
+    assert painted_errors.find_painted(scene) is not None  # a refusal leaves what is shown
+    painted_errors.clear_painted(scene)
+    assert painted_errors.make_legend(scene) == ()
 
 
 @pytest.fixture
@@ -221,7 +223,7 @@ def evaluated_pair(shown):
     ]
     evaluated(scene, pair.folder.parent.parent, *summary, shown=rows)
     yield scene
-    painted_errors.clear(scene)
+    painted_errors.clear_painted(scene)
     scene.icymoon.results = ""
 
 
@@ -229,9 +231,9 @@ def test_by_operator_with_its_range(shown, evaluated_pair):
     _, built, _ = shown
     scene, mesh = evaluated_pair, built.terrain.data
     assert bpy.ops.icymoon.paint_errors() == {"FINISHED"}
-    assert painted_errors.legend(scene)[0][0] == "Depth error of near on the ground"
+    assert painted_errors.make_legend(scene)[0][0] == "Depth error of near on the ground"
     assert bpy.ops.icymoon.paint_errors(method="bm:window=7") == {"FINISHED"}
-    assert painted_errors.legend(scene)[0][0] == "Depth error of StereoBM window=7 on the ground"  # as its tick
+    assert painted_errors.make_legend(scene)[0][0] == "Depth error of StereoBM window=7 on the ground"  # as its tick
     assert bpy.ops.icymoon.paint_errors(method="far") == {"FINISHED"}
     error, _, colour = read(mesh)
     large = error > 0.15
@@ -243,7 +245,7 @@ def test_by_operator_with_its_range(shown, evaluated_pair):
     with pytest.raises(RuntimeError, match="no stored disparities"):
         bpy.ops.icymoon.paint_errors(method="sgbm")
     assert bpy.ops.icymoon.hide_surface() == {"FINISHED"}
-    assert painted_errors.find(scene) is None
+    assert painted_errors.find_painted(scene) is None
     assert not bpy.ops.icymoon.hide_surface.poll()
 
 
@@ -261,7 +263,7 @@ def test_other_sampling_light_and_surface_are_painted_as_the_same(shown):
         group = getattr(bpy.context.scene.icymoon, topic)
         was = getattr(group, key)
         setattr(group, key, value)
-        painted_errors.clear(bpy.context.scene)
+        painted_errors.clear_painted(bpy.context.scene)
         assert bpy.ops.icymoon.paint_errors(method="far") == {"FINISHED"}
         for one, other in zip(painted, read(built.terrain.data), strict=True):
             np.testing.assert_array_equal(one, other)
@@ -300,8 +302,8 @@ def test_another_heading_of_the_scene_is_no_other_camera(shown):
     root.rig.heading_deg = was - 90.0
     built.remember(scene_properties.read_settings(root), {})
     try:
-        assert "another camera" in painted_errors.why_another(built, 1, pair)
-        assert painted_errors.why_another(built, 4, pair) == ""
+        assert "another camera" in painted_errors.why_not_shown(built, 1, pair)
+        assert painted_errors.why_not_shown(built, 4, pair) == ""
     finally:
         root.rig.heading_deg = was
         built.remember(before, {})

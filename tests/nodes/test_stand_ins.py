@@ -29,7 +29,7 @@ def small(tmp_path, monkeypatch):
 
 
 def built(**settings):
-    return scenes.build(empty_scene(), complete(settings))
+    return scenes.build_scene(empty_scene(), complete(settings))
 
 
 @pytest.mark.parametrize("key", ["CRACKED_ICE", "SUNCUPS"])

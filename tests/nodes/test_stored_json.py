@@ -35,13 +35,13 @@ HOSTILE = [
     b"bytes",
 ]
 READERS = {
-    SETTINGS: lambda scene: scenes.find(scene),
-    FINGERPRINT: lambda scene: scenes.find(scene).edited,
-    GROUND: lambda scene: scenes.find(scene).ground,
-    STATISTICS: lambda scene: scenes.find(scene).statistics,
-    EXCAVATION: lambda scene: scenes.find(scene).excavation,
-    PREVIEW: lambda scene: scenes.find(scene).preview,
-    NOTES: preview.notes,
+    SETTINGS: lambda scene: scenes.find_built(scene),
+    FINGERPRINT: lambda scene: scenes.find_built(scene).edited,
+    GROUND: lambda scene: scenes.find_built(scene).ground,
+    STATISTICS: lambda scene: scenes.find_built(scene).statistics,
+    EXCAVATION: lambda scene: scenes.find_built(scene).excavation,
+    PREVIEW: lambda scene: scenes.find_built(scene).preview,
+    NOTES: preview.read_notes,
     NOTE: lambda scene: restore_render(scene, scenes.find_collection(scene)),
 }
 
@@ -49,7 +49,7 @@ READERS = {
 @pytest.fixture(scope="module")
 def built():
     scene = empty_scene()
-    scenes.build(scene, complete())
+    scenes.build_scene(scene, complete())
     return scene
 
 
@@ -76,8 +76,8 @@ def test_what_a_blend_file_stores_is_read_or_a_sentence(built, key):
 @pytest.mark.parametrize("key", [SETTINGS, FINGERPRINT, GROUND, STATISTICS, EXCAVATION, PREVIEW, NOTES])
 def test_build_scene_builds_over_what_is_damaged(key):
     scene = empty_scene()
-    scenes.build(scene, complete())
+    scenes.build_scene(scene, complete())
     scenes.find_collection(scene)[key] = "["
-    scenes.build(scene, complete())
+    scenes.build_scene(scene, complete())
     READERS[key](scene)
     assert bpy.context.scene == scene

@@ -60,7 +60,7 @@ def test_the_view_returns_when_undo_takes_the_errors_away_and_follows_redo(viewe
     assert look() == BEFORE
     bpy.ops.ed.redo()
     coloured_views._follow_undo()
-    assert painted_errors.find(bpy.context.scene) is not None
+    assert painted_errors.find_painted(bpy.context.scene) is not None
     assert look() == SHOWN
     coloured_views.hide_errors(bpy.context.scene)
     assert look() == BEFORE

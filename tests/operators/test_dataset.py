@@ -33,7 +33,7 @@ GRID = '[[sweep]]\nkind = "grid"\nlight.sun_elevation_deg = [20, 40]\n'
 @pytest.fixture
 def described(scene, tmp_path, monkeypatch):
     """A scene whose data set is small, and in a folder of the test's own."""
-    monkeypatch.setattr(dataset, "state_folder", lambda: tmp_path / "running")
+    monkeypatch.setattr(dataset, "find_state_folder", lambda: tmp_path / "running")
     (tmp_path / "plan.toml").write_text('[plan]\ntitle = "Tiny"\n' + TINY + GRID)
     group = scene.icymoon.dataset
     group.plan, group.folder, group.leave_running = str(tmp_path / "plan.toml"), str(tmp_path / "set"), False
@@ -61,7 +61,7 @@ def started(scene, name="icymoon.render_dataset"):
         "icymoon.watch_dataset": dataset.ICYMOON_OT_watch_dataset,
     }[name]
     operator = stand_in(bl_label=kind.bl_label)
-    operator._job_of = lambda process, context: kind._job_of(operator, process, context)
+    operator._make_job = lambda process, context: kind._make_job(operator, process, context)
     return kind.start(operator, SimpleNamespace(scene=scene)), operator
 
 
@@ -86,7 +86,7 @@ def test_a_plan_that_cannot_be_is_told_with_its_line(described, tmp_path):
 def test_a_shipped_plan_is_chosen_by_its_name_and_another_by_its_file(described, tmp_path):
     assert bpy.ops.icymoon.choose_plan(plan="datasets/guiss_rocks") == {"FINISHED"}
     assert described.icymoon.dataset.plan == "datasets/guiss_rocks"
-    assert dataset.title_of("datasets/guiss_rocks") == "Paper: rocks"
+    assert dataset.find_plan_title("datasets/guiss_rocks") == "Paper: rocks"
     assert bpy.ops.icymoon.open_plan(filepath=str(tmp_path / "plan.toml")) == {"FINISHED"}
     assert described.icymoon.dataset.plan == str(tmp_path / "plan.toml")
     with pytest.raises(RuntimeError, match="cannot be read"):
@@ -117,7 +117,7 @@ def test_it_is_evaluated_afterwards_if_asked(described, tmp_path):
     described.icymoon.dataset.workers = 1
     assert bpy.ops.icymoon.render_dataset() == {"FINISHED"}
     assert (tmp_path / "set" / "evaluation" / "report.html").is_file()
-    assert results.summary(described)[0]["method"] == "sgbm"
+    assert results.read_summary(described)[0]["method"] == "sgbm"
     described.icymoon.dataset.methods = "no such matcher"
     with pytest.raises(RuntimeError, match="no such matcher"):
         bpy.ops.icymoon.render_dataset()

@@ -15,7 +15,7 @@ from stand_ins import stand_in
 @pytest.fixture
 def extension(monkeypatch, tmp_path):
     """A folder that is the installed extension's."""
-    monkeypatch.setattr(preferences, "extension_folder", lambda: tmp_path)
+    monkeypatch.setattr(preferences, "find_extension_folder", lambda: tmp_path)
     monkeypatch.delenv("ICYMOON_EVALUATOR", raising=False)
     return tmp_path / "evaluator"
 

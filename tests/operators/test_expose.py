@@ -41,7 +41,7 @@ def shown(small, monkeypatch, tmp_path):
     assert bpy.ops.icymoon.expose() == {"FINISHED"}
     (path,) = (tmp_path / "dataset" / "exposed").glob("*/left.png")
     image = bpy.data.images.load(str(path))
-    monkeypatch.setattr(live_exposure, "shown_paths", lambda: [Path(bpy.path.abspath(image.filepath))])
+    monkeypatch.setattr(live_exposure, "list_shown_paths", lambda: [Path(bpy.path.abspath(image.filepath))])
     yield image
     session.reset()
 
@@ -50,12 +50,12 @@ def until_rested() -> int:
     """Call the timer's function as the event loop does, until it wants no more; how often it started a process."""
     started, before = 0, None
     end = time.monotonic() + 60
-    while bpy.app.timers.is_registered(live_exposure.work) and time.monotonic() < end:
-        again = live_exposure.work()
+    while bpy.app.timers.is_registered(live_exposure.develop_waiting) and time.monotonic() < end:
+        again = live_exposure.develop_waiting()
         started += session.developing is not None and session.developing is not before
         before = session.developing
         if again is None:
-            bpy.app.timers.unregister(live_exposure.work)
+            bpy.app.timers.unregister(live_exposure.develop_waiting)
         time.sleep(0.02)
     assert session.developing is None
     return started
@@ -73,33 +73,33 @@ def test_the_shown_camera_image_follows_the_response_once_the_hand_rests(small, 
     assert brightness(shown) < 0.4 * before
     small.icymoon.rig.height_m = 3.0  # needs a render, not a development
     small.icymoon.quality.samples = 3
-    assert not bpy.app.timers.is_registered(live_exposure.work)
+    assert not bpy.app.timers.is_registered(live_exposure.develop_waiting)
     small.icymoon.sensor.auto_target = 0.5
-    live_exposure.work()
+    live_exposure.develop_waiting()
     small.icymoon.sensor.auto_target = 0.8  # while that is developed
     assert until_rested() == 2
     assert brightness(shown) == pytest.approx(before, rel=0.01)
-    assert live_exposure.lines() == []
+    assert live_exposure.list_lines() == []
 
 
 def test_nothing_follows_where_it_is_switched_off_or_not_shown_and_failures_are_told(small, shown, monkeypatch):
     small.icymoon.follow = False
     small.icymoon.sensor.auto_target = 0.1
-    assert not bpy.app.timers.is_registered(live_exposure.work)
+    assert not bpy.app.timers.is_registered(live_exposure.develop_waiting)
     small.icymoon.follow = True
     with monkeypatch.context() as patch:
-        patch.setattr(live_exposure, "shown_paths", lambda: [Path("/elsewhere/left.png")])
+        patch.setattr(live_exposure, "list_shown_paths", lambda: [Path("/elsewhere/left.png")])
         small.icymoon.sensor.auto_target = 0.2
         assert until_rested() == 0
     small.icymoon.rig.distortion_k1 = -10.0  # folds the image
     assert until_rested() == 1
-    assert "Stereo Camera ▸ Distortion k1" in " ".join(live_exposure.lines())
+    assert "Stereo Camera ▸ Distortion k1" in " ".join(live_exposure.list_lines())
     panel = next(p for p in CLASSES if getattr(p, "bl_idname", "") == "ICYMOON_PT_sensor")
     told = " ".join(shown["text"] for name, _, shown in drawn(panel) if name == "label")
     assert "Distortion k1" in told
     small.icymoon.rig.distortion_k1 = 0.0
     assert until_rested() == 1
-    assert live_exposure.lines() == []
+    assert live_exposure.list_lines() == []
 
 
 def following() -> jobs.Job:
@@ -110,12 +110,12 @@ def following() -> jobs.Job:
 def test_it_waits_for_a_running_job_and_is_stopped_by_another_file(small, shown, monkeypatch):
     monkeypatch.setattr(session, "job", object())
     small.icymoon.sensor.auto_target = 0.2
-    assert live_exposure.work() is not None
+    assert live_exposure.develop_waiting() is not None
     assert session.developing is None
     monkeypatch.setattr(session, "job", None)
-    assert live_exposure.work() is not None
+    assert live_exposure.develop_waiting() is not None
     process = following().process
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert session.developing is None
     assert process.returncode is not None
-    assert not bpy.app.timers.is_registered(live_exposure.work)
+    assert not bpy.app.timers.is_registered(live_exposure.develop_waiting)

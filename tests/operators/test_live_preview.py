@@ -11,9 +11,9 @@ import pytest
 from built_scenes import everything, positions
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint, parts
+from icymoon.nodes.datablocks.fingerprint import TAG, make_fingerprint, read_parts
 from icymoon.operators import live_preview
-from icymoon.operators.render import bring_up_to_date, planned_pairs
+from icymoon.operators.render import bring_up_to_date, plan_pairs
 from icymoon.operators.session import session
 from icymoon.panels import sidebar
 from icymoon.render.worker import render_pairs
@@ -52,7 +52,7 @@ def change(scene: bpy.types.Scene, name: str, value: object) -> scenes.Built:
     topic, key = name.split(".")
     setattr(getattr(scene.icymoon, topic), key, value)
     _turn()
-    return scenes.find(scene)
+    return scenes.find_built(scene)
 
 
 def current(scene: bpy.types.Scene) -> Settings:
@@ -61,7 +61,7 @@ def current(scene: bpy.types.Scene) -> Settings:
 
 def state(built: scenes.Built) -> dict[str, str]:
     """Hashes of everything that is built."""
-    return parts(built.collection)
+    return read_parts(built.collection)
 
 
 def blocks(built: scenes.Built) -> bpy.types.Object | None:
@@ -70,19 +70,19 @@ def blocks(built: scenes.Built) -> bpy.types.Object | None:
 
 def fresh(scene: bpy.types.Scene, settings: Settings) -> dict[str, str]:
     """What Build Scene makes of settings where nothing was built before."""
-    scenes.clear(scene)
-    return state(scenes.build(scene, settings))
+    scenes.clear_scene(scene)
+    return state(scenes.build_scene(scene, settings))
 
 
 def test_a_terrain_slider_shows_the_height_function_on_a_coarse_grid(watched):
-    mesh = scenes.find(watched).terrain.data
+    mesh = scenes.find_built(watched).terrain.data
     built = change(watched, "terrain.rms_slope_deg", 25.0)
     assert built.terrain.data == mesh
     assert len(mesh.vertices) == SIDE**2
     grid = positions(built.terrain).reshape(SIDE, SIDE, 3)
     settings = current(watched)
     spacing = settings.terrain.size_m / (SIDE - 1)
-    expected = scenes.ground_of(settings).heights(grid[..., 0], grid[..., 1], 2 * spacing)
+    expected = scenes.make_ground(settings).heights(grid[..., 0], grid[..., 1], 2 * spacing)
     assert np.allclose(grid[..., 2], expected, atol=1e-5)  # metres: float32 coordinates move the points by 1e-6 m
     assert built.preview.terrain.rms_slope_deg == 25.0
     assert built.settings.terrain.rms_slope_deg == 12.0
@@ -94,21 +94,21 @@ def test_a_terrain_slider_shows_the_height_function_on_a_coarse_grid(watched):
 
 
 def test_the_previewed_blocks_lie_on_the_previewed_ground(watched):
-    mark = next(iter(preview.instanced_objects(blocks(scenes.find(watched))))).data.materials[0]
+    mark = next(iter(preview.find_instanced_objects(blocks(scenes.find_built(watched))))).data.materials[0]
     built = change(watched, "rocks.coverage", 0.1)
     settings, carrier = current(watched), blocks(built)
     assert len(carrier.data.vertices) > 10
-    assert next(iter(preview.instanced_objects(carrier))).data.materials[0] == mark
-    shapes = {len(shape.data.polygons) for shape in preview.instanced_objects(carrier)}
+    assert next(iter(preview.find_instanced_objects(carrier))).data.materials[0] == mark
+    shapes = {len(shape.data.polygons) for shape in preview.find_instanced_objects(carrier)}
     assert shapes == {320}  # triangles of the coarsest shapes
     where = positions(carrier)
-    ground = scenes.ground_of(settings).heights(where[:, 0], where[:, 1], 2 * settings.terrain.size_m / SIDE)
+    ground = scenes.make_ground(settings).heights(where[:, 0], where[:, 1], 2 * settings.terrain.size_m / SIDE)
     # A block's centre is within its own size of the ground, and blocks are at most largest_m wide.
     assert np.all(np.abs(where[:, 2] - ground) < settings.rocks.largest_m)
     assert not built.edited
     assert blocks(change(watched, "rocks.coverage", 0.0)) is None
     assert blocks(change(watched, "rocks.coverage", 0.02)) is not None
-    assert not scenes.find(watched).edited
+    assert not scenes.find_built(watched).edited
 
 
 @pytest.mark.parametrize(
@@ -131,17 +131,17 @@ def test_the_previewed_blocks_lie_on_the_previewed_ground(watched):
     ],
 )
 def test_light_camera_and_surface_become_what_build_scene_makes(watched, name, value):
-    before = positions(scenes.find(watched).terrain)
+    before = positions(scenes.find_built(watched).terrain)
     built = change(watched, name, value)
     shown, names = state(built), sorted(o.name for o in built.collection.all_objects)
     assert not built.edited
     assert built.preview == {}
-    assert scenes.changed_settings(built, current(watched)) == []
-    assert preview.notes(watched) == []
+    assert scenes.list_changed_settings(built, current(watched)) == []
+    assert preview.read_notes(watched) == []
     assert np.array_equal(positions(built.terrain), before)  # at full resolution
     assert bring_up_to_date(watched, current(watched)).collection == built.collection
     assert shown == fresh(watched, current(watched))
-    assert names == sorted(o.name for o in scenes.find(watched).collection.all_objects)
+    assert names == sorted(o.name for o in scenes.find_built(watched).collection.all_objects)
 
 
 def test_build_after_previews_is_build_without(watched):
@@ -159,10 +159,10 @@ def test_build_after_previews_is_build_without(watched):
         assert not built.edited, name
     assert built.preview
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
-    built = scenes.find(watched)
+    built = scenes.find_built(watched)
     after = state(built)
     assert built.preview == {}
-    assert preview.notes(watched) == []
+    assert preview.read_notes(watched) == []
     assert everything() == counts
     assert not any(
         "." in block.name for kind in (bpy.data.objects, bpy.data.meshes, bpy.data.materials) for block in kind
@@ -178,14 +178,14 @@ def test_a_new_seed_shows_ground_blocks_and_grain_of_that_seed(watched):
 
 def test_a_preset_is_one_update(watched, monkeypatch):
     updates = []
-    monkeypatch.setattr(live_preview, "update", lambda scene: updates.append(scene))
+    monkeypatch.setattr(live_preview, "update_scene", lambda scene: updates.append(scene))
     assert bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice") == {"FINISHED"}
     assert updates == [watched]
 
 
 def test_changes_of_a_script_are_two_updates(watched, monkeypatch):
     updates = []
-    monkeypatch.setattr(live_preview, "update", lambda scene: updates.append(scene) or False)
+    monkeypatch.setattr(live_preview, "update_scene", lambda scene: updates.append(scene) or False)
     for degrees in range(10):
         watched.icymoon.terrain.rms_slope_deg = degrees
     assert bpy.app.timers.is_registered(live_preview.show_waiting)
@@ -197,14 +197,14 @@ def test_changes_of_a_script_are_two_updates(watched, monkeypatch):
 def test_a_list_of_layers_is_listened_to(watched):
     assert bpy.ops.icymoon.layer_add() == {"FINISHED"}
     _turn()
-    assert len(scenes.find(watched).preview["terrain"]["layers"]) == 1
+    assert len(scenes.find_built(watched).preview["terrain"]["layers"]) == 1
     assert bpy.ops.icymoon.layer_remove() == {"FINISHED"}
     _turn()
-    assert scenes.find(watched).preview["terrain"]["layers"] == []
+    assert scenes.find_built(watched).preview["terrain"]["layers"] == []
 
 
 def test_what_changes_no_picture_changes_nothing(watched):
-    before = scenes.find(watched).collection["icymoon_settings"]
+    before = scenes.find_built(watched).collection["icymoon_settings"]
     built = change(watched, "quality.samples", 7)
     change(watched, "sensor.bits", 10)
     assert built.collection["icymoon_settings"] == before
@@ -213,15 +213,15 @@ def test_what_changes_no_picture_changes_nothing(watched):
 
 def test_without_a_window_nothing_is_previewed(small):
     bpy.ops.icymoon.build_scene()
-    mark = fingerprint(scenes.find_collection(small))
+    mark = make_fingerprint(scenes.find_collection(small))
     small.icymoon.terrain.rms_slope_deg = 30.0
-    assert fingerprint(scenes.find_collection(small)) == mark
+    assert make_fingerprint(scenes.find_collection(small)) == mark
     assert not bpy.app.timers.is_registered(live_preview.show_waiting)
 
 
 def test_switched_off_the_panel_says_that_settings_have_changed(watched):
     watched.icymoon.live = False
-    before = state(scenes.find(watched))
+    before = state(scenes.find_built(watched))
     built = change(watched, "light.sun_elevation_deg", 50.0)
     assert state(built) == before
     assert "Settings have changed" in texts(drawn(sidebar.ICYMOON_PT_main))
@@ -230,12 +230,12 @@ def test_switched_off_the_panel_says_that_settings_have_changed(watched):
     change(watched, "light.sun_elevation_deg", 50.0)
     watched.icymoon.live = True
     _turn()
-    assert state(scenes.find(watched)) != before
-    assert preview.notes(watched) == []
+    assert state(scenes.find_built(watched)) != before
+    assert preview.read_notes(watched) == []
 
 
 def test_kernels_that_are_missing_are_told_once_at_their_field(watched):
-    before = state(scenes.find(watched))
+    before = state(scenes.find_built(watched))
     built = change(watched, "light.directions_from", "KERNELS")
     assert state(built) == before
     panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")]
@@ -244,7 +244,7 @@ def test_kernels_that_are_missing_are_told_once_at_their_field(watched):
     shown = drawn(bpy.types.ICYMOON_PT_light)
     field = next(k for k, entry in enumerate(shown) if entry[:2] == ("prop", "icymoon.light.kernels"))
     assert "Kernels is empty" in texts(shown[field + 1 :])
-    assert live_preview.lines(watched) == ["The light is as before: see Light"]
+    assert live_preview.list_lines(watched) == ["The light is as before: see Light"]
     assert drawn(bpy.types.ICYMOON_PT_sky) == []
     change(watched, "light.directions_from", "ANGLES")
     assert "empty" not in texts(drawn(bpy.types.ICYMOON_PT_light))
@@ -252,41 +252,41 @@ def test_kernels_that_are_missing_are_told_once_at_their_field(watched):
 
 
 def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
-    assert len(live_preview.lines(watched)) == 1
+    assert len(live_preview.list_lines(watched)) == 1
     change(watched, "terrain.rms_slope_deg", 20.0)
-    before = state(scenes.find(watched))
+    before = state(scenes.find_built(watched))
     built = change(watched, "terrain.inner_scale_m", 9.0)  # longer than the outer scale, 8 m
     assert state(built) == before
-    assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))
+    assert any("inner_scale_m" in sentence for sentence in preview.read_notes(watched))
     assert "Ground ▸ Smallest Feature" in texts(drawn(sidebar.ICYMOON_PT_main))  # as the sidebar names it
     built = change(watched, "light.sun_elevation_deg", 60.0)  # what makes sense is still shown
     assert built.settings.light.sun_elevation_deg == 60.0
-    assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))
+    assert any("inner_scale_m" in sentence for sentence in preview.read_notes(watched))
     built = change(watched, "terrain.inner_scale_m", 0.02)
-    assert len(live_preview.lines(watched)) == 1
-    assert preview.notes(watched) == ["Preview: press Build Scene"]
+    assert len(live_preview.list_lines(watched)) == 1
+    assert preview.read_notes(watched) == ["Preview: press Build Scene"]
     with pytest.raises(IcyMoonError):
         bring_up_to_date(watched, description.merged(current(watched), {"rocks": {"smallest_m": 5.0}}))
 
 
 def test_edits_by_hand_stay(watched):
-    built = scenes.find(watched)
+    built = scenes.find_built(watched)
     built.terrain.data.vertices[7].co.z += 0.5
     before = positions(built.terrain)
     built = change(watched, "terrain.rms_slope_deg", 30.0)
     assert np.array_equal(positions(built.terrain), before)
     assert built.edited
-    assert any("ground was edited by hand" in sentence for sentence in preview.notes(watched))
+    assert any("ground was edited by hand" in sentence for sentence in preview.read_notes(watched))
     built = change(watched, "light.sun_elevation_deg", 60.0)  # of the rest, the settings still decide
     assert built.edited_parts() == {"terrain data"}
     change(watched, "terrain.rms_slope_deg", 12.0)
-    assert preview.notes(watched) == []
+    assert preview.read_notes(watched) == []
     assert bring_up_to_date(watched, current(watched)).edited  # the sculpted ground under the new Sun is rendered
     built.sun.rotation_euler.x += 0.1
     turned = built.sun.matrix_basis.copy()
     built = change(watched, "light.sun_elevation_deg", 10.0)
     assert built.sun.matrix_basis == turned
-    assert any("Sun was edited" in sentence for sentence in preview.notes(watched))
+    assert any("Sun was edited" in sentence for sentence in preview.read_notes(watched))
 
 
 @pytest.mark.parametrize(
@@ -305,26 +305,26 @@ def test_edits_by_hand_stay(watched):
     ],
 )
 def test_each_edited_part_says_so_and_stays(watched, edit, name, value, said):
-    built = scenes.find(watched)
+    built = scenes.find_built(watched)
     edit(built)
     role = built.edited_parts()
     before = {part: mark for part, mark in state(built).items() if part in role}
     built = change(watched, name, value)
     assert {part: mark for part, mark in state(built).items() if part in role} == before
     assert built.edited_parts() == role
-    assert any(said in sentence for sentence in preview.notes(watched))
+    assert any(said in sentence for sentence in preview.read_notes(watched))
 
 
 def test_a_preview_is_never_rendered(watched, tmp_path):
     built = change(watched, "terrain.rms_slope_deg", 25.0)
     settings = current(watched)
     with pytest.raises(IcyMoonError, match="preview"):
-        render_pairs(built, planned_pairs(watched, settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+        render_pairs(built, plan_pairs(watched, settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     change(watched, "terrain.rms_slope_deg", 12.0)  # as it was built: still a coarse grid
-    assert scenes.changed_settings(scenes.find(watched), current(watched)) == []
-    planned = [pair.id for pair in planned_pairs(watched, current(watched))]
+    assert scenes.list_changed_settings(scenes.find_built(watched), current(watched)) == []
+    planned = [pair.id for pair in plan_pairs(watched, current(watched))]
     assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
-    built = scenes.find(watched)
+    built = scenes.find_built(watched)
     assert built.preview == {}
     assert len(built.terrain.data.vertices) == current(watched).terrain.resolution ** 2
     pairs = list((tmp_path / "dataset" / "pairs").iterdir())
@@ -343,7 +343,7 @@ def test_an_edited_preview_is_not_rendered(watched):
 
 def test_a_lander_does_not_keep_a_preview_from_being_built(watched):
     lander = bpy.data.objects.new("Lander", None)
-    scenes.find(watched).collection.objects.link(lander)
+    scenes.find_built(watched).collection.objects.link(lander)
     change(watched, "terrain.rms_slope_deg", 25.0)
     built = bring_up_to_date(watched, current(watched))
     assert built.preview == {}
@@ -359,12 +359,12 @@ def test_a_surface_that_differs_from_rock_to_rock_is_no_edit_by_hand(watched):
     bpy.ops.icymoon.build_scene()
     bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
     _turn()
-    assert not scenes.find(watched).edited_parts()
+    assert not scenes.find_built(watched).edited_parts()
     change(watched, "rocks.own_surface", True)
-    moved = next(item for item in scenes.find(watched).collection.all_objects if item.get(scenes.TAG) == "rock")
+    moved = next(item for item in scenes.find_built(watched).collection.all_objects if item.get(scenes.TAG) == "rock")
     moved.location.x += 1.0
     change(watched, "rock_surface.bubble_share", 0.02)
-    assert scenes.find(watched).edited_parts() == {"rock object"}, "what is edited by hand stays edited"
+    assert scenes.find_built(watched).edited_parts() == {"rock object"}, "what is edited by hand stays edited"
 
 
 def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_path):
@@ -374,12 +374,12 @@ def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_p
         watched.icymoon, {"source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "dem.npy"), "metres_per_pixel": 0.2}}
     )
     _turn()
-    assert any("no live preview" in sentence for sentence in preview.notes(watched))
+    assert any("no live preview" in sentence for sentence in preview.read_notes(watched))
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
-    before = positions(scenes.find(watched).terrain)
+    before = positions(scenes.find_built(watched).terrain)
     built = change(watched, "source.height_scale_m", 3.0)
     assert np.array_equal(positions(built.terrain), before)
-    assert any("no live preview" in sentence for sentence in preview.notes(watched))
+    assert any("no live preview" in sentence for sentence in preview.read_notes(watched))
     change(watched, "source.height_scale_m", 1.0)
     change(watched, "light.sun_elevation_deg", 50.0)
     built = change(watched, "rig.height_m", 2.5)
@@ -390,7 +390,7 @@ def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_p
     assert built.preview == {"rig": {"x_m": 3.0, "y_m": 0.0}}
     near = built.camera.location.z
     assert not built.edited
-    assert scenes.changed_settings(built, current(watched)) == ["rig.x_m"]
+    assert scenes.list_changed_settings(built, current(watched)) == ["rig.x_m"]
     built = bring_up_to_date(watched, current(watched))
     assert built.preview == {}
     # The mesh is bilinear between vertices as the height map is, but for the diagonal of each square.
@@ -398,23 +398,23 @@ def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_p
 
 
 def test_a_ground_in_sculpt_mode_waits(watched, monkeypatch):
-    built = scenes.find(watched)
+    built = scenes.find_built(watched)
     bpy.context.view_layer.objects.active = built.terrain
     bpy.ops.object.mode_set(mode="SCULPT")
     before = positions(built.terrain)
     built = change(watched, "terrain.rms_slope_deg", 30.0)
     assert np.array_equal(positions(built.terrain), before)
-    assert any("Sculpt Mode" in sentence for sentence in preview.notes(watched))
+    assert any("Sculpt Mode" in sentence for sentence in preview.read_notes(watched))
     bpy.ops.object.mode_set(mode="OBJECT")
-    live_preview.update(watched)
-    assert len(scenes.find(watched).terrain.data.vertices) == SIDE**2
+    live_preview.update_scene(watched)
+    assert len(scenes.find_built(watched).terrain.data.vertices) == SIDE**2
 
 
 def test_a_preview_tells_that_it_has_no_trench(watched):
     change(watched, "excavation.path", "LINE")
-    assert preview.notes(watched) == ["Preview without the trench: press Build Scene"]
+    assert preview.read_notes(watched) == ["Preview without the trench: press Build Scene"]
     change(watched, "excavation.path", "NONE")
-    assert "trench" not in " ".join(preview.notes(watched))
+    assert "trench" not in " ".join(preview.read_notes(watched))
 
 
 def test_a_preview_survives_saving_and_loading(watched, tmp_path):
@@ -423,10 +423,10 @@ def test_a_preview_survives_saving_and_loading(watched, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
     scene = bpy.context.scene
-    built = scenes.find(scene)
+    built = scenes.find_built(scene)
     assert state(built) == before
     assert not built.edited
-    assert preview.notes(scene) == ["Preview: press Build Scene"]
+    assert preview.read_notes(scene) == ["Preview: press Build Scene"]
     assert not bpy.app.timers.is_registered(live_preview.show_waiting)  # loading a file changes no setting
 
 
@@ -434,20 +434,20 @@ def test_undo_and_redo_bring_back_what_was_shown(watched):
     bpy.context.preferences.edit.use_global_undo = True
     name = watched.name
     bpy.ops.ed.undo_push(message="Built")
-    first = state(scenes.find(watched))
+    first = state(scenes.find_built(watched))
     change(watched, "terrain.rms_slope_deg", 25.0)
     bpy.ops.ed.undo_push(message="Slope")
-    second = state(scenes.find(watched))
+    second = state(scenes.find_built(watched))
     change(watched, "light.sun_elevation_deg", 50.0)
     bpy.ops.ed.undo_push(message="Sun")
-    third = state(scenes.find(watched))
+    third = state(scenes.find_built(watched))
 
     def there() -> tuple[dict[str, str], scenes.Built]:
         scene = bpy.data.scenes[name]
-        built = scenes.find(scene)
+        built = scenes.find_built(scene)
         assert not built.edited
         before = state(built)
-        live_preview.update(scene)
+        live_preview.update_scene(scene)
         assert state(built) == before, "the preview was not what the settings say"
         return before, built
 
@@ -478,12 +478,12 @@ def test_the_view_follows_unless_a_person_has_set_it(watched):
 
 def test_the_grid_is_as_fine_as_the_time_allows():
     sides = live_preview.SIDES
-    assert live_preview.next_side(sides[-1], 10 * live_preview.BUDGET_S) == sides[-2]
-    assert live_preview.next_side(sides[0], 10 * live_preview.BUDGET_S) == sides[0]
-    assert live_preview.next_side(sides[0], 0.01 * live_preview.BUDGET_S) == sides[1]
-    assert live_preview.next_side(sides[-1], 0.01 * live_preview.BUDGET_S) == sides[-1]
+    assert live_preview.choose_next_side(sides[-1], 10 * live_preview.BUDGET_S) == sides[-2]
+    assert live_preview.choose_next_side(sides[0], 10 * live_preview.BUDGET_S) == sides[0]
+    assert live_preview.choose_next_side(sides[0], 0.01 * live_preview.BUDGET_S) == sides[1]
+    assert live_preview.choose_next_side(sides[-1], 0.01 * live_preview.BUDGET_S) == sides[-1]
     # A step up that would be taken back at once is not taken.
-    assert live_preview.next_side(sides[0], 0.79 * live_preview.BUDGET_S) == sides[0]
+    assert live_preview.choose_next_side(sides[0], 0.79 * live_preview.BUDGET_S) == sides[0]
 
 
 def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypatch):
@@ -528,8 +528,8 @@ def test_turning_the_camera_away_from_real_relief_says_what_is_not_shown(watched
     watched.icymoon.surface.grain_size_m = 0.5
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
     _turn()
-    assert preview.notes(watched) == []
+    assert preview.read_notes(watched) == []
     change(watched, "rig.heading_deg", watched.icymoon.rig.heading_deg + 40.0)
-    (sentence,) = preview.notes(watched)
+    (sentence,) = preview.read_notes(watched)
     assert "fine relief" in sentence
     assert "press Build Scene" in sentence

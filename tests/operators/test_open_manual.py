@@ -39,7 +39,7 @@ def opened(monkeypatch):
 
 @pytest.mark.parametrize("panel", PANELS, ids=lambda panel: panel.bl_idname)
 def test_every_panel_has_a_page_that_is_in_the_zip(panel):
-    assert panel.page in manual.page_names()
+    assert panel.page in manual.list_page_names()
     assert f"docs/{panel.page}.md" in shipped()
 
 
@@ -49,7 +49,7 @@ def test_the_page_that_opens_is_a_file_of_ours_with_that_heading(opened):
         address = urlsplit(opened[-1])
         assert address.scheme == "file"
         path = Path(unquote(address.path))
-        assert path.is_relative_to(manual.written_folder())
+        assert path.is_relative_to(manual.write_pages())
         heading = re.search(r"^# (.+)$", (manual._DOCS / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE)
         assert f"<h1>{heading[1]}</h1>" in path.read_text(encoding="utf-8")
 
@@ -61,7 +61,7 @@ def test_no_other_file_can_be_opened(opened):
 
 
 def test_links_between_pages_lead_to_pages():
-    folder = manual.written_folder()
+    folder = manual.write_pages()
     links = [
         (path, link)
         for path in folder.rglob("*.html")
@@ -76,20 +76,20 @@ def test_links_between_pages_lead_to_pages():
 
 
 def test_online_manual_leads_to_the_page_of_each_setting():
-    start, ends = manual._map_of_blender()
+    start, ends = manual._make_manual_map()
     for topic in TOPICS:
         field = f"bpy.types.icymoon_pg_{topic}.{TOPICS[topic].settings[0].key}"
         end = next(end for pattern, end in ends if fnmatchcase(field, pattern))
-        assert end == f"{manual.page_of_topic(topic)}.html"
+        assert end == f"{manual.find_page_of_topic(topic)}.html"
         assert Path(unquote(urlsplit(start + end).path)).is_file()
-    assert manual._map_of_blender in bpy.utils._manual_map
+    assert manual._make_manual_map in bpy.utils._manual_map
 
 
 def test_every_formula_of_the_manual_is_mathml():
     assert "docs/formulas.json" in shipped()
     assert not [
         path.name
-        for path in manual.written_folder().rglob("*.html")
+        for path in manual.write_pages().rglob("*.html")
         if re.search(
             r"\\(frac|theta|mathrm|hat)", re.sub(r"<(code|pre)>.*?</\1>", "", path.read_text("utf-8"), flags=re.DOTALL)
         )
@@ -97,5 +97,5 @@ def test_every_formula_of_the_manual_is_mathml():
 
 
 def test_every_page_is_linked_from_every_page():
-    page = (manual.written_folder() / "theory" / "terrain.html").read_text(encoding="utf-8")
-    assert page[: page.index("</nav>")].count("<a ") == len(manual.page_names())
+    page = (manual.write_pages() / "theory" / "terrain.html").read_text(encoding="utf-8")
+    assert page[: page.index("</nav>")].count("<a ") == len(manual.list_page_names())

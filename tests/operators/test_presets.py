@@ -22,7 +22,7 @@ NEWER = "9.0.0"
 @pytest.fixture
 def own(scene, tmp_path, monkeypatch):
     """A folder for the user's own presets; the package is not an installed extension here."""
-    monkeypatch.setattr(presets, "extension_folder", lambda: tmp_path)
+    monkeypatch.setattr(presets, "find_extension_folder", lambda: tmp_path)
     return tmp_path / "presets"
 
 
@@ -37,7 +37,7 @@ def test_a_preset_of_ones_own_comes_back_as_it_was(scene, own):
     assert bpy.ops.icymoon.add_preset(title="Zürich, 2nd try") == {"FINISHED"}
     name = scene.icymoon.preset
     assert name == "own/zürich_2nd_try"
-    assert presets.title_of(name) == "Zürich, 2nd try"
+    assert presets.find_title(name) == "Zürich, 2nd try"
     bpy.ops.icymoon.load_preset(preset="scenes/europa_chaos")
     scene.icymoon.dataset.seed = 9
     assert bpy.ops.icymoon.load_preset(preset=name) == {"FINISHED"}
@@ -126,18 +126,18 @@ def test_a_preset_needs_a_name(scene, own, title):
 def test_a_preset_is_called_what_every_system_takes(scene, own, title, stem):
     assert bpy.ops.icymoon.add_preset(title=title) == {"FINISHED"}
     assert [path.name for path in own.iterdir()] == [f"{stem}.toml"]
-    assert presets.title_of(scene.icymoon.preset) == title
+    assert presets.find_title(scene.icymoon.preset) == title
 
 
 def test_a_file_with_a_preset_of_another_machine_still_draws(scene, own):
     scene.icymoon.preset = "own/lost"
-    assert presets.title_of("own/lost") == "lost"
+    assert presets.find_title("own/lost") == "lost"
     with pytest.raises(IcyMoonError, match="does not exist on this machine"):
-        presets.path_of("own/lost")
+        presets.find_preset("own/lost")
 
 
 def test_without_an_installed_extension_there_is_no_place_for_presets(scene):
-    assert presets.own_presets() == {}
+    assert presets.list_own_presets() == {}
     with pytest.raises(RuntimeError, match="does not run as an installed extension"):
         bpy.ops.icymoon.add_preset(title="Nowhere")
 
@@ -245,33 +245,33 @@ def test_a_quality_that_a_person_chose_outlives_the_scenes(scene):
 
 def test_a_scene_that_differs_from_its_preset_is_shown_as_changed(scene):
     bpy.ops.icymoon.load_preset(preset="scenes/europa_chaos")
-    assert presets.shown_title(scene) == "Europa chaos"
+    assert presets.make_button_title(scene) == "Europa chaos"
     # A preset keeps data set and quality, so these are no change of it.
     scene.icymoon.dataset.seed, scene.icymoon.quality.samples = 7, 11
     bpy.ops.icymoon.load_preset(preset="qualities/draft")
-    assert presets.shown_title(scene) == "Europa chaos"
+    assert presets.make_button_title(scene) == "Europa chaos"
     scene.icymoon.light.sun_elevation_deg += 1.0
-    assert presets.shown_title(scene) == "Europa chaos, changed"
+    assert presets.make_button_title(scene) == "Europa chaos, changed"
     assert "Europa chaos, changed" in texts(drawn(sidebar.ICYMOON_PT_main))
     # The same picture brings the scene of the preset back.
     shown = choice()
     setattr(bpy.context.window_manager, previews.CHOICE, shown)
-    assert presets.shown_title(scene) == "Europa chaos"
+    assert presets.make_button_title(scene) == "Europa chaos"
 
 
 @pytest.mark.parametrize("name", ["scenes/europa_ridged_plain_hapke", "gallery/rugged_4_very_high"])
 @pytest.mark.parametrize("width", [LINE, 24])
 def test_that_a_scene_was_changed_is_not_cut(scene, monkeypatch, name, width):
-    monkeypatch.setattr(presets, "line_length", lambda: width)
+    monkeypatch.setattr(presets, "measure_line_length", lambda: width)
     bpy.ops.icymoon.load_preset(preset=name)
     scene.icymoon.surface.albedo_variation = 0.123
-    shown = presets.shown_title(scene)
+    shown = presets.make_button_title(scene)
     assert shown.endswith(", changed") if width == LINE else shown == "Changed"
     assert len(shown) <= width - 13  # the icons and buttons beside it, as seen in a sidebar of 200 pixels
 
 
 def test_every_preset_of_a_scene_is_unchanged_once_it_is_loaded(scene):
-    for name, *_ in presets.preset_items():
+    for name, *_ in presets.list_preset_items():
         if preset_files.is_whole_scene(name):
             bpy.ops.icymoon.load_preset(preset=name)
             assert not presets.is_changed(scene), name

@@ -10,10 +10,10 @@ import pytest
 from built_scenes import positions
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.datablocks.fingerprint import parts
+from icymoon.nodes.datablocks.fingerprint import read_parts
 from icymoon.operators import live_preview, refine, view_exposure
 from icymoon.operators.render import bring_up_to_date
-from icymoon.operators.sidebar_text import plain
+from icymoon.operators.sidebar_text import replace_keys_by_labels
 from icymoon.panels import previews
 from icymoon.settings import description, preset_files
 from icymoon.settings.blender import scene_properties
@@ -48,14 +48,14 @@ def watched(scene, monkeypatch):
 def choose(name: str) -> scenes.Built:
     """Choose a scene by its picture."""
     setattr(bpy.context.window_manager, previews.CHOICE, name)
-    return scenes.find(bpy.context.scene)
+    return scenes.find_built(bpy.context.scene)
 
 
 def look() -> scenes.Built:
     """What the event loop does while the user looks, until no ground follows any more."""
-    while refine._work() is not None:
+    while refine._refine_next() is not None:
         time.sleep(0.01)
-    return scenes.find(bpy.context.scene)
+    return scenes.find_built(bpy.context.scene)
 
 
 def settings():
@@ -64,9 +64,9 @@ def settings():
 
 def is_as_built_at_once(built: scenes.Built) -> bool:
     """Whether everything is as Build Scene makes it from the settings in an empty file."""
-    shown = parts(built.collection)
-    scenes.clear(bpy.context.scene)
-    return shown == parts(scenes.build(bpy.context.scene, settings()).collection)
+    shown = read_parts(built.collection)
+    scenes.clear_scene(bpy.context.scene)
+    return shown == read_parts(scenes.build_scene(bpy.context.scene, settings()).collection)
 
 
 @pytest.mark.usefixtures("watched")
@@ -83,19 +83,19 @@ def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watch
     assert built.rock_count == preview.MOST_ROCKS
     assert np.ptp(positions(built.terrain)[:, 0]) > 10 * settings().terrain.size_m  # out to the horizon
     assert built.settings.light == settings().light
-    assert live_preview.lines(watched) == [refine.NOTE]
+    assert live_preview.list_lines(watched) == [refine.NOTE]
     assert not built.edited
     terrain = built.terrain
     built = look()
     assert built.terrain == terrain  # what refers to it stays valid
     assert len(terrain.data.vertices) > 3 * preview.MOST_VERTICES
-    assert " ".join(live_preview.lines(watched)).startswith("Rocks under 0.356 m are left out to keep to 60 rocks")
+    assert " ".join(live_preview.list_lines(watched)).startswith("Rocks under 0.356 m are left out to keep to 60 rocks")
     assert is_as_built_at_once(built)
 
 
 def test_a_second_choice_before_the_first_is_refined_gives_the_second(watched):
     choose(ROCKS)
-    refine._work()  # the ground of the first is being made
+    refine._refine_next()  # the ground of the first is being made
     built = choose(RIDGES)
     assert built.preview
     assert is_as_built_at_once(look())
@@ -104,12 +104,12 @@ def test_a_second_choice_before_the_first_is_refined_gives_the_second(watched):
 @pytest.mark.heavy
 def test_a_render_before_it_is_refined_is_of_the_full_scene(watched):
     choose(ROCKS)
-    refine._work()
+    refine._refine_next()
     built = bring_up_to_date(watched, settings())
-    mark, mesh = parts(built.collection), built.terrain.data.vertices[0].as_pointer()
+    mark, mesh = read_parts(built.collection), built.terrain.data.vertices[0].as_pointer()
     look()
     assert built.terrain.data.vertices[0].as_pointer() == mesh  # not made a second time
-    assert parts(built.collection) == mark
+    assert read_parts(built.collection) == mark
     assert is_as_built_at_once(built)
 
 
@@ -117,18 +117,18 @@ def test_the_ground_that_the_user_changes_meanwhile_is_theirs(watched):
     choose(RIDGES)
     watched.icymoon.terrain.rms_slope_deg += 5.0
     assert look().preview
-    assert live_preview.lines(watched) == ["Preview: press Build Scene"]
+    assert live_preview.list_lines(watched) == ["Preview: press Build Scene"]
     built = choose(ROCKS)
     built.terrain.data.vertices[7].co.z += 0.5
     before = positions(built.terrain)
     assert np.array_equal(positions(look().terrain), before)
-    assert any("edited" in line for line in live_preview.lines(watched))
+    assert any("edited" in line for line in live_preview.list_lines(watched))
 
 
 @pytest.mark.heavy
 def test_a_light_that_changes_meanwhile_is_kept(watched):
     choose(RIDGES)
-    refine._work()
+    refine._refine_next()
     watched.icymoon.light.sun_elevation_deg = 33.0
     built = look()
     assert built.preview == {}
@@ -140,17 +140,17 @@ def test_warnings_about_the_fine_ground_stay_in_the_panel_until_a_setting_change
     load = preset_files.load
     monkeypatch.setattr(preset_files, "load", lambda path: description.merged(load(path), {"mesh": {"most": 2000}}))
     choose(RIDGES)
-    assert live_preview.lines(watched) == [refine.NOTE]
+    assert live_preview.list_lines(watched) == [refine.NOTE]
     look()
-    told = " ".join(live_preview.lines(watched))
-    reported = scenes.build(bpy.data.scenes.new("Other"), settings()).warnings  # what Build Scene reports
+    told = " ".join(live_preview.list_lines(watched))
+    reported = scenes.build_scene(bpy.data.scenes.new("Other"), settings()).warnings  # what Build Scene reports
     assert len(reported) == 1
-    assert told == plain(reported[0])
+    assert told == replace_keys_by_labels(reported[0])
     assert "Mesh ▸ " in told
     assert "mesh." not in told
     watched.icymoon.light.sun_elevation_deg = 33.0
     live_preview.show_waiting()
-    assert live_preview.lines(watched) == ["Ground in full detail"]
+    assert live_preview.list_lines(watched) == ["Ground in full detail"]
 
 
 def test_without_a_window_a_choice_only_loads(watched, monkeypatch):
@@ -168,5 +168,5 @@ def test_the_fine_ground_follows_again_after_redo():
     bpy.ops.ed.undo_push(message="Choice")
     look()
     assert bpy.ops.ed.undo() == bpy.ops.ed.redo() == {"FINISHED"}
-    assert scenes.find(bpy.context.scene).preview
+    assert scenes.find_built(bpy.context.scene).preview
     assert is_as_built_at_once(look())

@@ -34,37 +34,37 @@ def test_they_survive_saving_and_are_none_of_another_file(scene, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
     assert results.kept_results(bpy.context.scene) == before
     assert shown(bpy.context.scene)
-    assert results.notes(bpy.context.scene) == [f"Of pair {PAIR}, 2038-06-01 12:34 UTC"]
-    assert results.report_folder(bpy.context.scene) == tmp_path / "evaluation_scene"
+    assert results.list_notes(bpy.context.scene) == [f"Of pair {PAIR}, 2038-06-01 12:34 UTC"]
+    assert results.find_report_folder(bpy.context.scene) == tmp_path / "evaluation_scene"
 
 
 def test_the_status_line_names_a_matcher_as_its_tick_does():
     row = {"method": "bm:window=7", "n": 9, "total_bad_1": 0.125, "coverage": 0.9, "l1_m": 0.25}
-    assert results.outcome(row).startswith("StereoBM window=7: 12.5 % wrong or missing")
-    assert results.outcome({**row, "method": "mine", "n": 0}) == "mine: no result"
+    assert results.describe_result(row).startswith("StereoBM window=7: 12.5 % wrong or missing")
+    assert results.describe_result({**row, "method": "mine", "n": 0}) == "mine: no result"
 
 
 def test_the_best_matcher_is_reported_last():
     """The status bar shows what is reported last."""
     row = {"method": "bm", "n": 9, "total_bad_1": 0.5, "coverage": 0.9, "l1_m": 0.25}
     rows = [row, {**row, "method": "sgbm", "total_bad_1": 0.25}, {**row, "method": "jplv", "n": 0}]
-    assert [text.partition(":")[0] for text in results.outcomes(rows)] == ["JPLV", "StereoBM", "SGBM"]
+    assert [text.partition(":")[0] for text in results.describe_results(rows)] == ["JPLV", "StereoBM", "SGBM"]
 
 
 def test_the_number_of_pairs_of_a_data_set_is_told(scene, tmp_path):
     evaluated(scene, tmp_path, {**ROW, "pairs": 12}, scope="DATASET")
-    assert results.notes(scene) == ["Of the data set, 12 pairs, 2038-06-01 12:34 UTC"]
+    assert results.list_notes(scene) == ["Of the data set, 12 pairs, 2038-06-01 12:34 UTC"]
 
 
 def test_a_changed_setting_is_named_by_the_panel_that_has_it(scene, tmp_path):
     evaluated(scene, tmp_path)
     scene.icymoon.dataset.methods = "jplv"
-    assert results.differences(scene) == ["Evaluation ▸ Matchers"]
+    assert results.list_changed_settings(scene) == ["Evaluation ▸ Matchers"]
 
 
 def test_what_limits_the_results_is_kept_with_them(scene, tmp_path):
     evaluated(scene, tmp_path)
-    assert results.limits(scene) == ()
+    assert results.list_limits(scene) == ()
     path = tmp_path / "evaluation_scene" / "summary.json"
     path.write_text(
         json.dumps(
@@ -76,8 +76,8 @@ def test_what_limits_the_results_is_kept_with_them(scene, tmp_path):
         )
     )
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
-    assert results.limits(scene) == ("Noise decides: so.", "bm misses.")
-    assert results.limits_in_brief(scene) == ("Noise decides", "bm:x=2 misses")
+    assert results.list_limits(scene) == ("Noise decides: so.", "bm misses.")
+    assert results.list_brief_limits(scene) == ("Noise decides", "bm:x=2 misses")
     labels = [entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label"]
     table = labels.index("Wrong")
     assert labels.index("bm:x=2 misses") < table < labels.index("So.")
@@ -118,7 +118,7 @@ def test_matchers_that_fail_rarely_stand_whole_below_the_ranks(scene, tmp_path):
     path = tmp_path / "evaluation_scene" / "summary.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"rare_failures": [sentence]}))
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
-    assert results.rare_failures(scene) == (sentence,)
+    assert results.list_rare_failures(scene) == (sentence,)
     labels = [entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label"]
     first = next(k for k, label in enumerate(labels) if label.startswith("SGBM fails rarely"))
     assert first > labels.index("Wrong")
@@ -127,12 +127,12 @@ def test_matchers_that_fail_rarely_stand_whole_below_the_ranks(scene, tmp_path):
 
 def test_typical_differences_are_shown_and_an_older_report_has_none(scene, tmp_path):
     evaluated(scene, tmp_path)
-    assert results.typical_differences(scene) == ()
+    assert results.list_typical_differences(scene) == ()
     sentence = "In the typical scene StereoBM has 8.4 points more wrong or missing pixels than SGBM (2.2 to 20.3)."
     path = tmp_path / "evaluation_scene" / "summary.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"typical_differences": [sentence]}))
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
-    assert results.typical_differences(scene) == (sentence,)
+    assert results.list_typical_differences(scene) == (sentence,)
     labels = [entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label"]
     assert sentence in " ".join(labels)
 
@@ -143,10 +143,10 @@ def test_each_scene_has_its_own_and_a_copy_those_of_its_settings(scene, tmp_path
     assert results.kept_results(other) is None
     assert not shown(other)
     copy = scene.copy()
-    assert results.notes(copy) == results.notes(scene)
+    assert results.list_notes(copy) == results.list_notes(scene)
     copy.icymoon.light.sun_elevation_deg = 33.0
-    assert len(results.notes(copy)) == 2
-    assert len(results.notes(scene)) == 1
+    assert len(results.list_notes(copy)) == 2
+    assert len(results.list_notes(scene)) == 1
 
 
 @pytest.mark.parametrize(
@@ -170,37 +170,37 @@ def test_what_is_not_as_it_was_measured_is_said_until_it_is_set_back(scene, tmp_
     was = getattr(group, key)
     for scope, counts in (("SCENE", True), ("DATASET", of_a_data_set)):
         evaluated(scene, tmp_path, scope=scope)
-        assert len(results.notes(scene)) == 1
+        assert len(results.list_notes(scene)) == 1
         setattr(group, key, value)
-        assert (len(results.notes(scene)) == 2) == counts
+        assert (len(results.list_notes(scene)) == 2) == counts
         if counts:
-            assert "Measured with other settings" in results.notes(scene)[1]
-            assert ("Render and evaluate again" in results.notes(scene)[1]) == (not of_a_data_set)
-            assert len(results.differences(scene)) == 1
+            assert "Measured with other settings" in results.list_notes(scene)[1]
+            assert ("Render and evaluate again" in results.list_notes(scene)[1]) == (not of_a_data_set)
+            assert len(results.list_changed_settings(scene)) == 1
         setattr(group, key, was)
-        assert len(results.notes(scene)) == 1
+        assert len(results.list_notes(scene)) == 1
 
 
 @pytest.mark.parametrize(("key", "value"), [("threads", 3), ("device", "GPU")])
 def test_how_it_runs_does_not_matter(scene, tmp_path, key, value):
     evaluated(scene, tmp_path)
     setattr(scene.icymoon.quality, key, value)
-    assert len(results.notes(scene)) == 1
+    assert len(results.list_notes(scene)) == 1
 
 
 def test_the_response_that_was_measured_with_is_the_reports_own(scene, tmp_path):
     """As of a data set that another Blender has left being evaluated."""
     scene.icymoon.dataset.folder = str(tmp_path)
     settings = scene_properties.read_settings(scene.icymoon)
-    folder = results.folder_of(settings, "DATASET")
+    folder = results.find_evaluation_folder(settings, "DATASET")
     write_evaluation(folder)
     report = json.loads((folder / "summary.json").read_text())
     report["provenance"]["response_overrides"] = {"sensor.gain": 3.0}
     (folder / "summary.json").write_text(json.dumps(report))
     results.keep_results(scene, "DATASET", settings)
-    assert "Gain" in results.notes(scene)[1]
+    assert "Gain" in results.list_notes(scene)[1]
     scene.icymoon.sensor.gain = 3.0
-    assert len(results.notes(scene)) == 1
+    assert len(results.list_notes(scene)) == 1
 
 
 def test_files_of_another_evaluation_are_not_shown_as_those_of_this_one(scene, tmp_path):
@@ -209,13 +209,13 @@ def test_files_of_another_evaluation_are_not_shown_as_those_of_this_one(scene, t
     folder = tmp_path / "evaluation_scene"
     for path in (folder / "bm.ply", tmp_path.parent / "secret.png"):
         path.write_text("x")
-    assert results.methods_with_points(scene) == ["bm"]
-    assert results.error_images(scene) == []  # what is not in the folder is no image of this evaluation
+    assert results.list_methods_with_points(scene) == ["bm"]
+    assert results.find_error_images(scene) == []  # what is not in the folder is no image of this evaluation
     write_evaluation(folder, shown=[shown_row], created="2039-01-01T00:00:00+00:00")
-    assert results.methods_with_points(scene) == []
-    assert results.summary(scene)[0]["l1_m"] == ROW["l1_m"]
+    assert results.list_methods_with_points(scene) == []
+    assert results.read_summary(scene)[0]["l1_m"] == ROW["l1_m"]
     with pytest.raises(IcyMoonError, match="contains another evaluation"):
-        results.report_folder(scene)
+        results.find_report_folder(scene)
     with pytest.raises(RuntimeError, match="contains another evaluation"):
         bpy.ops.icymoon.open_report()
     (folder / "summary.json").unlink()
@@ -283,20 +283,20 @@ def test_what_a_file_says_is_text_and_leads_nowhere(scene, tmp_path):
             "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}],
         }
     )
-    assert all(len(line) < 200 and line.isprintable() for line in results.notes(scene))
-    assert len(results.summary(scene)[0]["method"]) <= 40
-    assert len(results.limits(scene)) == 2
+    assert all(len(line) < 200 and line.isprintable() for line in results.list_notes(scene))
+    assert len(results.read_summary(scene)[0]["method"]) <= 40
+    assert len(results.list_limits(scene)) == 2
     assert all(
         len(line) <= 400 and line.isprintable()
         for line in (
-            *results.limits(scene),
-            *results.limits_in_brief(scene),
-            *results.rare_failures(scene),
-            *results.typical_differences(scene),
+            *results.list_limits(scene),
+            *results.list_brief_limits(scene),
+            *results.list_rare_failures(scene),
+            *results.list_typical_differences(scene),
         )
     )
     with pytest.raises(IcyMoonError, match="no report"):
-        results.report_folder(scene)
+        results.find_report_folder(scene)
 
 
 def test_a_scene_that_is_renamed_or_gone_meanwhile_is_found_or_left_out(scene, tmp_path):

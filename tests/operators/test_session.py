@@ -92,18 +92,18 @@ def open_file() -> None:
 def test_what_is_known_is_made_once_until_anything_changes(change):
     made = []
     for _ in range(2):
-        events.until_change("a key", lambda: made.append(1))
-    events.until_change("another", lambda: made.append(2))
+        events.keep_until_change("a key", lambda: made.append(1))
+    events.keep_until_change("another", lambda: made.append(2))
     assert made == [1, 2]
     change()
-    events.until_change("a key", lambda: made.append(3))
+    events.keep_until_change("a key", lambda: made.append(3))
     assert made == [1, 2, 3]
 
 
 def test_a_module_follows_events_only_while_it_is_registered(scene):
     heard: list[object] = []
     timer = heard.copy  # any function
-    register, unregister = events.follow(
+    register, unregister = events.make_registration(
         lambda scene, effects: heard.append(set(effects)),
         timers=(timer,),
         end=lambda: heard.append("end"),
@@ -111,8 +111,8 @@ def test_a_module_follows_events_only_while_it_is_registered(scene):
     )
     change_setting()
     register()
-    events.call(timer, 60.0)
-    events.call(timer, 60.0)
+    events.call_later(timer, 60.0)
+    events.call_later(timer, 60.0)
     scene.icymoon.surface.albedo = 0.4
     undo()
     assert heard == [{"material"}, "undo"]

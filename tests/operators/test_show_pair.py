@@ -30,8 +30,8 @@ def rendered(small):
 def editor(monkeypatch):
     """An Image Editor that shows the image, as in a window; there is none here."""
     areas = [SimpleNamespace(tag_redraw=lambda: None)]
-    monkeypatch.setattr(image_editor, "showing", lambda image: areas)
-    monkeypatch.setattr(image_editor, "fit", lambda area: None)
+    monkeypatch.setattr(image_editor, "find_showing", lambda image: areas)
+    monkeypatch.setattr(image_editor, "zoom_to_fit", lambda area: None)
     return areas
 
 
@@ -45,7 +45,7 @@ def pixels() -> Array:
 
 def views_of(scene):
     """What there is to show of a scene's pair, read anew."""
-    (folder,) = show_pair.kept_pairs(scene)
+    (folder,) = show_pair.find_kept_pairs(scene)
     return read_pair_views(folder, {})
 
 
@@ -58,7 +58,7 @@ def test_the_image_is_the_picture_of_the_view(rendered, view):
 
 
 def test_the_last_pair_of_a_data_set_is_shown_without_another_process(rendered, monkeypatch):
-    (folder,) = show_pair.kept_pairs(rendered)
+    (folder,) = show_pair.find_kept_pairs(rendered)
     picture = views_of(rendered).pictures("SIDE_BY_SIDE")[0]
     rendered.icymoon.pairs = ""  # it is none of the scene's
     rendered.icymoon.dataset.folder = "/nowhere"
@@ -104,25 +104,25 @@ def test_a_pair_is_read_once_and_again_when_the_response_or_the_pair_changes(ren
 
 
 def test_the_pair_stays_with_the_scene(rendered, tmp_path):
-    (folder,) = show_pair.kept_pairs(rendered)
+    (folder,) = show_pair.find_kept_pairs(rendered)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert show_pair.kept_pairs(bpy.context.scene) == []
+    assert show_pair.find_kept_pairs(bpy.context.scene) == []
     assert session.shown is None
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
-    assert show_pair.kept_pairs(bpy.context.scene) == [folder]
+    assert show_pair.find_kept_pairs(bpy.context.scene) == [folder]
     assert bpy.ops.icymoon.show_pair() == {"FINISHED"}
 
 
 @pytest.mark.parametrize("text", ["", "../../etc", "/etc/passwd", "0123456789ab", "x" * 10_000, "0123456789ab ../.."])
 def test_what_a_file_names_leads_nowhere(scene, tmp_path, text):
     scene.icymoon.dataset.folder, scene.icymoon.pairs = str(tmp_path), text
-    assert show_pair.kept_pairs(scene) == []
+    assert show_pair.find_kept_pairs(scene) == []
     assert "icymoon.show_pair" not in texts(drawn(sidebar.ICYMOON_PT_main))
 
 
 def test_what_cannot_be_shown_is_one_sentence(rendered):
-    (folder,) = show_pair.kept_pairs(rendered)
+    (folder,) = show_pair.find_kept_pairs(rendered)
     left = folder / "left.exr"
     content = left.read_bytes()
     left.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
@@ -138,17 +138,17 @@ def test_what_cannot_be_shown_is_one_sentence(rendered):
 def turns() -> int:
     """How often the timer of the flicker shows another eye before it ends, at most five times."""
     for k in range(5):
-        if show_pair._flicker() is None:
+        if show_pair._show_other_eye() is None:
             return k
     return 5
 
 
 def test_flicker_shows_the_eyes_by_turns(rendered, editor):
     bpy.ops.icymoon.show_pair(view="FLICKER")
-    assert bpy.app.timers.is_registered(show_pair._flicker)
+    assert bpy.app.timers.is_registered(show_pair._show_other_eye)
     eyes = views_of(rendered).pictures("FLICKER")
     for k in (1, 0, 1):
-        assert show_pair._flicker() == pytest.approx(1 / 3)
+        assert show_pair._show_other_eye() == pytest.approx(1 / 3)
         np.testing.assert_array_equal(pixels(), eyes[k])
     assert not show_pair.find_image().is_dirty
     bpy.ops.icymoon.show_pair(view="FLICKER")
@@ -166,15 +166,15 @@ def test_flicker_ends_with_its_view_its_image_its_editor_and_its_file(rendered, 
     bpy.data.images.remove(show_pair.find_image())
     assert turns() == 0
     bpy.ops.icymoon.show_pair(view="FLICKER")
-    assert bpy.app.timers.is_registered(show_pair._flicker)
+    assert bpy.app.timers.is_registered(show_pair._show_other_eye)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert not bpy.app.timers.is_registered(show_pair._flicker)
+    assert not bpy.app.timers.is_registered(show_pair._show_other_eye)
 
 
 def test_undo_cannot_bring_the_flicker_back(rendered, editor):
     """It may bring back the path of either file: both are of the view that is shown."""
     bpy.ops.icymoon.show_pair(view="FLICKER")
-    show_pair._flicker()
+    show_pair._show_other_eye()
     bpy.ops.icymoon.show_pair(view="ANAGLYPH")
     image = show_pair.find_image()
     wanted = pixels()
@@ -189,7 +189,7 @@ def test_the_sidebar_and_the_header_show_the_views_where_there_is_a_pair(small, 
     assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
     labels = [entry[2] for entry in drawn(sidebar.ICYMOON_PT_main) if entry[1] == "icymoon.show_pair"]
     assert labels == [label for _, label, _ in show_pair.VIEWS]
-    (folder,) = show_pair.kept_pairs(small)
+    (folder,) = show_pair.find_kept_pairs(small)
     assert folder.name not in texts(drawn(sidebar.ICYMOON_PT_main))
     bpy.ops.icymoon.show_pair()
     said = texts(drawn(sidebar.ICYMOON_PT_main))
@@ -199,14 +199,14 @@ def test_the_sidebar_and_the_header_show_the_views_where_there_is_a_pair(small, 
         pair_views._draw_header(header, SimpleNamespace(scene=small, space_data=SimpleNamespace(image=image)))
         assert ("icymoon.show_pair" in texts(header.layout.record)) == there
     other = bpy.data.scenes.new("Other")
-    assert show_pair.current(other) is None
+    assert show_pair.find_shown_pair(other) is None
 
 
 def test_every_pair_of_several_headings_can_be_shown(small):
     small.icymoon.dataset.headings = 2
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
     assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
-    folders = show_pair.kept_pairs(small)
+    folders = show_pair.find_kept_pairs(small)
     assert len(set(folders)) == 2
     for number, folder in enumerate(folders, 1):
         bpy.ops.icymoon.show_pair(number=number)
@@ -218,26 +218,26 @@ def test_every_pair_of_several_headings_can_be_shown(small):
 def test_the_picture_follows_the_response_where_it_is_shown(rendered, editor, monkeypatch):
     monkeypatch.setattr(live_preview, "has_window", lambda: True)
     rendered.icymoon.sensor.auto_target = 0.5
-    assert bpy.app.timers.is_registered(show_pair._follow)
-    show_pair._follow()  # nothing is shown yet
+    assert bpy.app.timers.is_registered(show_pair._develop_shown_pair)
+    show_pair._develop_shown_pair()  # nothing is shown yet
     assert session.shown is None
     bpy.ops.icymoon.show_pair(view="RIGHT")
     bright = pixels().mean()
     rendered.icymoon.sensor.auto_target = 0.1
-    show_pair._follow()
+    show_pair._develop_shown_pair()
     assert pixels().mean() < 0.4 * bright
-    now = show_pair.current(rendered)
+    now = show_pair.find_shown_pair(rendered)
     assert now is not None
     assert now.view == "RIGHT"
     rendered.icymoon.follow = False
-    bpy.app.timers.unregister(show_pair._follow)
+    bpy.app.timers.unregister(show_pair._develop_shown_pair)
     rendered.icymoon.sensor.auto_target = 0.3
-    assert not bpy.app.timers.is_registered(show_pair._follow)
+    assert not bpy.app.timers.is_registered(show_pair._develop_shown_pair)
 
 
 def test_pictures_are_gone_with_icy_moon(rendered, monkeypatch):
     bpy.ops.icymoon.show_pair()
-    folder = show_pair._pictures_folder()
+    folder = show_pair._find_pictures_folder()
     assert {path.name for path in folder.glob("*.png")} == {"picture_0.png", "picture_1.png"}
     show_pair.unregister()
     try:

@@ -12,7 +12,7 @@ import bpy
 import icymoon.settings.blender.scene_properties as properties
 import pytest
 from icymoon.operators import sidebar_text
-from icymoon.operators.sidebar_text import remember
+from icymoon.operators.sidebar_text import remember_answers
 from icymoon.settings import change_announcements
 from icymoon.settings.table import TOPICS
 from icymoon.support.version import ROOT
@@ -97,25 +97,25 @@ def test_text_is_as_wide_as_the_sidebar(monkeypatch, region, scale, longest):
     monkeypatch.setattr(
         sidebar_text.bpy, "context", SimpleNamespace(region=shown, preferences=SimpleNamespace(system=system))
     )
-    lines = sidebar_text.in_lines("word " * 60, "  ")
+    lines = sidebar_text.wrap_lines("word " * 60, "  ")
     assert max(map(len, lines)) <= longest < max(map(len, lines)) + 5
     assert all(line.startswith("  ") for line in lines[1:])
-    beside_an_icon = sidebar_text.in_lines("word " * 60, icon=True)
+    beside_an_icon = sidebar_text.wrap_lines("word " * 60, icon=True)
     assert max(map(len, beside_an_icon)) <= longest - 4
 
 
 def test_what_goes_on_in_the_next_line_is_indented_further_than_a_line_that_is_indented():
-    first, second, *_ = sidebar_text.in_lines("  0.0104 W/m², 0.00872 on flat ground of the site")
+    first, second, *_ = sidebar_text.wrap_lines("  0.0104 W/m², 0.00872 on flat ground of the site")
     assert first.startswith("  0.0104")
     assert second.startswith("    ")
-    assert sidebar_text.in_lines("word " * 30)[1].startswith("word")
+    assert sidebar_text.wrap_lines("word " * 30)[1].startswith("word")
 
 
 @pytest.mark.parametrize("measure", ["5 %", "10 cm", "2 W/m²", "40 MB", "8 px"])
 def test_no_number_is_parted_from_its_unit(measure):
     for before in range(20, sidebar_text.LINE):
         text = f"{'x' * before} {measure} of the light comes from the planet"
-        lines = sidebar_text.in_lines(text)
+        lines = sidebar_text.wrap_lines(text)
         assert any(measure in line for line in lines)
         assert " ".join(lines) == text
 
@@ -127,7 +127,7 @@ def test_an_answer_is_kept_for_equal_settings_only():
         asked.append(dict(settings))
         return 2 * settings["x"]
 
-    kept = remember(double)
+    kept = remember_answers(double)
     assert [kept({"x": 1}), kept({"x": 1}), kept({"x": 2}), kept({"x": 1})] == [2, 2, 4, 2]
     assert asked == [{"x": 1}, {"x": 2}]
     assert [kept({"x": k}) for k in range(10)] == [2 * k for k in range(10)]
@@ -136,7 +136,7 @@ def test_an_answer_is_kept_for_equal_settings_only():
 def test_no_sentence_shows_a_key_or_the_name_of_a_choice_in_the_window():
     found = [text for room in ROOMS for path in sorted((ROOT / room).rglob("*.py")) for text in sentences(path)]
     assert len(found) > 150
-    shown = [sidebar_text.plain(text) for text in found]
+    shown = [sidebar_text.replace_keys_by_labels(text) for text in found]
     assert [text for text in shown if names_setting(text)] == []
     words = {text: CHOICES & set(re.findall(r"\b[A-Z][A-Z_]{2,}\b", text)) for text in shown}
     assert {text: some for text, some in words.items() if some} == {}

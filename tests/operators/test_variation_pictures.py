@@ -21,7 +21,7 @@ ELEVATION = "light.sun_elevation_deg"
 def mean_brightness() -> list[float]:
     """The mean of each kept picture, of those that are shown now."""
     scene = bpy.context.scene
-    key = variation_pictures._key_of(scene, scene_properties.read_settings(scene.icymoon))
+    key = variation_pictures._picture_key(scene, scene_properties.read_settings(scene.icymoon))
     names = variation_pictures._made[key]
     return [float(np.mean(variation_pictures._pictures.collection[name].image_pixels_float[:])) for name in names]
 
@@ -43,9 +43,9 @@ def varied(scene, tmp_path, monkeypatch):
 @pytest.mark.heavy
 def test_the_ends_are_shown_until_what_they_show_changes(varied, tmp_path):
     assert "icymoon.show_ends" in buttons()
-    assert variation_pictures.icons(varied) == ()
+    assert variation_pictures.find_icons(varied) == ()
     assert bpy.ops.icymoon.show_ends() == {"FINISHED"}
-    assert len(variation_pictures.icons(varied)) == 2  # both 0 without a window
+    assert len(variation_pictures.find_icons(varied)) == 2  # both 0 without a window
     first, last = mean_brightness()
     assert first > 1.2 * last  # the Sun is high in the first, and low in the last
     assert list(tmp_path.iterdir()) == []
@@ -62,11 +62,11 @@ def test_the_ends_are_shown_until_what_they_show_changes(varied, tmp_path):
         group = getattr(varied.icymoon, topic)
         was = getattr(group, key)
         setattr(group, key, value)
-        assert bool(variation_pictures.icons(varied)) == same, key
+        assert bool(variation_pictures.find_icons(varied)) == same, key
         setattr(group, key, was)
-        assert len(variation_pictures.icons(varied)) == 2
+        assert len(variation_pictures.find_icons(varied)) == 2
     varied.icymoon.variations.varied[0].last = 0.75
-    assert variation_pictures.icons(varied) == ()
+    assert variation_pictures.find_icons(varied) == ()
 
 
 @pytest.mark.parametrize("denoises", [True, False])
@@ -74,7 +74,7 @@ def test_pictures_are_small_and_rough_for_every_scene(monkeypatch, denoises):
     monkeypatch.setattr(compat, "has_oidn", lambda: denoises)
     for name in preset_files.preset_names("scenes")[::7]:
         settings = description.merged(description.defaults(), preset_files.load_preset(name))
-        found = variation_pictures.rough(settings)
+        found = variation_pictures.make_rough_settings(settings)
         description.check(found, name)
         assert max(found.rig.width_px, found.rig.height_px) <= (128 if denoises else 96)
         assert found.quality.denoiser == ("OIDN" if denoises else "NONE")
@@ -105,13 +105,13 @@ def test_a_stopped_job_leaves_nothing_and_shows_nothing(varied, tmp_path, monkey
     with pytest.raises(RuntimeError, match="was stopped; there are no new pictures"):
         bpy.ops.icymoon.show_ends()
     assert len(started) == 1
-    assert variation_pictures.icons(varied) == ()
+    assert variation_pictures.find_icons(varied) == ()
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_pictures_of_many_ends_are_not_all_kept(varied):
     picture = np.zeros((3, 4, 3), np.uint8)
     for k in range(variation_pictures._MOST + 1):
-        variation_pictures._keep(str(k), [picture, picture])
+        variation_pictures._keep_pictures(str(k), [picture, picture])
     assert 1 <= len(variation_pictures._made) <= variation_pictures._MOST
     assert len(variation_pictures._pictures.collection) == 2 * len(variation_pictures._made)

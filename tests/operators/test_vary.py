@@ -21,7 +21,7 @@ from icymoon.operators import (
     variation_plan,
     vary,
 )
-from icymoon.operators.variation_plan import fault_of_folder, free_folder
+from icymoon.operators.variation_plan import find_folder_fault, find_free_folder
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.plans import vary_scene
 from icymoon.render.plans.frozen_plan import freeze_plan
@@ -38,7 +38,7 @@ ELEVATION = "light.sun_elevation_deg"
 @pytest.fixture
 def tiny(scene, tmp_path, monkeypatch):
     """A scene whose pairs are small, and whose data set is in a folder of the test's own."""
-    monkeypatch.setattr(dataset, "state_folder", lambda: tmp_path / "running")
+    monkeypatch.setattr(dataset, "find_state_folder", lambda: tmp_path / "running")
     scene_properties.write_settings(scene.icymoon, {**TINY, "dataset": {"folder": str(tmp_path / "set")}})
     dataset.readout.update(plan="", lines=[], set_aside=[], last=None)
     yield scene
@@ -126,13 +126,15 @@ def test_settings_are_moved_and_removed(tiny):
 
 def test_a_context_menu_knows_the_setting_under_the_mouse(tiny):
     def under(group, key):
-        return vary.setting_of_button(SimpleNamespace(button_prop=group.bl_rna.properties[key], button_pointer=group))
+        return vary.find_setting_of_button(
+            SimpleNamespace(button_prop=group.bl_rna.properties[key], button_pointer=group)
+        )
 
     assert under(tiny.icymoon.light, "sun_elevation_deg") == ELEVATION
     assert under(tiny.icymoon.rock_surface, "albedo") == "rock_surface.albedo"
     assert under(tiny.icymoon, "live") == under(tiny.render, "resolution_x") == ""
     assert under(tiny.icymoon.variations, "seeds") == ""
-    assert vary.setting_of_button(bpy.context) == ""
+    assert vary.find_setting_of_button(bpy.context) == ""
 
 
 def test_the_tooltip_of_vary_tells_what_the_field_tells():
@@ -159,32 +161,32 @@ def test_what_cannot_vary_is_grey_in_the_context_menu(tiny, topic, key, possible
 
 
 def test_the_lines_follow_the_settings_and_the_list(tiny):
-    assert render_variations.lines(tiny)[0] == "1 pair"
+    assert render_variations.list_lines(tiny)[0] == "1 pair"
     bpy.ops.icymoon.vary(setting=ELEVATION)
-    assert render_variations.lines(tiny)[0] == "5 values of Sun Elevation = 5 pairs"
+    assert render_variations.list_lines(tiny)[0] == "5 values of Sun Elevation = 5 pairs"
     tiny.icymoon.variations.seeds = 3
     tiny.icymoon.dataset.headings = 2
-    told = render_variations.lines(tiny)
+    told = render_variations.list_lines(tiny)
     assert told[0] == "5 values of Sun Elevation x 3 seeds x 2 headings = 30 pairs"
     assert told[1].startswith("About ")
     tiny.icymoon.rig.width_px = 3200
-    assert render_variations.lines(tiny)[1] != told[1]
+    assert render_variations.list_lines(tiny)[1] != told[1]
     tiny.icymoon.variations.varied[0].last = 200
-    assert "outside -90 to 90 deg" in render_variations.lines(tiny)[0]
+    assert "outside -90 to 90 deg" in render_variations.list_lines(tiny)[0]
     tiny.icymoon.variations.varied[0].setting = "light.no_such"
-    assert "unknown setting" in render_variations.lines(tiny)[0]
+    assert "unknown setting" in render_variations.list_lines(tiny)[0]
 
 
 def test_lines_that_are_known_cost_nothing(tiny, monkeypatch):
     bpy.ops.icymoon.vary(setting=ELEVATION)
-    render_variations.lines(tiny)
-    monkeypatch.setattr(render_variations, "describe", lambda *_: pytest.fail("computed again"))
-    render_variations.lines(tiny)
+    render_variations.list_lines(tiny)
+    monkeypatch.setattr(render_variations, "describe_variations", lambda *_: pytest.fail("computed again"))
+    render_variations.list_lines(tiny)
 
 
 def test_undo_brings_the_lines_back(tiny):
     bpy.ops.icymoon.vary(setting=ELEVATION)
-    render_variations.lines(tiny)
+    render_variations.list_lines(tiny)
     for handler in bpy.app.handlers.undo_post:
         handler(tiny)
     assert not events._known
@@ -220,7 +222,7 @@ def test_a_scene_edited_by_hand_is_refused_and_objects_of_ones_own_are_told_at_o
     bpy.ops.icymoon.vary(setting=ELEVATION)
     bpy.ops.icymoon.build_scene()
     assert variation_plan.why_not_a_plan(tiny, thorough=True) == ""
-    built = scenes.find(tiny)
+    built = scenes.find_built(tiny)
     built.sun.data.energy *= 2
     for call in (
         lambda: bpy.ops.icymoon.save_plan(filepath=str(tmp_path / "mine.toml")),
@@ -240,7 +242,7 @@ def test_a_scene_edited_by_hand_is_refused_and_objects_of_ones_own_are_told_at_o
 def variations_of(scene, *steps, **also):
     """The text of a plan of the scene at these elevations."""
     each = VariedSetting(ELEVATION, float(steps[0]), float(steps[-1]), len(steps))
-    return vary_scene.plan_text(scene_properties.read_settings(scene.icymoon), SceneVariations((each,), **also))
+    return vary_scene.make_plan_text(scene_properties.read_settings(scene.icymoon), SceneVariations((each,), **also))
 
 
 def freeze(folder, text):
@@ -252,29 +254,29 @@ def freeze(folder, text):
 
 def test_a_plan_is_rendered_into_an_empty_folder_or_its_own(tiny, tmp_path):
     folder, text = tmp_path / "set", variations_of(tiny, 10, 20)
-    assert fault_of_folder(folder, text) == ""
+    assert find_folder_fault(folder, text) == ""
     freeze(folder, text)
-    assert fault_of_folder(folder, text) == ""
+    assert find_folder_fault(folder, text) == ""
     # The same with other seeds has all pairs of the first.
-    assert fault_of_folder(folder, variations_of(tiny, 10, 20, seeds=2)) == ""
-    assert "other pairs" in fault_of_folder(folder, variations_of(tiny, 10, 30))
+    assert find_folder_fault(folder, variations_of(tiny, 10, 20, seeds=2)) == ""
+    assert "other pairs" in find_folder_fault(folder, variations_of(tiny, 10, 30))
     (folder / "plan.toml").write_text("# mine\n")
-    assert "another plan" in fault_of_folder(folder, text)
+    assert "another plan" in find_folder_fault(folder, text)
 
 
 def test_pairs_of_no_plan_are_not_mixed_with_those_of_one(tiny, tmp_path):
     folder = tmp_path / "set"
     (folder / "pairs" / "0123456789ab").mkdir(parents=True)
-    assert "other pairs" in fault_of_folder(folder, variations_of(tiny, 10, 20))
+    assert "other pairs" in find_folder_fault(folder, variations_of(tiny, 10, 20))
 
 
 def test_a_free_folder_is_named_after_what_varies(tiny, tmp_path):
     folder, text = tmp_path / "set", variations_of(tiny, 10, 20)
-    assert free_folder(folder, text, "Sun Elevation, 3 Seeds") == folder
+    assert find_free_folder(folder, text, "Sun Elevation, 3 Seeds") == folder
     freeze(folder, variations_of(tiny, 10, 30))
-    assert free_folder(folder, text, "Sun Elevation, 3 Seeds") == tmp_path / "set_sun_elevation_3_seeds"
+    assert find_free_folder(folder, text, "Sun Elevation, 3 Seeds") == tmp_path / "set_sun_elevation_3_seeds"
     freeze(tmp_path / "set_sun_elevation_3_seeds", variations_of(tiny, 10, 30))
-    assert free_folder(folder, text, "Sun Elevation, 3 Seeds") == tmp_path / "set_sun_elevation_3_seeds_2"
+    assert find_free_folder(folder, text, "Sun Elevation, 3 Seeds") == tmp_path / "set_sun_elevation_3_seeds_2"
 
 
 def test_another_data_set_is_not_overwritten(tiny, tmp_path):
@@ -299,9 +301,11 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
     pairs = find_pairs(tmp_path / "other")
     assert {pair.settings.light.sun_elevation_deg for pair in pairs} == {20.0, 40.0}
     assert {pair.folder.name for pair in pairs} == {pair.id for pair in plan_of(tmp_path / "other").pairs()}
-    assert [path.name for path in show_pair.kept_pairs(tiny)] == [p.id for p in plan_of(tmp_path / "other").pairs()]
+    assert [path.name for path in show_pair.find_kept_pairs(tiny)] == [
+        p.id for p in plan_of(tmp_path / "other").pairs()
+    ]
     curve = tmp_path / "other" / "evaluation" / "curves" / f"{ELEVATION}.png"
-    assert results.curves(tiny) == {ELEVATION: curve}
+    assert results.find_curves(tiny) == {ELEVATION: curve}
     image = bpy.data.images.load(str(curve))
     assert image.size[0] > 2 * image.size[1] > 400
     assert shown[-1] == [curve]
@@ -320,7 +324,7 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
 
 @pytest.mark.parametrize(("count", "shown"), [(1, [0]), (5, [0, 1, 2, 3, 4]), (1000, None)])
 def test_the_first_and_the_last_pair_are_among_those_shown(count, shown):
-    found = render_variations._spread(list(range(count)))
+    found = render_variations._choose_spread(list(range(count)))
     assert (found[0], found[-1]) == (0, count - 1)
     assert found == shown if shown else len(set(found)) == len(found) == render_variations._PICTURES
 
@@ -357,14 +361,14 @@ def test_only_curves_inside_the_evaluation_are_shown(tiny, tmp_path):
     stated["curves"] = {"a.b": "../../outside.png", "c.d": "inside.png", "e.f": "gone.png"}
     (folder / "summary.json").write_text(json.dumps(stated))
     results.keep_results(tiny, "DATASET", scene_properties.read_settings(tiny.icymoon))
-    assert results.curves(tiny) == {"c.d": folder / "inside.png"}
+    assert results.find_curves(tiny) == {"c.d": folder / "inside.png"}
 
 
 def test_curves_of_settings_in_the_list_come_first(tiny, tmp_path, monkeypatch):
-    monkeypatch.setattr(results, "curves", lambda _: {"a.b": tmp_path / "a", ELEVATION: tmp_path / "e"})
-    assert list(variation_curves.sorted_curves(tiny)) == ["a.b", ELEVATION]
+    monkeypatch.setattr(results, "find_curves", lambda _: {"a.b": tmp_path / "a", ELEVATION: tmp_path / "e"})
+    assert list(variation_curves.sort_curves(tiny)) == ["a.b", ELEVATION]
     bpy.ops.icymoon.vary(setting=ELEVATION)
-    assert list(variation_curves.sorted_curves(tiny)) == [ELEVATION, "a.b"]
+    assert list(variation_curves.sort_curves(tiny)) == [ELEVATION, "a.b"]
     shown: list = []
     called: dict = {}
     monkeypatch.setattr(
@@ -379,8 +383,8 @@ def test_curves_of_settings_in_the_list_come_first(tiny, tmp_path, monkeypatch):
 def test_drawing_takes_no_time_once_it_is_known(tiny):
     for name in (ELEVATION, "surface.albedo", "terrain.rms_slope_deg"):
         bpy.ops.icymoon.vary(setting=name)
-    render_variations.lines(tiny)
+    render_variations.list_lines(tiny)
     start = time.thread_time()
     for _ in range(100):
-        render_variations.lines(tiny)
+        render_variations.list_lines(tiny)
     assert time.thread_time() - start < 0.1

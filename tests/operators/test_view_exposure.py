@@ -59,8 +59,8 @@ def brightness(scene, folder) -> tuple[float, float]:
 def test_the_view_is_as_bright_as_the_image(built, pair):
     view, image = brightness(built, pair)
     assert 0.5 < view / image < 2.0
-    assert view_exposure.how_exposed(built) in ("estimated", "other")
-    view_exposure.measure(built, pair, read_pair_views(pair, {}).exposures_s)
+    assert view_exposure.describe_exposure(built) in ("estimated", "other")
+    view_exposure.expose_as_rendered(built, pair, read_pair_views(pair, {}).exposures_s)
     view, image = brightness(built, pair)
     assert view == pytest.approx(image, rel=0.02)
     built.icymoon.sensor.auto_target = 0.4  # half as bright
@@ -86,7 +86,7 @@ def test_the_estimate_knows_which_ground_has_faces_that_face_the_sun(tmp_path, n
         },
     )
     brightest = np.quantile(read_view(pair.image("left"), "left").radiance.mean(axis=2), 0.99)
-    expected = view_exposure.white_of(pair.settings) * pair.settings.sensor.auto_target
+    expected = view_exposure.estimate_white(pair.settings) * pair.settings.sensor.auto_target
     assert abs(math.log2(brightest / expected)) < 0.5
 
 
@@ -95,12 +95,12 @@ def test_an_exposure_of_the_user_stays_and_clear_gives_all_back(built):
     first = built.view_settings.exposure
     built.icymoon.sensor.auto_target *= 0.5
     assert built.view_settings.exposure == pytest.approx(first - 1.0, abs=1e-4)
-    assert view_exposure.how_exposed(built) == "estimated"
+    assert view_exposure.describe_exposure(built) == "estimated"
     built.view_settings.exposure = 1.5
     built.icymoon.sensor.auto_target *= 2.0
     bpy.ops.icymoon.build_scene()
     assert built.view_settings.exposure == 1.5
-    assert view_exposure.how_exposed(built) == "other"
+    assert view_exposure.describe_exposure(built) == "other"
     bpy.ops.icymoon.clear_scene()
     found = built.view_settings
     assert (found.view_transform, found.look, found.exposure) == ("Filmic", "High Contrast", 0.25)
@@ -108,7 +108,7 @@ def test_an_exposure_of_the_user_stays_and_clear_gives_all_back(built):
 
 def test_a_transform_that_the_user_has_chosen_since_stays(built):
     built.view_settings.view_transform = "Standard"
-    assert view_exposure.how_exposed(built) == "other"
+    assert view_exposure.describe_exposure(built) == "other"
     bpy.ops.icymoon.clear_scene()
     assert built.view_settings.view_transform == "Standard"
 
@@ -117,7 +117,7 @@ def test_in_the_dark_the_exposure_stays(built):
     before = built.view_settings.exposure
     built.icymoon.light.planet = False
     built.icymoon.light.sun_elevation_deg = -30.0
-    view_exposure.expose(built, scene_properties.read_settings(built.icymoon))
+    view_exposure.expose_view(built, scene_properties.read_settings(built.icymoon))
     assert built.view_settings.exposure == before
 
 
@@ -125,10 +125,10 @@ def test_in_the_dark_the_exposure_stays(built):
 def test_any_value_in_a_file_counts_as_none(built, evil):
     collection, before = scenes.find_collection(built), built.view_settings.exposure
     collection[view_exposure.MEASURED] = evil
-    view_exposure.expose(built, scene_properties.read_settings(built.icymoon))
+    view_exposure.expose_view(built, scene_properties.read_settings(built.icymoon))
     assert built.view_settings.exposure == before
     collection[view_exposure.EXPOSED] = evil
-    view_exposure.expose(built, scene_properties.read_settings(built.icymoon))
+    view_exposure.expose_view(built, scene_properties.read_settings(built.icymoon))
     assert built.view_settings.exposure == before
 
 
@@ -151,7 +151,7 @@ def test_planetshine_that_nobody_can_see_is_only_in_renders(under_jupiter):
     assert 0 < irradiance < 4e-3 * facts["sun"]["irradiance_wm2"]
     assert lamp(under_jupiter).hide_viewport
     assert not lamp(under_jupiter).hide_render
-    assert not scenes.find(under_jupiter).edited
+    assert not scenes.find_built(under_jupiter).edited
     assert view_exposure.is_without_planetshine(under_jupiter)
     # What it adds at most, to ground that faces it, is less than a step of 8 bits.
     assert irradiance / math.pi * 2.0**under_jupiter.view_settings.exposure < 1 / 255

@@ -47,10 +47,10 @@ def test_a_view_that_rests_gets_the_user_s_pixels_if_they_are_fast(clocks, secon
     assert pixels() == "2"
     for _ in range(seconds):
         clocks.pass_s(1, busy=1.7)
-        assert view_resolution._work()  # asked again
+        assert view_resolution._refine_resting_view()  # asked again
         assert pixels() == "2"
     clocks.pass_s(1, busy=0.01)
-    assert view_resolution._work() is None
+    assert view_resolution._refine_resting_view() is None
     assert pixels() == rested
     assert view_resolution.is_coarse(bpy.context.scene) == (rested == "2")
     bpy.ops.icymoon.clear_scene()
@@ -61,7 +61,7 @@ def test_what_is_not_traced_is_not_measured(clocks, monkeypatch):
     bpy.ops.icymoon.build_scene()
     monkeypatch.setattr(view_resolution, "_is_traced", lambda scene: False)
     clocks.pass_s(100, busy=0.0)
-    assert view_resolution._work()
+    assert view_resolution._refine_resting_view()
     assert pixels() == "2"
 
 

@@ -92,7 +92,7 @@ def test_what_0_stands_for_is_in_the_label_where_it_is_not_none_of_it():
         if setting.zero:
             number = {"DISTANCE": "0 m", "PIXEL": "0.000 px"}.get(setting.subtype, f"{0:.{setting.precision}f}")
             number = "0" if setting.kind == "int" else number
-            assert len(fields.at_zero(setting)) + len(number) <= LINE - 1  # as screenshots show
+            assert len(fields.label_with_zero(setting)) + len(number) <= LINE - 1  # as screenshots show
 
 
 #: What 0 of these does follows from what they are: no limit.
@@ -116,7 +116,7 @@ def test_the_label_of_a_number_changes_at_0(scene):
 def test_a_choice_is_explained_in_two_lines_and_wholly_in_its_tooltip():
     for topic, key in fields._EXPLAINED:
         for _, name, meaning in TOPICS[topic][key].choices:
-            assert len(sidebar_text._wrapped(meaning.partition(". ")[0], LINE, "")) <= 2, name
+            assert len(sidebar_text._wrap_held(meaning.partition(". ")[0], LINE, "")) <= 2, name
 
 
 @pytest.mark.parametrize("model", [choice[0] for choice in TOPICS["surface"]["model"].choices])
@@ -142,7 +142,7 @@ def test_darker_ice_is_one_field_of_ice_whatever_its_law(scene, model, there):
 
 
 def header_of(panel: Any, width: int, monkeypatch) -> list:
-    monkeypatch.setattr(sidebar_text, "line_length", lambda: width)
+    monkeypatch.setattr(sidebar_text, "measure_line_length", lambda: width)
     layout = Layout()
     made = stand_in(
         layout=layout,
@@ -213,7 +213,7 @@ def test_words_of_a_button_come_before_its_icon_in_a_narrow_sidebar(scene, monke
 def test_a_narrow_sidebar_has_the_time_of_a_quality_below_its_button(scene, monkeypatch):
     kinds = {}
     for width in (25, LINE):
-        monkeypatch.setattr(sidebar_text, "line_length", lambda width=width: width)
+        monkeypatch.setattr(sidebar_text, "measure_line_length", lambda width=width: width)
         kinds[width] = [entry[0] for entry in drawn(bpy.types.ICYMOON_PT_quality)]
     assert kinds[25].count("label") >= 5
     assert "split" in kinds[LINE]

@@ -13,7 +13,7 @@ import pytest
 from evaluations import ROW, evaluated
 from icymoon.commands.doctor import PLUGINS, Finding
 from icymoon.operators import evaluate, evaluator, jobs, preferences, sidebar_text
-from icymoon.operators.presets import preset_items
+from icymoon.operators.presets import list_preset_items
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sidebar
@@ -86,7 +86,7 @@ def test_an_empty_file_offers_presets_and_the_three_steps(scene):
 
 def test_every_operator_is_on_a_button_or_in_a_menu(small, measured, running, monkeypatch):
     monkeypatch.setattr(preferences, "has_own_evaluator", lambda: True)  # which can be removed
-    monkeypatch.setattr(preferences, "own_evaluator_python", lambda: Path("/extension/evaluator/bin/python"))
+    monkeypatch.setattr(preferences, "find_own_evaluator_python", lambda: Path("/extension/evaluator/bin/python"))
     bpy.ops.icymoon.build_scene()
     there = {f"icymoon.{name}" for name in dir(bpy.ops.icymoon)}
     assert there - operators([*everything(), *preferences_drawn()[0]]) == set()
@@ -209,7 +209,7 @@ def test_a_panel_begins_with_what_turns_the_others_on():
     ],
 )
 def test_the_sidebar_names_settings_as_it_shows_them(sentence, said):
-    assert sidebar_text.plain(sentence) == said
+    assert sidebar_text.replace_keys_by_labels(sentence) == said
 
 
 def test_what_is_left_out_is_said_where_it_is_chosen_and_only_then(scene):
@@ -242,7 +242,7 @@ def test_the_matchers_of_plug_ins_have_a_tick_once_check_has_found_them(scene):
         assert group.methods == "bm,sgbm,census"
     finally:
         preferences.show_findings([Finding("Evaluator", "ok", "Python")])
-    assert preferences.plugin_matcher_names() == []
+    assert preferences.list_plugin_matchers() == []
 
 
 def test_the_matchers_there_are_stand_in_the_tooltip():
@@ -292,11 +292,13 @@ def test_a_quality_is_a_button_and_a_message_has_the_labels_of_settings(scene, m
     buttons = {entry[1:] for entry in drawn(bpy.types.ICYMOON_PT_quality) if entry[0] == "operator"}
     assert {("icymoon.load_preset", title) for title in ("Draft", "Paper", "Standard", "Reference")} <= buttons
     sentence = "This Blender was built without OpenImageDenoise; set quality.denoiser to NONE."
-    assert sidebar_text.in_window(sentence) == sentence
+    assert sidebar_text.format_for_window(sentence) == sentence
     monkeypatch.setattr(bpy, "app", SimpleNamespace(background=False))
-    assert "Quality and Speed ▸ Denoiser to None." in sidebar_text.in_window(sentence)
-    assert sidebar_text.in_window("set quality.truth to DEPTH.") == "Set Quality and Speed ▸ Truth to Depth Only."
-    assert sidebar_text.in_window("change rig.width_px to Fit.").endswith(" to Fit.")  # no choice
+    assert "Quality and Speed ▸ Denoiser to None." in sidebar_text.format_for_window(sentence)
+    assert (
+        sidebar_text.format_for_window("set quality.truth to DEPTH.") == "Set Quality and Speed ▸ Truth to Depth Only."
+    )
+    assert sidebar_text.format_for_window("change rig.width_px to Fit.").endswith(" to Fit.")  # no choice
 
 
 def test_a_setting_has_one_place():
@@ -320,7 +322,9 @@ def test_no_name_is_cut_in_the_sidebar_as_blender_opens_it():
     assert [s.key for s in every if s.choices and max(map(len, (s.label, *(c[1] for c in s.choices)))) > LINE / 2] == []
     assert [s.key for s in every if len(s.label) > LINE - 10] == []
     # What is under a picture of a scene, in a popup of eight a row that fits a screen 1280 pixels wide.
-    assert [title for name, title, _ in preset_items() if name.startswith("scenes/") and len(title) > LINE - 11] == []
+    assert [
+        title for name, title, _ in list_preset_items() if name.startswith("scenes/") and len(title) > LINE - 11
+    ] == []
 
 
 def test_every_setting_of_an_entry_in_a_list_is_drawn(scene):
@@ -368,7 +372,7 @@ def test_a_running_job_shows_how_far_it_is_and_can_be_cancelled(scene, running):
     [(None, ""), (0.4, "0:00 left"), (65.0, "1:05 left"), (3599.9, "59:59 left"), (7400.0, "2:03:20 left")],
 )
 def test_the_time_that_is_left_is_told_in_hours_minutes_and_seconds(seconds, said):
-    assert jobs.remaining_text(seconds) == said
+    assert jobs.format_remaining(seconds) == said
 
 
 @pytest.mark.parametrize(
@@ -558,10 +562,10 @@ def test_the_preferences_are_drawn(scene):
 
 
 def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(evaluator, "kernels", lambda: str(tmp_path / "none.tm"))
+    monkeypatch.setattr(evaluator, "find_kernels", lambda: str(tmp_path / "none.tm"))
     with pytest.raises(RuntimeError, match=r"SPICE kernels: .*none\.tm is not there.*Give a meta-kernel"):
         bpy.ops.icymoon.check_evaluator()
-    monkeypatch.setattr(evaluator, "kernels", lambda: "")
+    monkeypatch.setattr(evaluator, "find_kernels", lambda: "")
     assert bpy.ops.icymoon.check_evaluator() == {"FINISHED"}
     assert {"Blender", "Evaluator", "Graphics card"} <= {finding.subject for finding in preferences.findings}
     card = next(finding for finding in preferences.findings if finding.subject == "Graphics card")
@@ -570,7 +574,7 @@ def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, mo
 
 
 def test_a_scene_that_asks_for_kernels_gets_the_preferred_ones(scene, monkeypatch):
-    monkeypatch.setattr(preferences, "kernels", lambda: "/kernels/cassini.tm")
+    monkeypatch.setattr(preferences, "find_kernels", lambda: "/kernels/cassini.tm")
     light = scene.icymoon.light
     light.directions_from = "DATE"
     assert light.kernels == ""
@@ -584,7 +588,7 @@ def test_a_scene_that_asks_for_kernels_gets_the_preferred_ones(scene, monkeypatc
 @pytest.mark.parametrize("width", [LINE, 24])
 def test_no_line_is_cut_in_a_narrow_sidebar(scene, monkeypatch, width):
     """Of all lines over the whole width; those of a list are cut by Blender, and the selected one is shown below."""
-    monkeypatch.setattr(sidebar_text, "line_length", lambda: width)
+    monkeypatch.setattr(sidebar_text, "measure_line_length", lambda: width)
     scene.icymoon.light.directions_from = "DATE"
     scene.icymoon.light.body = "ENCELADUS"
     bpy.ops.icymoon.vary(setting="rock_surface.lommel_seeliger_share")

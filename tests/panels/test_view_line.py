@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon.panels.view_line import view_line
+from icymoon.panels.view_line import describe_view
 
 TYPES = [item.identifier for item in bpy.types.View3DShading.bl_rna.properties["type"].enum_items_static]
 ENGINES = ("CYCLES", "BLENDER_EEVEE", "BLENDER_EEVEE_NEXT", "BLENDER_WORKBENCH")
@@ -23,24 +23,24 @@ def view(kind: str, lit: bool = True) -> SimpleNamespace:
 @pytest.mark.parametrize("kind", TYPES)
 def test_only_the_view_that_cycles_lights_is_as_the_pair(kind, engine):
     traced = kind == "RENDERED" and engine == "CYCLES"
-    assert ("as the pair" in view_line(view(kind), engine)) == traced
-    assert "as the pair" not in view_line(view(kind, lit=False), engine)
+    assert ("as the pair" in describe_view(view(kind), engine)) == traced
+    assert "as the pair" not in describe_view(view(kind, lit=False), engine)
 
 
 def test_what_is_missing_is_named():
-    assert "shadows" in view_line(view("SOLID"), "CYCLES")
-    assert "exposure" in view_line(view("SOLID"), "CYCLES")
-    assert "EEVEE" in view_line(view("MATERIAL"), "CYCLES")  # whatever renders the scene
-    assert "not the light" in view_line(view("MATERIAL", lit=False), "CYCLES")
-    assert "no Sun" in view_line(view("RENDERED"), "BLENDER_WORKBENCH")
+    assert "shadows" in describe_view(view("SOLID"), "CYCLES")
+    assert "exposure" in describe_view(view("SOLID"), "CYCLES")
+    assert "EEVEE" in describe_view(view("MATERIAL"), "CYCLES")  # whatever renders the scene
+    assert "not the light" in describe_view(view("MATERIAL", lit=False), "CYCLES")
+    assert "no Sun" in describe_view(view("RENDERED"), "BLENDER_WORKBENCH")
 
 
 def test_a_view_that_is_not_yet_as_the_pair_says_so():
-    coarse = view_line(view("RENDERED"), "CYCLES", "", coarse=True)
-    assert coarse == view_line(view("RENDERED"), "CYCLES", "") + ", at half resolution"
-    covered = view_line(view("RENDERED"), "CYCLES", "", coarse=True, covered=True)
+    coarse = describe_view(view("RENDERED"), "CYCLES", "", coarse=True)
+    assert coarse == describe_view(view("RENDERED"), "CYCLES", "") + ", at half resolution"
+    covered = describe_view(view("RENDERED"), "CYCLES", "", coarse=True, covered=True)
     assert "picture of the scene" in covered
     assert "as the pair" not in covered
-    assert "picture" not in view_line(view("SOLID"), "CYCLES", covered=True)  # there it is not drawn
-    assert "planetshine" in view_line(view("RENDERED"), "CYCLES", "", without_planetshine=True)
-    assert "planetshine" not in view_line(view("SOLID"), "CYCLES", "", without_planetshine=True)
+    assert "picture" not in describe_view(view("SOLID"), "CYCLES", covered=True)  # there it is not drawn
+    assert "planetshine" in describe_view(view("RENDERED"), "CYCLES", "", without_planetshine=True)
+    assert "planetshine" not in describe_view(view("SOLID"), "CYCLES", "", without_planetshine=True)

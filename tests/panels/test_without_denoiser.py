@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 import pytest
-from icymoon.nodes.scene import find
+from icymoon.nodes.scene import find_built
 from icymoon.support.blender import compat
 from panel_drawing import drawn
 
@@ -37,7 +37,7 @@ def test_render_is_refused_before_the_scene_is_built(without):
     without.icymoon.quality.denoiser = "OIDN"
     with pytest.raises(RuntimeError, match=r"set quality\.denoiser to NONE"):
         bpy.ops.icymoon.render_pair()
-    assert find(without) is None
+    assert find_built(without) is None
 
 
 def test_a_scene_that_wants_a_denoiser_is_built_and_f12_has_none(without):

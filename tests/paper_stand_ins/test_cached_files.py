@@ -50,7 +50,7 @@ def test_a_texture_is_made_once_and_made_again_if_a_file_was_changed(folder):
 def test_the_height_image_has_the_stated_relief():
     folder = cached_files.make_files(find_texture_item("SUNCUPS"))
     height_m = make_maps("SUNCUPS", size=64).height_m
-    assert cached_files.relief_m(folder) == pytest.approx(np.ptp(height_m))
+    assert cached_files.read_relief_m(folder) == pytest.approx(np.ptp(height_m))
 
 
 def test_a_photograph_shows_one_image_and_has_the_others_beside_it(folder):
@@ -88,7 +88,7 @@ def test_what_a_killed_process_leaves_is_not_taken(tmp_path):
     )
     whole = cached_files.make_files(find_texture_item("FIRN"), tmp_path / "whole")
     known = {path.name: path.read_bytes() for path in whole.iterdir()}
-    folder = cached_files.folder_of(find_texture_item("FIRN"))
+    folder = cached_files.find_folder(find_texture_item("FIRN"))
     for delay in (0.0, 0.02, 0.05, 0.1):
         process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
         process.stdout.readline()

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.paper_stand_ins.fields import Draw
+from icymoon.paper_stand_ins.fields import FieldGenerator
 from icymoon.paper_stand_ins.items import MESH_PIXELS
 from icymoon.paper_stand_ins.reconstructions import reconstruct
 from icymoon.paper_stand_ins.triangulation import triangulate
@@ -62,7 +62,7 @@ def _check_sites(item, mesh):
 
 def test_triangles_are_irregular_and_dense_where_the_ground_is_rough():
     random = make_generator(0, "stand_ins", 8)
-    rough = Draw(random, 256).waves(3.2, 1 / 60, 1 / 4) * 6.0
+    rough = FieldGenerator(random, 256).waves(3.2, 1 / 60, 1 / 4) * 6.0
     rough[:, :128] = 0.0  # half is flat
     heights = np.pad(rough, ((0, 1), (0, 1)), mode="wrap")
     places, faces = triangulate(random, heights, 6000, 0.02)
@@ -84,7 +84,7 @@ def test_triangles_are_irregular_and_dense_where_the_ground_is_rough():
 def test_flips_leave_no_better_edge():
     """Delaunay: no vertex lies within the circle of a triangle beside it (checked for all, by the angles opposite)."""
     random = make_generator(0, "stand_ins", 7)
-    heights = np.pad(Draw(random, 64).waves(3.0, 1 / 20, 1 / 2) * 4, ((0, 1), (0, 1)), mode="wrap")
+    heights = np.pad(FieldGenerator(random, 64).waves(3.0, 1 / 20, 1 / 2) * 4, ((0, 1), (0, 1)), mode="wrap")
     places, faces = triangulate(random, heights, 1200, 0.05)
     angle = {}
     for k in range(3):

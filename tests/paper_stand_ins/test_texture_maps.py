@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 from icymoon.paper_stand_ins import fields, ice_colours
-from icymoon.paper_stand_ins.fields import Draw
+from icymoon.paper_stand_ins.fields import FieldGenerator
 from icymoon.paper_stand_ins.texture_maps import make_maps
 from icymoon.physics.random_numbers.seeds import make_generator
 from icymoon.settings.topics.stand_ins import TEXTURES
@@ -55,7 +55,7 @@ def test_the_normals_are_those_of_the_heights(small, key):
     item, maps = next(item for item in TEXTURES if item.key == key), small[key]
     assert np.linalg.norm(maps.normal, axis=-1) == pytest.approx(1.0)
     slope = -maps.normal[..., :2] / maps.normal[..., 2:]
-    k_x, k_y = fields.wave_numbers(SIZE)
+    k_x, k_y = fields.list_wave_numbers(SIZE)
     s_x, s_y = np.sin(2 * np.pi * k_x / SIZE), np.sin(2 * np.pi * k_y / SIZE)
     power = s_x**2 + s_y**2
     lost = power < 1e-12
@@ -99,8 +99,8 @@ def test_a_seed_is_one_texture_and_another_seed_another():
 @pytest.mark.parametrize("slope", [2.0, 3.0, 4.0])
 def test_waves_have_the_stated_spectrum(slope):
     n = 512
-    field = Draw(make_generator(0, "stand_ins", 9), n).waves(slope, 4 / n, 1 / 2)
-    k_x, k_y = fields.wave_numbers(n)
+    field = FieldGenerator(make_generator(0, "stand_ins", 9), n).waves(slope, 4 / n, 1 / 2)
+    k_x, k_y = fields.list_wave_numbers(n)
     k, power = np.hypot(k_x, k_y), np.abs(np.fft.rfft2(field)) ** 2
     inside = (k >= 4) & (k <= n / 8)
     rings = np.geomspace(4, n / 8, 11)

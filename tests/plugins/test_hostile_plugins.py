@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.plugins.installed import find
+from icymoon.plugins.installed import find_installed
 from icymoon.stereo.matchers import describe_matcher, match
 from icymoon.support.errors import IcyMoonError
 from plugin_packages import add_package
@@ -125,6 +125,6 @@ def test_two_of_one_name_are_refused_and_a_damaged_package_hides_no_other(tmp_pa
     broken.mkdir()
     (broken / "METADATA").write_bytes(b"\xff\xfe\0")
     (broken / "entry_points.txt").write_bytes(b"[icymoon.matchers]\nq\x1b[2J = \xff\n[[[\n")
-    found = find("matcher")
+    found = find_installed("matcher")
     assert "both add it" in found.refused["twice"]
     assert "whole" in found.usable

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from icymoon.plugins.installed import find
-from icymoon.plugins.landforms import name_key, read_landform
+from icymoon.plugins.installed import find_installed
+from icymoon.plugins.landforms import hash_name, read_landform
 from icymoon.support.errors import IcyMoonError
 from plugin_packages import LANDFORM, add_package
 
@@ -12,7 +12,7 @@ from plugin_packages import LANDFORM, add_package
 def read(tmp_path, monkeypatch):
     def run(source):
         add_package(tmp_path / str(len(list(tmp_path.iterdir()))), monkeypatch, "landform", "steps", source)
-        return read_landform(find("landform", ()).usable["steps"])
+        return read_landform(find_installed("landform", ()).usable["steps"])
 
     return run
 
@@ -95,4 +95,4 @@ def test_it_cannot_change_the_points_or_the_settings(read):
 
 def test_a_name_stands_for_the_same_number_for_ever():
     """Otherwise old pairs would have other ground."""
-    assert name_key("waves") == 3951147615
+    assert hash_name("waves") == 3951147615

@@ -11,7 +11,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.commands.cli import main as icymoon
-from icymoon.plugins.installed import fact_of, find
+from icymoon.plugins.installed import find_installed, read_fact
 from icymoon.stereo.cli import main
 from icymoon.stereo.export import exports_with_blender
 from icymoon.stereo.export.plug_in import PluginExport
@@ -78,7 +78,7 @@ def test_a_users_own_work_as_ours_do(page_installed, tmp_path, capsys):
 
 def test_every_declared_module_loads_and_every_networks_title_is_its_own():
     for kind, load in (("matcher", lambda plugin: load_matcher(plugin.name)), ("export", PluginExport)):
-        for plugin in find(kind).usable.values():
+        for plugin in find_installed(kind).usable.values():
             load(plugin)
     assert matcher_titles()["igev"] == "IGEV-Stereo"
     assert exports_with_blender() == ["mitsuba", "dem", "ply", "obj", "usd", "gltf"]
@@ -90,9 +90,17 @@ PLUGGED = ("bop", "ros_bag", "parquet_index", "radiance_factor", "raw", "igev", 
 
 def test_no_module_imports_or_lists_a_plug_in_by_name():
     """But for the documentation of a setting, and defaults, which are texts of several names."""
-    names = {*find("matcher").usable, *find("export").usable} - {"dem", "ply", "obj", "usd", "gltf"}  # kinds of files
+    names = {*find_installed("matcher").usable, *find_installed("export").usable} - {
+        "dem",
+        "ply",
+        "obj",
+        "usd",
+        "gltf",
+    }  # kinds of files
     own = {
-        entry.entry.module.rpartition(".")[2] for kind in ("matcher", "export") for entry in find(kind).usable.values()
+        entry.entry.module.rpartition(".")[2]
+        for kind in ("matcher", "export")
+        for entry in find_installed(kind).usable.values()
     }
     lists = []
     rooms = ("commands", "library", "operators", "panels", "plugins", "render", "stereo", "support")
@@ -154,7 +162,7 @@ def test_a_package_that_cannot_be_read_is_named_where_its_kind_is_listed(content
     assert "\nsgbm: " in said.out
     assert "\nwhole: " in said.out
     assert "The package torn-1.0.dist-info cannot be read" in " ".join(said.err.split())
-    assert find("export").refused == {}
+    assert find_installed("export").refused == {}
 
 
 def test_facts_are_read_without_an_import(tmp_path, monkeypatch):
@@ -165,14 +173,14 @@ def test_facts_are_read_without_an_import(tmp_path, monkeypatch):
     (package / "last.py").write_text("raise SystemExit('imported')\nTITLE = 'Deep'\nNEEDS = TITLE\nTITLE.x = 'no'\n")
     add_package(tmp_path, monkeypatch, "matcher", "deep", "TITLE = 'Flat'\nraise SystemExit('imported')\n")
     (info,) = tmp_path.glob("*.dist-info")
-    flat = find("matcher").usable["deep"]
-    assert fact_of(flat, "TITLE") is None or fact_of(flat, "TITLE") == "Flat"
+    flat = find_installed("matcher").usable["deep"]
+    assert read_fact(flat, "TITLE") is None or read_fact(flat, "TITLE") == "Flat"
     (info / "entry_points.txt").write_text("[icymoon.matchers]\ndeep = of_a_user.deep.last\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path / "nowhere")])
-    deep = find("matcher").usable["deep"]
-    assert fact_of(deep, "TITLE") == "Deep"
-    assert fact_of(deep, "NEEDS") is None
+    deep = find_installed("matcher").usable["deep"]
+    assert read_fact(deep, "TITLE") == "Deep"
+    assert read_fact(deep, "NEEDS") is None
 
 
 BLACK = np.zeros((20, 30), "uint8")

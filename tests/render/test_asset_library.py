@@ -14,8 +14,8 @@ from icymoon.formats import asset_library
 from icymoon.nodes import assets
 from icymoon.nodes.datablocks.fingerprint import TAG
 from icymoon.nodes.datablocks.marks import Walk
-from icymoon.nodes.scene import build, clear
-from icymoon.operators.render import planned_pairs
+from icymoon.nodes.scene import build_scene, clear_scene
+from icymoon.operators.render import plan_pairs
 from icymoon.render.asset_worker import make_library
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description, preset_files
@@ -99,7 +99,7 @@ def test_blender_finds_each_asset_with_its_facts(library, name):
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name.startswith("surfaces/")])
 def test_a_surface_is_the_material_that_build_scene_makes(library, name):
-    built = build(empty_scene(), description.merged(assets.asset_settings(name), SMALL))
+    built = build_scene(empty_scene(), description.merged(assets.make_asset_settings(name), SMALL))
     appended, made = append(library, name), built.terrain.data.materials[0]
     trees = {made.node_tree, appended.node_tree}
     assert len(trees) == 2
@@ -141,7 +141,7 @@ def _picture(scene: bpy.types.Scene) -> Array:
 
 def test_a_rig_has_the_lens_and_the_baseline_of_its_preset(library):
     empty_scene()
-    mast, rig = append(library, "rigs/mer_navcam"), assets.asset_settings("rigs/mer_navcam").rig
+    mast, rig = append(library, "rigs/mer_navcam"), assets.make_asset_settings("rigs/mer_navcam").rig
     camera = mast["camera"]
     bpy.context.scene.collection.objects.link(mast)
     bpy.context.scene.collection.objects.link(camera)
@@ -171,7 +171,7 @@ def test_a_landscape_and_a_light_are_whole(library):
     light = append(library, "bodies/enceladus")
     lamps = [item.data for item in light.all_objects if item.type == "LIGHT"]
     assert max(lamp.energy for lamp in lamps) == pytest.approx(
-        assets.asset_settings("bodies/enceladus").light.sun_irradiance_wm2
+        assets.make_asset_settings("bodies/enceladus").light.sun_irradiance_wm2
     )
     assert not [item for item in light.all_objects if item.constraints]
 
@@ -179,8 +179,8 @@ def test_a_landscape_and_a_light_are_whole(library):
 def test_what_is_dropped_is_the_users_and_changes_no_pair(library):
     settings = complete({"terrain": {"resolution": 9}})
     scene = empty_scene()
-    built = build(scene, settings)
-    pairs, parts = [pair.id for pair in planned_pairs(scene, settings)], set(built.collection.all_objects)
+    built = build_scene(scene, settings)
+    pairs, parts = [pair.id for pair in plan_pairs(scene, settings)], set(built.collection.all_objects)
     mast = append(library, "rigs/guiss")
     camera = mast["camera"]
     landscape = append(library, "gallery/block_field")
@@ -191,19 +191,19 @@ def test_what_is_dropped_is_the_users_and_changes_no_pair(library):
     scene.collection.children.link(landscape)
     theirs = {mast, camera, cube, *landscape.all_objects}
     names = {item.name for item in theirs}
-    assert [pair.id for pair in planned_pairs(scene, settings)] == pairs
-    again = build(scene, settings)
+    assert [pair.id for pair in plan_pairs(scene, settings)] == pairs
+    again = build_scene(scene, settings)
     assert set(again.collection.all_objects) == parts
     assert not again.edited
-    assert [pair.id for pair in planned_pairs(scene, settings)] == pairs
-    clear(scene)
+    assert [pair.id for pair in plan_pairs(scene, settings)] == pairs
+    clear_scene(scene)
     assert set(scene.objects) == theirs
     assert {item.name for item in theirs} == names
     assert cube.data.materials[0] is not None
     assert landscape.objects[0].data.materials[0].node_tree is not None
-    built_anew = build(scene, settings)  # beside a camera and a landscape, none of which is taken for its own
+    built_anew = build_scene(scene, settings)  # beside a camera and a landscape, none of which is taken for its own
     assert not theirs & set(built_anew.collection.all_objects)
-    assert [pair.id for pair in planned_pairs(scene, settings)] == pairs
+    assert [pair.id for pair in plan_pairs(scene, settings)] == pairs
 
 
 @pytest.mark.slow
@@ -213,8 +213,8 @@ def test_the_whole_library_is_small_and_complete(tmp_path):
     folder = tmp_path / "assets"
     subprocess.run(python_command(sys.executable, "assets", str(folder)), check=True, stdout=subprocess.DEVNULL)
     files = asset_library.find_files(folder)
-    assert {path.relative_to(folder).with_suffix("").as_posix() for path in files} == set(assets.asset_names())
+    assert {path.relative_to(folder).with_suffix("").as_posix() for path in files} == set(assets.list_asset_names())
     assert sum(path.stat().st_size for path in files) < 50e6
-    for name in set(assets.asset_names()) - {SKY}:
+    for name in set(assets.list_asset_names()) - {SKY}:
         empty_scene()
         assert append(folder, name).preview.image_size[0] > 100

@@ -101,7 +101,7 @@ def test_a_closed_sphere_has_the_light_of_the_integrating_sphere(registered, bou
     and 0.512. The facets of 10242 corners are flat: within 1 %. The mean of 164,000 paths has no noise beside that."""
     scene = empty_scene()
     made = sphere(scene, 0.8, 2.0)
-    found = baked_light.bake(made, scene, complete(ROUGH, {"quality": {"diffuse_bounces": bounces}}))
+    found = baked_light.bake_indirect_light(made, scene, complete(ROUGH, {"quality": {"diffuse_bounces": bounces}}))
     wanted = sum(0.8**k for k in range(1, bounces + 1))
     assert found.values.mean() == pytest.approx(wanted, rel=0.01)
     assert found.share == pytest.approx(wanted / (1.0 + wanted), rel=0.01)
@@ -114,7 +114,9 @@ def test_noise_falls_with_the_root_of_the_samples_and_is_what_differs_from_many(
         def baked(samples: int):
             settings = planned({"quality": {"bake_samples": samples, "bake_noise": 0.0}})[0]
             built, scene, _ = source.prepare(settings)
-            return baked_light.bake(built.terrain, scene, settings.settings), triangles_of(built.terrain.data)
+            return baked_light.bake_indirect_light(built.terrain, scene, settings.settings), triangles_of(
+                built.terrain.data
+            )
 
         (few, triangles), (more, _), (many, _) = (baked(samples) for samples in (8, 32, 512))
     assert (few.samples, more.samples, many.samples) == (8, 32, 512)
@@ -136,10 +138,10 @@ def test_the_error_of_a_bake_is_as_large_as_the_spread_of_independent_bakes(regi
         pair = planned(flat)[0]
         built, scene, _ = source.prepare(pair)
         bakes = [
-            baked_light.bake(built.terrain, scene, complete(ROUGH, flat, {"dataset": {"seed": seed}}))
+            baked_light.bake_indirect_light(built.terrain, scene, complete(ROUGH, flat, {"dataset": {"seed": seed}}))
             for seed in range(8)
         ]
-        again = baked_light.bake(built.terrain, scene, complete(ROUGH, flat, {"dataset": {"seed": 7}}))
+        again = baked_light.bake_indirect_light(built.terrain, scene, complete(ROUGH, flat, {"dataset": {"seed": 7}}))
     assert np.array_equal(again.values, bakes[7].values)
     assert np.array_equal(again.error, bakes[7].error)
     values = np.array([bake.values.mean(axis=1) for bake in bakes], np.float64)
@@ -154,7 +156,7 @@ def error_of(pair: PlannedPair, dataset: Path, eye: str) -> dict[str, Array]:
 
 def test_the_pass_of_the_error_is_what_such_light_adds_to_the_image(registered, tmp_path, monkeypatch):
     """An error that is all of the baked light must be what the image has more of than without any."""
-    bake = baked_light.bake
+    bake = baked_light.bake_indirect_light
     (pair,) = planned({"dataset": {"headings": 1}, "quality": {"files": "FULL"}})
     for name, share in (("with", 1.0), ("without", 0.0)):
 
@@ -162,7 +164,7 @@ def test_the_pass_of_the_error_is_what_such_light_adds_to_the_image(registered, 
             made = bake(*of)
             return replace(made, values=share * made.values, error=made.values.mean(axis=1))
 
-        monkeypatch.setattr(baked_light, "bake", changed)
+        monkeypatch.setattr(baked_light, "bake_indirect_light", changed)
         run(tmp_path / name, [pair])
     more = (light_of(pair, tmp_path / "with") - light_of(pair, tmp_path / "without"))[0].mean(axis=-1)
     error = error_of(pair, tmp_path / "with", "left")
@@ -216,7 +218,7 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
     pair = planned()[0]
     with ScenesFromSettings(lambda warning: None) as source:
         built, scene, _ = source.prepare(pair)
-        key = baked_light.key_of(built, pair.settings)
+        key = baked_light.make_bake_key(built, pair.settings)
         values = np.full((len(built.terrain.data.vertices), 3), 0.25, np.float32)
         made = baked_file.BakedLight(values, values[:, 0], np.zeros((0, TERMS, 3), np.float32), 0.1, 0.2, 16, 1)
         theirs, ours = Claims(tmp_path), Claims(tmp_path)
@@ -224,11 +226,11 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
 
         def finish() -> None:
             time.sleep(1.0)
-            theirs.state_light(key, baked_file.write(tmp_path, key, made)[1], 1.0)
+            theirs.state_light(key, baked_file.write_baked_light(tmp_path, key, made)[1], 1.0)
 
         worker = threading.Thread(target=finish)
         worker.start()
-        found = baked_light.provide(built, scene, pair, SharedLight(tmp_path, ours))
+        found = baked_light.provide_baked_light(built, scene, pair, SharedLight(tmp_path, ours))
         worker.join()
         theirs.close()
         ours.close()
@@ -320,7 +322,7 @@ def test_ground_with_an_image_of_much_contrast_is_not_taken_for_ground_without_b
     image = png(tmp_path / "q.png", values)
     own = {"set": "OWN", "albedo_file": str(image), "width_m": 1.0, "repeat": "TURNED"}
     settings = complete(ROUGH, {"textures": own, "dataset": {"headings": 1}})
-    (pair,) = expand_headings(settings, scenes.extra(settings))
+    (pair,) = expand_headings(settings, scenes.make_extra(settings))
     run(tmp_path / "set", [pair])
     assert stated(pair, tmp_path / "set")["indirect"]["method"] == "BAKED"
 

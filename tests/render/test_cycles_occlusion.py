@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 from icymoon.physics.camera.occlusion import find_matching_column, is_in_frame
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
@@ -27,7 +27,7 @@ ROCKS = {
 
 def shoot(folder: Path, *parts: dict) -> Pair:
     settings = complete(*parts)
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     return read_pair(
         render_pairs(built, expand_headings(settings), folder, 1, time.perf_counter(), lambda *a, **k: None)[0]
     )

@@ -68,7 +68,7 @@ def told(scene: bpy.types.Scene) -> dict[tuple[str, str], object]:
 def test_nothing_that_a_scene_was_left_with_reaches_the_image(registered):
     settings = defaults().quality
     fresh = empty_scene()
-    cycles_settings.apply(fresh, settings, 5)
+    cycles_settings.apply_quality(fresh, settings, 5)
     wanted = told(fresh)
     left = empty_scene()
     left.render.engine = "CYCLES"
@@ -76,7 +76,7 @@ def test_nothing_that_a_scene_was_left_with_reaches_the_image(registered):
         for name, value in values.items():
             setattr(getattr(left, part), name, value)
             assert getattr(getattr(left, part), name) != wanted[part, name], f"{part}.{name} harms nothing"
-    cycles_settings.apply(left, settings, 5)
+    cycles_settings.apply_quality(left, settings, 5)
     assert told(left) == wanted
 
 
@@ -111,7 +111,7 @@ def test_light_is_linear_however_bright_it_is(registered):
     images = []
     for strength in (0.01, 10000.0):
         scene = corner(strength)
-        cycles_settings.apply(scene, defaults().quality | {"samples": 8, "threads": 1, "diffuse_bounces": 2}, 1)
+        cycles_settings.apply_quality(scene, defaults().quality | {"samples": 8, "threads": 1, "diffuse_bounces": 2}, 1)
         images.append(render_pixels(scene) / strength)
     np.testing.assert_allclose(images[1], images[0], rtol=1e-4)
     direct = np.cos(np.radians(45.0)) / np.pi

@@ -20,14 +20,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from icymoon.nodes.datablocks.fingerprint import parts
+from icymoon.nodes.datablocks.fingerprint import read_parts
 from icymoon.nodes.next_scene import adapt_scene, open_empty_scene
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import ordered
+from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
-from icymoon.render.workers.verify import verify
+from icymoon.render.workers.verify import verify_data_set
 from marks import heavy_but
 from plans import grid, planned
 
@@ -63,7 +63,7 @@ def images(dataset: Path) -> dict[str, bytes]:
 
 
 def freeze(dataset: Path, pairs: list[PlannedPair] = PAIRS) -> Path:
-    datasets.freeze_plan(dataset, ordered(pairs), "test")
+    datasets.freeze_plan(dataset, order_pairs(pairs), "test")
     return dataset
 
 
@@ -76,7 +76,7 @@ def run(dataset: Path, *words: str, **options) -> subprocess.CompletedProcess[st
 
 
 def assert_whole(dataset: Path) -> None:
-    assert verify(dataset).problems == ()
+    assert verify_data_set(dataset).problems == ()
 
 
 @pytest.fixture(scope="module")
@@ -111,10 +111,10 @@ def test_a_scene_made_out_of_another_is_the_scene_built_anew(kind, scene):
     change, reuse = CHANGES[kind]
     first, second = planned(ROCKS).settings, planned(ROCKS, change).settings
     for one, other in ((first, second), (second, first)):
-        wanted = parts(open_empty_scene(other).collection)
+        wanted = read_parts(open_empty_scene(other).collection)
         built, kept = adapt_scene(open_empty_scene(one), other)
         assert kept == reuse
-        assert parts(built.collection) == wanted
+        assert read_parts(built.collection) == wanted
         assert built.settings == other
         assert not built.edited
 
@@ -171,7 +171,7 @@ def test_a_pair_that_cannot_be_made_is_named_and_the_others_are_there(tmp_path):
     done = run(dataset)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
-    found = verify(dataset)
+    found = verify_data_set(dataset)
     assert [(p.kind, p.what) for p in found.problems] == [("missing", bad.id)]
     assert bad.id in json.loads((dataset / "manifest.json").read_text())["set_aside"]
 

@@ -39,7 +39,7 @@ def test_a_pair_takes_what_is_expected_within_a_tenth(registered, tmp_path: Path
     """The tenth is what the manual promises; how far each pass varies over scenes stands in the study ``disk``."""
     pair, _ = render(tmp_path, VIEW, change)
     found = sum(fact["bytes"] for fact in pair.data["files"].values())
-    assert estimate.bytes_of(pair.settings) == pytest.approx(found, rel=0.1)
+    assert estimate.estimate_bytes(pair.settings) == pytest.approx(found, rel=0.1)
     assert found == sum(file.stat().st_size for file in pair.folder.glob("*.exr"))
 
 
@@ -56,14 +56,14 @@ def test_blenders_own_files_take_no_more_than_there_is_room_for(registered, tmp_
 
     monkeypatch.setattr(render_pair, "_read_layers", weigh)
     pair, _ = render(tmp_path, VIEW, change)
-    room = render_pair._ROOM_WHILE_WRITING * estimate.pixels_of(pair.settings)
+    room = render_pair._ROOM_WHILE_WRITING * estimate.count_pixels(pair.settings)
     assert least * room < sum(sizes) < room
 
 
 def test_a_disk_that_holds_the_pairs_is_not_refused(tmp_path: Path, monkeypatch):
     pairs = expand_headings(complete(VIEW, {"dataset": {"headings": 20}}))
     expected = estimate.count_bytes_left(pairs, tmp_path)
-    room = render_pair._ROOM_WHILE_WRITING * estimate.pixels_of(pairs[0].settings)
+    room = render_pair._ROOM_WHILE_WRITING * estimate.count_pixels(pairs[0].settings)
     for free, fits in ((1.01 * expected + room, True), (0.99 * expected + room, False)):
         monkeypatch.setattr(render_pair.shutil, "disk_usage", lambda path, free=free: SimpleNamespace(free=free))
         if fits:

@@ -146,7 +146,7 @@ _REFUSED = {
 
 
 def _check_build(settings):
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     for item in built.collection.all_objects:
         assert extremes.is_finite(item), item.name
     assert not extremes.unused(built)
@@ -389,7 +389,7 @@ def test_a_mesh_a_thousand_kilometres_from_its_origin(tmp_path):
 @pytest.mark.parametrize(("x_m", "told"), [(100.0, False), (1000.0, False), (1e4, True), (5e4, True)])
 def test_a_camera_far_from_the_origin_is_told_of(x_m, told):
     """With the default rig at 640 px; what is lost at each distance is in the manual."""
-    built = scenes.build(empty_scene(), complete({"rig": {"x_m": x_m, "width_px": 640, "height_px": 480}}))
+    built = scenes.build_scene(empty_scene(), complete({"rig": {"x_m": x_m, "width_px": 640, "height_px": 480}}))
     assert bool([text for text in built.warnings if "rounded" in text]) == told
 
 
@@ -427,10 +427,10 @@ def test_dirt_in_the_troughs_of_round_ground_is_the_same_from_a_slider():
         built.terrain.data.attributes[ELEVATION].data.foreach_get("value", values)
         return values
 
-    wanted = elevation(scenes.build(empty_scene(), dirty)).copy()
-    built = scenes.build(empty_scene(), complete(GRADED))
+    wanted = elevation(scenes.build_scene(empty_scene(), dirty)).copy()
+    built = scenes.build_scene(empty_scene(), complete(GRADED))
     preview.show_settings(built, dirty, 33)
-    np.testing.assert_array_equal(elevation(scenes.find(bpy.context.scene)), wanted)
+    np.testing.assert_array_equal(elevation(scenes.find_built(bpy.context.scene)), wanted)
 
 
 @pytest.mark.parametrize("rocks", [{"coverage": 0.0}, {"coverage": 0.3, "most": 0}], ids=["none", "none allowed"])

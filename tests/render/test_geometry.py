@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.formats.ply import read_properties
-from icymoon.nodes.scene import build
-from icymoon.render.geometry_worker import mesh_triangles, run_job, write_geometry
+from icymoon.nodes.scene import build_scene
+from icymoon.render.geometry_worker import read_mesh_triangles, run_job, write_geometry
 from icymoon.render.render_pair import open_render_scene
 from icymoon.support.errors import IcyMoonError
 from rendering import SMALL, complete, empty_scene
@@ -61,7 +61,7 @@ def test_ground_and_rocks_are_written_in_the_world(tmp_path):
 
 def test_rocks_that_are_hidden_in_renders_are_not_written(tmp_path):
     settings = complete({"terrain": {"resolution": 33, "size_m": 8.0}, "rocks": {"coverage": 0.1}})
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     built.rocks.hide_render = True
     with open_render_scene(built, 1) as scene:
         facts = write_geometry(built, scene, tmp_path)
@@ -72,11 +72,11 @@ def test_flat_faces_keep_their_normals_and_smooth_ones_share_vertices():
     empty_scene()
     bpy.ops.mesh.primitive_cube_add()
     mesh = bpy.context.object.data
-    vertices, normals, triangles = mesh_triangles(mesh)
+    vertices, normals, triangles = read_mesh_triangles(mesh)
     assert (len(vertices), len(triangles)) == (36, 12)
     assert np.sort(np.abs(normals), axis=1) == pytest.approx(np.tile([0.0, 0.0, 1.0], (36, 1)))
     mesh.shade_smooth()
-    vertices, normals, triangles = mesh_triangles(mesh)
+    vertices, normals, triangles = read_mesh_triangles(mesh)
     assert (len(vertices), len(triangles)) == (8, 12)
     assert normals == pytest.approx(vertices / np.sqrt(3.0), abs=1e-5)
 

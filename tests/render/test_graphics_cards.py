@@ -99,15 +99,15 @@ def test_the_window_uses_what_is_ticked_in_the_preferences(cycles, kind, ticked,
     for device in cycles.devices:
         device.use = device.name in ticked
     assert graphics_cards.find_ticked_cards() == found
-    environment = jobs.environment_with_cards("GPU", {"A": "b"})
+    environment = jobs.make_environment_with_cards("GPU", {"A": "b"})
     assert environment == ({"A": "b", ENVIRONMENT: str(found)} if found.numbers else {"A": "b"})
-    assert jobs.environment_with_cards("CPU", {"A": "b"}) == {"A": "b"}
+    assert jobs.make_environment_with_cards("CPU", {"A": "b"}) == {"A": "b"}
 
 
 def test_the_environment_comes_before_what_is_ticked(cycles, monkeypatch):
     cycles.compute_device_type = "OPTIX"
     monkeypatch.setenv(ENVIRONMENT, "0")
-    assert jobs.environment_with_cards("GPU", {"A": "b"}) == {"A": "b"}
+    assert jobs.make_environment_with_cards("GPU", {"A": "b"}) == {"A": "b"}
 
 
 class FakeSource:

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.nodes.ground.terrain_mesh import build_mesh_from_arrays
-from icymoon.nodes.scene import Built, build
+from icymoon.nodes.scene import Built, build_scene
 from icymoon.physics.rocks.shapes import make_icosphere
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
@@ -27,7 +27,7 @@ FLAT = {"terrain": {"rms_slope_deg": 0.0}, "quality": {"samples": 1}}
 def shoot(folder: Path, *parts: dict, add: Callable[[Built], object] = lambda built: None) -> tuple[Pair, Built]:
     """Build, let ``add`` put something in, render one pair."""
     settings = complete(*parts)
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     add(built)
     folders = render_pairs(built, expand_headings(settings), folder, 1, time.perf_counter(), lambda *a, **k: None)
     return read_pair(folders[0]), built

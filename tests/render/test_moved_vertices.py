@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from icymoon.nodes.tree.builder import Tree
 from icymoon.physics.light import baked_texels
-from icymoon.render.moved_vertices import as_rendered, is_moved, solve
+from icymoon.render.moved_vertices import is_moved, open_rendered_mesh, solve_corner_shifts
 from icymoon.support.blender import compat
 from rendering import empty_scene
 
@@ -34,7 +34,7 @@ def test_shifts_of_corners_follow_from_places_within(sides, across):
     corners = 5.0 + square + 0.1 * random.uniform(-1, 1, (200, sides, 3))
     shifts = random.normal(size=corners.shape)
     weights = on_facets(corners, across)
-    found, sure = solve(corners, weights @ corners, weights @ shifts, np.full(200, across))
+    found, sure = solve_corner_shifts(corners, weights @ corners, weights @ shifts, np.full(200, across))
     assert sure.all()
     assert found == pytest.approx(shifts, abs=1e-9)
 
@@ -43,7 +43,7 @@ def test_a_facet_without_area_is_not_sure():
     corners = np.zeros((1, 3, 3))
     corners[0, :, 0] = [0.0, 1.0, 2.0]
     shift = np.ones((1, 3, 3))
-    found, sure = solve(corners, corners, shift, np.zeros(1, bool))
+    found, sure = solve_corner_shifts(corners, corners, shift, np.zeros(1, bool))
     assert not sure.any()
     assert found == pytest.approx(shift)
 
@@ -81,7 +81,7 @@ def test_vertices_move_as_the_material_tells_in_the_world(quads):
     place = np.array([[2.0, 0, 0, 10], [0, 0, -2.0, 0], [0, 2.0, 0, 0], [0, 0, 0, 1]])
     before = np.array([vertex.co for vertex in mesh.vertices])
     assert is_moved(mesh)
-    with as_rendered(mesh, place) as moved:
+    with open_rendered_mesh(mesh, place) as moved:
         found = np.array([vertex.co for vertex in moved.vertices])
     world = before @ place[:3, :3].T + place[:3, 3]
     wanted = before + np.array([0.0, 0.0, 0.01]) * world[:, :1]
@@ -103,7 +103,7 @@ def test_faces_at_a_sharp_edge_move_apart():
     mesh.materials.append(moving("Test", 0.05))
     place = np.eye(4)
     place[0, 3] = 10.0
-    with as_rendered(mesh, place) as moved:
+    with open_rendered_mesh(mesh, place) as moved:
         found = np.array([vertex.co for vertex in moved.vertices])
     top = found[found[:, 2] > 1.2]
     x, y = top[:, :2].T

@@ -9,7 +9,7 @@ import sys
 import pytest
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.workers.verify import verify
+from icymoon.render.workers.verify import verify_data_set
 from olddata import DATA, OLD, copied
 
 
@@ -44,5 +44,5 @@ def test_a_pair_that_was_taken_out_is_made_again_and_the_others_stay(old, tmp_pa
     again = read_pair(gone)
     assert (again.settings, again.camera, again.data["seeds"]) == (was.settings, was.camera, was.data["seeds"])
     assert again.data["files"].keys() == was.data["files"].keys()
-    assert verify(dataset).problems == ()
+    assert verify_data_set(dataset).problems == ()
     assert datasets.read_frozen_plan(dataset).find_missing(dataset) == []

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes.scene import Built, build
+from icymoon.nodes.scene import Built, build_scene
 from icymoon.rays import engine
 from icymoon.render import moved_vertices
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
@@ -31,7 +31,7 @@ Change = Callable[[Built], object]
 
 def shoot(folder: Path, settings: Settings, change: Change | None = None) -> list[Pair]:
     """The pairs of a built scene, which ``change`` has changed by hand."""
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     if change is not None:
         change(built)
     made = render_pairs(built, expand_headings(settings, built.extra), folder, 1, 0.0, lambda *a, **k: None)
@@ -226,7 +226,7 @@ def test_truth_that_comes_with_the_light_needs_no_rays(tmp_path, monkeypatch):
 
 def test_rays_leave_nothing_in_the_file(tmp_path):
     settings = complete({"surface": {**ROUGH, "relief": "DISPLACEMENT"}, "rocks": ROCKS})
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     kinds = ("scenes", "objects", "meshes", "materials", "node_groups", "collections")
     before = [sorted(getattr(bpy.data, kind).keys()) for kind in kinds]
     render_pairs(built, expand_headings(settings, built.extra), tmp_path, 1, 0.0, lambda *a, **k: None)
@@ -247,7 +247,7 @@ def test_geometry_nodes_move_vertices_as_a_bake_of_cycles_tells(monkeypatch):
             },
         }
     )
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     mesh, place = built.terrain.data, np.array(built.terrain.matrix_world)
     at_rest = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", at_rest)

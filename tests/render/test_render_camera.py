@@ -8,7 +8,7 @@ import bpy
 import cv2
 import numpy as np
 import pytest
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 from icymoon.operators import sidebar_text
 from icymoon.physics.camera.blur import circle_of_confusion_px, find_blur, motion_blur_px
 from icymoon.physics.camera.lens_distortion import find_overscan
@@ -319,23 +319,25 @@ def test_at_the_extremes_there_is_an_image_without_nan_and_the_truth_is_that_of_
 
 def test_panel_and_build_say_what_truth_is_of_and_the_panel_how_blurred_and_how_dark():
     size = {"rig": {"width_px": 640, "height_px": 480}}
-    assert sidebar_text.camera_notes(complete(size)) == ()
+    assert sidebar_text.list_camera_notes(complete(size)) == ()
     moving = complete(
         size,
         FOCUS,
         {"rig": {"focus_distance_m": 2.0, "speed_right_m_s": 1.0, "motion_exposure_s": 0.01, "distortion_k1": -0.1}},
     )
-    lines = sidebar_text.camera_notes(moving)
+    lines = sidebar_text.list_camera_notes(moving)
     assert "truth is sharp" in " ".join(lines)
     # 2.23 m deep in the middle: 341.3 px x 0.032 m / 1.6 x (1/2 - 1/2.23) and 341.3 px x 0.01 m / 2.23 m.
     assert "Middle focus 0.352 px, motion 1.53 px" in lines
     assert lines[-1] == "Overscan 0.151 needed"
     enough = complete({"rig": {"distortion_k1": -0.1, "overscan": 0.4}})
-    assert sidebar_text.camera_notes(enough)[-1] == "Overscan 0.141 needed, and set"
-    assert max(len(part) for line in lines for part in sidebar_text.in_lines(line, icon=True)) <= sidebar_text.LINE - 4
-    assert any("pinhole in the middle" in text for text in build(empty_scene(), moving).warnings)
+    assert sidebar_text.list_camera_notes(enough)[-1] == "Overscan 0.141 needed, and set"
+    assert (
+        max(len(part) for line in lines for part in sidebar_text.wrap_lines(line, icon=True)) <= sidebar_text.LINE - 4
+    )
+    assert any("pinhole in the middle" in text for text in build_scene(empty_scene(), moving).warnings)
     unknown = complete({"rig": {"roll_deg_s": 1.0}})
-    assert "Stereo Camera ▸ Exposure" in " ".join(sidebar_text.camera_notes(unknown))
+    assert "Stereo Camera ▸ Exposure" in " ".join(sidebar_text.list_camera_notes(unknown))
     with pytest.raises(IcyMoonError, match="motion_exposure_s"):
         expand_headings(unknown)
 
@@ -363,7 +365,7 @@ def test_the_built_camera_is_the_same_after_a_render_and_nothing_is_left_behind(
 
 def test_an_image_that_is_larger_than_blender_renders_is_refused(tmp_path):
     settings = complete({"rig": {"width_px": 16384, "height_px": 4, "overscan": 2.0}})
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     with pytest.raises(IcyMoonError, match=r"rig\.overscan"):
         render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     assert not list(tmp_path.glob("pairs/*"))

@@ -8,7 +8,7 @@ import pytest
 from icymoon.formats.exr_layout import read_channels
 from icymoon.formats.exr_parts import read_pieces
 from icymoon.nodes.next_scene import adapt_scene, open_empty_scene
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 from icymoon.nodes.surface.sun_inputs import is_osl
 from icymoon.stereo.images.exr import read_truth, read_view
 from icymoon.stereo.measure.prepare import prepare_pair
@@ -29,7 +29,7 @@ def test_light_is_followed_under_the_surface_only_where_a_camera_could_tell():
     built, kept = adapt_scene(built, near)
     assert kept
     assert snow(built).inputs["Subsurface Weight"].default_value == 1.0
-    always = build(empty_scene(), complete(SNOW, {"quality": {"walk_px": 0.0}}))
+    always = build_scene(empty_scene(), complete(SNOW, {"quality": {"walk_px": 0.0}}))
     assert snow(always).inputs["Subsurface Weight"].default_value == 1.0
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes.scene import Built, build
+from icymoon.nodes.scene import Built, build_scene
 from icymoon.render import render_pair, unlit
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
@@ -57,7 +57,7 @@ def add_pane(built: Built, kind: str) -> bpy.types.Material:
 def shoot(folder: Path, pane: str, *parts: dict) -> list[Array]:
     """All that two pairs of a scene contain, and the links and lamps that the scene has afterwards."""
     settings = complete(TWO, *parts)
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     if pane:
         add_pane(built, pane)
     found = []
@@ -93,7 +93,7 @@ def test_nothing_changes(tmp_path, monkeypatch, pane, parts):
 
 @pytest.mark.parametrize(("pane", "kept"), list(PANES.items())[1:])
 def test_what_rays_may_pass_keeps_its_surface(pane, kept):
-    built = build(empty_scene(), complete(TWO))
+    built = build_scene(empty_scene(), complete(TWO))
     output = add_pane(built, pane).node_tree.get_output_node("CYCLES")
     ground = built.terrain.data.materials[0].node_tree.get_output_node("CYCLES")
     with unlit.take_surfaces_off(built.materials):
@@ -108,7 +108,7 @@ def test_all_is_back_after_a_failure(tmp_path, monkeypatch):
         raise ValueError("no depth")
 
     settings = complete(TWO)
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     before = [(lamp.name, lamp.energy) for lamp in bpy.data.lights]
     monkeypatch.setattr(render_pair.cycles_occlusion, "read_disparity", fail)
     with pytest.raises(render_pair.IcyMoonError, match="cannot be put together"):
@@ -124,5 +124,7 @@ def test_surfaces_are_taken_off_where_it_saves_time(tmp_path, monkeypatch, most)
     monkeypatch.setattr(unlit, "MOST_TRIANGLES_A_PIXEL", most)
     monkeypatch.setattr(unlit, "take_surfaces_off", lambda what: nullcontext(taken.append(len(what))))
     settings = complete(TWO)
-    render_pairs(build(empty_scene(), settings), expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+    render_pairs(
+        build_scene(empty_scene(), settings), expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None
+    )
     assert [bool(each) for each in taken] == [most > 0] * 2

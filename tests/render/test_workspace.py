@@ -8,12 +8,12 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.formats.exr_pixels import decode_parts
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 from icymoon.render.ground_maps import make_heights, make_materials
 from icymoon.render.pairs.pair_folder import find_changed_files
-from icymoon.render.pairs.workspace_cells import workspace_extent
+from icymoon.render.pairs.workspace_cells import find_workspace_extent
 from icymoon.render.plans.planned_pair import expand_headings
-from icymoon.render.ray_stage import CannotTrace, RaysOfScene
+from icymoon.render.ray_stage import CannotTrace, SceneRays
 from icymoon.render.render_pair import open_render_scene
 from icymoon.render.worker import render_pairs
 from icymoon.settings.description import digest
@@ -93,12 +93,12 @@ def some_quad():
 def test_heights_are_of_ground_and_rocks_alone_and_rays_meet_the_rest_again_after(plane):
     """A sheet of the user's lies above all of the workspace, and a wire that no ray could meet."""
     settings = complete(plane, {"rocks": {"coverage": 0.3, "smallest_m": 0.3, "largest_m": 0.6}}, ON)
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     add(built, some_quad(), 3.0)
-    extent = workspace_extent(settings.workspace)
+    extent = find_workspace_extent(settings.workspace)
     east, north = extent.west_m + (np.arange(20) + 0.5) * 0.1, extent.north_m - (np.arange(20) + 0.5) * 0.1
     eye, down = np.array([0.5, 1.0, 9.0]), np.array([[0.0, 0.0, -1.0]])
-    with open_render_scene(built, 1) as scene, closing(RaysOfScene(scene, np.inf)) as rays:
+    with open_render_scene(built, 1) as scene, closing(SceneRays(scene, np.inf)) as rays:
         top, ground = make_heights(rays, extent)
         stage = rays.prepare()
         assert stage.ground_tracer.intersect(eye, down, 0.0, np.inf).along == pytest.approx(6.0)
@@ -142,9 +142,9 @@ def test_frost_and_dirt_hide_salt(plane, tmp_path):
     found = []
     for part in ({}, {"frost_share": 1.0}, {"dirt": "SULPHUR", "slope_dirt": -1.0}):
         settings = complete(plane, ON, SALTY, {"surface": {"model": "PRINCIPLED", **part}})
-        built = build(empty_scene(), settings)
+        built = build_scene(empty_scene(), settings)
         with open_render_scene(built, 1) as scene:
-            found.append(make_materials(built, scene, tmp_path, workspace_extent(settings.workspace))[3])
+            found.append(make_materials(built, scene, tmp_path, find_workspace_extent(settings.workspace))[3])
     plain, frosted, dirty = found
     assert plain.mean() > 0.1
     assert frosted.max() < 0.01
@@ -158,7 +158,7 @@ def test_maps_of_albedo_and_salts_change_nothing_of_the_pairs_after_them(plane, 
     planned = expand_headings(settings)
     made = {}
     for name, wanted in (("both", planned), ("second", planned[1:])):
-        built = build(empty_scene(), settings)
+        built = build_scene(empty_scene(), settings)
         made[name] = render_pairs(built, wanted, tmp_path / name, 1, 0.0, lambda *a, **k: None)[-1]
     assert made["both"].name == made["second"].name
     for file in ("left.exr", "right.exr"):

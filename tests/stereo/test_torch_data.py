@@ -10,7 +10,7 @@ import pytest
 from icymoon.formats.exr_parts import read_pieces
 from icymoon.physics.random_numbers.seeds import make_generator
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.render.pairs.scene_splits import check_splits, scene_of, split_of
+from icymoon.render.pairs.scene_splits import check_splits, choose_split, name_scene
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.torch_data import Dataset
 from icymoon.support.errors import IcyMoonError
@@ -78,7 +78,7 @@ def test_a_scene_is_in_one_split_and_stays_there(dataset):
             found[name] = Dataset(dataset, name, splits=splits).pairs
         except IcyMoonError:
             found[name] = []
-    scenes = {name: {scene_of(pair) for pair in found[name]} for name in splits}
+    scenes = {name: {name_scene(pair) for pair in found[name]} for name in splits}
     assert not scenes["train"] & scenes["test"]
     assert sum(map(len, found.values())) == 6
     assert len(scenes["train"] | scenes["test"]) == 3, "another Sun makes no other scene, another seed does"
@@ -86,7 +86,7 @@ def test_a_scene_is_in_one_split_and_stays_there(dataset):
 
 def test_shares_are_those_of_many_scenes():
     splits = check_splits({"train": 0.8, "val": 0.15, "test": 0.05})
-    drawn = [split_of(f"{k:012x}", splits) for k in range(2000)]
+    drawn = [choose_split(f"{k:012x}", splits) for k in range(2000)]
     # Five standard deviations of 2000 draws.
     for name, share in splits.items():
         assert abs(drawn.count(name) / 2000 - share) < 5 * (share * (1 - share) / 2000) ** 0.5

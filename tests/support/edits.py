@@ -144,10 +144,10 @@ def populate() -> None:
 @pytest.fixture(scope="module")
 def built(registered: None) -> scenes.Built:
     scene = empty_scene()
-    scenes.build(scene, complete(TINY))
+    scenes.build_scene(scene, complete(TINY))
     populate()
     bpy.context.view_layer.update()
-    found = scenes.find(scene)
+    found = scenes.find_built(scene)
     assert found is not None
     return found
 
@@ -390,7 +390,7 @@ def hidden_collection(built: scenes.Built) -> Undo:
 
 def surface_of_a_rock(built: scenes.Built) -> Undo:
     rock = next(item for item in built.collection.all_objects if item.get(fingerprint.TAG) == "rock")
-    shape = next(iter(fingerprint.instanced_objects(rock)))
+    shape = next(iter(fingerprint.find_instanced_objects(rock)))
     return swap(lambda: shape.data.vertices[0], "co", (7.0, 0.0, 0.0))
 
 

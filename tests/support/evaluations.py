@@ -47,5 +47,5 @@ def evaluated(scene: bpy.types.Scene, dataset: Path, *rows: dict[str, Any], scop
     """A scene whose pair of this data set was evaluated."""
     scene.icymoon.dataset.folder = str(dataset)
     settings = scene_properties.read_settings(scene.icymoon)
-    write_evaluation(results.folder_of(settings, scope), *rows, **facts)
+    write_evaluation(results.find_evaluation_folder(settings, scope), *rows, **facts)
     results.keep_results(scene, scope, settings, [] if scope == "DATASET" else [PAIR])

@@ -9,8 +9,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon.nodes.light.sun_lamp import angular_diameter, irradiance_wm2
-from icymoon.nodes.scene import Built, build
+from icymoon.nodes.light.sun_lamp import read_lamp_diameter, read_lamp_irradiance_wm2
+from icymoon.nodes.scene import Built, build_scene
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
 from icymoon.physics.camera.depth_accuracy import coordinate_rounding_m
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
@@ -155,7 +155,7 @@ def story(settings: Settings) -> str:
 
 def shot(settings: Settings, folder: Path) -> tuple[Pair, Built]:
     """Build and render. Raises IcyMoonError where a description is refused."""
-    built = build(empty_scene(), settings)
+    built = build_scene(empty_scene(), settings)
     (made,) = render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)
     return read_pair(made), built
 
@@ -205,9 +205,9 @@ def unused(built: Built) -> list[str]:
     if built.settings.light.directions_from == "ANGLES":
         light = built.settings.light
         disc = light.sun_angular_diameter_deg
-        pairs["light.sun_angular_diameter_deg"] = math.degrees(angular_diameter(built.sun)), disc
+        pairs["light.sun_angular_diameter_deg"] = math.degrees(read_lamp_diameter(built.sun)), disc
         if light.sun_elevation_deg + disc / 2 > 0 and not built.sky["sun"]["eclipse"]:
-            pairs["light.sun_irradiance_wm2"] = (irradiance_wm2(built.sun), light.sun_irradiance_wm2)
+            pairs["light.sun_irradiance_wm2"] = (read_lamp_irradiance_wm2(built.sun), light.sun_irradiance_wm2)
     return [
         f"{name} is {there:g} in the scene, not {stated:g}"
         for name, (there, stated) in pairs.items()

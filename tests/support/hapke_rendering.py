@@ -58,7 +58,7 @@ def picture(
         },
         *parts,
     )
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     if change:
         change(built)
         bpy.context.view_layer.update()

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon.nodes.scene import Built, build
+from icymoon.nodes.scene import Built, build_scene
 from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
@@ -40,7 +40,7 @@ def render(folder: Path, *parts: dict[str, Any]) -> tuple[Pair, Built]:
     settings = complete(*parts)
     scene = empty_scene()
     start = time.perf_counter()
-    built = build(scene, settings)
+    built = build_scene(scene, settings)
     folders = render_pairs(
         built, expand_headings(settings), folder, 1, time.perf_counter() - start, lambda *a, **k: None
     )

@@ -17,7 +17,7 @@ from typing import Any
 import bpy
 import icymoon
 import numpy as np
-from icymoon.nodes.scene import Built, build
+from icymoon.nodes.scene import Built, build_scene
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
@@ -62,7 +62,7 @@ _VERTICES, _ROWS, _COLUMNS = 41, slice(3, None, 7), slice(3, None, 8)  # of whic
 def built(name: str) -> Built:
     """Build one of the scenes."""
     preset, changes = SCENES[name]
-    return build(
+    return build_scene(
         empty_scene(),
         description.merged(
             description.defaults(),

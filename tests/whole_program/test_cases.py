@@ -99,13 +99,13 @@ def test_files_of_other_programs_are_read(tmp_path, capsys, number):
 
 def built(folder: Path, *settings: str):
     """A scene on the height map of a case, and its warnings."""
-    from icymoon.nodes.scene import build
+    from icymoon.nodes.scene import build_scene
     from icymoon.settings import description, preset_files
     from rendering import empty_scene
 
     stated = ("source.kind=HEIGHT_MAP", f"source.file={folder / 'dem.tif'}", *settings)
     presets = (preset_files.load_preset(name) for name in ("europa_rough_ice", "qualities/draft"))
-    return build(
+    return build_scene(
         empty_scene(),
         description.merged(
             description.defaults(),

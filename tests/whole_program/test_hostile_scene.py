@@ -77,7 +77,7 @@ def matchers(scene, monkeypatch):
     )
     bpy.utils.register_class(kind)
     bpy.types.Scene.icymoon_test = bpy.props.PointerProperty(type=kind)
-    monkeypatch.setattr(preferences, "_preferences", lambda: bpy.context.scene.icymoon_test)
+    monkeypatch.setattr(preferences, "_get_preferences", lambda: bpy.context.scene.icymoon_test)
     yield scene.icymoon_test.matchers
     del bpy.types.Scene.icymoon_test
     bpy.utils.unregister_class(kind)
@@ -114,13 +114,13 @@ def test_one_s_own_matcher_is_set_up_in_the_preferences_and_named_by_scenes(matc
 def test_a_network_of_one_s_own_needs_no_more_than_its_name(matchers):
     bpy.ops.icymoon.add_matcher()
     matchers[0].method = "igev"
-    assert preferences.own_matcher_arguments("own:mine") == ["--own", "mine:igev"]
+    assert preferences.make_own_matcher_arguments("own:mine") == ["--own", "mine:igev"]
     matchers[0].program = "/trained.pth"
-    assert preferences.own_matcher_arguments("own:mine") == ["--own", "mine:igev:checkpoint=/trained.pth"]
+    assert preferences.make_own_matcher_arguments("own:mine") == ["--own", "mine:igev:checkpoint=/trained.pth"]
     for kind, option in (("resident", "command"), ("onnx", "model"), ("stereo_matching", "python")):
         matchers[0].method = kind
-        assert preferences.own_matcher_arguments("own:mine") == ["--own", f"mine:{kind}:{option}=/trained.pth"]
-    assert preferences.own_matcher_arguments("bm") == []
+        assert preferences.make_own_matcher_arguments("own:mine") == ["--own", f"mine:{kind}:{option}=/trained.pth"]
+    assert preferences.make_own_matcher_arguments("bm") == []
 
 
 def test_a_matcher_that_is_not_set_up_here_is_refused_before_anything_starts(matchers, scene):

@@ -79,7 +79,7 @@ def reported(operator: Any, **options: Any) -> str:
 
 
 def build(*parts: dict) -> str:
-    return raised(lambda: scenes.build(bpy.context.scene, complete(*parts)))
+    return raised(lambda: scenes.build_scene(bpy.context.scene, complete(*parts)))
 
 
 def command(*words: str) -> str:
@@ -112,7 +112,7 @@ def full_disk(place: Place) -> str:
 
 def no_evaluator(place: Place) -> str:
     place.patch.delenv("ICYMOON_EVALUATOR", raising=False)
-    place.patch.setattr(preferences, "own_evaluator_python", lambda: place.folder / "python")
+    place.patch.setattr(preferences, "find_own_evaluator_python", lambda: place.folder / "python")
     place.patch.setattr(
         preferences,
         "bpy",
@@ -147,7 +147,7 @@ def half_written(place: Place) -> str:
 
 
 def newer_preset(place: Place) -> str:
-    place.patch.setattr(presets, "extension_folder", lambda: place.folder)
+    place.patch.setattr(presets, "find_extension_folder", lambda: place.folder)
     (place.folder / "presets").mkdir()
     place.file("presets/new.toml", "[preset]\nmade_with = '9.0.0'\n[terrain]\nfractality = 1\n")
     return reported(bpy.ops.icymoon.load_preset, preset="own/new")
@@ -164,7 +164,7 @@ def edited(place: Place) -> str:
     settings = complete()
     scene_properties.write_settings(place.scene.icymoon, settings)
     scene_properties.write_settings(place.scene.icymoon, {"dataset": {"folder": str(place.folder)}})
-    built = scenes.build(place.scene, scene_properties.read_settings(place.scene.icymoon))
+    built = scenes.build_scene(place.scene, scene_properties.read_settings(place.scene.icymoon))
     built.terrain.data.vertices[0].co.z += 1.0
     place.scene.icymoon.terrain.hurst = 0.6
     return reported(bpy.ops.icymoon.render_pair)
@@ -246,7 +246,7 @@ def moving(place: Place) -> str:
 
 def centimetres(place: Place) -> str:
     path = place.file("site.ply", PLY.format(3.0e4))
-    built = scenes.build(place.scene, complete({"source": {"kind": "MESH", "file": str(path)}}))
+    built = scenes.build_scene(place.scene, complete({"source": {"kind": "MESH", "file": str(path)}}))
     return next(said for said in built.warnings if "unit" in said)
 
 

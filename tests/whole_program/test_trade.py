@@ -134,10 +134,10 @@ def test_this_machine_is_measured_by_a_button_and_shown(tmp_path, monkeypatch):
     monkeypatch.setenv(cache.FOLDER_VARIABLE, str(tmp_path))
     sidebar_text.forget_speed()
     settings = description.defaults()
-    assert "another machine" in sidebar_text.speed_line(settings)
+    assert "another machine" in sidebar_text.describe_speed(settings)
     assert bpy.ops.icymoon.measure_machine() == {"FINISHED"}
     found = speed.recall_speed("CPU", bpy.app.version_string)
     # A renderer on this planet's processors is within a factor of 30 of the one that the estimates were made on.
     assert 1 / 30 < found.factor < 30
-    assert "this machine" in sidebar_text.speed_line(settings)
+    assert "this machine" in sidebar_text.describe_speed(settings)
     sidebar_text.forget_speed()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ....plugins.check import Check, check_call, check_making, check_of
+from ....plugins.check import Check, check_call, check_fault, check_making
 from ....plugins.installed import Plugin
 from ....plugins.landforms import PluginLandform, read_landform
 from ....support.arrays import Array
@@ -49,7 +49,7 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
     yield from _check_places(plugin, run, x, y, heights)
     yield check_call("another seed is no error", run, seed=_SEED + 1)
     yield check_call("points far away are no error", run, x * 1000.0, y * 1000.0)
-    yield check_of("it states its smallest length", lambda: _describe_finest(landform, settings))
+    yield check_fault("it states its smallest length", lambda: _describe_finest(landform, settings))
     for number in landform.settings:
         for value in (number.minimum, number.maximum):
             whole = not isinstance(number.default, float)
@@ -59,7 +59,7 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
 
 def _check_places(plugin: Plugin, run: Callable[..., Array], x: Array, y: Array, heights: Array) -> Iterator[Check]:
     """Whether a place always has the height that it has among all others."""
-    yield check_of(
+    yield check_fault(
         "the same points have the same heights again",
         lambda: _describe_difference(
             plugin,
@@ -75,7 +75,7 @@ def _check_places(plugin: Plugin, run: Callable[..., Array], x: Array, y: Array,
         "gave other heights for the same points in another order or number; compute each from its own x and y "
         "alone, as the ground is made in tiles"
     )
-    yield check_of(
+    yield check_fault(
         "a height depends on its own place alone, not on the other points",
         lambda: _describe_difference(plugin, run(flat_x, flat_y), heights.ravel()[order], wrong)
         or _describe_difference(plugin, run(x[:, :7], y[5:9]), heights[5:9, :7], wrong)

@@ -7,7 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ....plugins.landforms import PREFIX, RELEASE, PluginLandform, landform_plugins, missing_landform, name_key
+from ....plugins.landforms import (
+    PREFIX,
+    RELEASE,
+    PluginLandform,
+    describe_missing_landform,
+    hash_name,
+    load_landform_plugins,
+)
 from ....settings.topics.scene import Settings
 from ....support.arrays import Array, Numbers
 from ....support.errors import IcyMoonError
@@ -20,14 +27,14 @@ def make_plugin_landforms(settings: Settings, generator: Callable[..., np.random
     ``generator`` gives the random numbers of a landform from a number that stands for it. Raises IcyMoonError for one
     that is not installed in this Python, or in another version.
     """
-    usable, _ = landform_plugins()
+    usable, _ = load_landform_plugins()
     made = {}
     for topic in sorted(key for key in settings if key.startswith(PREFIX)):
         values = settings[topic]
         landform = usable.get(topic)
         release = str(values.get(RELEASE, ""))
         if landform is None:
-            raise IcyMoonError(f"This ground cannot be made: {missing_landform(topic, release)}")
+            raise IcyMoonError(f"This ground cannot be made: {describe_missing_landform(topic, release)}")
         if values[landform.settings[0].key] == 0:
             continue
         if release and release != landform.plugin.release:
@@ -36,7 +43,7 @@ def make_plugin_landforms(settings: Settings, generator: Callable[..., np.random
                 f"{landform.plugin.release} is installed; install {release}, or set "
                 f"{topic}.{RELEASE} to an empty text for other ground."
             )
-        seed = int(generator(name_key(landform.plugin.name)).integers(0, 2**32))
+        seed = int(generator(hash_name(landform.plugin.name)).integers(0, 2**32))
         made[topic] = _make_landform(landform, landform.told(values, seed))
     return made
 

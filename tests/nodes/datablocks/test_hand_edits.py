@@ -25,7 +25,7 @@ from edits import (
     the,
 )
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.datablocks.array_marks import mark
+from icymoon.nodes.datablocks.array_marks import mark_array
 from icymoon.nodes.datablocks.marks import Walk
 from icymoon.nodes.datablocks.stored_properties import LEFT_OUT, OF_THE_VIEW, why_left_out
 from icymoon.support.errors import IcyMoonError
@@ -143,7 +143,7 @@ def test_an_image_file_counts_by_its_content(built, tmp_path):
 def test_edits_of_the_built_parts_are_no_longer_what_the_settings_say(registered):
     """Each of the same edits, without anything added: a scene as built has no mark at all."""
     scene = empty_scene()
-    built = scenes.build(scene, complete(TINY))
+    built = scenes.build_scene(scene, complete(TINY))
     assert built.extra == ""
     for name in (
         "moved_vertex",
@@ -228,7 +228,7 @@ def looked_at(built) -> None:
 @pytest.mark.parametrize("act", [toggles, moved_in_the_outliner, edit_mode, looked_at])
 @pytest.mark.parametrize("by_hand", [False, True])
 def test_what_no_picture_shows_is_no_edit(registered, act, by_hand):
-    built = scenes.build(empty_scene(), complete(TINY))
+    built = scenes.build_scene(empty_scene(), complete(TINY))
     if by_hand:
         populate()
     before = built.extra
@@ -238,7 +238,7 @@ def test_what_no_picture_shows_is_no_edit(registered, act, by_hand):
 
 
 def test_a_changed_mesh_in_edit_mode_is_an_edit_before_it_is_left(registered):
-    built = scenes.build(empty_scene(), complete(TINY))
+    built = scenes.build_scene(empty_scene(), complete(TINY))
     bpy.context.view_layer.objects.active = built.terrain
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
@@ -250,44 +250,45 @@ def test_a_changed_mesh_in_edit_mode_is_an_edit_before_it_is_left(registered):
 
 
 def test_undo_brings_the_id_back(registered):
-    scenes.build(empty_scene(), complete(TINY))
+    scenes.build_scene(empty_scene(), complete(TINY))
     bpy.ops.ed.undo_push(message="Build")
     the("Icy Moon Sun").data.energy *= 2
     bpy.ops.ed.undo_push(message="Edit")
-    edited = scenes.find(bpy.context.scene).extra
+    edited = scenes.find_built(bpy.context.scene).extra
     bpy.ops.ed.undo()
-    assert scenes.find(bpy.context.scene).extra == ""
+    assert scenes.find_built(bpy.context.scene).extra == ""
     bpy.ops.ed.redo()
-    assert scenes.find(bpy.context.scene).extra == edited != ""
+    assert scenes.find_built(bpy.context.scene).extra == edited != ""
 
 
 def test_the_id_is_that_of_the_saved_file(registered, tmp_path):
     scene = empty_scene()
-    scenes.build(scene, complete(TINY))
+    scenes.build_scene(scene, complete(TINY))
     populate()
     the("Lamp POINT").keyframe_insert("location", frame=3)
     scene.frame_set(5)
-    before, name = scenes.find(scene).extra, scene.name
+    before, name = scenes.find_built(scene).extra, scene.name
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"), copy=True)
     for _ in range(2):
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"), load_ui=False, use_scripts=False)
-        found = scenes.find(bpy.data.scenes[name])
+        found = scenes.find_built(bpy.data.scenes[name])
         assert found.extra == before
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.data.scenes[name].frame_set(6)
-    assert scenes.find(bpy.data.scenes[name]).extra != before  # a lamp with keys, though they hold it in its place
+    # A lamp with keys, though they hold it in its place.
+    assert scenes.find_built(bpy.data.scenes[name]).extra != before
 
 
 @pytest.mark.parametrize("marks", ['{"terrain data": "0"}', '{"maker": "1 4.2", "terrain data": "0"}', "{}"])
 def test_marks_of_another_version_ask_for_a_build(registered, marks):
-    built = scenes.build(empty_scene(), complete(TINY))
+    built = scenes.build_scene(empty_scene(), complete(TINY))
     kept = built.collection["icymoon_fingerprint"]
     built.collection["icymoon_fingerprint"] = marks
     with pytest.raises(IcyMoonError, match="press Build Scene"):
         _ = built.edited
     with pytest.raises(IcyMoonError, match="press Build Scene"):
         _ = built.extra
-    built = scenes.build(bpy.context.scene, complete(TINY))
+    built = scenes.build_scene(bpy.context.scene, complete(TINY))
     assert built.extra == ""
     assert json.loads(built.collection["icymoon_fingerprint"]).keys() == json.loads(kept).keys()
 
@@ -296,26 +297,26 @@ def test_marks_of_another_version_ask_for_a_build(registered, marks):
 def test_the_mark_of_an_array_tells_every_change(dtype):
     random_numbers = np.random.default_rng(4)
     values = random_numbers.integers(0, 2, 40_000).astype(dtype)
-    first = mark(values)
-    assert mark(values.copy()) == first
+    first = mark_array(values)
+    assert mark_array(values.copy()) == first
     for _ in range(50):
         other = values.copy()
         raw = other.view(np.uint8)
         some = random_numbers.integers(0, len(raw), 2)
         raw[some] ^= np.uint8(1 << random_numbers.integers(0, 8))
         if not np.array_equal(raw, values.view(np.uint8)):
-            assert mark(other) != first
-    assert mark(values[:-1]) != first
-    assert mark(np.roll(values, 1)) != first
+            assert mark_array(other) != first
+    assert mark_array(values[:-1]) != first
+    assert mark_array(np.roll(values, 1)) != first
 
 
 def test_two_changed_signs_do_not_cancel():
     values = np.linspace(1.0, 2.0, 10_000, dtype=np.float32)
-    first = mark(values)
+    first = mark_array(values)
     for a, b in ((1, 3), (0, 2), (11, 5001)):
         other = values.copy()
         other[[a, b]] *= -1
-        assert mark(other) != first
+        assert mark_array(other) != first
 
 
 #: What leads nowhere that a picture shows, or back to where one came from, or into arrays, which are tested above.
@@ -459,7 +460,7 @@ def test_every_property_changes_the_mark_or_is_left_out_with_a_reason(registered
     def mark(block: bpy.types.ID) -> str:
         return Walk({}).mark(block)
 
-    built = scenes.build(empty_scene(), complete(TINY))
+    built = scenes.build_scene(empty_scene(), complete(TINY))
     populate()
     settable = reachable(list(built.collection.all_objects))
     results: dict[bool | None, list[str]] = {True: [], False: [], None: []}

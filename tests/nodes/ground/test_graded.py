@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.ground.heights_under import probe_heights
-from icymoon.nodes.ground.terrain_mesh import patch_roughness
+from icymoon.nodes.ground.terrain_mesh import measure_patch_roughness
 from icymoon.physics.mesh.horizon import drop_m, horizon_m
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings
@@ -110,10 +110,10 @@ _MARKS = {
 @pytest.mark.parametrize("case", [pytest.param(c, marks=_MARKS.get(c, ())) for c in CASES])
 def test_the_bound_holds_in_every_heading_and_both_eyes(tmp_path, case):
     settings = complete(GRADED, CASES[case], {"dataset": {"headings": 4}})
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     assert built.warnings == ()
     folders = render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
-    ground = scenes.ground_of(settings)
+    ground = scenes.make_ground(settings)
     shares = []
     for pair in map(read_pair, folders):
         for eye in ("left", "right"):
@@ -124,7 +124,7 @@ def test_the_bound_holds_in_every_heading_and_both_eyes(tmp_path, case):
 
 def test_the_camera_stands_over_the_mesh_and_two_builds_are_equal():
     settings = complete(GRADED, {"rig": {"x_m": 3.0, "y_m": -4.0}, "terrain": {"rms_slope_deg": 25.0}})
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     first, triangles = vertices(built.terrain), len(built.terrain.data.polygons)
     assert built.terrain.data.validate() is False
     normals = np.empty(3 * triangles, np.float32)
@@ -136,21 +136,21 @@ def test_the_camera_stands_over_the_mesh_and_two_builds_are_equal():
         wide = height_at(np.array([1000.0, -1000.0]), np.array([500.0, 0.0]))
     assert built.camera.location.z - under == pytest.approx(settings.rig.height_m, abs=1e-5)
     assert np.isfinite(wide).all()
-    again = scenes.build(bpy.context.scene, settings)
+    again = scenes.build_scene(bpy.context.scene, settings)
     assert np.array_equal(vertices(again.terrain), first)
 
 
 def test_it_reaches_the_horizon_of_the_body():
     for radius in (252_100.0, 1_560_800.0):
-        built = scenes.build(empty_scene(), complete(GRADED, FLAT, {"terrain": {"body_radius_m": radius}}))
+        built = scenes.build_scene(empty_scene(), complete(GRADED, FLAT, {"terrain": {"body_radius_m": radius}}))
         reach = np.hypot(*vertices(built.terrain)[:, :2].T).max()
         assert horizon_m(1.6, radius) <= reach < 1.5 * horizon_m(1.6, radius)
 
 
 def test_the_roughness_of_the_patch_is_measured():
     settings = complete(GRADED)
-    built = scenes.build(empty_scene(), settings)
-    found = patch_roughness(scenes.measured_patch(built), settings.terrain)
+    built = scenes.build_scene(empty_scene(), settings)
+    found = measure_patch_roughness(scenes.measure_patch(built), settings.terrain)
     # The patch is made to show what is asked for, to a tenth.
     assert found.slope_deg == pytest.approx(settings.terrain.rms_slope_deg, rel=0.1)
     assert built.statistics["made"] == found.numbers()

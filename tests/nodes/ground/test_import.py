@@ -64,7 +64,7 @@ def write_ply(path: Path, positions: Array, faces: Array) -> Path:
 
 def own(path: Path, **source) -> Settings:
     """Settings of a small scene that stands on a file."""
-    return complete({"source": {"kind": grounds.kind_of(path), "file": str(path), **source}})
+    return complete({"source": {"kind": grounds.find_kind(path), "file": str(path), **source}})
 
 
 def positions_of(item: bpy.types.Object) -> Array:
@@ -101,12 +101,12 @@ def test_every_format_gives_the_same_ground_and_leaves_nothing(tmp_path, name):
     assert (bpy.context.scene, bpy.context.active_object) == (scene, cube)
     assert [o.name for o in bpy.context.selected_objects] == selected
     assert len(triangles) == 128
-    built = scenes.build(scene, own(path, centre=False))
+    built = scenes.build_scene(scene, own(path, centre=False))
     # Blender's own exporters write z-up scenes as their formats want them: all come back as they were.
     assert nearest_gaps(positions_of(built.terrain), positions) < 1e-5
     assert len(built.terrain.data.vertices) == 81
     assert (examine_mesh(positions_of(built.terrain), read_triangles(built.terrain)).facing_down) == 0
-    scenes.clear(scene)
+    scenes.clear_scene(scene)
     assert {b for b in everything() if b[0] != "images"} == {b for b in before if b[0] != "images"}
 
 
@@ -129,11 +129,11 @@ TURNED = {
 def test_any_axis_of_the_file_can_be_up(tmp_path, axis):
     positions, faces = hill()
     path = write_ply(tmp_path / "a.ply", TURNED[axis](positions), faces)
-    built = scenes.build(empty_scene(), own(path, up_axis=axis, centre=False, repair=False))
+    built = scenes.build_scene(empty_scene(), own(path, up_axis=axis, centre=False, repair=False))
     assert np.abs(positions_of(built.terrain) - positions).max() < 1e-5
     assert not any("may point up" in warning for warning in built.warnings)
     if axis in "XY":
-        wrong = scenes.build(empty_scene(), own(path))
+        wrong = scenes.build_scene(empty_scene(), own(path))
         assert any(f"point along {axis}" in warning and "source.up_axis" in warning for warning in wrong.warnings)
 
 
@@ -141,7 +141,7 @@ def test_any_axis_of_the_file_can_be_up(tmp_path, axis):
 def test_the_axis_of_formats_that_are_y_up_is_the_files(tmp_path, name):
     positions, faces = hill()
     path = export(tmp_path / name, positions, faces)
-    built = scenes.build(empty_scene(), own(path, up_axis="Z", centre=False, repair=False))
+    built = scenes.build_scene(empty_scene(), own(path, up_axis="Z", centre=False, repair=False))
     assert nearest_gaps(positions_of(built.terrain), TURNED["Y"](positions)) < 1e-5
 
 
@@ -160,7 +160,7 @@ def Mesh "Slab"
     point3f[] points = [(0, 0, 0), (400, 0, 0), (400, 50, 200), (0, 50, 200)]
 }
 """)
-    built = scenes.build(empty_scene(), own(path))
+    built = scenes.build_scene(empty_scene(), own(path))
     unit = 1.0 if compat.applies_usd_unit() else 100.0
     assert np.ptp(positions_of(built.terrain), axis=0) == pytest.approx([4 * unit, 2 * unit, 0.5 * unit])
     assert any("source.scale" in warning for warning in built.warnings) == (unit == 100.0)
@@ -169,7 +169,7 @@ def Mesh "Slab"
 def test_scale_centre_and_origin_place_the_ground_and_are_reported(tmp_path):
     positions, faces = hill()
     path = write_ply(tmp_path / "a.ply", positions * 1000, faces)
-    built = scenes.build(empty_scene(), own(path, scale=0.001, origin_x_m=1.0, repair=False))
+    built = scenes.build_scene(empty_scene(), own(path, scale=0.001, origin_x_m=1.0, repair=False))
     placed = positions_of(built.terrain)
     expected = positions - [7 + 1, 1, np.median(positions[:, 2])]
     assert np.abs(placed - expected).max() < 1e-5
@@ -185,7 +185,7 @@ def test_the_camera_and_the_blocks_stand_on_the_mesh(tmp_path):
     settings = description.merged(
         own(path), {"rig": {"x_m": 1.5, "y_m": -0.7, "height_m": 1.25}, "rocks": {"coverage": 0.1}}
     )
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     bpy.context.view_layer.update()
     hit, where, *_ = built.terrain.ray_cast((1.5, -0.7, 50), (0, 0, -1))
     assert hit
@@ -207,7 +207,7 @@ def test_the_camera_and_the_blocks_stand_on_the_mesh(tmp_path):
 def test_beside_the_ground_the_camera_takes_the_nearest_height_and_says_so(tmp_path):
     positions, faces = hill()
     path = write_ply(tmp_path / "a.ply", positions, faces)
-    built = scenes.build(empty_scene(), description.merged(own(path), {"rig": {"x_m": 30.0}}))
+    built = scenes.build_scene(empty_scene(), description.merged(own(path), {"rig": {"x_m": 30.0}}))
     assert math.isfinite(built.camera.location.z)
     assert any("no ground under the camera" in warning for warning in built.warnings)
 
@@ -220,8 +220,8 @@ def test_damage_is_reported_and_mended(tmp_path):
     broken = np.concatenate([broken, [(80, 79, 81, 81)], [(5, 5, 6, 6)]])
     path = write_ply(tmp_path / "a.ply", positions, broken)
     with pytest.raises(IcyMoonError, match=r"1 vertex without finite coordinates.*source\.repair"):
-        scenes.build(empty_scene(), own(path, repair=False))
-    built = scenes.build(empty_scene(), own(path))
+        scenes.build_scene(empty_scene(), own(path, repair=False))
+    built = scenes.build_scene(empty_scene(), own(path))
     text = " ".join(built.ground["report"])
     for words in (
         "1 vertex without finite coordinates",
@@ -240,18 +240,18 @@ def test_coordinates_on_a_map_of_the_world_keep_their_precision(tmp_path):
     away = np.array([500000.0, 4500000.0, 0.0])
     path = write_ply(tmp_path / "a.ply", positions + away, faces)
     path.write_text(path.read_text().replace("property float", "property double"))
-    built = scenes.build(empty_scene(), own(path, repair=False))
+    built = scenes.build_scene(empty_scene(), own(path, repair=False))
     expected = positions - [7, 1, np.median(positions[:, 2])]
     assert np.abs(positions_of(built.terrain) - expected).max() < 1e-5
     assert built.warnings == ()
     halves = np.round(2 * positions + 2 * away) / 2  # all that single precision leaves at 4500 km
     coarse = write_ply(tmp_path / "b.ply", halves, faces)
-    assert any("rounded to 0.5 units" in warning for warning in scenes.build(empty_scene(), own(coarse)).warnings)
+    assert any("rounded to 0.5 units" in warning for warning in scenes.build_scene(empty_scene(), own(coarse)).warnings)
 
 
 def test_an_unlikely_size_is_said(tmp_path):
     positions, faces = hill()
-    built = scenes.build(empty_scene(), own(write_ply(tmp_path / "a.ply", positions * 0.01, faces)))
+    built = scenes.build_scene(empty_scene(), own(write_ply(tmp_path / "a.ply", positions * 0.01, faces)))
     assert any("is 0.08 m wide" in warning and "source.scale" in warning for warning in built.warnings)
 
 
@@ -273,7 +273,7 @@ def test_a_mesh_whose_unit_does_not_fit_the_camera_is_doubted(tmp_path, size, he
     settings = description.merged(
         own(write_ply(tmp_path / "a.ply", positions * size, faces)), {"rig": {"height_m": height_m}}
     )
-    said = [warning for warning in scenes.build(empty_scene(), settings).warnings if "source.scale" in warning]
+    said = [warning for warning in scenes.build_scene(empty_scene(), settings).warnings if "source.scale" in warning]
     assert len(said) == doubted, said
     if size == 1000.0 and doubted:
         assert re.fullmatch(
@@ -296,7 +296,7 @@ def test_a_site_with_the_ground_out_to_its_horizon_is_read_whole(tmp_path):
     fine = positions * 0.01  # triangles of 1 cm
     path = write_ply(tmp_path / "a.ply", *with_horizon(fine, faces, 6e4))
     settings = description.merged(own(path), {"source": {"centre": False}})
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     assert not [warning for warning in built.warnings if "source.scale" in warning]
     assert len(positions_of(built.terrain)) == len(positions) + 4
     assert len(read_triangles(built.terrain)) == 2 * len(faces) + 2
@@ -306,7 +306,7 @@ def test_a_site_with_the_ground_out_to_its_horizon_is_read_whole(tmp_path):
     ):
         path = write_ply(tmp_path / "b.ply", *with_horizon(found, faces, far_m))
         with pytest.raises(IcyMoonError, match=rf"which is no landing site .*{words}"):
-            scenes.build(empty_scene(), own(path))
+            scenes.build_scene(empty_scene(), own(path))
 
 
 def test_a_scene_of_blender_is_no_ground_under_any_name(tmp_path):
@@ -324,7 +324,7 @@ def test_a_scene_of_blender_is_no_ground_under_any_name(tmp_path):
     for suffix in grounds.SUFFIXES:
         named = Path(shutil.copy(path, tmp_path / f"b{suffix}"))
         with pytest.raises(IcyMoonError, match=r"^[^\n]*\Z") as caught:
-            scenes.build(empty_scene(), own(named))
+            scenes.build_scene(empty_scene(), own(named))
         assert str(named) in str(caught.value)
     assert not mark.exists()
     assert "run.py" not in bpy.data.texts
@@ -406,13 +406,13 @@ def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:
 
 def test_bad_input_is_a_sentence_and_changes_nothing(tmp_path):
     scene = empty_scene()
-    scenes.build(scene, complete())
-    before, mark = everything(), scenes.find(scene).extra
+    scenes.build_scene(scene, complete())
+    before, mark = everything(), scenes.find_built(scene).extra
     for name, (path, source, words) in bad_inputs(tmp_path).items():
         settings = complete(
             {
                 "source": {
-                    "kind": source.get("kind") or grounds.kind_of(path),
+                    "kind": source.get("kind") or grounds.find_kind(path),
                     "file": str(path) if path.name else "",
                     **source,
                 }
@@ -421,14 +421,14 @@ def test_bad_input_is_a_sentence_and_changes_nothing(tmp_path):
         if path.suffix == ".usda" and compat.find_mesh_importer("USD") is None:
             words = "cannot read USD"
         try:
-            scenes.build(scene, settings)
+            scenes.build_scene(scene, settings)
             pytest.fail(f"{name} was accepted")
         except IcyMoonError as error:
             message = str(error)
         assert words in message, f"{name}: {message}"
         assert "\n" not in message, name
         assert everything() == before, name
-        assert scenes.find(scene).extra == mark, name
+        assert scenes.find_built(scene).extra == mark, name
 
 
 def png(values: Array, colour: int = 0) -> bytes:
@@ -500,7 +500,7 @@ def test_heights_are_within_the_files_quantisation(tmp_path, kind):
     assert everything() == before
     assert np.abs(values - added - crater()).max() <= rounding
     settings = description.merged(own(path, **source), {"terrain": {"size_m": 100.0, "resolution": 401}})
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     vertices = positions_of(built.terrain)
     assert np.ptp(vertices, axis=0)[:2] == pytest.approx([30.0, 20.0])
     grid = vertices.reshape(-1, round(30 / 0.25) + 1, 3)[::-2, ::2]  # every other vertex is at a pixel
@@ -512,7 +512,7 @@ def test_missing_heights_are_filled_and_their_share_is_said(tmp_path):
     heights = crater().astype(np.float32)
     heights[10:14, 20:26] = -9999
     path = write_tiff(tmp_path / "a.tif", heights, pixel=(0.5, 0.5), nodata="-9999")
-    built = scenes.build(empty_scene(), own(path))
+    built = scenes.build_scene(empty_scene(), own(path))
     assert any("0.96% of a.tif" in warning for warning in built.warnings)
     assert positions_of(built.terrain)[:, 2].min() > -5
 
@@ -523,7 +523,7 @@ def test_the_ground_of_a_geotiff_is_the_hill_that_it_states(name):
     path = Path(__file__).parents[2] / "data" / "heights" / f"{name}.tif"
     settings = own(path, centre=False, origin_x_m=1000.0, origin_y_m=-500.0)
     settings = description.merged(settings, {"terrain": {"size_m": 60.0, "resolution": 31}})
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     east, north, height = positions_of(built.terrain).T
     hill = 40.0 + 0.5 * east + 0.25 * north + 0.01 * east * north  # bilinear, as is the ground between pixels
     step = 0.004 if name == "lzw_words" else 0.0
@@ -539,20 +539,20 @@ def test_a_height_map_too_large_for_the_memory_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(import_heights.geotiff, "read", too_large)
     path = write_tiff(tmp_path / "large.tif", np.zeros((9, 9), np.float32))
     with pytest.raises(IcyMoonError, match=r"large\.tif: is too large for the memory.*cut out"):
-        scenes.build(empty_scene(), own(path))
+        scenes.build_scene(empty_scene(), own(path))
 
 
 def test_a_relief_larger_than_the_map_is_said(tmp_path):
     np.save(tmp_path / "a.npy", 10.0 * crater())
-    built = scenes.build(empty_scene(), own(tmp_path / "a.npy", metres_per_pixel=0.1))
+    built = scenes.build_scene(empty_scene(), own(tmp_path / "a.npy", metres_per_pixel=0.1))
     assert any("source.height_scale_m" in warning for warning in built.warnings)
 
 
 def test_roughness_can_be_added_below_the_pixel(tmp_path):
     np.save(tmp_path / "a.npy", np.zeros((41, 41)))
-    flat = scenes.build(empty_scene(), own(tmp_path / "a.npy", metres_per_pixel=1.0))
+    flat = scenes.build_scene(empty_scene(), own(tmp_path / "a.npy", metres_per_pixel=1.0))
     assert np.ptp(positions_of(flat.terrain)[:, 2]) == 0.0
-    rough = scenes.build(empty_scene(), own(tmp_path / "a.npy", metres_per_pixel=1.0, detail=True))
+    rough = scenes.build_scene(empty_scene(), own(tmp_path / "a.npy", metres_per_pixel=1.0, detail=True))
     assert 0.005 < positions_of(rough.terrain)[:, 2].std() < 0.2
 
 
@@ -561,7 +561,7 @@ def test_roughness_can_be_added_along_the_normals_of_a_mesh(tmp_path):
     level = positions * [1, 1, 0]
     wall = write_ply(tmp_path / "wall.ply", level[:, [0, 2, 1]] + [0, 0, 3], faces)
     settings = description.merged(own(wall, detail=True), {"terrain": {"size_m": 20.0, "resolution": 201}})
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     vertices = positions_of(built.terrain)
     assert len(built.terrain.data.polygons) == 128 * 4**4  # edges of 1 m in the median, vertices wanted 0.1 m apart
     assert 0.002 < vertices[:, 1].std() < 0.3  # a wall is roughened sideways
@@ -577,15 +577,15 @@ def test_pairs_are_named_by_the_files_content_not_its_place(tmp_path):
         moved = positions.copy()
         moved[40, 2] += height
         settings = own(write_ply(path, moved, faces))
-        built = scenes.find(scene)
-        assert built is None or "source.file" in scenes.changed_settings(built, settings)
-        built = scenes.build(scene, settings)
+        built = scenes.find_built(scene)
+        assert built is None or "source.file" in scenes.list_changed_settings(built, settings)
+        built = scenes.build_scene(scene, settings)
         assert not built.edited
-        assert scenes.changed_settings(built, settings) == []
+        assert scenes.list_changed_settings(built, settings) == []
         ids.append(expand_headings(settings, built.extra)[0].id)
     assert ids[0] == ids[1] != ids[2]
     (tmp_path / "a.ply").unlink()
-    assert scenes.changed_settings(built, settings) == []  # what was built is still there
+    assert scenes.list_changed_settings(built, settings) == []  # what was built is still there
     assert expand_headings(complete(), "")[0].id == expand_headings(complete({"source": {"file": "x.ply"}}), "")[0].id
 
 
@@ -618,10 +618,10 @@ def test_the_depth_of_a_rendered_mesh_is_that_of_a_ray_cast(tmp_path):
 def test_a_large_mesh_says_its_cost_before_it_is_loaded(tmp_path):
     path = tmp_path / "a.ply"
     path.write_bytes(b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nelement face 50000000\nend_header\n")
-    (warning,) = grounds.cost_warnings(own(path))
+    (warning,) = grounds.warn_of_cost(own(path))
     assert "50 million triangles" in warning
     small = write_ply(tmp_path / "b.ply", *hill())
-    assert grounds.cost_warnings(own(small)) == []
+    assert grounds.warn_of_cost(own(small)) == []
 
 
 def test_the_operator_imports_builds_and_takes_back_what_failed(scene, tmp_path):
@@ -629,11 +629,11 @@ def test_the_operator_imports_builds_and_takes_back_what_failed(scene, tmp_path)
     scene.icymoon.terrain.resolution = 65
     assert bpy.ops.icymoon.import_ground(filepath=str(path)) == {"FINISHED"}
     assert scene.icymoon.source.kind == "MESH"
-    built = scenes.find(scene)
+    built = scenes.find_built(scene)
     assert len(built.terrain.data.polygons) == 128
-    from icymoon.operators.ground import report_lines
+    from icymoon.operators.ground import list_report_lines
 
-    assert any("81 vertices" in line for line in report_lines(scene))
+    assert any("81 vertices" in line for line in list_report_lines(scene))
     (tmp_path / "dem.asc").write_text("ncols 2\n")
     for bad in ("absent.ply", "a.jpg", "dem.asc.*gdal_translate"):
         with pytest.raises(RuntimeError, match=bad):

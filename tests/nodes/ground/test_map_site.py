@@ -13,7 +13,7 @@ import pytest
 from icymoon.formats import geotiff
 from icymoon.formats.geotiff import Site
 from icymoon.nodes.ground.user_ground import load_ground
-from icymoon.nodes.scene import build
+from icymoon.nodes.scene import build_scene
 from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 
@@ -79,7 +79,7 @@ def ground_of(path, **source):
             "rig": {"height_m": 3.0},
         }
     )
-    return build(empty_scene(), settings)
+    return build_scene(empty_scene(), settings)
 
 
 def slopes(built):

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
+from icymoon.nodes.datablocks.fingerprint import TAG, make_fingerprint
 from icymoon.nodes.ground.heights_under import probe_heights
 from icymoon.physics.surfaces.principled import base_colour
 from icymoon.support.arrays import Array
@@ -51,24 +51,24 @@ def data_blocks() -> dict[str, int]:
 def test_two_builds_are_equal_and_clear_removes_everything():
     scene = empty_scene()
     before = data_blocks()
-    first = scenes.build(scene, complete(STREWN))
-    mark, counts, blocks = fingerprint(first.collection), data_blocks(), first.rock_count
+    first = scenes.build_scene(scene, complete(STREWN))
+    mark, counts, blocks = make_fingerprint(first.collection), data_blocks(), first.rock_count
     assert blocks > 100
     names = sorted(o.name for o in bpy.data.objects)
     for _ in range(2):
-        again = scenes.build(scene, complete(STREWN))
-        assert (fingerprint(again.collection), data_blocks(), again.rock_count) == (mark, counts, blocks)
+        again = scenes.build_scene(scene, complete(STREWN))
+        assert (make_fingerprint(again.collection), data_blocks(), again.rock_count) == (mark, counts, blocks)
         assert sorted(o.name for o in bpy.data.objects) == names
-    assert fingerprint(scenes.build(scene, complete(STREWN, {"dataset": {"seed": 2}})).collection) != mark
-    scenes.build(scene, complete())
-    assert scenes.find(scene).rock_count == 0
-    scenes.build(scene, complete(STREWN))
-    scenes.clear(scene)
+    assert make_fingerprint(scenes.build_scene(scene, complete(STREWN, {"dataset": {"seed": 2}})).collection) != mark
+    scenes.build_scene(scene, complete())
+    assert scenes.find_built(scene).rock_count == 0
+    scenes.build_scene(scene, complete(STREWN))
+    scenes.clear_scene(scene)
     assert data_blocks() == before
 
 
 def test_every_point_is_an_instance_with_the_pose_that_was_computed():
-    built = scenes.build(empty_scene(), complete(STREWN))
+    built = scenes.build_scene(empty_scene(), complete(STREWN))
     found = instances(built)
     mesh = carrier(built).data
     assert len(found) == built.rock_count == len(mesh.vertices)
@@ -99,7 +99,7 @@ def test_every_point_is_an_instance_with_the_pose_that_was_computed():
     ids=["smooth", "rough", "steep and coarse", "slope", "graded"],
 )
 def test_no_block_floats_over_the_mesh_that_is_rendered(terrain, kind):
-    built = scenes.build(
+    built = scenes.build_scene(
         empty_scene(),
         complete(
             {"terrain": terrain, "mesh": {"kind": kind}},
@@ -121,7 +121,9 @@ def test_no_block_floats_over_the_mesh_that_is_rendered(terrain, kind):
 
 
 def test_heights_are_those_of_the_triangles():
-    built = scenes.build(empty_scene(), complete({"terrain": {"resolution": 17, "size_m": 8.0, "rms_slope_deg": 30.0}}))
+    built = scenes.build_scene(
+        empty_scene(), complete({"terrain": {"resolution": 17, "size_m": 8.0, "rms_slope_deg": 30.0}})
+    )
     bpy.context.view_layer.update()
     ground = built.terrain.evaluated_get(bpy.context.evaluated_depsgraph_get())
     x, y = np.random.default_rng(0).uniform(-4.5, 4.5, (2, 3, 200))
@@ -153,24 +155,24 @@ def test_edits_of_blocks_are_noticed():
         group.links.remove(next(link for link in group.links if link.to_socket.name == "Scale"))
 
     for edit in (move, turn, reshape, unplug):
-        built = scenes.build(empty_scene(), complete(STREWN))
+        built = scenes.build_scene(empty_scene(), complete(STREWN))
         assert not built.edited
         edit(carrier(built))
         assert built.edited, edit.__name__
 
 
 def test_blocks_survive_saving_and_loading(tmp_path):
-    built = scenes.build(empty_scene(), complete(STREWN))
-    mark, n = fingerprint(built.collection), built.rock_count
+    built = scenes.build_scene(empty_scene(), complete(STREWN))
+    mark, n = make_fingerprint(built.collection), built.rock_count
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
-    found = scenes.find(bpy.context.scene)
-    assert (fingerprint(found.collection), found.rock_count, len(instances(found))) == (mark, n, n)
+    found = scenes.find_built(bpy.context.scene)
+    assert (make_fingerprint(found.collection), found.rock_count, len(instances(found))) == (mark, n, n)
 
 
 def test_blocks_are_made_of_the_ground_or_of_their_own():
     def reflectance(**rocks) -> float:
-        built = scenes.build(
+        built = scenes.build_scene(
             empty_scene(),
             complete(
                 {"rocks": {**STREWN["rocks"], **rocks}}, {"surface": {"albedo": 0.9}, "rock_surface": {"albedo": 0.3}}
@@ -186,21 +188,21 @@ def test_blocks_are_made_of_the_ground_or_of_their_own():
 
 def test_a_contradiction_is_a_sentence_and_changes_nothing():
     scene = empty_scene()
-    built = scenes.build(scene, complete(STREWN))
-    mark, counts = fingerprint(built.collection), data_blocks()
+    built = scenes.build_scene(scene, complete(STREWN))
+    mark, counts = make_fingerprint(built.collection), data_blocks()
     with pytest.raises(IcyMoonError, match=r"rocks\.largest_m"):
-        scenes.build(scene, complete({"rocks": {"coverage": 0.1, "smallest_m": 0.5, "largest_m": 0.2}}))
-    assert (fingerprint(built.collection), data_blocks()) == (mark, counts)
+        scenes.build_scene(scene, complete({"rocks": {"coverage": 0.1, "smallest_m": 0.5, "largest_m": 0.2}}))
+    assert (make_fingerprint(built.collection), data_blocks()) == (mark, counts)
 
 
 def test_left_out_blocks_are_a_warning():
-    built = scenes.build(empty_scene(), complete({"rocks": {"coverage": 0.1, "smallest_m": 0.02, "most": 50}}))
+    built = scenes.build_scene(empty_scene(), complete({"rocks": {"coverage": 0.1, "smallest_m": 0.02, "most": 50}}))
     assert built.rock_count <= 50
     assert any("rocks.most" in warning for warning in built.warnings)
 
 
 def test_a_hundred_thousand_blocks_are_few_objects():
-    built = scenes.build(
+    built = scenes.build_scene(
         empty_scene(), complete({"rocks": {"coverage": 0.3, "smallest_m": 0.01, "largest_m": 1.0, "most": 100_000}})
     )
     assert built.rock_count == 100_000

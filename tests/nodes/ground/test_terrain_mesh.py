@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.ground.terrain_mesh import (
-    grid_heights,
-    patch_roughness,
-    roughness_table,
+    make_roughness_table,
+    measure_patch_roughness,
+    read_grid_heights,
     shortest_wavelength_m,
     vertex_spacing_m,
 )
@@ -27,16 +27,16 @@ LAW = {"terrain": {"resolution": 257, "hurst": 0.7, "outer_scale_m": 12.0, "inne
 
 
 def _built(*parts: dict) -> scenes.Built:
-    return scenes.build(empty_scene(), complete(*parts))
+    return scenes.build_scene(empty_scene(), complete(*parts))
 
 
 def test_the_mesh_has_the_heights_of_the_ground():
     built = _built(LAW, {"craters": {"coverage": 0.1, "smallest_m": 1.0}})
     terrain = built.settings.terrain
     axis = np.linspace(-10, 10, 257)
-    ground = scenes.ground_of(built.settings)
+    ground = scenes.make_ground(built.settings)
     heights = ground.heights(axis[None, :], axis[:, None], shortest_wavelength_m(terrain))
-    made = grid_heights(built.terrain.data, terrain)
+    made = read_grid_heights(built.terrain.data, terrain)
     assert made is not None
     assert np.array_equal(made, heights.astype(np.float32))
     normals = np.empty(3 * 257**2, np.float32)
@@ -49,7 +49,7 @@ def test_the_mesh_has_the_heights_of_the_ground():
 def test_the_built_mesh_has_the_stated_roughness(hurst, multifractality):
     built = _built(LAW, {"terrain": {"hurst": hurst, "multifractality": multifractality}})
     terrain = built.settings.terrain
-    found = patch_roughness(scenes.measured_patch(built), terrain)
+    found = measure_patch_roughness(scenes.measure_patch(built), terrain)
     assert found is not None
     spacing = vertex_spacing_m(terrain)
     inside = (found.lag_m >= 3 * spacing) & (found.lag_m <= 0.25 * 12.0)
@@ -68,7 +68,7 @@ def test_what_the_panel_says_is_what_is_measured():
     )
     assert not bpy.ops.icymoon.show_roughness.poll()
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
-    built = scenes.find(bpy.context.scene)
+    built = scenes.find_built(bpy.context.scene)
     assert built is not None
     # Measured again, from the vertices, with nothing of the builders.
     positions = np.empty(3 * 257**2, np.float32)
@@ -76,7 +76,7 @@ def test_what_the_panel_says_is_what_is_measured():
     found = measure_roughness(
         positions[2::3].reshape(257, 257).astype(float), 20 / 256, 1.0, (6 * 20 / 256, 0.3 * 12.0)
     )
-    heading, asked, made = scenes.ground_statistics(bpy.context.scene)
+    heading, asked, made = scenes.describe_ground_statistics(bpy.context.scene)
     assert heading == "RMS slope over 1 m, RMS height"
     assert made == f"Built: {found.slope_deg:.1f}°, {found.height_m:.2g} m"
     assert asked.startswith("By roughness: 9.0°, ")
@@ -94,12 +94,12 @@ def test_what_the_panel_says_is_what_is_measured():
 def test_the_table_of_roughness():
     built = _built(LAW)
     terrain = built.settings.terrain
-    head, *rows, last = roughness_table(scenes.measured_patch(built), terrain)
+    head, *rows, last = make_roughness_table(scenes.measure_patch(built), terrain)
     assert head == ("Distance", "RMS deviation", "Setting", "Ratio", "PSD")
     assert last[0] == "Hurst exponent"
     assert float(last[1]) == pytest.approx(0.7, abs=0.06)
     assert last[2] == "0.70"
-    heights = grid_heights(built.terrain.data, terrain)
+    heights = read_grid_heights(built.terrain.data, terrain)
     assert heights is not None
     ratios, waves, densities = [], [], []
     for distance, deviation, asked, ratio, density in rows:
@@ -127,15 +127,15 @@ def test_the_table_of_roughness():
 def test_no_roughness_is_shown_of_a_mesh_that_is_not_the_grid():
     built = _built(LAW)
     built.terrain.data = bpy.data.meshes.new("other")
-    assert patch_roughness(scenes.measured_patch(built), built.settings.terrain) is None
-    assert roughness_table(scenes.measured_patch(built), built.settings.terrain) == []
+    assert measure_patch_roughness(scenes.measure_patch(built), built.settings.terrain) is None
+    assert make_roughness_table(scenes.measure_patch(built), built.settings.terrain) == []
     flat = _built({"terrain": {"rms_slope_deg": 0.0}})
-    assert scenes.ground_statistics(bpy.context.scene) == (
+    assert scenes.describe_ground_statistics(bpy.context.scene) == (
         "RMS slope over 1 m, RMS height",
         "By roughness: 0.0°, 0 m",
         "Built: 0.0°, 0 m",
     )
-    assert roughness_table(scenes.measured_patch(flat), flat.settings.terrain)[1][2:4] == ("", "")
+    assert make_roughness_table(scenes.measure_patch(flat), flat.settings.terrain)[1][2:4] == ("", "")
 
 
 def test_what_was_measured_on_an_earlier_ground_is_shown_as_such():
@@ -145,7 +145,7 @@ def test_what_was_measured_on_an_earlier_ground_is_shown_as_such():
     )
     roughness = empty.icymoon.terrain.rms_slope_deg
     bpy.ops.icymoon.build_scene()
-    before = scenes.ground_statistics(empty)
+    before = scenes.describe_ground_statistics(empty)
     assert before[2].startswith("With landforms: "), "what roughness asks for is not what ridges add"
 
     def shown() -> str:
@@ -187,7 +187,7 @@ def test_layers_reach_the_mesh():
         _built({"terrain": {"rms_slope_deg": 0.0, "layers": layers}})
         for layers in ([], [{"amplitude_m": 0.5, "scale_m": 4.0}])
     )
-    heights = grid_heights(layered.terrain.data, layered.settings.terrain)
+    heights = read_grid_heights(layered.terrain.data, layered.settings.terrain)
     assert heights is not None
     # Twenty-five waves on the patch: their RMS height is that of all within a fifth.
     assert heights.std() == pytest.approx(0.5, rel=0.25)

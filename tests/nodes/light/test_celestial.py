@@ -103,7 +103,7 @@ def test_stars_give_the_ground_nothing_and_are_in_no_group(tmp_path):
 
 def test_stars_are_made_for_the_lens_and_cost_nothing_when_off():
     scene = empty_scene()
-    built = scenes.build(scene, complete({"light": NIGHT}))
+    built = scenes.build_scene(scene, complete({"light": NIGHT}))
     assert not built.several_lights
     assert not [item for item in bpy.data.objects if "Stars" in item.name]
     sizes = []
@@ -115,7 +115,7 @@ def test_stars_are_made_for_the_lens_and_cost_nothing_when_off():
     )
     for change in changes:
         preview.show_settings(built, complete({"light": NIGHT}, change), 65)
-        built = scenes.find(scene)
+        built = scenes.find_built(scene)
         assert not built.edited
         found = [item for item in bpy.data.objects if "Stars" in item.name]
         assert [item.name for item in found] == (["Icy Moon Stars"] if change["light"]["stars"] else [])
@@ -195,7 +195,7 @@ def test_saturn_shines_less_through_the_shadow_of_its_rings(tmp_path):
 
 
 def test_rings_give_the_ground_nothing_and_go_when_they_are_below():
-    built = scenes.build(empty_scene(), complete({"light": SATURN}))
+    built = scenes.build_scene(empty_scene(), complete({"light": SATURN}))
     assert [item.name for item in bpy.data.objects if "Rings" in item.name] == ["Icy Moon Rings"]
     item = bpy.data.objects["Icy Moon Rings"]
     assert not any((item.visible_diffuse, item.visible_shadow, item.visible_glossy))
@@ -210,7 +210,7 @@ def test_rings_give_the_ground_nothing_and_go_when_they_are_below():
         assert not [item for item in bpy.data.objects if "Rings" in item.name]
         assert not [m for m in bpy.data.materials if "Rings" in m.name]
         assert not built.edited
-    built = scenes.build(
+    built = scenes.build_scene(
         empty_scene(),
         complete(
             {
@@ -224,11 +224,11 @@ def test_rings_give_the_ground_nothing_and_go_when_they_are_below():
 
 def test_the_panel_says_how_the_rings_stand_and_that_there_is_an_eclipse():
     light = complete({"light": SATURN}).light
-    assert "Rings 30° from edge-on, seen from north" in sidebar_text.sky_lines(light)
-    assert "Rings exactly edge-on: not seen" in sidebar_text.sky_lines(light | {"planet_elevation_deg": 10.0})
+    assert "Rings 30° from edge-on, seen from north" in sidebar_text.list_sky_lines(light)
+    assert "Rings exactly edge-on: not seen" in sidebar_text.list_sky_lines(light | {"planet_elevation_deg": 10.0})
     eclipsed = light | {"sun_elevation_deg": 40.0, "sun_azimuth_deg": 0.0}
-    assert "Eclipse: planet hides 100 % of Sun" in sidebar_text.sky_lines(eclipsed)
-    assert max(map(len, sidebar_text.sky_lines(eclipsed))) <= 42
+    assert "Eclipse: planet hides 100 % of Sun" in sidebar_text.list_sky_lines(eclipsed)
+    assert max(map(len, sidebar_text.list_sky_lines(eclipsed))) <= 42
 
 
 @pytest.mark.parametrize("elevation_deg", [40.0, 49.0, -5.0])
@@ -247,8 +247,8 @@ def test_the_panel_shows_the_light_of_the_sun_that_the_scene_renders(elevation_d
             }
         }
     )
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     assert (compute_sky(settings.light).eclipse > 0) == (elevation_deg > 0)
     lamp = float(built.sun.data.energy)
-    shown = next(line for line in sidebar_text.sky_lines(settings.light) if "W/m²" in line)
+    shown = next(line for line in sidebar_text.list_sky_lines(settings.light) if "W/m²" in line)
     assert shown.split()[0] == f"{lamp:.3g}"

@@ -221,7 +221,7 @@ def test_of_a_planet_on_the_horizon_the_upper_half_shines_and_is_seen(tmp_path):
 
 def test_a_dark_sky_is_said_with_its_mend():
     def said(light):
-        return " ".join(scenes.build(empty_scene(), complete({"light": light})).warnings)
+        return " ".join(scenes.build_scene(empty_scene(), complete({"light": light})).warnings)
 
     assert "raise light.sun_elevation_deg" in said(NIGHT)
     assert "hides the Sun" in said(SATURN | {"sun_elevation_deg": 50.0, "sun_azimuth_deg": 20.0})
@@ -289,7 +289,7 @@ def test_the_record_states_the_sun_that_the_images_have(tmp_path, light, source)
     """Lambert's law on a level plane turns the light of the images into the Sun's irradiance on level ground."""
     settings = complete(LAMBERT, DOWN, {"light": light, "quality": {"samples": 16}})
     scene = empty_scene()
-    built = scenes.build(scene, settings)
+    built = scenes.build_scene(scene, settings)
     if source == "HAND":
         turn_by_hand(built.sun)
     (folder,) = render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
@@ -326,7 +326,7 @@ def test_a_penumbra_is_as_wide_as_the_sun(tmp_path, diameter):
         },
     )
     scene = empty_scene()
-    built = scenes.build(scene, settings)
+    built = scenes.build_scene(scene, settings)
     height = 5.0
     wall = bpy.data.meshes.new("Wall")  # its top edge runs north at x = 5 m, so its shadow ends at x = 0
     wall.from_pydata([(height, -9, 0), (height, 9, 0), (height, 9, height), (height, -9, height)], [], [(0, 1, 2, 3)])
@@ -357,16 +357,16 @@ def test_planet_and_world_are_replaced_and_cleared():
 
     scene = empty_scene()
     for _ in "12":
-        built = scenes.build(scene, complete({"light": SATURN}))
+        built = scenes.build_scene(scene, complete({"light": SATURN}))
         assert [item.name for item in bpy.data.objects if "Planet" in item.name] == [
             "Icy Moon Planet",
             "Icy Moon Planetshine",
         ]
         assert len(bpy.data.worlds) == 1
         assert not built.edited
-    built = scenes.build(scene, complete())
+    built = scenes.build_scene(scene, complete())
     assert not [m for m in bpy.data.materials if "Planet" in m.name]
-    scenes.clear(scene)
+    scenes.clear_scene(scene)
     assert not bpy.data.objects
 
 
@@ -374,25 +374,25 @@ def test_the_panel_says_what_is_in_the_sky_and_what_the_camera_resolves():
     from icymoon.operators import sidebar_text
 
     light = complete({"light": SATURN | {"sun_elevation_deg": 20.0}}).light
-    text = "\n".join(sidebar_text.sky_lines(light))
+    text = "\n".join(sidebar_text.list_sky_lines(light))
     assert "Sun 20.00° high, azimuth 60.00°\n    0.0556° wide\n    14.8 W/m², 5.07 on flat ground" in text
     assert "Planet 50.00° high, azimuth 20.00°\n    29.3° wide, phase" in text
-    assert not sidebar_text.sky_fault(light)
+    assert not sidebar_text.find_sky_fault(light)
     undated = light | {"directions_from": "DATE", "date_utc": "soon"}
-    assert "light.date_utc" in sidebar_text.sky_fault(undated)
-    assert sidebar_text.sky_lines(undated) == ()
-    assert max(map(len, sidebar_text.sky_lines(light))) <= 40
+    assert "light.date_utc" in sidebar_text.find_sky_fault(undated)
+    assert sidebar_text.list_sky_lines(undated) == ()
+    assert max(map(len, sidebar_text.list_sky_lines(light))) <= 40
     rig = complete().rig | {"width_px": 640, "height_px": 480}
-    lines = sidebar_text.rig_lines(rig)
+    lines = sidebar_text.list_rig_lines(rig)
     assert lines[:3] == ("Field of view 86.3° x 70.2°", "Focal length 341.3 px", "Depth × disparity 85.33 px·m")
     # 1.6 m above the ground, 45.84° down: 2.23 m deep in the middle, 2.23² x 0.25 / 85.333 = 1.5 cm.
     assert "Middle 2.23 m ± 1.5 cm" in lines
-    assert "Far edge above the horizon" in sidebar_text.rig_lines(rig | {"pitch_deg": 10.0})
+    assert "Far edge above the horizon" in sidebar_text.list_rig_lines(rig | {"pitch_deg": 10.0})
 
 
 def test_a_camera_that_was_toed_in_or_focused_by_hand_is_refused(tmp_path):
     settings = complete(LAMBERT)
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     built.camera.data.stereo.convergence_mode = "TOE"
     with pytest.raises(IcyMoonError, match="Parallel"):
         render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
@@ -421,30 +421,30 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
     import bpy
 
     scene = empty_scene()
-    built = scenes.build(scene, complete({"light": SATURN}))
+    built = scenes.build_scene(scene, complete({"light": SATURN}))
     for change in ({"planet_azimuth_deg": 200.0}, {"sun_elevation_deg": -20.0}, {"planet": False}):
         settings = complete({"light": SATURN | change})
         preview.show_settings(built, settings, 65)
         fresh = scenes.Built(built.collection, built.terrain, built.sun, built.camera, settings, scene)
-        assert preview.notes(scene) == []
+        assert preview.read_notes(scene) == []
         assert not built.edited
         assert fresh.sky == describe_sky(compute_sky(settings.light))
         assert [o.name for o in bpy.data.objects if "Planet" in o.name] == (
             [] if "planet" in change else ["Icy Moon Planet", "Icy Moon Planetshine"]
         )
     preview.show_settings(built, complete({"light": {"directions_from": "DATE", "date_utc": "soon"}}), 65)
-    assert "light.date_utc" in preview.notes(scene)[0]
+    assert "light.date_utc" in preview.read_notes(scene)[0]
 
 
 def test_a_pair_is_named_by_what_its_kernels_hold(tmp_path):
-    from icymoon.nodes.datablocks.blend_file_paths import content, with_absolute_files
+    from icymoon.nodes.datablocks.blend_file_paths import hash_content, make_paths_absolute
 
     described = complete({"light": {"directions_from": "KERNELS", "kernels": str(tmp_path)}})
     (tmp_path / "a.tls").write_text("one")
-    first = content(described)
+    first = hash_content(described)
     (tmp_path / "a.tls").write_text("two, longer")
-    assert content(described) != first
-    assert content(complete({"light": {"kernels": str(tmp_path)}})) == ""  # which the angles do not need
-    assert with_absolute_files(described).light.kernels == str(tmp_path)
+    assert hash_content(described) != first
+    assert hash_content(complete({"light": {"kernels": str(tmp_path)}})) == ""  # which the angles do not need
+    assert make_paths_absolute(described).light.kernels == str(tmp_path)
     with pytest.raises(IcyMoonError, match=r"light\.kernels"):
-        content(complete({"light": {"directions_from": "KERNELS", "kernels": str(tmp_path / "none")}}))
+        hash_content(complete({"light": {"directions_from": "KERNELS", "kernels": str(tmp_path / "none")}}))

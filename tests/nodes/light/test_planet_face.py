@@ -78,7 +78,7 @@ def test_the_image_of_the_planet_is_what_rays_find(tmp_path, face, rings):
 def test_a_face_changes_the_colour_of_the_light_on_the_ground_but_not_its_amount():
     lamps = {}
     for face in ("PLAIN", "SATURN"):
-        built = scenes.build(empty_scene(), complete({"light": LIGHT | {"planet_face": face}}))
+        built = scenes.build_scene(empty_scene(), complete({"light": LIGHT | {"planet_face": face}}))
         lamp = next(item for item in built.collection.all_objects if item.name.endswith("Planetshine"))
         lamps[face] = lamp.data.energy, np.array(lamp.data.color)
     assert lamps["SATURN"][0] == lamps["PLAIN"][0]

@@ -12,7 +12,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes.ground.terrain_mesh import SPACING, leave_unmoved
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.surface.patches_and_grain import add_grain, add_grain_by_fineness
-from icymoon.nodes.tree.builder import Tree, non_socket_values
+from icymoon.nodes.tree.builder import Tree, list_non_socket_values
 from icymoon.physics.mesh.fine_relief import carried_share
 from icymoon.render import cycles_settings
 from icymoon.render.pairs.pair_folder import read_pair
@@ -37,13 +37,13 @@ LAWS = [{"model": "LAMBERT"}, {"model": "PRINCIPLED"}]
 @pytest.fixture
 def one_seed(monkeypatch):
     """Light paths are drawn alike, whatever the description."""
-    apply = cycles_settings.apply
+    apply = cycles_settings.apply_quality
 
     def applied(scene, *given):
         apply(scene, *given)
         scene.cycles.seed = 1
 
-    monkeypatch.setattr(cycles_settings, "apply", applied)
+    monkeypatch.setattr(cycles_settings, "apply_quality", applied)
 
 
 def tree_of(*changes):
@@ -52,7 +52,10 @@ def tree_of(*changes):
     settings = complete(*changes)
     tree = build_material("Test", settings.surface, 1, TERRAIN, None, settings).node_tree
     return (
-        [(node.bl_idname, node.name, non_socket_values(node), [_value(s) for s in node.inputs]) for node in tree.nodes],
+        [
+            (node.bl_idname, node.name, list_non_socket_values(node), [_value(s) for s in node.inputs])
+            for node in tree.nodes
+        ],
         [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier) for k in tree.links],
     )
 
@@ -241,7 +244,7 @@ def test_octaves_by_fineness_add_up_to_grain(tmp_path, one_seed):
     for relief in ("BUMP", "REAL"):
         empty_scene()
         settings = complete(NEAR_ICE, coarse, {"surface": {"relief": relief}})
-        built = scenes.build(bpy.context.scene, settings)
+        built = scenes.build_scene(bpy.context.scene, settings)
         leave_unmoved(built.terrain.data)
         assert built.terrain.data.materials[0].displacement_method == "BUMP"  # a vertex in 6 cm carries nothing
         ice = build_material("Again", settings.surface, 1, TERRAIN, None, settings, by_fineness=True)
@@ -284,7 +287,7 @@ def radiance_of_left_eye(built, folder):
 
 def test_displacement_on_a_coarse_mesh_is_reported():
     empty_scene()
-    built = scenes.build(
+    built = scenes.build_scene(
         bpy.context.scene, complete(NEAR_ICE, {"surface": {"relief": "DISPLACEMENT"}, "mesh": {"kind": "GRID"}})
     )
     assert any("of the height of the fine relief" in warning for warning in built.warnings)
@@ -293,7 +296,7 @@ def test_displacement_on_a_coarse_mesh_is_reported():
 def test_grain_that_changes_asks_for_a_new_mesh_only_if_relief_is_in_it():
     empty_scene()
     settings = complete(NEAR_ICE, {"surface": {"relief": "BUMP"}})
-    built = scenes.build(bpy.context.scene, settings)
+    built = scenes.build_scene(bpy.context.scene, settings)
     preview.show_settings(built, merged(settings, {"surface": {"grain_amplitude_m": 0.01}}), 33)
     assert built.preview == {}
     preview.show_settings(built, merged(settings, {"surface": {"relief": "REAL"}}), 33)

@@ -148,13 +148,13 @@ def test_seen_at_a_slant_osl_is_as_bright_as_nodes_near_and_far(tmp_path, monkey
 
     The same rays draw both, so that nothing but single precision and what OSL traces itself tells them apart.
     """
-    apply = cycles_settings.apply
+    apply = cycles_settings.apply_quality
 
     def applied(scene, *given):
         apply(scene, *given)
         scene.cycles.seed = 1
 
-    monkeypatch.setattr(cycles_settings, "apply", applied)
+    monkeypatch.setattr(cycles_settings, "apply_quality", applied)
     rolling = {
         "terrain": {"rms_slope_deg": 15.0, "size_m": 100.0, "resolution": 65, "inner_scale_m": 1.0},
         "quality": {"samples": 4},
@@ -373,16 +373,18 @@ def test_without_osl_and_on_a_gpu_nodes_are_taken_and_it_is_said(monkeypatch):
     assert "CPU" in message
     monkeypatch.setattr(compat, "has_osl", lambda: False)
     settings = complete({"surface": BARE, "hapke": {"accuracy": "REFERENCE"}, "terrain": FLAT})
-    built = scenes.build(empty_scene(), settings)
+    built = scenes.build_scene(empty_scene(), settings)
     assert any("without Open Shading Language" in warning for warning in built.warnings)
     assert not any(sun_inputs.is_osl(material) for material in built.materials)
-    assert built.extra == scenes.extra(settings) != ""  # a pair of nodes is another than one of OSL
+    assert built.extra == scenes.make_extra(settings) != ""  # a pair of nodes is another than one of OSL
     for model in ("HAPKE", "SNOW"):
         refused = complete({"surface": {**BARE, "model": model}, "hapke": {"backend": "OSL"}, "terrain": FLAT})
         with pytest.raises(IcyMoonError, match=r"hapke\.backend"):
-            scenes.build(empty_scene(), refused)
+            scenes.build_scene(empty_scene(), refused)
     # Nobody is told of Hapke's law who does not use it.
-    assert not scenes.build(empty_scene(), complete({"hapke": {"accuracy": "REFERENCE"}, "terrain": FLAT})).warnings
+    assert not scenes.build_scene(
+        empty_scene(), complete({"hapke": {"accuracy": "REFERENCE"}, "terrain": FLAT})
+    ).warnings
 
 
 def test_a_surface_of_osl_is_not_rendered_where_there_is_none(tmp_path, monkeypatch):
@@ -403,14 +405,14 @@ def test_building_again_and_clearing_leave_nothing_behind():
     def blocks():
         return [len(getattr(bpy.data, kind)) for kind in ("objects", "materials", "collections", "texts")]
 
-    scenes.build(scene, settings)
+    scenes.build_scene(scene, settings)
     after_one = blocks()
-    scenes.build(scene, settings)
+    scenes.build_scene(scene, settings)
     assert blocks() == after_one
     assert scene.cycles.shading_system  # or the window would show it black
-    scenes.build(scene, complete({"terrain": FLAT}))
+    scenes.build_scene(scene, complete({"terrain": FLAT}))
     assert not scene.cycles.shading_system
-    scenes.clear(scene)
+    scenes.clear_scene(scene)
     assert not len(bpy.data.materials)
     assert not len(bpy.data.collections)
 

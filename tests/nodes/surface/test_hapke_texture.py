@@ -89,7 +89,7 @@ def test_an_even_image_is_the_constant(tmp_path, made_of, accuracy):
 
 
 def nodes_of(changes, textures) -> list[str]:
-    built = scenes.build(
+    built = scenes.build_scene(
         empty_scene(), complete({"terrain": FLAT, "surface": BARE}, {"hapke": changes}, {"textures": textures})
     )
     return sorted(node.label for node in built.terrain.data.materials[0].node_tree.nodes)
@@ -117,7 +117,7 @@ def test_the_albedo_for_the_sky_follows_the_roughness(w, span_deg, within):
     """The polynomial against the integral, at slopes and angles between those that it was fitted to."""
     q = hapke_from_settings(complete({"hapke": {"w": w}}).hapke)
     low, high = np.radians(span_deg)
-    coefficients = reflectance_laws._fit(q, 0.5, (float(low), float(high)))
+    coefficients = reflectance_laws._fit_hemispherical_albedo(q, 0.5, (float(low), float(high)))
     mu = np.linspace(0.05, 1.0, 9)
     for share in (0.0, 0.13, 0.5, 0.8, 1.0):
         for grey in (1.0, 0.7):
@@ -186,7 +186,7 @@ def test_the_pair_says_what_neighbours_are_taken_to_be(tmp_path):
 
 
 def test_a_roughness_range_without_an_image_is_said():
-    told = scenes.build(
+    told = scenes.build_scene(
         empty_scene(), complete({"terrain": FLAT, "surface": BARE, "hapke": {"theta_bar_range_deg": 20.0}})
     ).warnings
     assert any("theta_bar_range_deg" in sentence for sentence in told)

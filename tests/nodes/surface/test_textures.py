@@ -123,32 +123,32 @@ def test_maps_are_the_pair_s_and_missing_ones_are_refused(tmp_path):
     path = png(tmp_path / "a.png", np.full((8, 8, 3), 0.5))
     settings = complete({"textures": {"set": "OWN", "albedo_file": str(path)}})
     scene = empty_scene()
-    built = scenes.build(scene, settings)
+    built = scenes.build_scene(scene, settings)
     first = expand_headings(settings, built.extra)[0].id
     assert not built.edited
-    assert scenes.changed_settings(built, settings) == []
+    assert scenes.list_changed_settings(built, settings) == []
     png(path, np.full((8, 8, 3), 0.7))
-    assert scenes.changed_settings(built, settings) == ["textures.albedo_file"]
-    built = scenes.build(scene, settings)
+    assert scenes.list_changed_settings(built, settings) == ["textures.albedo_file"]
+    built = scenes.build_scene(scene, settings)
     assert expand_headings(settings, built.extra)[0].id != first
     count = len(bpy.data.images)
-    scenes.build(scene, settings)
+    scenes.build_scene(scene, settings)
     assert len(bpy.data.images) == count
     for bad, word in (("missing.png", r"albedo_file"), (str(tmp_path), r"albedo_file")):
         with pytest.raises(IcyMoonError, match=word):
-            scenes.build(scene, complete({"textures": {"set": "OWN", "albedo_file": bad}}))
+            scenes.build_scene(scene, complete({"textures": {"set": "OWN", "albedo_file": bad}}))
     (tmp_path / "no.png").write_bytes(b"no image")
     with pytest.raises(IcyMoonError, match="not an image"):
-        scenes.build(scene, complete({"textures": {"set": "OWN", "albedo_file": str(tmp_path / "no.png")}}))
+        scenes.build_scene(scene, complete({"textures": {"set": "OWN", "albedo_file": str(tmp_path / "no.png")}}))
     assert len(bpy.data.images) == count
-    scenes.clear(scene)
+    scenes.clear_scene(scene)
     assert not any(image.name.startswith("a.png") for image in bpy.data.images)
 
 
 def test_a_set_of_no_images_is_said():
     scene = empty_scene()
     with pytest.raises(IcyMoonError, match=r"textures\.set"):
-        scenes.build(scene, complete({"textures": {"set": "OWN"}}))
+        scenes.build_scene(scene, complete({"textures": {"set": "OWN"}}))
 
 
 def test_an_image_that_reflects_more_light_than_it_gets_is_told(registered, tmp_path):
@@ -158,12 +158,12 @@ def test_an_image_that_reflects_more_light_than_it_gets_is_told(registered, tmp_
     own = {"textures": {"set": "OWN", "albedo_file": str(path)}, "terrain": {"size_m": 8.0}}
     told = [
         sentence
-        for sentence in scenes.build(scene, complete(own, {"surface": {"albedo": 0.6}})).warnings
+        for sentence in scenes.build_scene(scene, complete(own, {"surface": {"albedo": 0.6}})).warnings
         if "more light than they get" in sentence
     ]
     assert len(told) == 1
     assert "25 % of the albedo image" in told[0]
     assert "2.4 times" in told[0]
     assert "at most 0.25" in told[0]
-    built = scenes.build(scene, complete(own, {"surface": {"albedo": 0.25}}))
+    built = scenes.build_scene(scene, complete(own, {"surface": {"albedo": 0.25}}))
     assert not any("more light than they get" in sentence for sentence in built.warnings)

@@ -13,7 +13,7 @@ import pytest
 from icymoon.benchmarks.light.furnace import radiance
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
-from icymoon.nodes.datablocks.fingerprint import TAG, instanced_objects
+from icymoon.nodes.datablocks.fingerprint import TAG, find_instanced_objects
 from icymoon.nodes.ground.import_mesh import read_mesh
 from icymoon.nodes.surface import images
 from icymoon.render.plans.planned_pair import expand_headings
@@ -228,7 +228,7 @@ def above(settings: Settings, samples: int = 4) -> Array:
     """Reflectance (PIXELS, PIXELS, 3) of the ground seen from above, row 0 southernmost and column 0 westernmost:
     radiance over that of level, white ground under a Sun in the zenith."""
     scene = empty_scene()
-    scenes.build(scene, settings)
+    scenes.build_scene(scene, settings)
     scene.render.engine, scene.cycles.samples = "CYCLES", samples
     return radiance(scene, 0.0, SIDE_M, PIXELS)[::-1, ::-1] * np.pi / settings.light.sun_irradiance_wm2
 
@@ -268,14 +268,16 @@ def test_every_format_puts_the_colours_where_they_were_baked(tmp_path, name):
         assert np.array_equal(above(described(path, {"set": "MESH"})), by_file)
     else:
         with pytest.raises(IcyMoonError, match=r"has no images.*textures\.set to OWN"):
-            scenes.build(empty_scene(), described(path, {"set": "MESH"}))
+            scenes.build_scene(empty_scene(), described(path, {"set": "MESH"}))
 
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_what_blender_writes_comes_back(tmp_path, name):
     positions, faces, uv = ground()
     path = export(tmp_path / name, positions, faces, Baked=uv)
-    built = scenes.build(empty_scene(), complete({"source": {"kind": "MESH", "file": str(path), "centre": False}}))
+    built = scenes.build_scene(
+        empty_scene(), complete({"source": {"kind": "MESH", "file": str(path), "centre": False}})
+    )
     mesh = built.terrain.data
     if name == "a.stl":  # which has no place for them
         assert UV_LAYER not in mesh.attributes
@@ -302,7 +304,7 @@ def test_mending_scale_and_placing_leave_the_colours_where_they_were(tmp_path, n
     path = WRITERS[name](tmp_path / name, 1000 * positions + [7000, -3000, 0], faces, uv)
     settings = described(path, {"set": "OWN", "mapping": "UV", "albedo_file": str(image)}, {"scale": 0.001})
     assert_laid(above(settings))
-    built = scenes.find(bpy.context.scene)
+    built = scenes.find_built(bpy.context.scene)
     assert len(built.terrain.data.polygons) == 2 * CELLS**2
     assert any("UV coordinates from 0 to 1 and 0 to 1" in line for line in built.ground["report"])
 
@@ -313,7 +315,7 @@ def test_added_roughness_leaves_the_colours_where_they_were(tmp_path):
     finer = {"terrain": {"size_m": 4.0, "resolution": 33, "rms_slope_deg": 3.0, "slope_baseline_m": 0.5}}
     settings = described(path, {"set": "OWN", "mapping": "UV", "albedo_file": str(image)}, {"detail": True}, finer)
     found = above(settings)
-    heights = np.array([v.co.z for v in scenes.find(bpy.context.scene).terrain.data.vertices])
+    heights = np.array([v.co.z for v in scenes.find_built(bpy.context.scene).terrain.data.vertices])
     assert len(heights) > 4 * CELLS**2
     assert heights.std() > 1e-4
     # Slopes darken all bands alike: the share of each band is the image's, but for light from the ground beside.
@@ -356,14 +358,14 @@ def test_the_mean_is_that_of_the_ground_and_blocks_take_it(tmp_path):
     share = share / share.sum(axis=1, keepdims=True)
     # Light that went by two blocks is redder, (0.67, 0.17, 0.17) of it; grey would be a third of each.
     assert share == pytest.approx(np.broadcast_to([0.5, 0.25, 0.25], share.shape), abs=0.06)
-    built = scenes.find(bpy.context.scene)
+    built = scenes.find_built(bpy.context.scene)
     assert built.rock_count > 3
     assert not built.edited
     blocks = next(item for item in built.collection.all_objects if item.get(TAG) == "rock")
-    material = next(iter(instanced_objects(blocks))).data.materials[0]
+    material = next(iter(find_instanced_objects(blocks))).data.materials[0]
     assert not [n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeTexImage"]
     own = description.merged(settings, {"rocks": {"own_surface": True}})
-    scenes.build(empty_scene(), own)
+    scenes.build_scene(empty_scene(), own)
     blocks = bpy.data.materials["Icy Moon Rock Surface"].node_tree.nodes
     assert "Mean Albedo" not in blocks
 
@@ -459,7 +461,9 @@ def test_a_gltf_s_roughness_is_its_green_channel(tmp_path):
         {"a": tmp_path / "quarters.png", "r": rough, "n": normal},
         {"baseColorTexture": "a", "metallicRoughnessTexture": "r", "normalTexture": "n"},
     )
-    built = scenes.build(empty_scene(), described(path, {"set": "MESH"}, None, {"surface": {"model": "PRINCIPLED"}}))
+    built = scenes.build_scene(
+        empty_scene(), described(path, {"set": "MESH"}, None, {"surface": {"model": "PRINCIPLED"}})
+    )
     assert any("albedo, roughness, normal" in line for line in built.ground["report"])
     nodes = bpy.data.materials["Icy Moon Surface"].node_tree.nodes
     link = nodes["Snow"].inputs["Roughness"].links[0]
@@ -468,9 +472,9 @@ def test_a_gltf_s_roughness_is_its_green_channel(tmp_path):
     assert spaces == {"Albedo 0": "sRGB", "Roughness 0": "Non-Color", "Normal 0": "Non-Color"}
     assert all(n.image.packed_file for n in nodes if n.bl_idname == "ShaderNodeTexImage")
     count = len(bpy.data.images)
-    scenes.build(bpy.context.scene, built.settings)
+    scenes.build_scene(bpy.context.scene, built.settings)
     assert len(bpy.data.images) == count
-    scenes.clear(bpy.context.scene)
+    scenes.clear_scene(bpy.context.scene)
     assert not [image for image in bpy.data.images if image.name.startswith("a.glb")]
 
 
@@ -480,7 +484,7 @@ def test_beyond_the_unit_square_the_image_repeats(tmp_path):
     path = obj(tmp_path / "a.obj", positions, faces, uv + np.array([3, -5]))
     settings = described(path, {"set": "OWN", "mapping": "UV", "albedo_file": str(image)})
     assert_laid(above(settings))
-    report = " ".join(scenes.find(bpy.context.scene).ground["report"])
+    report = " ".join(scenes.find_built(bpy.context.scene).ground["report"])
     assert "UV coordinates from 3 to 4 and -5 to -4" in report
 
 
@@ -495,14 +499,18 @@ def test_coordinates_that_are_no_numbers_or_one_point_are_said(tmp_path, name):
     # Two triangles of 128 show something else.
     wrong = np.abs(found - ALBEDO * expected() / QUARTERS.mean()).max(axis=2) > 0.02
     assert wrong[inner()].mean() < 0.03
-    built = scenes.build(empty_scene(), described(path, {"set": "OWN", "mapping": "UV", "albedo_file": str(image)}))
+    built = scenes.build_scene(
+        empty_scene(), described(path, {"set": "OWN", "mapping": "UV", "albedo_file": str(image)})
+    )
     assert any("1 of 384 face corners have no UV" in warning for warning in built.warnings)
     assert any("1 of 128 triangles have no area" in warning for warning in built.warnings)
     for nothing in (np.full_like(uv, np.nan), np.full_like(uv, 0.25)):
         path = WRITERS[name](tmp_path / name, positions, faces, nothing)
-        scenes.build(empty_scene(), described(path, {"set": "OWN", "albedo_file": str(image)}))
+        scenes.build_scene(empty_scene(), described(path, {"set": "OWN", "albedo_file": str(image)}))
         with pytest.raises(IcyMoonError, match="has no UV coordinates that show an image"):
-            scenes.build(empty_scene(), described(path, {"set": "OWN", "mapping": "UV", "albedo_file": str(image)}))
+            scenes.build_scene(
+                empty_scene(), described(path, {"set": "OWN", "mapping": "UV", "albedo_file": str(image)})
+            )
 
 
 def test_of_two_layers_the_rendered_one_counts(tmp_path):
@@ -536,7 +544,7 @@ def test_a_ground_with_faces_of_four_corners_has_the_same_mean(tmp_path):
     settings = described(
         obj(tmp_path / "a.obj", positions, faces, uv), {"set": "OWN", "mapping": "UV", "albedo_file": str(image)}
     )
-    mesh = scenes.build(scene, settings).terrain.data
+    mesh = scenes.build_scene(scene, settings).terrain.data
     before = images.measure_means(mesh, images.load_maps(settings.textures, {"albedo": image}))["albedo"].mean
     edited = bmesh.new()
     edited.from_mesh(mesh)
@@ -553,7 +561,7 @@ def test_a_mesh_with_coordinates_is_the_same_mesh(tmp_path):
     positions[:, 2] = np.random.default_rng(0).normal(0, 0.1, len(positions))
 
     def shape(path: Path) -> tuple[bytes, bytes]:
-        mesh = scenes.build(empty_scene(), described(path, {}, {"detail": True})).terrain.data
+        mesh = scenes.build_scene(empty_scene(), described(path, {}, {"detail": True})).terrain.data
         vertices, corners = np.empty(3 * len(mesh.vertices), np.float32), np.empty(len(mesh.loops), np.int32)
         mesh.vertices.foreach_get("co", vertices)
         mesh.loops.foreach_get("vertex_index", corners)
@@ -569,30 +577,32 @@ def test_the_images_of_a_mesh_are_the_pair_s(tmp_path):
     image = quarters(tmp_path / "quarters.png")
     path = WRITERS["a.obj"](tmp_path / "a.obj", *ground())
     settings, scene = described(path, {"set": "MESH"}), empty_scene()
-    built = scenes.build(scene, settings)
+    built = scenes.build_scene(scene, settings)
     first = expand_headings(settings, built.extra)[0].id
     assert not built.edited
-    assert scenes.changed_settings(built, settings) == []
+    assert scenes.list_changed_settings(built, settings) == []
     png(image, np.full((4, 4, 3), 0.5))
-    assert scenes.changed_settings(built, settings) == ["source.file"]
-    built = scenes.build(scene, settings)
+    assert scenes.list_changed_settings(built, settings) == ["source.file"]
+    built = scenes.build_scene(scene, settings)
     second = expand_headings(settings, built.extra)[0].id
     (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd missing.png\n")
-    assert scenes.changed_settings(built, settings) == []  # what was built is still there
+    assert scenes.list_changed_settings(built, settings) == []  # what was built is still there
     with pytest.raises(IcyMoonError, match=r"missing\.png: there is no such file; check the albedo image of the mesh"):
-        scenes.build(scene, settings)
-    assert scenes.find(scene).extra == built.extra
+        scenes.build_scene(scene, settings)
+    assert scenes.find_built(scene).extra == built.extra
     assert len([m for m in bpy.data.meshes if m.name.startswith("Icy Moon Terrain")]) == 1
     (tmp_path / "a.mtl").unlink()
     with pytest.raises(IcyMoonError, match="has no images"):
-        scenes.build(scene, settings)
+        scenes.build_scene(scene, settings)
     assert len({first, second}) == 2
 
 
 def test_an_edit_of_the_coordinates_is_seen(tmp_path):
     image = quarters(tmp_path / "quarters.png")
     path = WRITERS["a.obj"](tmp_path / "a.obj", *ground())
-    built = scenes.build(empty_scene(), described(path, {"set": "OWN", "mapping": "UV", "albedo_file": str(image)}))
+    built = scenes.build_scene(
+        empty_scene(), described(path, {"set": "OWN", "mapping": "UV", "albedo_file": str(image)})
+    )
     assert not built.edited
     name = built.extra
     built.terrain.data.uv_layers[UV_LAYER].data[7].uv = (0.3, 0.3)
@@ -610,7 +620,7 @@ def test_ground_without_coordinates_is_refused(tmp_path):
     heights = {"source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "h.npy"), "metres_per_pixel": 1.0}}
     own = {"set": "OWN", "mapping": "UV", "albedo_file": image}
     scene = empty_scene()
-    built = scenes.build(scene, complete())
+    built = scenes.build_scene(scene, complete())
     mark, meshes = built.extra, len(bpy.data.meshes)
     for settings, words in (
         (complete({"textures": own}), r"textures\.mapping is UV, but procedural ground.*OBJECT.*source\.kind"),
@@ -624,12 +634,14 @@ def test_ground_without_coordinates_is_refused(tmp_path):
         ),
     ):
         with pytest.raises(IcyMoonError, match=words):
-            scenes.build(scene, settings)
-        assert (scenes.find(scene).extra, len(bpy.data.meshes)) == (mark, meshes)
+            scenes.build_scene(scene, settings)
+        assert (scenes.find_built(scene).extra, len(bpy.data.meshes)) == (mark, meshes)
     with pytest.raises(IcyMoonError, match=r"textures\.albedo_file.*textures\.set to MESH"):
-        scenes.build(scene, described(seen_by_obj(tmp_path / "a.obj", *ground()), {"set": "OWN", "mapping": "UV"}))
+        scenes.build_scene(
+            scene, described(seen_by_obj(tmp_path / "a.obj", *ground()), {"set": "OWN", "mapping": "UV"})
+        )
     # Without an image there is nothing to refuse.
-    scenes.build(scene, complete({"textures": {"mapping": "UV"}}))
+    scenes.build_scene(scene, complete({"textures": {"mapping": "UV"}}))
 
 
 def test_the_window_follows_and_says_what_it_cannot_show(tmp_path):
@@ -637,11 +649,11 @@ def test_the_window_follows_and_says_what_it_cannot_show(tmp_path):
     path = WRITERS["a.obj"](tmp_path / "a.obj", *ground())
     scene = empty_scene()
     plain = described(path, {})
-    built = scenes.build(scene, plain)
+    built = scenes.build_scene(scene, plain)
     shown = described(path, {"set": "MESH"})
     preview.show_settings(built, shown, 33)
-    assert preview.notes(scene) == []
-    made = scenes.find(scene)
+    assert preview.read_notes(scene) == []
+    made = scenes.find_built(scene)
     assert made.settings["textures"]["set"] == "MESH"
     assert not made.edited
     nodes = made.terrain.data.materials[0].node_tree.nodes
@@ -650,16 +662,16 @@ def test_the_window_follows_and_says_what_it_cannot_show(tmp_path):
     bpy.context.view_layer.objects.active = made.terrain
     bpy.ops.object.mode_set(mode="EDIT")
     preview.show_settings(made, description.merged(shown, {"surface": {"albedo": 0.5}}), 33)
-    assert any("leave Edit Mode" in note for note in preview.notes(scene))
+    assert any("leave Edit Mode" in note for note in preview.read_notes(scene))
     bpy.ops.object.mode_set(mode="OBJECT")
     preview.show_settings(made, description.merged(shown, {"surface": {"albedo": 0.6}}), 33)
-    assert preview.notes(scene) == []
-    procedural = scenes.build(scene, complete())
+    assert preview.read_notes(scene) == []
+    procedural = scenes.build_scene(scene, complete())
     preview.show_settings(procedural, complete({"textures": {"set": "FROST", "mapping": "UV"}}), 33)
-    assert any("textures.mapping is UV" in note for note in preview.notes(scene))
+    assert any("textures.mapping is UV" in note for note in preview.read_notes(scene))
     procedural.terrain.data.uv_layers.new(name=UV_LAYER)  # by hand, which the settings do not say
     preview.show_settings(procedural, complete({"textures": {"set": "MESH"}}), 33)
-    assert any("textures.set is MESH, but procedural" in note for note in preview.notes(scene))
+    assert any("textures.set is MESH, but procedural" in note for note in preview.read_notes(scene))
 
 
 def test_the_panel_greys_what_does_not_count(scene):

@@ -8,10 +8,10 @@ import os
 import pytest
 from icymoon.commands import batch, cli
 from icymoon.render.cost import abilities, measure_speed
-from icymoon.render.cost.abilities import Abilities, find_lack, lack_for, needs_full_build
-from icymoon.render.cost.estimate import work_of
+from icymoon.render.cost.abilities import Abilities, describe_lack, find_lack, needs_full_build
+from icymoon.render.cost.estimate import estimate_work
 from icymoon.render.cost.quality_presets import list_qualities
-from icymoon.render.cost.variants import candidates, variants
+from icymoon.render.cost.variants import list_candidates, list_variants
 from icymoon.render.plans.triangles import count_triangles
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.topics.scene import Settings
@@ -80,10 +80,10 @@ def plan(tmp_path):
     ],
 )
 def test_only_what_the_settings_ask_for_is_lacking(part, said):
-    found = lack_for(scene(part), PLAIN)
+    found = describe_lack(scene(part), PLAIN)
     assert said in found
     assert bool(said) == bool(found) == needs_full_build(scene(part))
-    assert lack_for(scene(part), Abilities()) == ""
+    assert describe_lack(scene(part), Abilities()) == ""
     assert not found or found.count(".") == 1 + found.count("quality.") + found.count("hapke.")  # one sentence
 
 
@@ -129,10 +129,10 @@ def test_the_gallery_is_refused_before_its_first_scene(blender, tmp_path, capsys
 
 
 def test_a_search_and_a_trade_leave_out_what_is_denoised(blender, tmp_path):
-    for found in (candidates(scene(), PLAIN), variants(scene(), ["samples"], PLAIN)):
+    for found in (list_candidates(scene(), PLAIN), list_variants(scene(), ["samples"], PLAIN)):
         assert len(found) > 5
         assert {variant.settings.quality.denoiser for variant in found} == {"NONE"}
-    assert {variant.settings.quality.denoiser for variant in candidates(scene())} == {"NONE", "OIDN"}
+    assert {variant.settings.quality.denoiser for variant in list_candidates(scene())} == {"NONE", "OIDN"}
     told = []
     bench = measure_variants.TradeBench(scene(), tmp_path, str(blender), "bm", 2, 1, told.append)
     assert measure_variants.check_abilities(bench, bench.settings) == PLAIN
@@ -150,10 +150,10 @@ def test_a_quality_that_cannot_be_had_shows_why_in_place_of_its_cost():
 
 
 def test_a_machine_is_measured_without_the_denoiser_that_it_lacks(tmp_path):
-    settings = measure_speed.small_render("CPU", denoiser=False)
+    settings = measure_speed.make_small_render("CPU", denoiser=False)
     assert settings.quality.denoiser == "NONE"
     folders = [tmp_path / str(k) for k in range(2)]
-    expected = work_of(settings).seconds(count_triangles(settings))
+    expected = estimate_work(settings).seconds(count_triangles(settings))
     for folder in folders:
         folder.mkdir()
         (folder / "pair.json").write_text(

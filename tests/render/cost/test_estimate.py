@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.cost import estimate
 from icymoon.render.plans.indirect import bake_seconds, light_bytes
-from icymoon.render.plans.order import cut_into_jobs, ordered
+from icymoon.render.plans.order import cut_into_jobs, order_pairs
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.plans.triangles import count_triangles
 from icymoon.settings import description
@@ -65,7 +65,7 @@ def finish(dataset, pair, seconds, size=1000):
     ],
 )
 def test_what_costs_more_is_expected_to(change, dearer):
-    base, other = (estimate.work_of(described(*c)).seconds(1e5) for c in ((), (change,)))
+    base, other = (estimate.estimate_work(described(*c)).seconds(1e5) for c in ((), (change,)))
     assert (other > base) == dearer
 
 
@@ -92,7 +92,7 @@ def test_what_is_left_out_never_costs(scene):
     """More left out is never expected to take longer, and what is never seen is expected to cost as if it were off."""
 
     def seconds(*changes):
-        return estimate.work_of(described(scene, *changes)).seconds(1e5)
+        return estimate.estimate_work(described(scene, *changes)).seconds(1e5)
 
     full = seconds()
     for lean in ({"fine_relief": "CAMERA"}, {"walk_px": 100.0}, {"truth": "DEPTH"}):
@@ -116,11 +116,11 @@ def test_what_is_left_out_never_costs(scene):
     ],
 )
 def test_off_costs_what_never_on_does(off, never_on):
-    assert estimate.work_of(described(off)) == estimate.work_of(described(never_on))
+    assert estimate.estimate_work(described(off)) == estimate.estimate_work(described(never_on))
 
 
 def test_a_walk_costs_where_it_is_walked():
-    out, walked = (estimate.work_of(described(SNOW, {"quality": {"walk_px": limit}})) for limit in (0.1, 0.0))
+    out, walked = (estimate.estimate_work(described(SNOW, {"quality": {"walk_px": limit}})) for limit in (0.1, 0.0))
     # 8.0 samples of Lambert's law more in python benchmarks plan_cost at weight 1, so more than 4 at any large weight.
     assert walked.relative - out.relative > 4
 
@@ -129,7 +129,9 @@ def test_samples_and_pixels_count_in_proportion():
     """Once what a pair costs anyhow is taken off, twice the samples or pixels cost twice as much."""
 
     def of(samples, width):
-        return estimate.work_of(described({"quality": {"samples": samples}, "rig": {"width_px": width}})).seconds(0.0)
+        return estimate.estimate_work(described({"quality": {"samples": samples}, "rig": {"width_px": width}})).seconds(
+            0.0
+        )
 
     per_sample = of(11, 64) - of(10, 64)
     assert of(40, 64) - of(20, 64) == pytest.approx(20 * per_sample)
@@ -138,7 +140,7 @@ def test_samples_and_pixels_count_in_proportion():
 
 @pytest.mark.parametrize(("overscan", "pixels"), [(0.0, 2 * 64 * 48), (0.25, 2 * 96 * 72)])
 def test_the_pixels_of_a_pair_are_those_of_both_eyes_with_their_margins(overscan, pixels):
-    assert estimate.pixels_of(described({"rig": {"overscan": overscan}})) == pixels
+    assert estimate.count_pixels(described({"rig": {"overscan": overscan}})) == pixels
 
 
 @pytest.fixture(autouse=True)
@@ -152,35 +154,35 @@ def test_a_scene_is_built_once_for_all_pairs_of_a_job():
     one = described()
     others = [described({"light": {"sun_elevation_deg": e}}) for e in (10.0, 20.0, 30.0)]
     grounds = [described({"terrain": {"hurst": h}}) for h in (0.5, 0.6, 0.7)]
-    single, lights, terrains = (estimate.estimate(pairs_of(*s)) for s in ([one], others, grounds))
+    single, lights, terrains = (estimate.estimate_plan(pairs_of(*s)) for s in ([one], others, grounds))
     assert (lights.scenes, lights.geometries, lights.lights, lights.surfaces) == (1, 1, 3, 1)
     assert (terrains.scenes, terrains.geometries, terrains.lights, terrains.surfaces) == (3, 3, 1, 1)
     # A worker's job ends with two pairs, so the second job builds the ground again.
     triangles = 2.0 * 128**2
-    a_pair = estimate.work_of(one).seconds(triangles)
-    a_job = [cut_into_jobs(ordered(pairs_of(*s)), 1, 50) for s in (others, grounds)]
+    a_pair = estimate.estimate_work(one).seconds(triangles)
+    a_job = [cut_into_jobs(order_pairs(pairs_of(*s)), 1, 50) for s in (others, grounds)]
     assert [len(jobs) for jobs in a_job] == [2, 3]
     again = lights.seconds - single.seconds - 2 * a_pair  # another worker and its build
-    assert again > estimate.scene_seconds(one, triangles)
+    assert again > estimate.build_seconds(one, triangles)
     assert terrains.seconds - lights.seconds == pytest.approx(again)
 
 
 def test_a_start_counts_for_each_worker_that_the_jobs_need():
     """Jobs are cut so that workers end together: a worker of two processors has four."""
     headings = [pairs_of(described({"dataset": {"headings": n}})) for n in (1, 2, 64)]
-    each = estimate.work_of(described()).seconds(2.0 * 128**2)
-    one, two, many = (estimate.estimate(pairs).seconds for pairs in headings)
+    each = estimate.estimate_work(described()).seconds(2.0 * 128**2)
+    one, two, many = (estimate.estimate_plan(pairs).seconds for pairs in headings)
     assert two - one == pytest.approx(each)  # the same worker
-    jobs = len(cut_into_jobs(ordered(headings[2]), 1, 50))
+    jobs = len(cut_into_jobs(order_pairs(headings[2]), 1, 50))
     assert jobs > 1
     # To start Blender takes more than a second of a processor.
-    starts = many - one - 63 * each - (jobs - 1) * estimate.scene_seconds(described(), 2.0 * 128**2)
+    starts = many - one - 63 * each - (jobs - 1) * estimate.build_seconds(described(), 2.0 * 128**2)
     assert starts / (jobs - 1) > 1.0
 
 
 def test_ground_from_a_file_takes_longer_to_build():
     made_up, from_file = described(), described({"source": {"kind": "STAND_IN"}})
-    assert estimate.scene_seconds(from_file, 1e5) > estimate.scene_seconds(made_up, 1e5) + 1.0
+    assert estimate.build_seconds(from_file, 1e5) > estimate.build_seconds(made_up, 1e5) + 1.0
 
 
 def test_the_triangles_are_those_of_the_ground():
@@ -195,7 +197,7 @@ def test_the_triangles_are_those_of_the_ground():
 
 
 def test_before_anything_is_rendered_another_machine_is_allowed_for():
-    found = estimate.estimate(pairs_of(described()))
+    found = estimate.estimate_plan(pairs_of(described()))
     assert found.measured == 0
     assert found.factor == pytest.approx(3.0)
     assert "another machine" in "".join(found.lines())
@@ -205,7 +207,7 @@ def test_bytes_are_in_proportion_to_what_is_written():
     """Laws that hold whatever the coefficients are; ``tests/render/test_disk.py`` holds them against pairs."""
 
     def size(*changes):
-        return estimate.bytes_of(described({"rig": {"pitch_deg": 85.0}}, *changes))
+        return estimate.estimate_bytes(described({"rig": {"pitch_deg": 85.0}}, *changes))
 
     base = size()
     finer = {"terrain": {"resolution": 257}}  # as many pixels for a facet
@@ -249,22 +251,24 @@ def test_the_share_of_sky_is_that_of_a_level_ground(pitch_deg, share):
 
 def test_bytes_that_are_left_are_those_of_the_pairs_that_are_not_there(tmp_path):
     pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 5)))
-    each, stated = estimate.bytes_of(pairs[0].settings), estimate.STATED_BYTES
+    each, stated = estimate.estimate_bytes(pairs[0].settings), estimate.STATED_BYTES
     assert estimate.count_bytes_left(pairs, tmp_path) == pytest.approx(4 * (each + stated))
     for pair in pairs[:3]:
         finish(tmp_path, pair, 1.0, size=each)  # twice what is expected, in two files
     assert estimate.count_bytes_left(pairs, tmp_path) == pytest.approx(2 * each + stated, rel=1e-3)
     assert estimate.count_bytes_left(pairs, tmp_path, again=True) == pytest.approx(8 * each + 4 * stated, rel=1e-3)
-    assert estimate.estimate(pairs, tmp_path).left_bytes == estimate.count_bytes_left(pairs, tmp_path)
+    assert estimate.estimate_plan(pairs, tmp_path).left_bytes == estimate.count_bytes_left(pairs, tmp_path)
 
 
 def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
     pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 31)))
-    blind = estimate.estimate(pairs, tmp_path)
-    expected = estimate.work_of(pairs[0].settings)
+    blind = estimate.estimate_plan(pairs, tmp_path)
+    expected = estimate.estimate_work(pairs[0].settings)
     for pair in pairs[:20]:
-        finish(tmp_path, pair, 7.0 * expected.seconds(2.0 * 128**2), size=5 * estimate.bytes_of(pair.settings) / 2)
-    found = estimate.estimate(pairs, tmp_path)
+        finish(
+            tmp_path, pair, 7.0 * expected.seconds(2.0 * 128**2), size=5 * estimate.estimate_bytes(pair.settings) / 2
+        )
+    found = estimate.estimate_plan(pairs, tmp_path)
     assert (found.pairs, found.there, found.measured) == (30, 20, 20)
     # Twenty pairs outweigh what was known before: log(7) is met within a twentieth.
     assert found.seconds / blind.seconds == pytest.approx(7.0, rel=0.1)
@@ -272,7 +276,7 @@ def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
     # Ten pairs of thirty are left: a third, but for the scene and the start, which are paid again.
     assert 0.3 < found.left_s / found.seconds < 0.7
     assert found.left_bytes == pytest.approx(
-        10 * (5 * estimate.bytes_of(pairs[0].settings) + estimate.STATED_BYTES), rel=1e-4
+        10 * (5 * estimate.estimate_bytes(pairs[0].settings) + estimate.STATED_BYTES), rel=1e-4
     )
     assert "20 of them there already" in found.lines()[0]
     assert "corrected by 20" in "".join(found.lines())
@@ -280,10 +284,10 @@ def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
 
 def test_more_pairs_make_it_surer(tmp_path):
     pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 10)))
-    factors = [estimate.estimate(pairs, tmp_path).factor]
+    factors = [estimate.estimate_plan(pairs, tmp_path).factor]
     for pair in pairs[:4]:
         finish(tmp_path, pair, 1.0)
-        factors.append(estimate.estimate(pairs, tmp_path).factor)
+        factors.append(estimate.estimate_plan(pairs, tmp_path).factor)
     assert factors == sorted(factors, reverse=True)
 
 
@@ -291,20 +295,20 @@ def test_a_broken_pair_teaches_nothing(tmp_path):
     pairs = pairs_of(described())
     finish(tmp_path, pairs[0], 1.0)
     (pairs[0].folder(tmp_path) / "pair.json").write_text("{")
-    assert estimate.estimate(pairs, tmp_path).measured == 0
+    assert estimate.estimate_plan(pairs, tmp_path).measured == 0
 
 
 def test_a_done_data_set_takes_nothing(tmp_path):
     pairs = pairs_of(described())
     finish(tmp_path, pairs[0], 1.0)
-    found = estimate.estimate(pairs, tmp_path)
+    found = estimate.estimate_plan(pairs, tmp_path)
     assert (found.left_s, found.left_bytes) == (0.0, 0.0)
     assert len(found.lines()) == 2
 
 
 def test_a_mesh_that_cannot_be_counted_is_left_to_the_build(tmp_path):
     settings = described({"source": {"kind": "MESH", "file": str(tmp_path / "absent.ply")}})
-    assert estimate.estimate([PlannedPair("0" * 12, settings, 0.0)]).pairs == 1
+    assert estimate.estimate_plan([PlannedPair("0" * 12, settings, 0.0)]).pairs == 1
 
 
 @pytest.mark.parametrize(
@@ -312,23 +316,23 @@ def test_a_mesh_that_cannot_be_counted_is_left_to_the_build(tmp_path):
     [(3.2, "3.2 s"), (99, "99 s"), (120, "2 min"), (5400, "90 min"), (20000, "5.6 h"), (259200, "3 days")],
 )
 def test_durations_are_legible(seconds, text):
-    assert estimate.duration_text(seconds) == text
+    assert estimate.format_duration(seconds) == text
 
 
 def test_sizes_are_legible():
-    assert (estimate.size_text(12.34e6), estimate.size_text(3.4567e9)) == ("12.3 MB", "3.46 GB")
+    assert (estimate.format_size(12.34e6), estimate.format_size(3.4567e9)) == ("12.3 MB", "3.46 GB")
 
 
 def test_a_noise_threshold_saves_samples_beyond_the_least_that_cycles_takes():
     """Cycles takes 16 t^-0.3 samples at least (a count of the samples of renders, see python benchmarks plan_cost)."""
-    assert estimate.samples_taken(16, 0.01) == 16
-    assert estimate.samples_taken(256, 0.0) == 256
-    assert estimate.samples_taken(256, 0.1) == pytest.approx(32, abs=1)
-    taken = [estimate.samples_taken(256, limit) for limit in (0.3, 0.1, 0.05, 0.02, 0.005)]
+    assert estimate.mean_samples_taken(16, 0.01) == 16
+    assert estimate.mean_samples_taken(256, 0.0) == 256
+    assert estimate.mean_samples_taken(256, 0.1) == pytest.approx(32, abs=1)
+    taken = [estimate.mean_samples_taken(256, limit) for limit in (0.3, 0.1, 0.05, 0.02, 0.005)]
     assert taken == sorted(taken)
     assert taken[-1] == 256
     few, all_of_them = (described({"quality": {"samples": 256, "noise_threshold": t}}) for t in (0.1, 0.0))
-    assert estimate.work_of(few).seconds(0.0) < estimate.work_of(all_of_them).seconds(0.0) / 4
+    assert estimate.estimate_work(few).seconds(0.0) < estimate.estimate_work(all_of_them).seconds(0.0) / 4
 
 
 def test_baked_light_is_counted_once_for_all_pairs_that_share_it():
@@ -336,7 +340,7 @@ def test_baked_light_is_counted_once_for_all_pairs_that_share_it():
 
     def expected(area, resolution):
         made = described(baked, {"quality": {"bake_area": area}}, {"terrain": {"resolution": resolution}})
-        return estimate.estimate(pairs_of(made))
+        return estimate.estimate_plan(pairs_of(made))
 
     several, more, each, finer = (expected(area, n) for area in ("GROUND", "VIEW") for n in (129, 257))
     # The file has light for each vertex, of the whole ground or of what each of four headings sees.
@@ -354,7 +358,7 @@ def test_images_cost_less_where_lamberts_law_reads_some_of_them():
     lambert = {"surface": {"model": "LAMBERT"}}
 
     def relative(*changes):
-        return estimate.work_of(described(*changes)).relative
+        return estimate.estimate_work(described(*changes)).relative
 
     assert relative(images) - relative() > 3 * (relative(images, lambert) - relative(lambert)) > 0
     assert relative(lambert) < relative(lambert, own) < relative(lambert, images)

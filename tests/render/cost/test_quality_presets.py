@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from icymoon.render.cost.abilities import Abilities
-from icymoon.render.cost.estimate import spread_before, work_of
+from icymoon.render.cost.estimate import estimate_work, prior_spread
 from icymoon.render.cost.quality_presets import QualityPreset, list_qualities, pair_seconds
-from icymoon.render.cost.speed import wall_seconds
+from icymoon.render.cost.speed import to_wall_seconds
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import find_preset, load_preset, preset_names, read_preset_header
 from icymoon.settings.toml_text import read_toml
@@ -36,10 +36,10 @@ def test_the_seconds_are_off_by_two_deviations_at_most(device, monkeypatch):
     monkeypatch.setattr("icymoon.render.cost.speed.count_processors", lambda: 4)
     settings = merged(defaults(), {"quality": {"device": device}})
     seconds, factor = pair_seconds(settings, 1e6, None)
-    assert seconds == pytest.approx(wall_seconds(work_of(settings).seconds(1e6), None))
-    assert math.log(factor) == pytest.approx(2 * spread_before(None, device == "GPU"))
+    assert seconds == pytest.approx(to_wall_seconds(estimate_work(settings).seconds(1e6), None))
+    assert math.log(factor) == pytest.approx(2 * prior_spread(None, device == "GPU"))
     twice_as_slow = stand_in(factor=2.0, busy=1.0)
-    assert pair_seconds(settings, 1e6, twice_as_slow)[0] == pytest.approx(2 * work_of(settings).seconds(1e6) / 4)
+    assert pair_seconds(settings, 1e6, twice_as_slow)[0] == pytest.approx(2 * estimate_work(settings).seconds(1e6) / 4)
 
 
 def test_all_presets_are_listed_cheapest_first_and_the_scene_s_own_last():

@@ -86,8 +86,8 @@ def rendered(folder, seconds, cpu_s):
 
 
 def expected_of_the_probe():
-    settings = measure_speed.small_render("CPU")
-    return estimate.work_of(settings).seconds(count_triangles(settings))
+    settings = measure_speed.make_small_render("CPU")
+    return estimate.estimate_work(settings).seconds(count_triangles(settings))
 
 
 def test_the_fastest_pair_but_the_first_counts(tmp_path, monkeypatch):
@@ -111,8 +111,8 @@ def test_other_work_changes_the_clock_and_not_the_processor_seconds(tmp_path):
 @pytest.mark.parametrize("busy", [0.5, 1.0])
 def test_a_processor_that_idles_makes_the_clock_go_on(busy, monkeypatch):
     monkeypatch.setattr(machine, "count_processors", lambda: 4)
-    assert machine.wall_seconds(12.0, speed(busy=busy)) == pytest.approx(3.0 / busy)
-    assert 3.0 < machine.wall_seconds(12.0, None) < 6.0
+    assert machine.to_wall_seconds(12.0, speed(busy=busy)) == pytest.approx(3.0 / busy)
+    assert 3.0 < machine.to_wall_seconds(12.0, None) < 6.0
 
 
 def test_a_probe_that_says_nothing_is_an_error(tmp_path):
@@ -121,20 +121,20 @@ def test_a_probe_that_says_nothing_is_an_error(tmp_path):
 
 
 def test_the_probe_is_small_and_has_all_that_a_pair_has():
-    settings = measure_speed.small_render("GPU")
-    assert 1.0 < estimate.work_of(settings).seconds(count_triangles(settings)) < 6.0
+    settings = measure_speed.make_small_render("GPU")
+    assert 1.0 < estimate.estimate_work(settings).seconds(count_triangles(settings)) < 6.0
     assert (settings.quality.device, settings.quality.denoiser) == ("GPU", "OIDN")
     assert settings.dataset.headings > 1
 
 
 def test_plans_take_as_much_longer_as_the_machine_is_slower():
     pairs = expand_headings(description.merged(description.defaults(), {"mesh": {"kind": "GRID"}}))
-    blind, known = estimate.estimate(pairs), estimate.estimate(pairs, speed=speed(3.0))
+    blind, known = estimate.estimate_plan(pairs), estimate.estimate_plan(pairs, speed=speed(3.0))
     assert known.seconds == pytest.approx(3.0 * blind.seconds)
     assert known.factor < blind.factor
     assert "Blender 5.0.1" in "".join(known.lines())
     assert known.left_wall_s == pytest.approx(known.left_s / system.count_processors() / 0.8)
-    assert estimate.duration_text(known.left_s) + " of a processor" in known.lines()[2]
+    assert estimate.format_duration(known.left_s) + " of a processor" in known.lines()[2]
 
 
 def test_the_dry_run_of_a_plan_uses_what_was_measured(capsys):
@@ -159,9 +159,9 @@ def test_a_better_quality_costs_more_and_errs_less():
 
 def test_the_seconds_are_of_all_processors_and_of_this_machine():
     settings = description.defaults()
-    work = estimate.work_of(settings).seconds(1e6)
+    work = estimate.estimate_work(settings).seconds(1e6)
     assert pair_seconds(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / system.count_processors() / 0.8)
-    assert pair_seconds(settings, 1e6, None)[0] == pytest.approx(machine.wall_seconds(work, None))
+    assert pair_seconds(settings, 1e6, None)[0] == pytest.approx(machine.to_wall_seconds(work, None))
     assert pair_seconds(settings, 1e6, speed(2.0))[1] < pair_seconds(settings, 1e6, None)[1]
 
 

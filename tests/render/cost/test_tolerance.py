@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.render.cost.tolerance import BAD_1, PX, Tolerance, all_hold, checked_tolerance, parse_fraction
+from icymoon.render.cost.tolerance import BAD_1, PX, Tolerance, all_hold, make_tolerance, parse_fraction
 from icymoon.support.errors import IcyMoonError
 
 NOTHING = {"epe_px": 0.0, "wrong_or_missing": 0.0}
 
 
 def test_without_a_wish_it_is_two_hundredths_of_a_pixel():
-    assert checked_tolerance(None, None) == Tolerance(0.02, None)
+    assert make_tolerance(None, None) == Tolerance(0.02, None)
     assert (PX, BAD_1) == (0.02, 0.005)
-    assert checked_tolerance(None, 0.01) == Tolerance(None, 0.01)
-    assert checked_tolerance(0.5, 0.01) == Tolerance(0.5, 0.01)
+    assert make_tolerance(None, 0.01) == Tolerance(None, 0.01)
+    assert make_tolerance(0.5, 0.01) == Tolerance(0.5, 0.01)
 
 
 @pytest.mark.parametrize(
@@ -35,17 +35,17 @@ def test_without_a_wish_it_is_two_hundredths_of_a_pixel():
 )
 def test_its_limits_themselves_may_be_asked_for(px, bad_1, fine):
     if fine:
-        assert checked_tolerance(px, bad_1) == Tolerance(px, bad_1)
+        assert make_tolerance(px, bad_1) == Tolerance(px, bad_1)
     else:
         with pytest.raises(IcyMoonError, match="cannot be searched for"):
-            checked_tolerance(px, bad_1)
+            make_tolerance(px, bad_1)
 
 
 def test_what_is_refused_is_named_in_the_unit_that_it_is_given_in():
     with pytest.raises(IcyMoonError, match=r"of 20 px cannot.* 0\.0001 to 10 px\."):
-        checked_tolerance(20.0, None)
+        make_tolerance(20.0, None)
     with pytest.raises(IcyMoonError, match=r"of 60 % bad-1 cannot.* 0\.001 % to 50 %"):
-        checked_tolerance(None, 0.6)
+        make_tolerance(None, 0.6)
 
 
 def test_it_is_shown_and_searched_for_by_what_is_limited_alone():

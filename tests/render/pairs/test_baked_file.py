@@ -57,15 +57,15 @@ def saved(**changes) -> bytes:
 def read_data(path: Path, data: bytes) -> BakedLight | None:
     """What is read of a file whose checksum is known, whatever it is: a pair of an attacker states it."""
     path.write_bytes(data)
-    return baked_file.read(path, KEY, hashlib.sha256(data).hexdigest(), VERTICES, ROCKS)
+    return baked_file.read_baked_light(path, KEY, hashlib.sha256(data).hexdigest(), VERTICES, ROCKS)
 
 
 def test_what_is_written_is_read(tmp_path):
-    path, checksum = baked_file.write(tmp_path, KEY, light())
+    path, checksum = baked_file.write_baked_light(tmp_path, KEY, light())
     assert path.name == f"{KEY}-{checksum[:12]}.npz"
     assert checksum == hashlib.sha256(path.read_bytes()).hexdigest()
     assert baked_file.parse_name(path.name) == (KEY, checksum[:12])
-    found = baked_file.read(path, KEY, checksum, VERTICES, ROCKS)
+    found = baked_file.read_baked_light(path, KEY, checksum, VERTICES, ROCKS)
     assert found is not None
     assert np.array_equal(found.values, light().values)
     assert np.array_equal(found.error, light().error)
@@ -75,11 +75,11 @@ def test_what_is_written_is_read(tmp_path):
 
 
 def test_the_same_light_is_the_same_file_whatever_it_took(tmp_path):
-    first, _ = baked_file.write(tmp_path, KEY, light())
+    first, _ = baked_file.write_baked_light(tmp_path, KEY, light())
     stamp = first.stat().st_mtime_ns
-    again, _ = baked_file.write(tmp_path, KEY, BakedLight(**{**vars(light()), "cpu_seconds": 99.0}))
+    again, _ = baked_file.write_baked_light(tmp_path, KEY, BakedLight(**{**vars(light()), "cpu_seconds": 99.0}))
     assert (again, again.stat().st_mtime_ns) == (first, stamp)
-    other, _ = baked_file.write(tmp_path, KEY, BakedLight(**{**vars(light()), "noise": 0.03}))
+    other, _ = baked_file.write_baked_light(tmp_path, KEY, BakedLight(**{**vars(light()), "noise": 0.03}))
     assert other != first
 
 
@@ -231,7 +231,7 @@ def test_an_empty_member_counts_as_absent(tmp_path):
 def test_random_damage_counts_as_absent_or_changes_nothing(tmp_path, seed):
     """Bytes that no reader looks at may differ, such as times. 500 files each."""
     random = np.random.default_rng(seed)
-    whole, path = baked_file.encode(KEY, light()) if seed % 2 else saved(), tmp_path / "light.npz"
+    whole, path = baked_file.encode_baked_light(KEY, light()) if seed % 2 else saved(), tmp_path / "light.npz"
     for _ in range(500):
         data = bytearray(whole)
         for at in random.integers(0, len(data), random.integers(1, 4)):
@@ -249,25 +249,27 @@ def test_a_file_that_would_run_something_is_not_run(tmp_path):
 
 
 def test_what_changed_since_or_is_no_regular_file_counts_as_absent(tmp_path):
-    path, checksum = baked_file.write(tmp_path / "set", KEY, light())
+    path, checksum = baked_file.write_baked_light(tmp_path / "set", KEY, light())
     whole = path.read_bytes()
-    brighter, _ = baked_file.write(tmp_path, KEY, BakedLight(**{**vars(light()), "values": 8 * light().values}))
+    brighter, _ = baked_file.write_baked_light(
+        tmp_path, KEY, BakedLight(**{**vars(light()), "values": 8 * light().values})
+    )
     path.write_bytes(brighter.read_bytes())
-    assert baked_file.read(path, KEY, checksum, VERTICES, ROCKS) is None
+    assert baked_file.read_baked_light(path, KEY, checksum, VERTICES, ROCKS) is None
     path.write_bytes(whole + b"\0")
-    assert baked_file.read(path, KEY, checksum, VERTICES, ROCKS) is None
+    assert baked_file.read_baked_light(path, KEY, checksum, VERTICES, ROCKS) is None
     path.unlink()
-    assert baked_file.read(path, KEY, checksum, VERTICES, ROCKS) is None
+    assert baked_file.read_baked_light(path, KEY, checksum, VERTICES, ROCKS) is None
     os.mkfifo(path)
-    assert baked_file.read(path, KEY, checksum, VERTICES, ROCKS) is None
+    assert baked_file.read_baked_light(path, KEY, checksum, VERTICES, ROCKS) is None
     path.unlink()
     (tmp_path / "elsewhere.npz").write_bytes(whole)
     path.symlink_to(tmp_path / "elsewhere.npz")
-    assert baked_file.read(path, KEY, checksum, VERTICES, ROCKS) is None
+    assert baked_file.read_baked_light(path, KEY, checksum, VERTICES, ROCKS) is None
     (tmp_path / "linked").mkdir()
     (tmp_path / "linked" / "light").symlink_to(tmp_path / "light")
     assert (
-        baked_file.read(
+        baked_file.read_baked_light(
             tmp_path / "linked" / "light" / brighter.name,
             KEY,
             hashlib.sha256(brighter.read_bytes()).hexdigest(),
@@ -280,17 +282,17 @@ def test_what_changed_since_or_is_no_regular_file_counts_as_absent(tmp_path):
 
 def test_nothing_is_written_through_links(tmp_path):
     elsewhere = tmp_path / "elsewhere"
-    path, _ = baked_file.write(elsewhere, KEY, light())
+    path, _ = baked_file.write_baked_light(elsewhere, KEY, light())
     path.write_text("mine")
     (tmp_path / "set").mkdir()
     (tmp_path / "set" / "light").symlink_to(elsewhere / "light")
     with pytest.raises(IcyMoonError, match="is a link"):
-        baked_file.write(tmp_path / "set", KEY, light())
+        baked_file.write_baked_light(tmp_path / "set", KEY, light())
     (tmp_path / "set" / "light").unlink()
     (tmp_path / "set" / "light").mkdir()
     link = tmp_path / "set" / "light" / path.name
     link.symlink_to(path)
-    baked_file.write(tmp_path / "set", KEY, light())
+    baked_file.write_baked_light(tmp_path / "set", KEY, light())
     assert not link.is_symlink()
     assert path.read_text() == "mine"
 
@@ -303,18 +305,18 @@ def test_a_disk_that_refuses_is_reported_and_leaves_nothing_half_written(tmp_pat
 
     monkeypatch.setattr(Path, "write_bytes", fill)
     with pytest.raises(IcyMoonError, match="free some space"):
-        baked_file.write(tmp_path, KEY, light())
+        baked_file.write_baked_light(tmp_path, KEY, light())
     assert not list((tmp_path / "light").iterdir())
 
 
 def test_what_is_in_the_way_of_the_file_is_reported(tmp_path):
-    path, checksum = baked_file.write(tmp_path, KEY, light())
+    path, checksum = baked_file.write_baked_light(tmp_path, KEY, light())
     path.unlink()
     path.mkdir(parents=True)
-    assert baked_file.read(path, KEY, checksum, VERTICES, ROCKS) is None
+    assert baked_file.read_baked_light(path, KEY, checksum, VERTICES, ROCKS) is None
     with pytest.raises(IcyMoonError, match=KEY):
-        baked_file.write(tmp_path, KEY, light())
+        baked_file.write_baked_light(tmp_path, KEY, light())
     (tmp_path / "data").write_bytes(b"")
     with pytest.raises(IcyMoonError, match="data"):
-        baked_file.write(tmp_path / "data", KEY, light())
+        baked_file.write_baked_light(tmp_path / "data", KEY, light())
     assert [each.name for each in path.parent.iterdir()] == [path.name]

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import icymoon
 import pytest
-from icymoon.render.pairs.our_files import checked_id, find_reason_to_keep, remove_ours
+from icymoon.render.pairs.our_files import check_id, find_reason_to_keep, remove_ours
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.render.pairs.publish import publish
+from icymoon.render.pairs.publish import publish_pair
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import verify as verification
 from icymoon.render.workers.claims import Claims
-from icymoon.render.workers.verify import verify
+from icymoon.render.workers.verify import verify_data_set
 from icymoon.stereo.report.row_log import RowLog
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import make_part_path
@@ -79,7 +79,7 @@ def link(path: Path, target: Path) -> None:
 
 def sweep(dataset: Path) -> None:
     """Everything that removes something in a data set, of pairs that nobody has claimed."""
-    verify(dataset, remove_broken=True)
+    verify_data_set(dataset, remove_broken=True)
     claims = Claims(dataset)
     claims.clean_up_after(os.getpid())
     claims.take(ID)
@@ -90,12 +90,12 @@ def sweep(dataset: Path) -> None:
 @pytest.mark.parametrize("name", BAD_IDS)
 def test_what_is_no_id_is_refused_wherever_it_is_read(tmp_path, dataset, victim, name):
     with pytest.raises(IcyMoonError, match="id is 12"):
-        checked_id(name, "here")
+        check_id(name, "here")
     path = dataset / datasets.PLAN
     header, first, *rest = path.read_text(encoding="utf-8").splitlines()
     path.write_text("\n".join((header, json.dumps(json.loads(first) | {"id": name}), *rest)), encoding="utf-8")
     with pytest.raises(IcyMoonError, match=r"plan\.jsonl"):
-        verify(dataset, remove_broken=True)
+        verify_data_set(dataset, remove_broken=True)
     pair = write_pair(tmp_path / "copy", Scene(), camera(32, 24))
     stated = json.loads((pair / "pair.json").read_text())
     (pair / "pair.json").write_text(json.dumps(stated | {"id": name}))
@@ -118,7 +118,7 @@ def test_a_link_in_a_pair_of_ours_keeps_it(dataset, victim):
     (folder / "right.exr").unlink()
     link(folder / "right.exr", victim / "left.exr")
     (folder / "pair.json").write_text("{")
-    found = verify(dataset, remove_broken=True)
+    found = verify_data_set(dataset, remove_broken=True)
     assert [p.kind for p in found.problems if p.what == ID] == ["foreign"]
     assert (folder / "right.exr").is_symlink()
 
@@ -140,7 +140,7 @@ def test_a_folder_called_as_a_pair_with_other_files_stays_and_is_named(dataset, 
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text("mine")
     before = everything(folder)
-    found = verify(dataset, remove_broken=True)
+    found = verify_data_set(dataset, remove_broken=True)
     (kept,) = (p for p in found.problems if p.kind in ("kept", "foreign"))
     assert str(folder) in kept.text
     assert any(Path(name).parts[0] in kept.text for name in others)
@@ -155,7 +155,7 @@ def test_a_finished_render_does_not_push_a_persons_folder_aside(dataset, again):
     (folder / "notes.txt").write_text("mine")
     part = write_pair(make_part_path(folder), Scene(), camera(32, 24))
     with pytest.raises(IcyMoonError, match=r"stays as it is: notes\.txt"):
-        publish(part, folder, lambda: False, again)
+        publish_pair(part, folder, lambda: False, again)
     assert everything(dataset / "pairs") == {
         str(folder),
         str(folder / "notes.txt"),
@@ -163,14 +163,14 @@ def test_a_finished_render_does_not_push_a_persons_folder_aside(dataset, again):
         *(str(part / name) for name in ("left.exr", "right.exr", "pair.json")),
     }
     (folder / "notes.txt").unlink()
-    publish(part, folder, lambda: False, again)
+    publish_pair(part, folder, lambda: False, again)
     assert sorted(path.name for path in folder.iterdir()) == ["left.exr", "pair.json", "right.exr"]
 
 
 def test_a_file_in_the_place_of_a_pair_stays(dataset):
     (dataset / "pairs").mkdir()
     (dataset / "pairs" / ID).write_text("mine")
-    (problem,) = (p for p in verify(dataset, remove_broken=True).problems if p.what == ID)
+    (problem,) = (p for p in verify_data_set(dataset, remove_broken=True).problems if p.what == ID)
     assert problem.kind == "foreign"
     assert (dataset / "pairs" / ID).read_text() == "mine"
 
@@ -264,7 +264,7 @@ def test_no_checksum_is_made_of_what_lies_elsewhere(dataset, victim, name, monke
     (folder / "pair.json").write_text(json.dumps({"files": {name: {"bytes": 4, "sha256": "0" * 64}}}))
     read = []
     monkeypatch.setattr(verification, "hash_file", lambda path: read.append(path) or "0" * 64)
-    assert "broken" in {problem.kind for problem in verify(dataset).problems if problem.what == ID}
+    assert "broken" in {problem.kind for problem in verify_data_set(dataset).problems if problem.what == ID}
     assert not read
 
 

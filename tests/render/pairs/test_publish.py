@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from icymoon.render.pairs.pair_folder import is_complete, update_response
-from icymoon.render.pairs.publish import discard, publish
+from icymoon.render.pairs.publish import discard_unfinished, publish_pair
 from icymoon.render.workers.claims import CLAIMS_FOLDER, Claims
 from icymoon.settings.description import defaults, merged
 from icymoon.support.errors import IcyMoonError
@@ -103,9 +103,9 @@ class Worker:
                 part = make_part_path(self.folder)
                 try:
                     write(part, self.name)
-                    publish(part, self.folder, lambda: self.claims.is_lost(PAIR), self.again)
+                    publish_pair(part, self.folder, lambda: self.claims.is_lost(PAIR), self.again)
                 finally:
-                    discard(part)
+                    discard_unfinished(part)
         except (IcyMoonError, OSError) as error:  # what it writes may have been taken away
             self.error = error
         finally:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.pairs.pair_folder import Pair
-from icymoon.render.pairs.scene_splits import scene_of
+from icymoon.render.pairs.scene_splits import name_scene
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.table import TOPICS, list_all_settings
 
@@ -33,17 +33,17 @@ def pair(**changes) -> Pair:
     ],
 )
 def test_only_the_shape_of_ground_and_rocks_makes_another_scene(changes, same):
-    assert (scene_of(pair(**changes)) == scene_of(pair())) == same
+    assert (name_scene(pair(**changes)) == name_scene(pair())) == same
 
 
 def test_a_setting_of_a_later_version_moves_no_scene(monkeypatch):
     """A setting counts in no scene where it has the value that stands for versions without it."""
-    old = scene_of(pair())
+    old = name_scene(pair())
     terrain = TOPICS["terrain"]
     monkeypatch.setitem(
         TOPICS,
         "terrain",
         replace(terrain, settings=tuple(replace(s, before=5) if s.key == "variant" else s for s in terrain.settings)),
     )
-    assert scene_of(pair(terrain={"variant": 5})) == old
-    assert scene_of(pair(terrain={"variant": 0})) != old
+    assert name_scene(pair(terrain={"variant": 5})) == old
+    assert name_scene(pair(terrain={"variant": 0})) != old

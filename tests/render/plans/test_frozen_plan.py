@@ -12,7 +12,7 @@ import pytest
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.workers.manifest import write_manifest
-from icymoon.render.workers.verify import verify
+from icymoon.render.workers.verify import verify_data_set
 from icymoon.support.errors import IcyMoonError
 from pairs import Scene, camera, write_pair
 from plans import grid, planned
@@ -125,7 +125,7 @@ def test_a_cut_plan_is_a_sentence(tmp_path):
 
 def test_a_folder_without_a_plan_is_a_sentence(tmp_path):
     with pytest.raises(IcyMoonError, match="icymoon batch"):
-        verify(tmp_path)
+        verify_data_set(tmp_path)
 
 
 def test_a_whole_data_set_has_no_fault_and_a_manifest(tmp_path):
@@ -136,7 +136,7 @@ def test_a_whole_data_set_has_no_fault_and_a_manifest(tmp_path):
     assert (manifest["complete"], manifest["missing"], manifest["plan"]) == (8, [], "the plan")
     assert manifest["seconds"] == {"build": 4.0, "render": 12.0}
     assert len(manifest["checksums_sha256"]) == 16
-    found = verify(tmp_path)
+    found = verify_data_set(tmp_path)
     assert (found.pairs, found.complete, found.problems) == (8, 8, ())
 
 
@@ -170,7 +170,7 @@ def test_every_fault_is_found_and_taken_away_unless_the_files_are_whole(tmp_path
     frozen = datasets.freeze_plan(tmp_path, PAIRS, "")
     complete(tmp_path, frozen)
     damage(frozen.pairs[2].folder(tmp_path))
-    found = verify(tmp_path, remove_broken=True)
+    found = verify_data_set(tmp_path, remove_broken=True)
     assert {(p.kind, p.what) for p in found.problems} == {(kind, frozen.pairs[2].id)}
     assert any(word in p.text for p in found.problems)
     assert found.complete == 7
@@ -184,12 +184,12 @@ def test_leftovers_go_and_what_is_not_ours_is_named_and_stays(tmp_path):
     (tmp_path / "pairs" / "notes").mkdir()
     (tmp_path / "plan.jsonl.host-1-1.part").write_text("")
     (tmp_path / "thesis.txt").write_text("")
-    found = verify(tmp_path, remove_broken=True)
+    found = verify_data_set(tmp_path, remove_broken=True)
     assert sorted((p.kind, p.what) for p in found.problems) == [
         ("foreign", "notes"),
         ("foreign", "thesis.txt"),
         ("leftover", "0123456789ab.host-1-1.part"),
         ("leftover", "plan.jsonl.host-1-1.part"),
     ]
-    assert [p.what for p in verify(tmp_path).problems] == ["notes", "thesis.txt"]
+    assert [p.what for p in verify_data_set(tmp_path).problems] == ["notes", "thesis.txt"]
     assert (tmp_path / "thesis.txt").exists()

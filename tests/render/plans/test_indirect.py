@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.physics.scene_requirements import is_baked, why_not_baked
-from icymoon.render.plans.indirect import bake_seconds, break_even, choose_indirect, settle_indirect
+from icymoon.render.plans.indirect import bake_seconds, choose_indirect, find_break_even, settle_indirect
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
@@ -30,15 +30,15 @@ def headings(settings: Settings, count: int) -> list[str]:
 def test_enough_images_of_one_ground_and_sun_are_baked():
     # The prototype's figures for 640 x 480: six images with 256 samples, two with 64.
     settings = described()
-    enough = break_even(settings)
+    enough = find_break_even(settings)
     assert 4 <= enough <= 8
-    assert break_even(described({"quality": {"bake_samples": 64}})) in (1, 2, 3)
+    assert find_break_even(described({"quality": {"bake_samples": 64}})) in (1, 2, 3)
     assert set(headings(settings, enough)) == {"BAKED"}
     assert set(headings(settings, enough - 1)) == {"TRACED"}
 
 
 def test_images_of_other_grounds_and_suns_do_not_count():
-    enough = break_even(described())
+    enough = find_break_even(described())
     several = [described({"dataset": {"seed": seed}}) for seed in range(enough)]
     low = [described({"light": {"sun_elevation_deg": 10.0 + k}}) for k in range(enough)]
     assert {each.quality.indirect for each in choose_indirect(several + low)} == {"TRACED"}
@@ -51,18 +51,18 @@ def test_light_that_is_baked_where_it_is_seen_pays_for_one_image_and_is_not_shar
     seen = {"quality": {"bake_area": "VIEW", "bake_samples": 64}}
     part = bake_seconds(described(seen)) / bake_seconds(described({"quality": {"bake_samples": 64}}))
     assert 0.1 < part < 0.4
-    assert break_even(described(seen)) == 1
+    assert find_break_even(described(seen)) == 1
     assert headings(described(seen), 1) == ["BAKED"]
     dear = {"quality": {"bake_area": "VIEW", "bake_samples": 1024}}
-    assert break_even(described(dear)) > 1
+    assert find_break_even(described(dear)) > 1
     assert set(headings(described(dear), 36)) == {"TRACED"}  # each image has its own bake
-    alike = [described(dear, {"sensor": {"full_well_e": 9000.0 + k}}) for k in range(break_even(described(dear)))]
+    alike = [described(dear, {"sensor": {"full_well_e": 9000.0 + k}}) for k in range(find_break_even(described(dear)))]
     assert {each.quality.indirect for each in choose_indirect(alike)} == {"BAKED"}
 
 
 def test_fewer_samples_than_direct_light_takes_are_never_baked():
     settings = described({"quality": {"samples": 2, "denoiser": "NONE", "direct_samples": 4}})
-    assert break_even(settings) == 0
+    assert find_break_even(settings) == 0
     assert set(headings(settings, 90)) == {"TRACED"}
 
 
@@ -120,7 +120,7 @@ def seconds_of_corners(corners: float, samples: int) -> float:
 
 def test_automatic_light_is_settled_by_the_images_that_share_it():
     shared, own = described(), described({"quality": {"bake_area": "VIEW"}})
-    enough = break_even(shared)
+    enough = find_break_even(shared)
     assert [settle_indirect(shared, n).quality.indirect for n in (enough - 1, enough)] == ["TRACED", "BAKED"]
     # Light that is baked where it is seen is not shared, however many images there are.
     assert settle_indirect(own, 100) == choose_indirect([own])[0]

@@ -14,7 +14,7 @@ from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import PlannedPair
-from icymoon.render.workers.verify import verify
+from icymoon.render.workers.verify import verify_data_set
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
 from icymoon.stereo.cli import main as stereo
@@ -84,7 +84,7 @@ def test_it_is_evaluated_exposed_and_exported(dataset, tmp_path):
 def test_settings_that_a_later_version_adds_change_nothing_of_it(old, dataset, monkeypatch):
     upgrade_all(monkeypatch)
     before = files(dataset)
-    found = verify(dataset, remove_broken=True)
+    found = verify_data_set(dataset, remove_broken=True)
     assert (found.complete, found.problems) == (3, ())
     frozen = datasets.read_frozen_plan(dataset)
     assert frozen.find_missing(dataset) == []
@@ -133,13 +133,13 @@ def test_a_pair_that_is_whole_is_not_removed_whatever_is_said_of_it(old, dataset
         path = pair.folder(dataset) / "pair.json"
         path.write_text(json.dumps(json.loads(path.read_text()) | change))
     before = files(dataset)
-    found = verify(dataset, remove_broken=True)
+    found = verify_data_set(dataset, remove_broken=True)
     assert found.complete == 0
     assert {(problem.kind, problem.what) for problem in found.problems} == {("foreign", pair.id) for pair in pairs}
     assert files(dataset) == before
     (dataset / datasets.PLAN).unlink()
     datasets.freeze_plan(dataset, [PlannedPair("0" * 12, pairs[0].settings, 0.0)], "")
-    verify(dataset, remove_broken=True)
+    verify_data_set(dataset, remove_broken=True)
     assert before.keys() - files(dataset).keys() == set()
 
 

@@ -8,7 +8,13 @@ from itertools import pairwise
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.render.plans.order import cut_into_jobs, ordered, runs_of_scenes, settings_key, shard
+from icymoon.render.plans.order import (
+    choose_shard,
+    cut_into_jobs,
+    make_settings_key,
+    order_pairs,
+    split_into_scene_runs,
+)
 from icymoon.settings import changes
 from plans import grid, planned
 
@@ -17,7 +23,7 @@ PAIRS = grid(seeds=3, elevations=(10.0, 20.0), headings=(0.0, 90.0, 180.0))
 
 def changed(pairs, part) -> int:
     """How often a part of the settings changes from one pair to the next."""
-    keys = [settings_key(part, pair) for pair in pairs]
+    keys = [make_settings_key(part, pair) for pair in pairs]
     return sum(a != b for a, b in pairwise(keys))
 
 
@@ -25,7 +31,7 @@ def changed(pairs, part) -> int:
 def test_whatever_the_plan_each_scene_is_built_once_and_each_light_once_in_it(rng: random.Random):
     shuffled = list(PAIRS)
     rng.shuffle(shuffled)
-    found = ordered(shuffled)
+    found = order_pairs(shuffled)
     assert sorted(p.id for p in found) == sorted(p.id for p in PAIRS)
     assert changed(found, changes.select_scene) == 3 - 1
     assert changed(found, changes.select_light) == 3 * 2 - 1  # two lights in each scene, and each scene begins with one
@@ -33,11 +39,11 @@ def test_whatever_the_plan_each_scene_is_built_once_and_each_light_once_in_it(rn
 
 
 def test_a_pair_that_is_planned_twice_is_there_once():
-    assert len(ordered([*PAIRS, *PAIRS])) == len(PAIRS)
+    assert len(order_pairs([*PAIRS, *PAIRS])) == len(PAIRS)
 
 
 def test_a_surface_is_dearer_than_a_light_and_a_light_dearer_than_a_camera():
-    found = ordered(
+    found = order_pairs(
         [
             planned({"surface": {"albedo": a}, "light": {"sun_azimuth_deg": s}, "rig": {"pitch_deg": p}})
             for p in (10.0, 20.0)
@@ -55,9 +61,9 @@ def test_a_surface_is_dearer_than_a_light_and_a_light_dearer_than_a_camera():
 def test_a_graded_mesh_belongs_to_its_rig_and_a_grid_does_not():
     for kind, number in (("GRADED", 2), ("GRID", 1)):
         pairs = [planned({"mesh": {"kind": kind}, "rig": {"x_m": x}}) for x in (0.0, 1.0)]
-        assert len(runs_of_scenes(ordered(pairs))) == number
+        assert len(split_into_scene_runs(order_pairs(pairs))) == number
     turned = [planned({"mesh": {"kind": "GRADED"}, "rig": {"heading_deg": h}}) for h in (0.0, 90.0)]
-    assert len(runs_of_scenes(ordered(turned))) == 1
+    assert len(split_into_scene_runs(order_pairs(turned))) == 1
 
 
 PLANS = {
@@ -72,16 +78,16 @@ PLANS = {
 @pytest.mark.parametrize("workers", [1, 2, 5, 40])
 @pytest.mark.parametrize("most_scenes", [1, 2, 50])
 def test_shards_are_all_pairs_in_order(plan, workers, most_scenes):
-    pairs = ordered(PLANS[plan])
+    pairs = order_pairs(PLANS[plan])
     found = cut_into_jobs(pairs, workers, most_scenes)
     assert [p.id for shard in found for p in shard] == [p.id for p in pairs]
-    assert all(shard and len(runs_of_scenes(shard)) <= most_scenes for shard in found)
+    assert all(shard and len(split_into_scene_runs(shard)) <= most_scenes for shard in found)
 
 
 @pytest.mark.parametrize(("most_scenes", "length"), [(1, 1), (2, 2), (5, 5), (8, 8), (50, 8)])
 def test_a_shard_has_as_many_scenes_as_it_may_and_as_its_length_allows(most_scenes, length):
     """32 scenes of a pair for one worker, who gets four shards if a process may render as many scenes."""
-    pairs = ordered(grid(seeds=32, elevations=(20.0,), headings=(0.0,)))
+    pairs = order_pairs(grid(seeds=32, elevations=(20.0,), headings=(0.0,)))
     lengths = [len(shard) for shard in cut_into_jobs(pairs, 1, most_scenes)]
     assert set(lengths[:-1]) == {length}
     assert sum(lengths) == 32
@@ -89,16 +95,16 @@ def test_a_shard_has_as_many_scenes_as_it_may_and_as_its_length_allows(most_scen
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
 def test_a_scene_is_cut_only_if_it_is_longer_than_two_shards(workers):
-    pairs = ordered(PLANS["of both kinds"])
+    pairs = order_pairs(PLANS["of both kinds"])
     found, length = cut_into_jobs(pairs, workers, 50), -(-len(pairs) // (4 * workers))
-    for scene in runs_of_scenes(pairs):
+    for scene in split_into_scene_runs(pairs):
         holders = [shard for shard in found if {p.id for p in shard} & {p.id for p in scene}]
         assert len(holders) == -(-len(scene) // (2 * length))
     assert max(map(len, found)) <= 2 * length
 
 
 def test_shards_keep_workers_busy_to_the_end():
-    pairs = ordered(grid(seeds=64, elevations=(10.0,), headings=(0.0,)))
+    pairs = order_pairs(grid(seeds=64, elevations=(10.0,), headings=(0.0,)))
     lengths = [len(shard) for shard in cut_into_jobs(pairs, 4, 50)]
     assert max(lengths) == min(lengths) == 4
     one_scene = grid(seeds=1, elevations=(10.0,), headings=tuple(float(h) for h in range(64)))
@@ -107,13 +113,13 @@ def test_shards_keep_workers_busy_to_the_end():
 
 def test_no_pairs_are_no_shards():
     assert cut_into_jobs([], 2, 50) == []
-    assert ordered([]) == []
+    assert order_pairs([]) == []
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 7, 18, 30])
 def test_shares_are_all_pairs_each_once(count):
-    pairs = ordered(PAIRS)
-    found = [shard(pairs, number, count) for number in range(1, count + 1)]
+    pairs = order_pairs(PAIRS)
+    found = [choose_shard(pairs, number, count) for number in range(1, count + 1)]
     assert [p.id for part in found for p in part] == [p.id for p in pairs]
     if count <= len(pairs):
         assert sum(map(bool, found)) >= min(count, 3)
@@ -121,22 +127,22 @@ def test_shares_are_all_pairs_each_once(count):
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 6, 10, 15, 30])
 def test_shares_of_scenes_of_a_pair_are_equal(count):
-    pairs = ordered(PLANS["many scenes of one pair"])
-    assert {len(shard(pairs, number, count)) for number in range(1, count + 1)} == {30 // count}
+    pairs = order_pairs(PLANS["many scenes of one pair"])
+    assert {len(choose_shard(pairs, number, count)) for number in range(1, count + 1)} == {30 // count}
 
 
 @pytest.mark.parametrize("count", [2, 5, 8, 9])
 def test_shares_are_whole_scenes_if_there_are_as_many(count):
     """A scene of 12 pairs and eight of one; more shares than scenes have pairs of their own."""
-    pairs = ordered(
+    pairs = order_pairs(
         [
             *grid(seeds=1, elevations=(10.0,), headings=tuple(30.0 * k for k in range(12))),
             *grid(seeds=9, elevations=(20.0,), headings=(0.0,))[1:],
         ]
     )
-    found = [{p.id for p in shard(pairs, number, count)} for number in range(1, count + 1)]
+    found = [{p.id for p in choose_shard(pairs, number, count)} for number in range(1, count + 1)]
     assert sum(1 for part in found if part & {p.id for p in pairs[:12]}) == 1
-    assert max(len(part) for part in (shard(pairs, number, 20) for number in range(1, 21))) == 1
+    assert max(len(part) for part in (choose_shard(pairs, number, 20) for number in range(1, 21))) == 1
 
 
 def test_what_decides_the_order_is_every_setting_but_response_and_run():

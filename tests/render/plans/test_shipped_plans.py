@@ -6,7 +6,7 @@ import json
 from collections import Counter
 
 import pytest
-from icymoon.paper_stand_ins.items import items_of
+from icymoon.paper_stand_ins.items import list_items
 from icymoon.render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from icymoon.settings.preset_files import plan_names, preset_names
 from icymoon.settings.table import TOPICS
@@ -143,7 +143,7 @@ def test_all_types_together_are_the_papers_5020(mine, name):
     pairs = mine(name).pairs()
     assert len(pairs) == 5020 == sum(count for count, _ in TYPES.values())
     # The sets that the public code gives textures and meshes, of 1960 and 3060 pairs.
-    assert sum(bool(items_of(pair.settings)) for pair in pairs) == 4012 == 3060 + 168 + 336 + 128 + 320
+    assert sum(bool(list_items(pair.settings)) for pair in pairs) == 4012 == 3060 + 168 + 336 + 128 + 320
 
 
 def grounds_of(pairs):
@@ -185,7 +185,7 @@ def test_the_smoke_test_has_every_type():
 
 def test_a_plan_shows_every_stand_in_once():
     plan = read_plan(find_plan("guiss_stand_ins"))
-    shown = [item for pair in plan.pairs() for item in items_of(pair.settings)]
+    shown = [item for pair in plan.pairs() for item in list_items(pair.settings)]
     assert shown == [*TEXTURES, *MESHES]
     assert not plan.refused()
 

@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 from icymoon.render.plans.plan_file import parse_plan
-from icymoon.render.plans.stratified import choose_stratified, varied_settings
+from icymoon.render.plans.stratified import choose_stratified, find_varied_settings
 
 PLAN = """
 [plan]
@@ -47,7 +47,7 @@ def test_every_value_keeps_its_share(pairs, count):
     assert len(pairs) == 120
     chosen = choose_stratified(pairs, count)
     assert len({pair.id for pair in chosen}) == len(chosen) == count
-    for topic, key in varied_settings(pairs):
+    for topic, key in find_varied_settings(pairs):
         if (topic, key) != ("dataset", "seed"):
             every, some = values(pairs, topic, key), values(chosen, topic, key)
             assert all(abs(some[value] - count * n / 120) <= 1 for value, n in every.items()), (topic, key)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from icymoon.render.pairs.scene_splits import SPLITS, splits_of
+from icymoon.render.pairs.scene_splits import SPLITS, read_splits
 from icymoon.render.plans.frozen_plan import freeze_plan
 from icymoon.render.plans.plan_file import parse_plan
 from icymoon.support.errors import IcyMoonError
@@ -95,8 +95,8 @@ def test_splits_of_the_plan_are_those_of_the_data_set(tmp_path):
     read = plan(tmp_path, text)
     assert read.describe_splits() == "Splits of the scenes: fit 70 %, check 30 %"
     freeze_plan(tmp_path, read.pairs(), read.text)
-    assert splits_of(tmp_path) == {"fit": 0.7, "check": 0.3}
-    assert splits_of(tmp_path / "elsewhere") == SPLITS
+    assert read_splits(tmp_path) == {"fit": 0.7, "check": 0.3}
+    assert read_splits(tmp_path / "elsewhere") == SPLITS
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_splits_that_are_none_are_refused_with_their_line(tmp_path, wrong):
 def test_a_plan_in_a_data_set_cannot_name_files_of_splits(tmp_path):
     (tmp_path / "plan.jsonl").write_text(json.dumps({"plan": '[plan]\nsplits = { "../x" = 1.0 }\n'}) + "\n")
     with pytest.raises(IcyMoonError, match="letters, digits"):
-        splits_of(tmp_path)
+        read_splits(tmp_path)
 
 
 def test_progress_is_reported_while_a_plan_is_checked(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as trials
 from hypothesis import strategies as st
-from icymoon.render.cost.estimate import estimate, estimate_roughly
+from icymoon.render.cost.estimate import estimate_plan, estimate_roughly
 from icymoon.render.plans import vary_scene
 from icymoon.render.plans.plan_file import parse_plan, read_plan
 from icymoon.render.plans.planned_pair import expand_headings
@@ -18,11 +18,11 @@ from icymoon.render.plans.vary_scene import (
     SceneVariations,
     VariedSetting,
     count_pairs,
-    describe,
-    end_settings,
+    describe_variations,
     list_values,
+    make_end_settings,
+    make_plan_text,
     names_that_vary,
-    plan_text,
     sample_settings,
     vary_around,
     why_fixed,
@@ -55,7 +55,7 @@ def scene(*parts: Parts) -> Settings:
 
 
 def pairs_of(settings, variations):
-    return parse_plan(Path("plan.toml"), plan_text(settings, variations)).pairs()
+    return parse_plan(Path("plan.toml"), make_plan_text(settings, variations)).pairs()
 
 
 def value(settings, name):
@@ -85,7 +85,7 @@ def test_pairs_are_the_scene_but_for_what_varies(name):
 
 
 def test_the_file_on_the_disk_makes_the_same_pairs(tmp_path):
-    text = plan_text(scene(), SceneVariations((ELEVATION, ALBEDO)))
+    text = make_plan_text(scene(), SceneVariations((ELEVATION, ALBEDO)))
     (tmp_path / "plan.toml").write_text(text, encoding="utf-8")
     found = [p.id for p in read_plan(tmp_path / "plan.toml").pairs()]
     assert found == [p.id for p in parse_plan(tmp_path / "plan.toml", text).pairs()]
@@ -94,17 +94,17 @@ def test_the_file_on_the_disk_makes_the_same_pairs(tmp_path):
 def test_a_file_of_ones_own_is_found_from_anywhere(tmp_path):
     (tmp_path / "ground.ply").write_text("ply")
     described = scene({"source": {"kind": "MESH", "file": str(tmp_path / "ground.ply")}})
-    stated = tomllib.loads(plan_text(described, SceneVariations((ELEVATION,))))
+    stated = tomllib.loads(make_plan_text(described, SceneVariations((ELEVATION,))))
     assert stated["source"]["file"] == str(tmp_path / "ground.ply")
     (tmp_path / "sub").mkdir()
-    (tmp_path / "sub" / "plan.toml").write_text(plan_text(described, SceneVariations((ELEVATION,))))
+    (tmp_path / "sub" / "plan.toml").write_text(make_plan_text(described, SceneVariations((ELEVATION,))))
     pairs = read_plan(tmp_path / "sub" / "plan.toml").pairs()
     assert {p.settings.source.file for p in pairs} == {str(tmp_path / "ground.ply")}
 
 
 def test_a_plan_states_no_folder_and_no_matchers():
     stated = tomllib.loads(
-        plan_text(scene({"dataset": {"folder": "/secret", "methods": "own:mine"}}), SceneVariations((ELEVATION,)))
+        make_plan_text(scene({"dataset": {"folder": "/secret", "methods": "own:mine"}}), SceneVariations((ELEVATION,)))
     )
     assert set(stated["dataset"]) == {"seed", "headings"}
 
@@ -222,11 +222,11 @@ def test_one_at_a_time_is_the_scene_and_each_value_alone():
     ],
 )
 def test_the_pairs_are_described_in_words(variations, text):
-    assert describe(scene(), variations) == text
+    assert describe_variations(scene(), variations) == text
 
 
 def test_headings_are_described_too():
-    assert describe(scene({"dataset": {"headings": 4}}), SceneVariations((ELEVATION,))) == (
+    assert describe_variations(scene({"dataset": {"headings": 4}}), SceneVariations((ELEVATION,))) == (
         "5 values of Sun Elevation x 4 headings = 20 pairs"
     )
 
@@ -253,7 +253,7 @@ def test_headings_are_described_too():
 )
 def test_what_cannot_vary_is_refused_in_a_sentence(varied, problem):
     with pytest.raises(IcyMoonError) as caught:
-        plan_text(scene(), SceneVariations((varied,), seeds=2))
+        make_plan_text(scene(), SceneVariations((varied,), seeds=2))
     assert problem in str(caught.value)
     assert str(caught.value).startswith("Vary This Scene: ")
 
@@ -269,7 +269,7 @@ def test_what_cannot_vary_is_refused_in_a_sentence(varied, problem):
 )
 def test_what_cannot_be_combined_is_refused_in_a_sentence(variations, problem):
     with pytest.raises(IcyMoonError, match=problem):
-        plan_text(scene(), variations)
+        make_plan_text(scene(), variations)
 
 
 def test_every_setting_varies_around_its_default_or_says_why_not():
@@ -335,14 +335,14 @@ def test_the_rough_estimate_is_near_the_one_that_counts_triangles():
     pairs = pairs_of(described, variations)
     some, grounds = sample_settings(described, variations, 8)
     seconds, size = estimate_roughly(some, len(pairs), grounds, None)
-    exact = estimate(pairs)
+    exact = estimate_plan(pairs)
     assert seconds == pytest.approx(exact.left_wall_s, rel=0.3)
     assert size == pytest.approx(exact.left_bytes, rel=0.05)
 
 
 def test_labels_are_without_units():
-    assert vary_scene.label_of("light.sun_elevation_deg") == "Sun Elevation"
-    assert vary_scene.label_of("no such.thing") == "no such.thing"
+    assert vary_scene.find_label("light.sun_elevation_deg") == "Sun Elevation"
+    assert vary_scene.find_label("no such.thing") == "no such.thing"
 
 
 @pytest.mark.parametrize(
@@ -360,5 +360,5 @@ def test_labels_are_without_units():
 def test_the_ends_are_the_first_and_the_last_pair_of_the_plan(variations, headings):
     described = scene({"dataset": {"headings": headings}})
     pairs = pairs_of(described, variations)
-    ends = end_settings(described, variations)
+    ends = make_end_settings(described, variations)
     assert [description.digest(end) for end in ends] == [pairs[0].id, pairs[-1].id]

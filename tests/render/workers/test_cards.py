@@ -7,10 +7,10 @@ from icymoon.render.workers.cards import (
     ENVIRONMENT,
     Cards,
     add_cards,
+    choose_card_numbers,
     choose_cards,
-    choose_one,
+    choose_worker_cards,
     parse_cards,
-    pick,
     read_chosen_cards,
 )
 from icymoon.support.errors import IcyMoonError
@@ -56,10 +56,10 @@ def test_the_environment_is_refused_by_its_name(monkeypatch):
 
 def test_each_of_several_workers_has_a_card_and_every_card_a_worker():
     cards = Cards("CUDA", (0, 2))
-    assert [choose_one(cards, place, 3).numbers for place in range(3)] == [(0,), (2,), (0,)]
-    assert choose_one(cards, 0, 3).backend == "CUDA"
-    assert choose_one(cards, 0, 1) == cards  # one worker has them all
-    assert choose_one(Cards(), 1, 2) == Cards()
+    assert [choose_worker_cards(cards, place, 3).numbers for place in range(3)] == [(0,), (2,), (0,)]
+    assert choose_worker_cards(cards, 0, 3).backend == "CUDA"
+    assert choose_worker_cards(cards, 0, 1) == cards  # one worker has them all
+    assert choose_worker_cards(Cards(), 1, 2) == Cards()
 
 
 def test_a_worker_finds_its_cards_and_the_rest_of_the_environment():
@@ -69,13 +69,13 @@ def test_a_worker_finds_its_cards_and_the_rest_of_the_environment():
 
 
 def test_all_cards_are_used_unless_some_are_named():
-    assert pick(Cards(), FOUND) == [0, 1, 2]
-    assert pick(Cards("", (2, 0)), FOUND) == [2, 0]
-    assert pick(Cards(), []) == []
+    assert choose_card_numbers(Cards(), FOUND) == [0, 1, 2]
+    assert choose_card_numbers(Cards("", (2, 0)), FOUND) == [2, 0]
+    assert choose_card_numbers(Cards(), []) == []
 
 
 def test_a_card_that_is_not_there_is_named_beside_those_that_are():
     with pytest.raises(IcyMoonError, match=r"no graphics card 3 .*0: Card A, 1: Card B, 2: Card C"):
-        pick(Cards("", (0, 3)), FOUND)
+        choose_card_numbers(Cards("", (0, 3)), FOUND)
     with pytest.raises(IcyMoonError, match=r"no graphics card 0 .*\(none\)"):
-        pick(Cards("", (0,)), [])
+        choose_card_numbers(Cards("", (0,)), [])

@@ -64,7 +64,7 @@ def test_a_claim_that_is_given_back_while_it_is_read_holds_nothing(tmp_path, mon
         path.unlink()
         return True
 
-    monkeypatch.setattr(claims, "is_claim", listed)
+    monkeypatch.setattr(claims, "is_claim_name", listed)
     assert Claims(tmp_path).find_claimed_elsewhere() == set()
 
 

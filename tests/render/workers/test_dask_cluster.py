@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import ordered
+from icymoon.render.plans.order import order_pairs
 from icymoon.render.workers import dask_cluster
 from icymoon.render.workers.runner import WorkerOptions
 from icymoon.support.errors import IcyMoonError
 from plans import grid
 from stand import Stand
 
-PAIRS = ordered(grid(seeds=3))
+PAIRS = order_pairs(grid(seeds=3))
 
 
 @pytest.fixture

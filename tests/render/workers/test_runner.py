@@ -260,10 +260,10 @@ def test_the_manifest_says_what_is_there_however_a_run_ends(stand, monkeypatch, 
 
     options = stand.dataset, PAIRS, WorkerOptions(1, 1, str(stand.blender)), say
     if end == "set aside":
-        assert batch.render(*options) == 1
+        assert batch.render_missing(*options) == 1
     else:
         with pytest.raises(IcyMoonError if end == "error" else KeyboardInterrupt):
-            batch.render(*options)
+            batch.render_missing(*options)
     manifest = json.loads((stand.dataset / MANIFEST).read_text())
     there = {path.parent.name for path in (stand.dataset / "pairs").glob("*/pair.json")}
     assert manifest["complete"] == len(there)
@@ -301,11 +301,11 @@ def test_the_pairs_of_a_silent_worker_are_looked_for_seldom(stand, monkeypatch):
     monkeypatch.setattr(runner, "_SUSPECT_S", 0.4)  # so that its other pairs are looked for too
     monkeypatch.setattr(runner, "MOST_CRASHES", 1)
     looks = []
-    find = Runner._find_left
-    monkeypatch.setattr(Runner, "_find_left", lambda self, worker: looks.append(worker) or find(self, worker))
+    find = Runner._find_pairs_left
+    monkeypatch.setattr(Runner, "_find_pairs_left", lambda self, worker: looks.append(worker) or find(self, worker))
     steps = []
-    step = Runner._step
-    monkeypatch.setattr(Runner, "_step", lambda self: steps.append(1) or step(self))
+    step = Runner._step_workers
+    monkeypatch.setattr(Runner, "_step_workers", lambda self: steps.append(1) or step(self))
     stand.behave(**{PAIRS[0].id: "hang"})
     assert set(stand.run(workers=2, silence_s=1.5)) == {PAIRS[0].id}
     # Once while a worker is silent, and once when it has ended.
@@ -320,9 +320,9 @@ def test_pairs_that_are_known_to_be_complete_are_not_read_again(stand, monkeypat
     monkeypatch.setattr(runner, "is_complete", lambda folder: read.append(folder) or True)
     watched._complete = {pair.id for pair in PAIRS[:5]}
     worker = runner._Worker(None, None, list(PAIRS))
-    assert watched._find_left(worker) == []
+    assert watched._find_pairs_left(worker) == []
     assert len(read) == len(PAIRS) - 5
-    assert watched._find_left(worker) == []
+    assert watched._find_pairs_left(worker) == []
     assert len(read) == len(PAIRS) - 5
 
 
@@ -334,7 +334,7 @@ def test_a_complete_data_set_is_read_twice(stand, monkeypatch):
     inner = pair_folder.read_text
     monkeypatch.setattr(pair_folder, "read_text", lambda path: read.append(path.parent.name) or inner(path))
     monkeypatch.setattr(batch, "set_stop_handler", lambda handler: None)
-    assert batch.render(stand.dataset, list(PAIRS), WorkerOptions(1, 1, "none"), lambda *a, **k: None) == 0
+    assert batch.render_missing(stand.dataset, list(PAIRS), WorkerOptions(1, 1, "none"), lambda *a, **k: None) == 0
     assert sorted(read) == sorted(2 * [pair.id for pair in PAIRS])
 
 

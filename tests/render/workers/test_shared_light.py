@@ -20,7 +20,7 @@ from icymoon.render.pairs.baked_file import BakedLight
 from icymoon.render.workers import claims as claims_module
 from icymoon.render.workers import shared_light
 from icymoon.render.workers.claims import CLAIMS_FOLDER, Claims
-from icymoon.render.workers.shared_light import KeptLight, SharedLight, find_stated
+from icymoon.render.workers.shared_light import KeptLight, SharedLight, find_stated_light_files
 from icymoon.support import system
 from icymoon.support.errors import IcyMoonError
 from pairs import Scene, camera, write_pair
@@ -115,8 +115,10 @@ def test_brighter_light_in_the_folder_is_not_used(dataset, name, vouched):
     if vouched:
         publish(dataset, PAIRS[0], kept)
     shutil.rmtree(dataset / CLAIMS_FOLDER)
-    brighter, checksum = baked_file.write(dataset.with_name("other"), KEY, light(8.0))
-    target = {"of its content": baked_file.name_of(KEY, checksum), "old": f"{KEY}.npz"}.get(name, Path(kept.file).name)
+    brighter, checksum = baked_file.write_baked_light(dataset.with_name("other"), KEY, light(8.0))
+    target = {"of its content": baked_file.make_file_name(KEY, checksum), "old": f"{KEY}.npz"}.get(
+        name, Path(kept.file).name
+    )
     (dataset / "light" / target).write_bytes(brighter.read_bytes())
     bake = Baker()
     assert get(opened(dataset), bake)[0].light.values.max() == 1.0
@@ -124,7 +126,7 @@ def test_brighter_light_in_the_folder_is_not_used(dataset, name, vouched):
 
 
 def test_light_of_an_older_version_is_used_by_the_word_of_its_pairs(dataset):
-    path, checksum = baked_file.write(dataset, KEY, light())
+    path, checksum = baked_file.write_baked_light(dataset, KEY, light())
     old = path.rename(path.with_name(f"{KEY}.npz"))
     publish(dataset, PAIRS[0], KeptLight(light(), f"light/{old.name}", checksum))
     bake = Baker(2.0)
@@ -137,7 +139,7 @@ def test_light_of_an_older_version_is_used_by_the_word_of_its_pairs(dataset):
 
 
 def test_of_two_lights_that_pairs_state_the_one_of_most_counts(dataset):
-    paths = [baked_file.write(dataset, KEY, light(level)) for level in (1.0, 2.0)]
+    paths = [baked_file.write_baked_light(dataset, KEY, light(level)) for level in (1.0, 2.0)]
     for name, (path, checksum) in zip(PAIRS, [paths[0], paths[1], paths[1]], strict=True):
         publish(dataset, name, KeptLight(light(), f"light/{path.name}", checksum))
     assert get(opened(dataset), Baker())[0].light.values.max() == 2.0
@@ -172,7 +174,7 @@ def test_a_pair_that_found_it_too_noisy_vouches_for_it_too(dataset):
     ],
 )
 def test_what_is_no_complete_pair_vouches_for_nothing(dataset, tmp_path, make):
-    path, checksum = baked_file.write(dataset, KEY, light(8.0))
+    path, checksum = baked_file.write_baked_light(dataset, KEY, light(8.0))
     folder = publish(dataset, PAIRS[0], KeptLight(light(), f"light/{path.name}", checksum))
     if make == "link":
         folder.symlink_to(folder.rename(tmp_path / "elsewhere"))
@@ -201,8 +203,8 @@ def test_what_is_no_complete_pair_vouches_for_nothing(dataset, tmp_path, make):
     ],
 )
 def test_statements_of_other_kinds_are_none(indirect):
-    assert find_stated({"indirect": indirect}) == []
-    assert find_stated({}) == []
+    assert find_stated_light_files({"indirect": indirect}) == []
+    assert find_stated_light_files({}) == []
 
 
 def test_others_use_it_before_its_first_pair_is_complete_by_the_word_of_its_claim(dataset):

@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 import slurm
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import ordered
+from icymoon.render.plans.order import order_pairs
 from icymoon.render.workers.slurm_scripts import SlurmRequest, write_script
-from icymoon.render.workers.verify import verify
+from icymoon.render.workers.verify import verify_data_set
 from plans import grid
 from stand import Stand
 
-PAIRS = ordered(grid(seeds=3))
+PAIRS = order_pairs(grid(seeds=3))
 
 
 def _runners(dataset: Path) -> list[int]:
@@ -65,4 +65,4 @@ def test_an_array_of_shares_makes_the_data_set_though_one_is_killed(tmp_path):
             assert time.monotonic() < deadline, said
             time.sleep(0.5)
     stand.assert_done()
-    assert not [p for p in verify(stand.dataset).problems if p.kind in ("missing", "leftover", "foreign")]
+    assert not [p for p in verify_data_set(stand.dataset).problems if p.kind in ("missing", "leftover", "foreign")]

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import pytest
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import ordered, shard
-from icymoon.render.workers.slurm_scripts import SlurmRequest, array_ranges, write_script
+from icymoon.render.plans.order import choose_shard, order_pairs
+from icymoon.render.workers.slurm_scripts import SlurmRequest, format_array_ranges, write_script
 from icymoon.support.errors import IcyMoonError
 from plans import grid
 from stand import Stand
@@ -22,11 +22,11 @@ ASKED = SlurmRequest(4, 2, 3, "2G", "00:10:00", ("--partition=long",))
 
 @pytest.mark.parametrize(("numbers", "text"), [([1], "1"), ([1, 2, 3], "1-3"), ([1, 3, 4, 9], "1,3-4,9"), ([], "")])
 def test_ranges(numbers, text):
-    assert array_ranges(numbers) == text
+    assert format_array_ranges(numbers) == text
 
 
 def frozen_in(dataset):
-    return datasets.freeze_plan(dataset, ordered(grid(seeds=3)), "")
+    return datasets.freeze_plan(dataset, order_pairs(grid(seeds=3)), "")
 
 
 def test_the_array_is_the_shares_that_lack_pairs(tmp_path):
@@ -35,7 +35,7 @@ def test_the_array_is_the_shares_that_lack_pairs(tmp_path):
     stand.run()
     assert write_script(stand.dataset, frozen, ASKED, sys.executable, str(stand.blender)) is None
     for number in (2, 3):
-        shutil.rmtree(shard(frozen.pairs, number, 4)[0].folder(stand.dataset))
+        shutil.rmtree(choose_shard(frozen.pairs, number, 4)[0].folder(stand.dataset))
     script = write_script(stand.dataset, frozen, ASKED, sys.executable, str(stand.blender))
     text = script.read_text()
     assert "#SBATCH --array=2-3%2\n" in text

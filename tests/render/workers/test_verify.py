@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from icymoon.commands.cli import main
 from icymoon.physics.light.baked_rocks import TERMS
-from icymoon.render.baked_light import Indirect
+from icymoon.render.baked_light import IndirectLight
 from icymoon.render.pairs import baked_file, pair_folder
 from icymoon.render.pairs.baked_file import BakedLight
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import verify as verify_module
 from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.shared_light import KeptLight
-from icymoon.render.workers.verify import Findings, Problem, verify
+from icymoon.render.workers.verify import Findings, Problem, verify_data_set
 from icymoon.settings import description, pair_ids
 from icymoon.support.errors import IcyMoonError
 from pairs import Scene, camera, write_pair
@@ -48,12 +48,12 @@ def rewrite(folder: Path, **changes: Any) -> None:
 
 
 def bake(dataset: Path, key: str, level: float = 1.0) -> KeptLight:
-    path, checksum = baked_file.write(dataset, key, light(level))
+    path, checksum = baked_file.write_baked_light(dataset, key, light(level))
     return KeptLight(light(level), f"light/{path.name}", checksum)
 
 
 def state(folder: Path, kept: KeptLight) -> None:
-    rewrite(folder, indirect=Indirect({"Sun": kept}).to_json({"left": {"Sun": 0.2}, "right": {"Sun": 0.2}}, 0.01))
+    rewrite(folder, indirect=IndirectLight({"Sun": kept}).to_json({"left": {"Sun": 0.2}, "right": {"Sun": 0.2}}, 0.01))
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def dataset(tmp_path) -> Path:
         made = write_pair(pair.folder(folder), Scene(), camera(32, 24), settings=pair.settings)
         rewrite(made, seeds={"dataset": 0, "render": pair.render_seed}, edited_by_hand=False)
         state(made, kept[number // 2])
-    assert verify(folder) == Findings(4, 4, ())
+    assert verify_data_set(folder) == Findings(4, 4, ())
     return folder
 
 
@@ -81,7 +81,7 @@ def everything(folder: Path) -> dict[str, bytes]:
 
 
 def the_problem(dataset: Path, remove: bool = False) -> Problem:
-    (problem,) = verify(dataset, remove).problems
+    (problem,) = verify_data_set(dataset, remove).problems
     assert problem.text.endswith(".")
     assert "\n" not in problem.text
     return problem
@@ -112,7 +112,7 @@ def test_settings_that_are_not_the_plans_are_reported_whatever_the_pair_states(d
     folder = PAIRS[1].folder(dataset)
     change_setting(folder, topic, key, value)
     rewrite(folder, edited_by_hand=edited)
-    found = verify(dataset, remove_broken=True)
+    found = verify_data_set(dataset, remove_broken=True)
     assert found.complete == 3
     texts = [problem.text for problem in found.problems]
     assert any(f"{topic}.{key} is {value}" in text and "was planned as" in text for text in texts)
@@ -132,7 +132,7 @@ def test_the_settings_of_another_pair_of_the_plan_are_reported(dataset):
     """Consistent in itself, with the id, settings and seed of another planned pair."""
     other = json.loads((PAIRS[2].folder(dataset) / "pair.json").read_text())
     (PAIRS[1].folder(dataset) / "pair.json").write_text(json.dumps(other))
-    texts = " ".join(problem.text for problem in verify(dataset).problems)
+    texts = " ".join(problem.text for problem in verify_data_set(dataset).problems)
     for word in (f"is of pair {PAIRS[2].id}", "light.sun_elevation_deg is 40.0 and was planned as 20.0", "seed"):
         assert word in texts
 
@@ -146,7 +146,7 @@ def test_files_of_ones_own_that_do_not_give_the_id_are_reported(dataset, own):
 def test_what_does_not_change_a_pixel_may_differ(dataset):
     for topic, key, value in (("sensor", "gain", 2.0), ("quality", "threads", 3)):
         change_setting(PAIRS[1].folder(dataset), topic, key, value)
-    assert verify(dataset).problems == ()
+    assert verify_data_set(dataset).problems == ()
 
 
 def test_an_edited_pair_that_no_plan_has_is_a_state(dataset):
@@ -165,7 +165,7 @@ def test_an_edited_pair_that_no_plan_has_is_a_state(dataset):
 def test_what_lies_in_a_pairs_folder_and_is_not_ours_is_reported_and_stays(dataset):
     inner = PAIRS[1].folder(dataset) / "inner"
     inner.mkdir()
-    (problem,) = verify(dataset, remove_broken=True).problems
+    (problem,) = verify_data_set(dataset, remove_broken=True).problems
     assert (problem.kind, problem.what) == ("foreign", PAIRS[1].id)
     assert str(inner) in problem.text
     assert inner.is_dir()
@@ -190,7 +190,7 @@ def test_a_broken_pair_with_a_file_that_is_not_ours_states_once_why_it_stays(dat
     folder = PAIRS[1].folder(dataset)
     (folder / "left.exr").unlink()
     (folder / "notes.txt").write_text("x")
-    texts = [problem.text for problem in verify(dataset, remove).problems]
+    texts = [problem.text for problem in verify_data_set(dataset, remove).problems]
     assert sum("notes.txt" in text for text in texts) == 1
     assert (folder / "notes.txt").exists()
 
@@ -209,7 +209,7 @@ def test_an_image_that_is_replaced_with_its_checksum_is_not_found(dataset):
     assert the_problem(dataset).kind == "broken"
     files = json.loads((folder / "pair.json").read_text())["files"]
     rewrite(folder, files=files | {"left.exr": files["right.exr"]})
-    assert verify(dataset) == Findings(4, 4, ())
+    assert verify_data_set(dataset) == Findings(4, 4, ())
 
 
 # Pairs decide
@@ -264,7 +264,7 @@ def test_every_fault_of_light_is_reported_and_only_what_is_broken_goes(dataset, 
     damage, wanted, goes = LIGHT_FAULTS[fault]
     damage(dataset)
     before = set(dataset.rglob("*"))
-    found = verify(dataset, remove_broken=True)
+    found = verify_data_set(dataset, remove_broken=True)
     assert found.complete == 4  # the images of pairs are what they were
     assert len(found.problems) == len(wanted)
     for kind, words in wanted:
@@ -279,7 +279,7 @@ def test_light_of_a_set_without_a_plan_has_a_fix_that_needs_none(dataset, fault)
         state(PAIRS[1].folder(dataset), bake(dataset, KEYS[0], 8.0))
     else:
         LIGHT_FAULTS[fault][0](dataset)
-    (problem,) = [each for each in verify(dataset).problems if each.kind == "light"]
+    (problem,) = [each for each in verify_data_set(dataset).problems if each.kind == "light"]
     assert problem.text.endswith("away and render the pair again.")
     assert "batch" not in problem.text
 
@@ -296,7 +296,7 @@ def test_light_that_is_missing_is_a_note_and_no_problem(dataset, capsys):
     """Whoever needs the space may delete it: the images are what they were."""
     lost = first_light(dataset)
     lost.unlink()
-    assert verify(dataset) == Findings(
+    assert verify_data_set(dataset) == Findings(
         4,
         4,
         (),
@@ -307,7 +307,7 @@ def test_light_that_is_missing_is_a_note_and_no_problem(dataset, capsys):
         ),
     )
     shutil.rmtree(dataset / "light")
-    (note,) = verify(dataset, remove_broken=True).notes
+    (note,) = verify_data_set(dataset, remove_broken=True).notes
     assert f"{lost} and 1 more are missing, the baked light of 4 pairs" in note
     assert main(["verify", str(dataset)]) == 0
     assert capsys.readouterr().out.splitlines() == [note, "4 pairs, all whole and as planned."]
@@ -320,9 +320,9 @@ def test_light_that_is_missing_may_come_back(dataset):
     lost = first_light(dataset)
     lost.unlink()
     bake(dataset, KEYS[0])
-    assert verify(dataset) == Findings(4, 4, ())
+    assert verify_data_set(dataset) == Findings(4, 4, ())
     lost.write_bytes(b"")
-    assert {problem.kind for problem in verify(dataset).problems} == {"broken", "light"}
+    assert {problem.kind for problem in verify_data_set(dataset).problems} == {"broken", "light"}
 
 
 def test_light_of_an_older_version_is_whole_while_it_is_as_its_pairs_state(dataset):
@@ -331,7 +331,7 @@ def test_light_of_an_older_version_is_whole_while_it_is_as_its_pairs_state(datas
         stated = json.loads((pair.folder(dataset) / "pair.json").read_text())["indirect"]
         stated["lights"]["Sun"]["file"] = f"light/{old.name}"
         rewrite(pair.folder(dataset), indirect=stated)
-    assert verify(dataset).problems == ()
+    assert verify_data_set(dataset).problems == ()
     old.write_bytes(old.read_bytes() + b"\0")
     assert "has another content now" in the_problem(dataset, remove=True).text
     assert old.exists()  # its name does not state its content
@@ -342,9 +342,9 @@ def test_light_that_is_being_baked_is_no_fault(dataset):
     assert other.take("2" * 12)
     bake(dataset, "2" * 12)
     (dataset / "light" / f"{'2' * 12}-{'3' * 12}.npz.host-1-1.part").write_text("")
-    assert verify(dataset).problems == ()
+    assert verify_data_set(dataset).problems == ()
     other.close()
-    assert {problem.kind for problem in verify(dataset).problems} == {"light", "leftover"}
+    assert {problem.kind for problem in verify_data_set(dataset).problems} == {"light", "leftover"}
 
 
 def test_a_claim_that_was_to_state_light_is_a_leftover(dataset):
@@ -378,7 +378,7 @@ def test_a_link_is_reported_and_nothing_behind_it_changes(dataset, tmp_path, pla
         target = next(each for each in (elsewhere, *sorted(elsewhere.rglob("*"))) if each.is_file())
         target.write_bytes(b"mine")
     before = everything(tmp_path)
-    found = verify(dataset, remove_broken=True)
+    found = verify_data_set(dataset, remove_broken=True)
     assert any("link" in problem.text or "no regular file" in problem.text for problem in found.problems)
     assert everything(tmp_path) == before
     assert path.is_symlink()
@@ -395,7 +395,7 @@ def test_a_link_is_reported_and_nothing_behind_it_changes(dataset, tmp_path, pla
 
 def test_the_data_set_itself_may_be_reached_by_a_link(dataset, tmp_path):
     (tmp_path / "short").symlink_to(dataset)
-    assert verify(tmp_path / "short") == Findings(4, 4, ())
+    assert verify_data_set(tmp_path / "short") == Findings(4, 4, ())
 
 
 # A data set without a plan
@@ -432,20 +432,20 @@ def test_a_broken_pair_without_a_plan_is_named(dataset, capsys, damage, words):
 
 def test_an_edited_pair_without_a_plan_is_whole(dataset):
     rewrite(PAIRS[1].folder(without_plan(dataset)), edited_by_hand=True, own_files_sha256="x")
-    assert verify(dataset).problems == ()
+    assert verify_data_set(dataset).problems == ()
 
 
 def test_nothing_is_removed_without_a_plan(dataset):
     (PAIRS[1].folder(without_plan(dataset)) / "left.exr").write_bytes(b"")
     before = everything(dataset)
     with pytest.raises(IcyMoonError, match=r"has no plan\.jsonl, so icymoon batch could not make again"):
-        verify(dataset, remove_broken=True)
+        verify_data_set(dataset, remove_broken=True)
     assert everything(dataset) == before
 
 
 def test_a_folder_without_plan_and_pairs_is_no_data_set(tmp_path):
     with pytest.raises(IcyMoonError, match=r"has no plan\.jsonl and no pairs; give the folder of a data set"):
-        verify(tmp_path)
+        verify_data_set(tmp_path)
 
 
 # What a line asks for can be done
@@ -456,7 +456,7 @@ def test_a_folder_without_pair_json_and_with_foreign_files_is_one_line(dataset, 
     folder = PAIRS[1].folder(dataset)
     (folder / "pair.json").unlink()
     (folder / "notes.txt").write_text("x")
-    problems = [problem for problem in verify(dataset, remove).problems if problem.what == PAIRS[1].id]
+    problems = [problem for problem in verify_data_set(dataset, remove).problems if problem.what == PAIRS[1].id]
     assert len(problems) == 1
     assert "has no pair.json" in problems[0].text
     assert "notes.txt is not Icy Moon's; move it out" in problems[0].text
@@ -487,7 +487,7 @@ def test_each_pair_is_read_once_and_what_all_share_is_made_once(dataset, monkeyp
         "_check_table",
         lambda topic, *rest, **named: checked.append(topic) or check_table(topic, *rest, **named),
     )
-    assert verify(dataset).problems == ()
+    assert verify_data_set(dataset).problems == ()
     assert sorted(read) == sorted(pair.id for pair in PAIRS)
     assert len(counters) == 1
     # The plan's first pair, and what differs from it, beside what is in the files.
@@ -500,7 +500,7 @@ def test_what_file_managers_leave_is_no_problem(dataset):
     for folder in [dataset, *(path for path in dataset.rglob("*") if path.is_dir())]:
         for name in (".DS_Store", "._pair.json", "._left.exr", "Thumbs.db", "desktop.ini"):
             (folder / name).write_bytes(bytes(100))
-    assert verify(dataset) == Findings(4, 4, ())
+    assert verify_data_set(dataset) == Findings(4, 4, ())
     (dataset / "pairs" / ".DS_Store2").write_bytes(b"")
     assert the_problem(dataset).kind == "foreign"
 
@@ -518,13 +518,13 @@ def test_a_pair_under_another_name_is_told_its_own(dataset, planned, capsys):
         assert "4 of 4 pairs whole and as stated; do what each line asks for." in capsys.readouterr().err
     shutil.rmtree(copy)
     renamed = second.rename(second.with_name("best one"))
-    texts = [problem.text for problem in verify(dataset).problems]
+    texts = [problem.text for problem in verify_data_set(dataset).problems]
     assert (
         f"{renamed} is pair {second.name} under another name; call it {second.name}, or move it out of the data "
         "set." in texts
     )
     renamed.rename(second)  # the fix works
-    assert verify(dataset).problems == ()
+    assert verify_data_set(dataset).problems == ()
 
 
 def test_a_data_set_whose_only_pair_was_renamed_is_told_so(dataset):
@@ -534,7 +534,7 @@ def test_a_data_set_whose_only_pair_was_renamed_is_told_so(dataset):
         shutil.rmtree(folder)
     renamed = first.rename(first.with_name("best"))
     with pytest.raises(IcyMoonError, match=f"best is pair {first.name} under another name; call it {first.name}"):
-        verify(dataset)
+        verify_data_set(dataset)
     (renamed / "pair.json").write_text("{")
     with pytest.raises(IcyMoonError, match=r"best has the name of no pair, and its pair.json cannot be read"):
-        verify(dataset)
+        verify_data_set(dataset)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pairs
 import pytest
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.render.pairs.scene_splits import split_of_pair
+from icymoon.render.pairs.scene_splits import find_split_of_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export.layouts import export
 from icymoon.support.errors import IcyMoonError
@@ -33,7 +33,7 @@ def test_rows_lead_to_the_pairs_and_can_be_chosen_by_what_varies(dataset, tmp_pa
         pair = read_pair(tmp_path / "index" / row["folder"])
         assert (pair.id, pair.settings.light.sun_elevation_deg) == (row["key"], 10.0)
         assert (row["split"], row["focal_px"], row["cx_px"]) == (
-            split_of_pair(pair),
+            find_split_of_pair(pair),
             pair.camera.focal_px,
             pair.camera.cx_px,
         )

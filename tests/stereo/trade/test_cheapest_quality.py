@@ -2,8 +2,8 @@
 
 import pytest
 from icymoon.render.cost.abilities import Abilities
-from icymoon.render.cost.estimate import work_of
-from icymoon.render.cost.tolerance import checked_tolerance
+from icymoon.render.cost.estimate import estimate_work
+from icymoon.render.cost.tolerance import make_tolerance
 from icymoon.settings import description, preset_files
 from icymoon.stereo.trade import cheapest_quality as search
 from icymoon.stereo.trade import losses as measuring
@@ -35,7 +35,7 @@ def searched(tmp_path, monkeypatch, allowed, loss, doubt=0.001, own=0.0, bias=0.
         value = loss(own_settings)
         numbers = {"coverage": 0.0, "epe_px": value, "bad_1": value / 10, "wrong_or_missing": value / 10}
         width = doubt / len(folders) ** 0.5
-        cost = work_of(own_settings).seconds(0.0)
+        cost = estimate_work(own_settings).seconds(0.0)
         return {
             "cpu_s": cost,
             "wall_s": cost,
@@ -61,7 +61,7 @@ BARE = ("surface.grain_amplitude_m=0",)
 
 
 def test_the_search_stops_at_the_first_that_is_within_and_reports_what_it_tried(tmp_path, monkeypatch):
-    found, rendered = searched(tmp_path, monkeypatch, checked_tolerance(0.02, None), by_samples, overrides=BARE)
+    found, rendered = searched(tmp_path, monkeypatch, make_tolerance(0.02, None), by_samples, overrides=BARE)
     assert found["chosen"] == "16 samples, denoised"
     assert found["settings"] == {"quality": {"samples": 16, "denoiser": "OIDN", "noise_threshold": 0.0}}
     assert [step["name"] for step in found["tried"]] == rendered
@@ -73,19 +73,17 @@ def test_the_search_stops_at_the_first_that_is_within_and_reports_what_it_tried(
 
 def test_wrong_pixels_alone_may_be_what_counts(tmp_path, monkeypatch):
     # A tenth of the pixels per px: 0.5 % of them is 0.05 px.
-    found, _ = searched(tmp_path, monkeypatch, checked_tolerance(None, 0.005), by_samples, overrides=BARE)
+    found, _ = searched(tmp_path, monkeypatch, make_tolerance(None, 0.005), by_samples, overrides=BARE)
     assert found["chosen"] == "8 samples, denoised"
     assert "0.5 % bad-1" in found["said"][-1]
     assert "px" not in found["said"][0]
 
 
 def test_a_candidate_in_doubt_is_rendered_again_if_that_can_decide(tmp_path, monkeypatch):
-    found, rendered = searched(tmp_path, monkeypatch, checked_tolerance(0.02, None), by_samples, 0.006, overrides=BARE)
+    found, rendered = searched(tmp_path, monkeypatch, make_tolerance(0.02, None), by_samples, 0.006, overrides=BARE)
     assert found["chosen"] == "16 samples, denoised"
     assert rendered.count("16 samples, denoised") == 2  # 0.0156 ± 0.006, then ± 0.0042
-    hopeless, rendered = searched(
-        tmp_path, monkeypatch, checked_tolerance(0.02, None), by_samples, 0.05, overrides=BARE
-    )
+    hopeless, rendered = searched(tmp_path, monkeypatch, make_tolerance(0.02, None), by_samples, 0.05, overrides=BARE)
     assert hopeless["chosen"] is None
     assert max(map(rendered.count, rendered)) <= 4
     assert "larger scale" in hopeless["said"][-1]
@@ -94,7 +92,7 @@ def test_a_candidate_in_doubt_is_rendered_again_if_that_can_decide(tmp_path, mon
 
 def test_a_tolerance_that_nothing_meets_gives_the_fix(tmp_path, monkeypatch):
     def said(loss, doubt=0.001, own=0.0):
-        allowed = checked_tolerance(0.02, None)
+        allowed = make_tolerance(0.02, None)
         return searched(tmp_path, monkeypatch, allowed, loss, doubt, own, overrides=BARE)[0]["said"][-1]
 
     assert said(lambda settings: 1.0) == "No quality that was tried is within 0.02 px; allow more."
@@ -103,10 +101,10 @@ def test_a_tolerance_that_nothing_meets_gives_the_fix(tmp_path, monkeypatch):
 
 def test_parts_of_the_light_are_left_out_if_the_error_stays_within(tmp_path, monkeypatch):
     walk = ("surface.subsurface_weight=1", "surface.subsurface_radius_m=0.05", *BARE)
-    found, _ = searched(tmp_path, monkeypatch, checked_tolerance(0.02, None), by_samples, overrides=walk)
+    found, _ = searched(tmp_path, monkeypatch, make_tolerance(0.02, None), by_samples, overrides=walk)
     assert found["chosen"] == "16 samples, denoised, no subsurface scattering"
     assert found["settings"]["quality"]["walk_px"] == 100.0
-    darker, _ = searched(tmp_path, monkeypatch, checked_tolerance(0.02, None), by_samples, bias=-0.03, overrides=walk)
+    darker, _ = searched(tmp_path, monkeypatch, make_tolerance(0.02, None), by_samples, bias=-0.03, overrides=walk)
     assert darker["chosen"] == "16 samples, denoised"
     assert "walk_px" not in darker["settings"]["quality"]
 
@@ -115,4 +113,4 @@ def test_a_folder_that_cannot_be_written_is_reported(tmp_path, monkeypatch):
     file = tmp_path / "file"
     file.write_text("")
     with pytest.raises(IcyMoonError, match="a file, not a folder"):
-        searched(file, monkeypatch, checked_tolerance(0.02, None), by_samples)
+        searched(file, monkeypatch, make_tolerance(0.02, None), by_samples)

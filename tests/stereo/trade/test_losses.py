@@ -9,8 +9,8 @@ import pytest
 import workspaces
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.render.cost.tolerance import checked_tolerance, parse_fraction
-from icymoon.render.cost.variants import GROUPS, variants
+from icymoon.render.cost.tolerance import make_tolerance, parse_fraction
+from icymoon.render.cost.variants import GROUPS, list_variants
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.stereo.decisions.rules import read_rules
@@ -114,7 +114,7 @@ def test_full_and_compact_files_of_one_render_have_folders_of_their_own(tmp_path
     monkeypatch.setattr(measure_variants, "render_job", lambda job, blender, hear: asked.append(job) or [job.dataset])
     bench = measure_variants.TradeBench(description.defaults(), tmp_path, "", "", 2, 1)
     counter = measure_variants.RenderCounter(bench.on_event, 1)
-    compact, full = variants(bench.settings, ["files"])
+    compact, full = list_variants(bench.settings, ["files"])
     for variant in (compact, full):
         measure_variants.render_once(variant, 0, bench, counter)
     assert [job.dataset.name for job in asked] == ["data", "data_full"]
@@ -346,22 +346,22 @@ def test_a_jackknife_of_a_mean_is_its_standard_error():
 )
 def test_a_tolerance_is_kept_only_if_noise_cannot_have_done_it(loss, doubt, verdict):
     numbers = {"epe_px": loss, "wrong_or_missing": 0.0}
-    assert checked_tolerance(0.02, None).allows(numbers, {"epe_px": doubt, "wrong_or_missing": 0.0}) is verdict
-    assert checked_tolerance(None, 0.01).allows(numbers, {"epe_px": doubt, "wrong_or_missing": 0.001}) is True
+    assert make_tolerance(0.02, None).allows(numbers, {"epe_px": doubt, "wrong_or_missing": 0.0}) is verdict
+    assert make_tolerance(None, 0.01).allows(numbers, {"epe_px": doubt, "wrong_or_missing": 0.001}) is True
 
 
 @pytest.mark.parametrize("given_px", [0.0, -1.0, float("nan"), float("inf"), 1e9])
 def test_an_impossible_tolerance_is_refused(given_px):
     with pytest.raises(IcyMoonError, match=r"give 0.0001 to 10 px"):
-        checked_tolerance(given_px, None)
+        make_tolerance(given_px, None)
     with pytest.raises(IcyMoonError, match=r"give 0.001 % to 50 %"):
-        checked_tolerance(None, given_px)
+        make_tolerance(None, given_px)
 
 
 def test_a_share_is_given_as_one_or_in_per_cent():
-    assert parse_fraction("0.5%") == parse_fraction("0.005") == checked_tolerance(None, 0.005).wrong_or_missing
-    assert checked_tolerance(None, None).limits == {"epe_px": 0.02}
-    assert str(checked_tolerance(0.02, 0.005)) == "0.02 px and 0.5 % bad-1"
+    assert parse_fraction("0.5%") == parse_fraction("0.005") == make_tolerance(None, 0.005).wrong_or_missing
+    assert make_tolerance(None, None).limits == {"epe_px": 0.02}
+    assert str(make_tolerance(0.02, 0.005)) == "0.02 px and 0.5 % bad-1"
 
 
 def test_the_same_images_decide_the_same_and_noise_does_not(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from icymoon.physics.terrain import terrain
 from icymoon.physics.terrain.landforms import plug_in
-from icymoon.plugins.installed import find
+from icymoon.plugins.installed import find_installed
 from icymoon.plugins.landforms import read_landform
 from icymoon.settings.description import defaults
 from icymoon.settings.topics.declaration import Table
@@ -22,8 +22,8 @@ def install(tmp_path, monkeypatch):
 
     def run(name="steps", source=LANDFORM):
         add_package(tmp_path / name, monkeypatch, "landform", name, source)
-        found[f"landform_{name}"] = read_landform(find("landform", ()).usable[name])
-        monkeypatch.setattr(plug_in, "landform_plugins", lambda: (found, {}))
+        found[f"landform_{name}"] = read_landform(find_installed("landform", ()).usable[name])
+        monkeypatch.setattr(plug_in, "load_landform_plugins", lambda: (found, {}))
 
     return run
 
