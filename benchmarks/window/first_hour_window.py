@@ -116,7 +116,7 @@ def choose_a_picture() -> Waiting:
 
 def lower_the_samples() -> Waiting:
     """Quality and Speed > Samples to 8, as Draft has them, which needs a denoiser."""
-    sidebar, page = person.region("UI"), module("operators.manual").page_of_topic("quality")
+    sidebar, page = person.region("UI"), module("operators.manual").find_page_of_topic("quality")
     _, y = yield from person.find("icymoon.open_manual", page=page)  # in the header of the panel
     yield from person.to(sidebar.x + 0.35 * sidebar.width, y)
     xdotool("click", 1)

@@ -122,17 +122,17 @@ def shown() -> bool:
     """Whether what is built shows the settings, be it coarsely."""
     preview, description = module("nodes.preview"), module("settings.description")
     there, wanted = (
-        module("nodes.scene").find(window().scene),
+        module("nodes.scene").find_built(window().scene),
         (module("settings.blender.scene_properties").read_settings(settings())),
     )
     before = description.merged(there.settings, there.preview)
     return (
-        not there.edited and preview.geometry(before) == preview.geometry(wanted) and before["light"] == wanted["light"]
+        not there.edited and preview.select_geometry(before) == preview.select_geometry(wanted) and before["light"] == wanted["light"]
     )
 
 
 def previewing() -> bool:
-    return bool(module("nodes.scene").find(window().scene).preview)
+    return bool(module("nodes.scene").find_built(window().scene).preview)
 
 
 def ended() -> Waiting:
@@ -152,7 +152,7 @@ def open_the_tab() -> Waiting:
 def load_europa() -> Waiting:
     """Choose a preset in the menu with mouse and keys, and make it small."""
     _, y = yield from find("icymoon.add_preset")
-    kinds = module("panels.menu").presets_by_kind()
+    kinds = module("panels.menu").group_presets_by_kind()
     scenes = [name for name, _ in dict(kinds)["Scenes"]]
     yield from to(region("UI").x + COLUMNS[0] * region("UI").width, y)  # left of the + button
     xdotool("click", 1)
@@ -249,7 +249,7 @@ def vary_by_mouse() -> Waiting:
     yield from press("icymoon.show_ends")
     yield from until(lambda: session().job, "Starting the pictures of the first and the last pair")
     yield from ended()
-    check(all(module("operators.variation_pictures").icons(window().scene)), "there are no pictures of both ends")
+    check(all(module("operators.variation_pictures").find_icons(window().scene)), "there are no pictures of both ends")
     yield from away()
     yield from screenshot("vary_ends")
     yield from press("icymoon.render_variations")
@@ -371,7 +371,7 @@ def undo_and_redo() -> Waiting:
 def slide_by_mouse() -> Waiting:
     """Drag the ruggedness, type another, undo both: the ground follows every time. Leaves a preview."""
     live, scene, spans, work = module("operators.live_preview"), window().scene, [], []
-    update = live.update
+    update = live.update_scene
 
     def timed(scene: bpy.types.Scene) -> bool:
         began, worked = time.monotonic(), time.thread_time()
@@ -383,7 +383,7 @@ def slide_by_mouse() -> Waiting:
     bpy.context.preferences.inputs.use_mouse_continuous = False  # or Blender and xdotool both move the mouse
     x, y = yield from find_setting("terrain.rms_slope_deg")
     before, value = heights(), scene.icymoon.terrain.rms_slope_deg
-    live.update = timed
+    live.update_scene = timed
     xdotool("mousedown", 1)
     yield 2 * TICK_S
     for k in range(30):
@@ -400,7 +400,7 @@ def slide_by_mouse() -> Waiting:
     check(len(spans) > 10, f"there were {len(spans)} updates in 30 steps of the mouse")
     rate, took = (len(spans) - 1) / (spans[-1][1] - spans[0][1]), sum(end - begin for begin, end in spans) / len(spans)
     worked = sum(work) / len(work)
-    live.update = update
+    live.update_scene = update
     dragged = heights()
     yield from screenshot("live_dragged")
     yield from to(region("UI").x + region("UI").width / 2, y)
@@ -528,7 +528,7 @@ def pair_on_the_screen() -> Waiting:
         differences.append(f"{view} {apart:.3f}")
     check(not show.find_image().is_dirty, "the image counts as changed by hand")
     yield from person.close_second_window("the Image Editor")
-    yield from until(lambda: not bpy.app.timers.is_registered(show._flicker), "The end of the flicker")
+    yield from until(lambda: not bpy.app.timers.is_registered(show._show_other_eye), "The end of the flicker")
     yield from screenshot("pair_in_the_sidebar")
     return ", ".join(differences)
 
@@ -588,7 +588,7 @@ def painted_errors() -> Waiting:
 
     before = view()
     yield from press("icymoon.paint_errors", method="sgbm")
-    yield from until(lambda: painted.find(window().scene), "Painting the errors")
+    yield from until(lambda: painted.find_painted(window().scene), "Painting the errors")
     yield from away()
     yield from screenshot("painted_errors")
     check(view() == ("SOLID", "VERTEX"), f"the view shows {view()}")
@@ -606,9 +606,9 @@ def painted_errors() -> Waiting:
     yield from away()
     yield from screenshot("painted_errors_range")
     yield from press("icymoon.hide_surface")
-    yield from until(lambda: not painted.find(window().scene), "Removing the errors")
+    yield from until(lambda: not painted.find_painted(window().scene), "Removing the errors")
     check(view() == before, f"the view shows {view()}, and before {before}")
-    check(not module("nodes.scene").find(window().scene).edited, "painting counts as an edit by hand")
+    check(not module("nodes.scene").find_built(window().scene).edited, "painting counts as an edit by hand")
     settings().error_range_m = 1.0
 
 
@@ -630,9 +630,9 @@ def camera_image_follows() -> Waiting:
     yield from ended()
     yield from until(lambda: len(manager().windows) == 2, "Opening an Image Editor")
     follow, image = module("operators.live_exposure"), manager().windows[1].screen.areas[0].spaces.active.image
-    yield from until(lambda: not bpy.app.timers.is_registered(follow.work), "Following the new pixel pitch")
+    yield from until(lambda: not bpy.app.timers.is_registered(follow.develop_waiting), "Following the new pixel pitch")
     yield from screenshot("camera_image")
-    before, work, spans = sum(image.pixels[:][::4]), follow.work, []
+    before, work, spans = sum(image.pixels[:][::4]), follow.develop_waiting, []
 
     def timed() -> float | None:
         start = time.thread_time()
@@ -640,7 +640,7 @@ def camera_image_follows() -> Waiting:
         spans.append(time.thread_time() - start)
         return again
 
-    follow.work = timed
+    follow.develop_waiting = timed
     began = time.monotonic()
     for target in (0.6, 0.4, 0.2, 0.1):
         settings().sensor.auto_target = target
@@ -648,9 +648,9 @@ def camera_image_follows() -> Waiting:
     yield from until(lambda: session().developing is not None, "Starting to follow")
     yield from until(lambda: session().developing is None and not session().to_develop, "Following")
     lasted = time.monotonic() - began
-    follow.work = work
+    follow.develop_waiting = work
     check(sum(image.pixels[:][::4]) < 0.5 * before, "the image did not follow the exposure")
-    check(not follow.lines(), " ".join(follow.lines()))
+    check(not follow.list_lines(), " ".join(follow.list_lines()))
     check(max(spans) < lasted / 10, f"following kept the window busy for {max(spans):.2f} of {lasted:.1f} s at once")
     yield from screenshot("camera_image_followed")
     yield from person.close_second_window("the Image Editor")
@@ -904,7 +904,7 @@ def dig_a_trench() -> Waiting:
     yield from scroll(-400)
     yield from press("icymoon.build_scene")
     yield from until(lambda: not previewing() and shown(), "Building the trench")
-    dug = module("nodes.scene").find(window().scene).terrain.data
+    dug = module("nodes.scene").find_built(window().scene).terrain.data
     start = Vector((group.excavation.start_x_m, group.excavation.start_y_m))
     near = sum((vertex.co.xy - start).length < 0.2 for vertex in dug.vertices)
     check(near > 300, f"{near} vertices are near the trench, whose cells are 1 cm wide")
@@ -923,7 +923,7 @@ def decide_by_mouse() -> Waiting:
     webbrowser.open, open_page = opened.append, webbrowser.open  # type: ignore[assignment]
 
     def legend() -> str:
-        return next((text for text, _ in painted.legend(window().scene)), "")
+        return next((text for text, _ in painted.make_legend(window().scene)), "")
 
     yield from press("icymoon.render_pair")
     yield from until(lambda: session().job, "Starting the render")
@@ -961,7 +961,7 @@ def decide_by_mouse() -> Waiting:
         check(method == "sgbm" or ((red - green > 0.3) & (blue - green > 0.15)).sum() > 20, "no magenta ring is seen")
         white = float((np.minimum(np.minimum(red, green), blue) > 0.85).mean())
         check(kind == "HEIGHT_ERROR" or white < 0.02, f"{white:.0%} of the view is white, as the lander must not be")
-    there = {item.name for item in painted.find(window().scene).objects}
+    there = {item.name for item in painted.find_painted(window().scene).objects}
     check(painted.REACH in there, f"what is shown is {there}")
     yield from key("ctrl+z")
     yield from until(lambda: legend().startswith("Slope"), "Bringing the slope back by undo")
@@ -972,7 +972,7 @@ def decide_by_mouse() -> Waiting:
     yield from press("icymoon.hide_decisions")
     yield from until(lambda: not legend(), "Removing the decisions")
     check((shading.type, shading.color_type) == before, f"the view shows {shading.type}, and before {before}")
-    check(not module("nodes.scene").find(window().scene).edited, "painting counts as an edit by hand")
+    check(not module("nodes.scene").find_built(window().scene).edited, "painting counts as an edit by hand")
 
 
 STEPS = (

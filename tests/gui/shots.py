@@ -242,9 +242,9 @@ def decided() -> None:
         10.0,
     )
     scene = bpy.context.scene
-    collection = module("nodes.painted_decisions").paint(scene, module("nodes.scene").find(scene), stored, "StereoBM")
+    collection = module("nodes.painted_decisions").paint_decisions(scene, module("nodes.scene").find_built(scene), stored, "StereoBM")
     module("operators.coloured_views").show_colours(bpy.context, list(collection.objects), solid=True)
-    module("panels.decision_maps").decided_methods = lambda _: ["bm", "true depth"]
+    module("panels.decision_maps").list_decided_methods = lambda _: ["bm", "true depth"]
 
 
 def rendering() -> Waiting:
@@ -416,7 +416,7 @@ def for_the_manual() -> Waiting:
     with in_region("WINDOW"):
         bpy.ops.icymoon.build_scene()
     resolution = module("operators.view_resolution")
-    while bpy.app.timers.is_registered(resolution._work):  # until the view rests
+    while bpy.app.timers.is_registered(resolution._refine_resting_view):  # until the view rests
         yield TICK_S
     yield from screen_picture(FOLDER / "window_built.png", MANUAL_CROP)
     area().spaces.active.shading.type = "SOLID"
