@@ -22,10 +22,10 @@ import pytest
 
 LIST = Path(__file__).resolve().parents[1] / "over_a_second.txt"
 #: Processor seconds below which a test leaves the list, above which it joins it, and above which it must be in it.
-LEAVE_S, JOIN_S, FAIL_S = 0.6, 1.2, 4.0
-#: Processor seconds that all tests that should join the list may take together. One machine that has much else to do
-#: puts tests there that take 40 s.
-TOGETHER_FAIL_S = 90.0
+LEAVE_S, JOIN_S, FAIL_S = 0.6, 1.2, 10.0
+#: Processor seconds that all tests that should join the list may take together. Fixtures of modules, and a machine that
+#: has much else to do, were seen to bring 50 s.
+TOGETHER_FAIL_S = 120.0
 #: New modules from which on a test's time is that of imports.
 _MANY_MODULES = 20
 #: Marks of tests that `make test` leaves out without the list.
