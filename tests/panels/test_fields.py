@@ -187,7 +187,7 @@ def test_fields_are_found_once_for_the_same_settings_and_anew_after_a_change(sce
 
 def icons_of_buttons(draw, monkeypatch, width: int) -> dict[str, str]:
     for module in (fields, sidebar_text):
-        monkeypatch.setattr(module, "line_length", lambda: width)
+        monkeypatch.setattr(module, "measure_line_length", lambda: width)
     found, operator = {}, Layout.operator
 
     def noted(self, name, **options):

@@ -138,7 +138,7 @@ def rendered_by_a_fake(monkeypatch, tmp_path, device, headings=1):
 
     monkeypatch.setattr(first_use_of_card, "TELL_S", 0.01)
     monkeypatch.setattr(worker, "render_pair", render_pair)
-    monkeypatch.setattr(worker.baked_light, "provide", bake)
+    monkeypatch.setattr(worker.baked_light, "provide_baked_light", bake)
     monkeypatch.setattr(SharedLight, "note_pair", lambda *arguments: time.sleep(0.1))
     pairs = expand_headings(complete({"quality": {"device": device}, "dataset": {"headings": headings}}))
     worker.render_from(
