@@ -148,7 +148,11 @@ def load_pair(folder: Path, response: Mapping[str, Mapping[str, Any]], measuring
 
 def prepare_pair(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
     """Load one pair and compute what matchers and metrics need; see ``load_pair``."""
-    loaded = load_pair(folder, response, measuring=True)
+    return prepare_loaded(load_pair(folder, response, measuring=True))
+
+
+def prepare_loaded(loaded: LoadedPair) -> PreparedPair:
+    """Compute what matchers and metrics need of a pair."""
     view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
     left, right = loaded.images.for_matchers()
     gradient = measure_texture(left)
