@@ -15,7 +15,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from ..physics.camera.calibration_error import assumed_camera
+from ..physics.camera.calibration_error import make_assumed_camera
 from ..physics.camera.stereo_camera import StereoCamera
 from ..settings.description import check, merged, override
 from ..settings.table import TOPICS
@@ -145,7 +145,7 @@ def _with_error(loaded: LoadedPair, exact: PreparedPair, key: str, value: float)
     settings = merged(loaded.settings, stated)
     images = develop(loaded.pair, loaded.light["left"], loaded.light["right"], settings)
     left, right = images.for_matchers()
-    assumed = assumed_camera(loaded.pair.camera, settings.calibration_error)
+    assumed = make_assumed_camera(loaded.pair.camera, settings.calibration_error)
     return replace(exact, left=left, right=right, images=images, assumed_camera=assumed)
 
 

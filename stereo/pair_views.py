@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..physics.camera.calibration_error import stated_errors
+from ..physics.camera.calibration_error import list_stated_errors
 from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
 from ..render.pairs.pair_folder import EYES, Pair, read_unchanged_pair
 from ..settings.description import merged
@@ -163,7 +163,7 @@ def _describe_left_out(pair: Pair, settings: Settings) -> list[str]:
     parts = [
         *(["lens distortion"] if any(read_coefficients(settings.rig)) else []),
         *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else []),
-        *(["the error of the calibration"] if stated_errors(settings.calibration_error) else []),
+        *(["the error of the calibration"] if list_stated_errors(settings.calibration_error) else []),
         *(
             ["edge-aware demosaicing"]
             if settings.sensor.colour == "BAYER" and settings.sensor.demosaicing == "EDGE_AWARE"

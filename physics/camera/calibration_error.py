@@ -20,12 +20,12 @@ from .rotations import from_vector
 from .stereo_camera import StereoCamera
 
 
-def stated_errors(errors: CalibrationErrorSettings) -> dict[str, float]:
+def list_stated_errors(errors: CalibrationErrorSettings) -> dict[str, float]:
     """The errors that are not 0, by the keys of the settings."""
     return {key: float(value) for key, value in errors.items() if value != 0}
 
 
-def assumed_camera(camera: StereoCamera, errors: CalibrationErrorSettings) -> StereoCamera:
+def make_assumed_camera(camera: StereoCamera, errors: CalibrationErrorSettings) -> StereoCamera:
     """The rectified rig that is assumed, by which disparity becomes depth. Without an error it is ``camera``."""
     return replace(
         camera,
@@ -34,7 +34,9 @@ def assumed_camera(camera: StereoCamera, errors: CalibrationErrorSettings) -> St
     )
 
 
-def assumed_eye(camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str) -> CalibratedCamera:
+def make_assumed_eye(
+    camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str
+) -> CalibratedCamera:
     """An eye as it is assumed to be, turned from the axes of the rectified rig; its place is left at 0.
 
     The errors of yaw, pitch and roll are one rotation vector in the eye's own axes.
@@ -60,33 +62,33 @@ def assumed_eye(camera: StereoCamera, rig: RigSettings, errors: CalibrationError
 def moves_pixels(camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str) -> bool:
     """Whether the errors change the rectified image of an eye. The same error of both focal lengths does so only where
     a lens distorts or an eye is turned."""
-    wrong = stated_errors(errors)
+    wrong = list_stated_errors(errors)
     if eye == "right" and any(key.startswith("right_") for key in wrong):
         return True
     return "k1" in wrong or ("focal_percent" in wrong and (any(read_coefficients(rig)) or camera.toe_in_deg != 0))
 
 
-def rectifying_map(camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str) -> Array:
+def make_rectifying_map(camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str) -> Array:
     """Where the pixels of the rectified image of an eye are assumed to be in the image of its sensor: columns and rows
     (H, W, 2), counted from the centre of the first pixel; NaN where nowhere.
 
     Raises IcyMoonError if no pixel is anywhere in the image.
     """
-    assumed, seen_by = assumed_camera(camera, errors), assumed_eye(camera, rig, errors, eye)
+    assumed, seen_by = make_assumed_camera(camera, errors), make_assumed_eye(camera, rig, errors, eye)
     columns, rows = np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5)
     x, y = (columns - camera.cx_px) / assumed.focal_px, (rows - camera.cy_px) / assumed.focal_px
     found = seen_by.project(np.stack([x, y, np.ones_like(x)], axis=-1))
     with np.errstate(invalid="ignore"):
         inside = ((found >= 0) & (found <= np.array(seen_by.size_px) - 1)).all(axis=-1)
     if not inside.any():
-        stated = ", ".join(f"calibration_error.{key} {value:g}" for key, value in stated_errors(errors).items())
+        stated = ", ".join(f"calibration_error.{key} {value:g}" for key, value in list_stated_errors(errors).items())
         raise IcyMoonError(f"With {stated} the rectified image of the {eye} eye would see nothing of it; lower them.")
     return np.asarray(found)
 
 
 def refuse_errors(errors: CalibrationErrorSettings, where: object) -> None:
     """Raise IcyMoonError if there is an error: true disparities fit no images that it rectified."""
-    for key, value in stated_errors(errors).items():
+    for key, value in list_stated_errors(errors).items():
         raise IcyMoonError(
             f"{where}: calibration_error.{key} is {value:g}, and images rectified by it do not fit the true "
             "disparities beside them; set it to 0 here, and use it to evaluate."
@@ -99,5 +101,5 @@ def _factor(percent: float) -> float:
 
 def describe_errors(errors: CalibrationErrorSettings) -> list[str]:
     """A sentence on the errors in force; none without any."""
-    stated = ", ".join(f"calibration_error.{key} {value:+g}" for key, value in stated_errors(errors).items())
+    stated = ", ".join(f"calibration_error.{key} {value:+g}" for key, value in list_stated_errors(errors).items())
     return [f"An error of the calibration is in force: {stated}."] if stated else []

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...physics.camera.calibration_error import moves_pixels, rectifying_map
+from ...physics.camera.calibration_error import make_rectifying_map, moves_pixels
 from ...physics.camera.lens_distortion import distort_points, read_coefficients, refuse_folds, undistort_points
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import CalibrationErrorSettings, RigSettings
@@ -88,7 +88,7 @@ def make_rectification(
     Raises IcyMoonError if the coefficients fold the image, or if the errors leave nothing of it.
     """
     if moves_pixels(camera, rig, errors, eye):
-        return rectifying_map(camera, rig, errors, eye).astype(np.float32)
+        return make_rectifying_map(camera, rig, errors, eye).astype(np.float32)
     lens = make_lens(camera, rig, eye)
     return None if lens is None else lens.rectified_in_sensor
 

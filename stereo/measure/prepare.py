@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...formats.geotiff import describe_map_place
-from ...physics.camera.calibration_error import assumed_camera
+from ...physics.camera.calibration_error import make_assumed_camera
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair, read_unchanged_pair
@@ -188,7 +188,7 @@ def prepare_loaded(loaded: LoadedPair) -> PreparedPair:
         scale,
         facts,
         images=loaded.images,
-        assumed_camera=assumed_camera(loaded.pair.camera, loaded.settings.calibration_error),
+        assumed_camera=make_assumed_camera(loaded.pair.camera, loaded.settings.calibration_error),
     )
 
 

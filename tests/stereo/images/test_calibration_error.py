@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.physics.camera.calibration_error import assumed_camera, assumed_eye, rectifying_map
+from icymoon.physics.camera.calibration_error import make_assumed_camera, make_assumed_eye, make_rectifying_map
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, digest, merged
 from icymoon.stereo.cli import main
@@ -44,7 +44,7 @@ def erring(**values):
 def place_of_content(rig=RIG, **values):
     """Normalised x and y of the sensor's pixels, and of where they appear in the right rectified image: along the
     assumed eye's rays. The map goes the other way, and is compared with OpenCV's below."""
-    eye = assumed_eye(rig, defaults().rig, erring(**values), "right")
+    eye = make_assumed_eye(rig, defaults().rig, erring(**values), "right")
     v, u = np.indices((rig.height_px, rig.width_px))
     rays = eye.unproject(np.stack([u, v], axis=-1)) @ eye.rotation
     x, y = (u + 0.5 - rig.cx_px) / rig.focal_px, (v + 0.5 - rig.cy_px) / rig.focal_px
@@ -100,7 +100,7 @@ def test_the_map_is_opencvs_for_the_assumed_calibration(eye, toe_in, lens):
     back = turned @ error  # from the assumed eye's axes to the rectified rig's
     rectified = np.array([[focal, 0, 130.5], [0, focal, 70.0], [0, 0, 1]])
     columns, rows = cv2.initUndistortRectifyMap(matrix, k, back, rectified, (256, 144), cv2.CV_32FC1)
-    found = rectifying_map(camera, rig, erring(**ALL), eye)
+    found = make_rectifying_map(camera, rig, erring(**ALL), eye)
     np.testing.assert_allclose(found, np.stack([columns, rows], axis=-1), atol=2e-4)
 
 
@@ -123,7 +123,7 @@ def test_without_an_error_nothing_changes(folder):
     assert not [text for text in zero.warnings if "calibration" in text]
     settings = defaults()
     assert digest(merged(settings, {"calibration_error": ALL})) == digest(settings)
-    assert assumed_camera(RIG, erring()) == RIG
+    assert make_assumed_camera(RIG, erring()) == RIG
     for toed in (RIG, replace(RIG, toe_in_deg=2.0)):
         for rig in (settings.rig, settings.rig | BARREL):
             for eye in ("left", "right"):
@@ -131,7 +131,7 @@ def test_without_an_error_nothing_changes(folder):
                 assert (known is None) == (toed is RIG and rig is settings.rig)
                 if known is not None:
                     # What the general formula gives without an error, which is otherwise not asked.
-                    np.testing.assert_allclose(rectifying_map(toed, rig, erring(), eye), known, atol=1e-4)
+                    np.testing.assert_allclose(make_rectifying_map(toed, rig, erring(), eye), known, atol=1e-4)
 
 
 def test_the_right_eyes_error_moves_its_image_alone(folder):
