@@ -57,6 +57,11 @@ _VERBS = {
         "camera",
         "add_options",
     ),
+    "calibration": (
+        "measure how depth errors grow with errors of the calibration, on rendered pairs",
+        "calibration",
+        "add_options",
+    ),
     "sky": ("print Sun, planet and eclipse over a site at a date, without a render", "sky", "add_options"),
     "check": ("render and measure a small pair whose truth is known: does all work?", "check", "add_options"),
     "plan": ("list the pairs that a plan of a data set asks for, or what they will take", "plan", "add_options"),

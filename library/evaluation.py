@@ -154,7 +154,7 @@ def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response
     for folder in distinct_pairs(folders):
         prepared = prepare_pair(folder, response)
         seen = find_rig_range(prepared.facts["settings"], not prepared.facts["rendered"].get("edited_by_hand"))
-        given = {"max_disparity_px": seen.most_px if seen else MOST_PX, "camera": prepared.pair.camera}
+        given = {"max_disparity_px": seen.most_px if seen else MOST_PX, "camera": prepared.depth_camera}
         images = prepared.left.copy(), prepared.right.copy()
         disparity = np.asarray(function(*images, **{key: given[key] for key in asked}))
         if disparity.shape != prepared.left.shape or disparity.dtype.kind not in "fiu":

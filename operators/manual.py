@@ -37,6 +37,7 @@ _PAGES = {
     "rocks": "theory/terrain",
     "light": "theory/light",
     "rig": "camera",
+    "calibration_error": "howto/calibration-error",
     "lander": "howto/lander",
     "arm": "howto/lander",
     "workspace": "theory/decisions",

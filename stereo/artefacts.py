@@ -90,7 +90,7 @@ def write_method_pictures(
     """
     depth = disparity_to_depth(prepared, disparity)
     npz = _pair_folder(prepared, out) / f"{method.file_name}.npz"
-    write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
+    write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.depth_camera.focal_baseline_px_m)
     written = {
         "depth": colours.add_colour_bar(colours.draw_depth(depth, prepared.scale), prepared.scale),
         "error": colours.add_colour_bar(colours.draw_error(depth, prepared.truth), colours.ERROR),

@@ -536,7 +536,8 @@ def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str
             if TOPICS[topic][key].effect != "response":
                 raise IcyMoonError(
                     f"{topic}.{key} needs a new render; only settings of the sensor, light.sun_scale, "
-                    "light.planet_scale, light.irradiance_band and rig.distortion_* can change here."
+                    "light.planet_scale, light.irradiance_band, rig.distortion_* and calibration_error.* "
+                    "can change here."
                 )
     return settings
 

@@ -280,7 +280,7 @@ def _match_depth(workspace: Workspace, method: Method) -> tuple[Array, float]:
         prepared.left,
         prepared.right,
         method.options,
-        prepared.pair.camera,
+        prepared.depth_camera,
         find_search_ranges(prepared, shared),
     )
     return disparity_to_depth(prepared, disparity), float(info["seconds"])

@@ -41,7 +41,7 @@ def export_for_prediction(
             folder = out / source.name
             for name, image in (("im0.png", prepared.left), ("im1.png", prepared.right)):
                 write_png(folder / name, image)
-            write_text(folder / "calib.txt", middlebury_camera_text(prepared.pair.camera.rectified))
+            write_text(folder / "calib.txt", middlebury_camera_text(prepared.depth_camera.rectified))
         except DiskError:
             raise
         except Exception as error:

@@ -18,7 +18,7 @@ from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .images.colours import ERROR, SKY_GREY, colour_signed_errors
 from .images.disparity_and_occlusion import find_scene_depth
-from .images.disparity_files import read_disparity
+from .images.disparity_files import read_disparity, read_focal_baseline
 from .images.exr import read_depth
 from .images.lens import make_lens
 from .measure.metrics import is_usable
@@ -68,8 +68,9 @@ def read_depth_errors(pair_folder: Path, disparity_file: Path) -> DepthErrors:
     if disparity is None:
         raise IcyMoonError(f"{disparity_file} is missing or damaged; press Evaluate again.")
     valid = is_usable(disparity)
+    focal_baseline = read_focal_baseline(disparity_file) or pair.camera.focal_baseline_px_m
     with np.errstate(over="ignore"):
-        depth = pair.camera.focal_baseline_px_m / np.where(valid, disparity, np.nan).astype(np.float64)
+        depth = focal_baseline / np.where(valid, disparity, np.nan).astype(np.float64)
     return DepthErrors(pair.camera.rectified, pose, truth, depth - truth)
 
 

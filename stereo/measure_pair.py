@@ -144,7 +144,7 @@ def _match_method(
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
     disparity, _, info = match_checked(
-        method.name, prepared.left, prepared.right, method.options, prepared.pair.camera, ranges()
+        method.name, prepared.left, prepared.right, method.options, prepared.depth_camera, ranges()
     )
     return disparity, info
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..physics.camera.calibration_error import list_stated_errors
 from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
 from ..render.pairs.pair_folder import EYES, Pair, read_unchanged_pair
 from ..settings.description import merged
@@ -152,7 +153,9 @@ def _develop(pair: Pair, settings: Settings) -> DevelopedImages:
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     linear = {"sensor": {"demosaicing": "MALVAR"}} if settings.sensor.demosaicing == "EDGE_AWARE" else {}
-    plain = merged(settings, {"rig": {f"distortion_{name}": 0.0 for name in COEFFICIENTS}}, linear)
+    undistorted = {"rig": {f"distortion_{name}": 0.0 for name in COEFFICIENTS}}
+    exact = {"calibration_error": dict.fromkeys(settings.calibration_error, 0.0)}
+    plain = merged(settings, undistorted, exact, linear)
     return develop(replace(pair, camera=replace(pair.camera, toe_in_deg=0.0)), left, right, plain)
 
 
@@ -160,6 +163,7 @@ def _describe_left_out(pair: Pair, settings: Settings) -> list[str]:
     parts = [
         *(["lens distortion"] if any(read_coefficients(settings.rig)) else []),
         *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else []),
+        *(["the error of the calibration"] if list_stated_errors(settings.calibration_error) else []),
         *(
             ["edge-aware demosaicing"]
             if settings.sensor.colour == "BAYER" and settings.sensor.demosaicing == "EDGE_AWARE"

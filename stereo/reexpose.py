@@ -22,7 +22,7 @@ from .evaluate import Event
 from .images.develop import DevelopedImages, describe_exposure, develop
 from .images.exr import read_light
 from .images.image_files import write_npy, write_png
-from .images.lens import make_lens
+from .images.lens import make_rectification
 from .images.views import read_sensor_depth
 
 #: Files that only some settings produce; leftovers of an earlier run are removed.
@@ -40,8 +40,9 @@ def reexpose(
     * ``left.png`` and ``right.png``, rectified, 8-bit, or 16-bit with ``image_bits`` bits, in colour if the sensor is;
     * of a colour sensor, its numbers as ``left_mosaic.png``, not rectified;
     * with brackets, every exposure as ``left_0.png`` and so on, the longest first, not rectified;
-    * with a distorting lens or toed-in eyes, the image of the sensor as ``left_distorted.png`` (a colour sensor's is
-      the mosaic), and the depth of its pixels (npy, metres along the axis of the eye, NaN for none);
+    * with a distorting lens, toed-in eyes or an erroneous calibration, the image of the sensor as
+      ``left_distorted.png`` (a colour sensor's is the mosaic), and the depth of its pixels (npy, metres along the axis
+      of the eye, NaN for none);
     * with deposits on the lenses, the light that they block as ``left_deposits.png``, 255 where they block all of it;
     * last, ``images.json``: exposure, gain, calibration and settings.
 
@@ -87,8 +88,8 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
         remove(stale)
     for name, numbers in _images_by_name(images, int(settings.sensor.bits)).items():
         write_png(out / f"{name}.png", numbers)
-    bent = any(make_lens(pair.camera, settings.rig, eye) is not None for eye in EYES)
-    for eye in EYES if bent else ():
+    maps = [make_rectification(pair.camera, settings.rig, settings.calibration_error, eye) for eye in EYES]
+    for eye in EYES if any(each is not None for each in maps) else ():
         write_npy(out / f"{eye}_distorted_depth.npy", read_sensor_depth(pair, eye, settings.rig))
     write_json(
         out / "images.json",
@@ -100,7 +101,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
             "eyes": pair.camera.eyes_json(),
             "distortion": dict(zip(COEFFICIENTS, read_coefficients(settings.rig), strict=True)),
             **describe_exposure(images),
-            "settings": {topic: settings[topic] for topic in ("sensor", "light")},
+            "settings": {topic: settings[topic] for topic in ("sensor", "light", "calibration_error")},
         },
     )
     return images
@@ -109,7 +110,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
 def _images_by_name(images: DevelopedImages, sensor_bits: int) -> dict[str, Array]:
     """The images to write, by name; images of 8 bits are uint8, and colour images are in the order B, G, R."""
     named = {eye: (images.for_files(eye), images.bits) for eye in EYES}
-    if images.detected_left is not images.left:
+    if images.is_rectified:
         kind = "mosaic" if images.is_mosaic else "distorted"
         named |= {f"{eye}_{kind}": (getattr(images, f"detected_{eye}"), images.bits) for eye in EYES}
     named |= {f"{eye}_deposits": (share, 8) for eye, share in images.blocked.items()}

@@ -31,8 +31,11 @@ _resources = tempfile.mkdtemp(prefix="icymoon-blender-")
 os.environ["BLENDER_USER_RESOURCES"] = _resources  # before the first import of bpy
 os.environ["ICYMOON_CACHE"] = os.path.join(_resources, "cache")  # nor is what was measured of the machine used
 _status = pytest.StashKey[int]()
-# A slow machine is no failure.
-hypothesis.settings.register_profile("icymoon", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
+# A slow machine is no failure, and all settings of a scene make a large example.
+CHECK = hypothesis.HealthCheck
+hypothesis.settings.register_profile(
+    "icymoon", deadline=None, suppress_health_check=[CHECK.too_slow, CHECK.large_base_example]
+)
 hypothesis.settings.load_profile("icymoon")
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     # A shell starts what runs in its background so, and the programs that tests interrupt would not listen either.

@@ -111,6 +111,42 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         section=ADVANCED)
 
 
+class CalibrationErrorSettings(Table, label="Calibration Error", inside="rig", since="0.4"):
+    """Assumed calibration minus the true one, for rectified images and measured depth. The truth stays true."""
+
+    __slots__ = ()
+    right_yaw_deg: float = degrees(
+        "Right Eye's Yaw", 0.0, -10.0, 10.0, "How much farther to the right the right eye is assumed to look than it "
+        "does. Measured disparities fall by about f times the angle", "response", (-1.0, 1.0), 4)
+    right_pitch_deg: float = degrees(
+        "Right Eye's Pitch", 0.0, -10.0, 10.0, "How much farther down the right eye is assumed to look than it does. "
+        "Its rectified image sinks by about f times the angle", "response", (-1.0, 1.0), 4)
+    right_roll_deg: float = degrees(
+        "Right Eye's Roll", 0.0, -10.0, 10.0, "How much farther clockwise about its axis the right eye is assumed to "
+        "be turned than it is. Its rectified image is turned clockwise by the angle", "response", (-1.0, 1.0), 4)
+    right_column_px: float = number(
+        "Right Principal Column", 0.0, -1000.0, 1000.0, (-5.0, 5.0), "Assumed minus true column of the right eye's "
+        "principal point. Measured disparities rise by it", "response", "px", precision=4)
+    right_row_px: float = number(
+        "Right Principal Row", 0.0, -1000.0, 1000.0, (-5.0, 5.0), "Assumed minus true row of the right eye's principal "
+        "point. Its rectified image rises by it", "response", "px", precision=4)
+    right_focal_percent: float = number(
+        "Right Focal Length (%)", 0.0, -50.0, 100.0, (-2.0, 2.0), "Assumed minus true focal length of the right eye, "
+        "in % of the true one, besides that of both eyes", "response", "%", precision=4)
+    focal_percent: float = number(
+        "Focal Lengths (%)", 0.0, -50.0, 100.0, (-2.0, 2.0), "Assumed minus true focal length of both eyes, in % of "
+        "the true one. Measured depth changes by it", "response", "%", precision=4)
+    baseline_percent: float = number(
+        "Baseline (%)", 0.0, -90.0, 900.0, (-2.0, 2.0), "Assumed minus true baseline, in % of the true one. Measured "
+        "depth changes by it", "response", "%", precision=4)
+    right_k1: float = number(
+        "Right Distortion k1", 0.0, -1.0, 1.0, (-0.05, 0.05), "Assumed minus true k1 of the right eye's lens, besides "
+        "that of both eyes", "response", precision=5)
+    k1: float = number(
+        "Distortion k1", 0.0, -1.0, 1.0, (-0.05, 0.05), "Assumed minus true k1 of both lenses", "response",
+        precision=5)
+
+
 class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
     """From radiance to digital numbers (EMVA 1288). Changes need no new render."""
 

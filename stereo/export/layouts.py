@@ -25,6 +25,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from ...formats.geotiff import MAP_FORMULA
+from ...physics.camera.calibration_error import refuse_errors
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
@@ -83,6 +84,7 @@ class _PairReader:
         for done, folder in enumerate(self._folders, 1):
             try:
                 pair = load_pair(folder, self._response)
+                refuse_errors(pair.settings.calibration_error, folder)
             except Exception as error:
                 self._tell_failure(error, folder)
                 continue

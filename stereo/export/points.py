@@ -59,7 +59,7 @@ def write_points(path: Path, prepared: PreparedPair, disparity: Array) -> None:
 
 def make_measured_points(prepared: PreparedPair, disparity: Array) -> Array:
     """The points as a structured array of _LAYOUT; see ``write_points``."""
-    camera = prepared.pair.camera
+    camera = prepared.depth_camera
     pose = find_left_pose(prepared)
     assert pose is not None
     step = _choose_pixel_step(disparity)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...physics.camera.calibration_error import refuse_errors
 from ...physics.camera.sensor import expose_level_s, meter_level
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import pixel_pitch_m
@@ -18,7 +19,7 @@ from ...support.labels import GROUP_PASSES
 from .develop import Channels, DevelopedImages, average_bands, develop, scaled_radiance
 from .disparity_and_occlusion import find_scene_depth, find_visible_in_right
 from .exr import NORMAL_PASSES, OBJECT_PASSES, Light, Truth, read_light, read_truth, read_view
-from .lens import make_lens
+from .lens import make_rectification
 from .views import read_eye
 
 #: Settings that make a pixel depend on others, or on its place on the sensor.
@@ -43,6 +44,7 @@ class Crops:
 
         The noise of each pixel is another one than in the whole image, of the same strength.
         """
+        refuse_errors(settings.calibration_error, pair.folder)
         if not _depends_on_single_pixels(pair, settings):
             return None
         rows, groups = range(crop.rows.start, crop.rows.stop), _needs_light_groups(settings)
@@ -77,6 +79,7 @@ class Crops:
 def read_whole(pair: Pair, settings: Settings) -> dict[str, Array]:
     """The developed images ``left`` and ``right``, 0 to 1, (H, W) or (H, W, 3), and the truth of the left one, (H, W):
     ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``."""
+    refuse_errors(settings.calibration_error, pair.folder)
     light, views = zip(
         *(read_eye(pair, eye, _unneeded_passes(_needs_light_groups(settings))) for eye in EYES), strict=True
     )
@@ -107,7 +110,9 @@ def _depends_on_single_pixels(pair: Pair, settings: Settings) -> bool:
         and sensor.band_weights == "EQUAL"
         and not any(_spreads_light(sensor, key) for key in _SPREADS)
     )
-    return plain and all(make_lens(camera, settings.rig, eye) is None for eye in EYES)
+    return plain and all(
+        make_rectification(camera, settings.rig, settings.calibration_error, eye) is None for eye in EYES
+    )
 
 
 def _spreads_light(sensor: SensorSettings, key: str) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...physics.camera import brackets
 from ...physics.camera.blur import warn_on_blur_mismatch
+from ...physics.camera.calibration_error import describe_errors
 from ...physics.camera.colour import (
     apply_mosaic,
     can_balance,
@@ -46,7 +47,7 @@ from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
 from .demosaic import demosaic
 from .exr import Light
-from .lens import Lens, make_lens
+from .lens import Lens, make_lens, make_rectification, rectify
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,8 @@ class DevelopedImages:
 
     left: Array  # rectified, on the truth
     right: Array
-    detected_left: Array  # on the sensor: a colour sensor's mosaic; else the same unless the lens distorts or the
-    detected_right: Array  # eyes are toed in
+    detected_left: Array  # on the sensor: a colour sensor's mosaic; else the same unless the lens distorts, the eyes
+    detected_right: Array  # are toed in or the calibration errs
     bits: int
     frames: tuple[Exposure, ...]  # the exposures, longest first
     exposure_s: float  # of the metered exposure
@@ -89,6 +90,11 @@ class DevelopedImages:
     def is_mosaic(self) -> bool:
         """Whether the image of the sensor is a Bayer mosaic."""
         return self.colour_left is not None
+
+    @property
+    def is_rectified(self) -> bool:
+        """Whether the images of the sensors are others than those that matchers get."""
+        return self.detected_left is not self.left or self.detected_right is not self.right
 
     def seen(self, eye: str) -> Array:
         """The image of an eye, rectified: R, G, B (H, W, 3) of a colour sensor, or grey (H, W)."""
@@ -164,8 +170,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
     times = brackets.list_exposure_times(metered, sensor)
     exposed = {eye: _expose_eye(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
     bits, detected, full_s = _merged(exposed, times, channels, sensor)
-    black = black_dn(sensor) if len(times) == 1 else 0.0
-    final, colours = _rectify_if_needed(detected, bits, black, channels, optics)
+    final, colours = _rectify_if_needed(detected, bits, black_dn(sensor) if len(times) == 1 else 0.0, channels, optics)
     saturated = float(np.mean(exposed["left"][-1] == top_dn(sensor)))
     return DevelopedImages(
         final["left"],
@@ -184,6 +189,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
             *warn_on_blur_mismatch(settings, pair.settings, times),
             *warn_on_exposure(metered, saturated, sensor),
             *channels.warnings,
+            *describe_errors(settings.calibration_error),
         ),
         colours.get("left"),
         colours.get("right"),
@@ -199,6 +205,7 @@ class _Optics:
     camera: StereoCamera
     sensor: SensorSettings
     lens: Lens | None
+    rectification: Array | None  # see ``make_rectification``
     blocked: Array | None  # (H, W), see ``blocked_share``
 
     @classmethod
@@ -206,7 +213,13 @@ class _Optics:
         sensor, rig, camera = settings.sensor, settings.rig, pair.camera
         shape = camera.height_px, camera.width_px
         blocked = compute_blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)
-        return cls(camera, sensor, make_lens(camera, rig, eye), blocked)
+        return cls(
+            camera,
+            sensor,
+            make_lens(camera, rig, eye),
+            make_rectification(camera, rig, settings.calibration_error, eye),
+            blocked,
+        )
 
     def on_sensor(self, plane: Array) -> Array:
         """The light (H, W) of a channel on the sensor, from that which falls into the eye."""
@@ -214,7 +227,7 @@ class _Optics:
         return apply_point_spread(apply_deposits(there, self.blocked, self.sensor), self.sensor)
 
     def rectified(self, numbers: Array) -> Array:
-        return numbers if self.lens is None else self.lens.rectify(numbers)
+        return numbers if self.rectification is None else rectify(numbers, self.rectification)
 
     def blocked_8_bit(self) -> Array | None:
         return None if self.blocked is None else self.rectified(np.rint(self.blocked * 255.0).astype(np.uint8))

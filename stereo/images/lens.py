@@ -2,7 +2,7 @@
 
 There are three images. The rendered image comes from a pinhole with margins, toed in as the eye is. The image of the
 sensor is distorted by the lens. The rectified image belongs to the parallel rig, as the truth does; matchers get it,
-made from the numbers of the sensor.
+made from the numbers of the sensor. By an erroneous calibration it belongs to that rig only nearly.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from ...physics.camera.calibration_error import make_rectifying_map, moves_pixels
 from ...physics.camera.lens_distortion import distort_points, read_coefficients, refuse_folds, undistort_points
 from ...physics.camera.stereo_camera import StereoCamera
-from ...settings.topics.camera import RigSettings
+from ...settings.topics.camera import CalibrationErrorSettings, RigSettings
 from ...support.arrays import Array, Numbers
 
 
@@ -31,11 +32,6 @@ class Lens:
         """The radiance on the sensor, from rendered radiance; 0 beyond the edges of the render."""
         seen = _remap(radiance, self.sensor_in_rendered, cubic=True)
         return np.maximum(np.nan_to_num(seen), 0.0)
-
-    def rectify(self, numbers: Array) -> Array:
-        """The rectified image, from the sensor's numbers (H, W) and of their type; 0 where the sensor has none."""
-        seen = _remap(numbers.astype(np.float32), self.rectified_in_sensor)
-        return np.rint(np.nan_to_num(seen)).astype(numbers.dtype)
 
     def rectify_radiance(self, radiance: Array) -> Array:
         """Rendered radiance, of any number of bands, on the pixels of the rectified image; 0 where unknown."""
@@ -81,6 +77,26 @@ def make_lens(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
     """
     k = read_coefficients(rig)
     return _make_lens(camera, k, eye) if any(k) or camera.toe_in_deg else None
+
+
+def make_rectification(
+    camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str
+) -> Array | None:
+    """Where the pixels of an eye's rectified image are assumed to be in the sensor's, see ``Lens``, by a calibration
+    with these ``errors``; None if both images are assumed to be the same.
+
+    Raises IcyMoonError if the coefficients fold the image, or if the errors leave nothing of it.
+    """
+    if moves_pixels(camera, rig, errors, eye):
+        return make_rectifying_map(camera, rig, errors, eye).astype(np.float32)
+    lens = make_lens(camera, rig, eye)
+    return None if lens is None else lens.rectified_in_sensor
+
+
+def rectify(numbers: Array, rectified_in_sensor: Array) -> Array:
+    """The rectified image, from the sensor's numbers (H, W) and of their type; 0 where the sensor has none."""
+    seen = _remap(numbers.astype(np.float32), rectified_in_sensor)
+    return np.rint(np.nan_to_num(seen)).astype(numbers.dtype)
 
 
 @lru_cache(maxsize=2)  # both eyes: maps are large

@@ -52,7 +52,7 @@ def _make_error_terms(prepared: PreparedPair, disparity: Array, truth: Array, me
     camera = prepared.pair.camera
     true_disparity = camera.disparity(truth)
     disparity = np.where(measured, disparity, true_disparity)
-    depth = np.where(measured, camera.depth(disparity), truth)
+    depth = np.where(measured, prepared.depth_camera.depth(disparity), truth)
     terms = np.empty((8, truth.size))
     np.abs(depth - truth, out=terms[0])
     np.subtract(np.log(depth), np.log(truth), out=terms[3])

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...formats.geotiff import describe_map_place
+from ...physics.camera.calibration_error import make_assumed_camera
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair, read_unchanged_pair
@@ -29,7 +30,7 @@ from ..images.views import read_baked_error, read_eye
 from .by_pixel_class import ClassCells, classify_pixels, measure_texture
 from .depth_order import TrueOrder
 from .metrics import is_usable, sort_by_confidence
-from .render_noise import judge_render_noise
+from .render_noise import RenderNoise, judge_render_noise
 from .self_check import Eye, SelfCheck, find_visibility, run_self_check
 
 #: Entries of pair.json on how the pair was rendered, which the report shows.
@@ -85,6 +86,12 @@ class PreparedPair:
     facts: dict[str, Any]  # about the pair, for the report
     occlusion_known: bool = True  # otherwise ``visible`` only leaves out points outside the right image
     images: DevelopedImages | None = None  # as developed; None for a pair that was not rendered here
+    assumed_camera: StereoCamera | None = None  # by an erroneous calibration; None if it is the pair's
+
+    @property
+    def depth_camera(self) -> StereoCamera:
+        """The parallel rig by which measured disparities become depths."""
+        return self.assumed_camera or self.pair.camera
 
     @cached_property
     def known(self) -> Array:
@@ -141,7 +148,11 @@ def load_pair(folder: Path, response: Mapping[str, Mapping[str, Any]], measuring
 
 def prepare_pair(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
     """Load one pair and compute what matchers and metrics need; see ``load_pair``."""
-    loaded = load_pair(folder, response, measuring=True)
+    return prepare_loaded(load_pair(folder, response, measuring=True))
+
+
+def prepare_loaded(loaded: LoadedPair) -> PreparedPair:
+    """Compute what matchers and metrics need of a pair."""
     view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
     left, right = loaded.images.for_matchers()
     gradient = measure_texture(left)
@@ -158,22 +169,36 @@ def prepare_pair(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Pre
     )
     scale = colours.make_depth_scale(truth)
     facts = _describe_pair(loaded.pair, loaded.settings, loaded.images, truth, visible)
-    noise = judge_render_noise(
-        compute_noise_free_level(loaded, "left"),
-        compute_noise_free_level(loaded, "right"),
-        loaded.pair.camera.disparity(truth),
-        visible,
-        find_baked_error_level(loaded),
-    )
     facts |= {
         "depth_scale_m": [scale.low, scale.high],
         "self_check": loaded.check.to_json(),
-        "noise": noise.to_json(),
+        "noise": _judge_noise(loaded).to_json(),
         "occlusion": ESTIMATED if view.hidden is None else RAYS,
         "baked": _describe_baked_light(loaded.pair),
     }
     return PreparedPair(
-        loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts, images=loaded.images
+        loaded.pair,
+        left,
+        right,
+        truth,
+        visible,
+        gradient,
+        classes,
+        loaded.check,
+        scale,
+        facts,
+        images=loaded.images,
+        assumed_camera=make_assumed_camera(loaded.pair.camera, loaded.settings.calibration_error),
+    )
+
+
+def _judge_noise(loaded: LoadedPair) -> RenderNoise:
+    return judge_render_noise(
+        compute_noise_free_level(loaded, "left"),
+        compute_noise_free_level(loaded, "right"),
+        loaded.pair.camera.disparity(loaded.depth["left"]),
+        loaded.visible["left"],
+        find_baked_error_level(loaded),
     )
 
 

@@ -47,7 +47,7 @@ NUMBERS = (
 
 def disparity_to_depth(prepared: PreparedPair, disparity: Array) -> Array:
     """Planar depth in m, float64, of a disparity map; NaN where there is no valid disparity."""
-    return np.where(is_usable(disparity), prepared.pair.camera.depth(disparity), np.nan)
+    return np.where(is_usable(disparity), prepared.depth_camera.depth(disparity), np.nan)
 
 
 def measure_row_numbers(

@@ -49,7 +49,7 @@ _HEIGHT, _LIGHTER, _DARKER = 2.9, 0.55, 0.12
 #: Characters in a line of a tick's label, and at most in all.
 _TICK, _LONGEST_TICK = 14, 28
 #: For a picture, which no page colours.
-_ON_WHITE: dict[Any, Any] = {
+ON_WHITE: dict[Any, Any] = {
     "axes.edgecolor": "#888888",
     "axes.labelcolor": "#222222",
     "text.color": "#222222",
@@ -101,7 +101,7 @@ def write_curves(summary: Summary, table: ResultTable, sweeps: Sequence[Sweep], 
         if topic not in TOPICS or key not in {s.key for s in TOPICS[topic].settings}:
             continue  # of another version, whose names may be no names of files
         lines = _choose_sweep_lines(sweep, sweeps, summary)
-        with matplotlib.rc_context({**STYLE, **_ON_WHITE}):
+        with matplotlib.rc_context({**STYLE, **ON_WHITE}):
             figure, axes = make_figure(2, len(summary) if lines else 1, width=9.6, height=3.6 if lines else 4.2)
             for column, metric in zip(axes.T, SWEPT, strict=True):
                 if lines:

@@ -164,6 +164,11 @@ def test_the_files_of_an_evaluation_are_read_without_opencv_and_openexr(tmp_path
     assert np.isnan(found.error_m[:20]).all()
     assert np.isnan(found.error_m[100:]).all()
     assert np.isfinite(found.truth[100:]).all()
+    # The file states f·B of the calibration that was assumed.
+    stated = 1.1 * RIG.focal_baseline_px_m
+    write_disparity(tmp_path / "off.npz", RIG.disparity(measured), focal_baseline_px_m=stated)
+    found = ground_errors.read_depth_errors(folder, tmp_path / "off.npz")
+    np.testing.assert_allclose(found.error_m[20:100], (1.1 * measured - truth)[20:100], atol=1e-5)
     (tmp_path / "sgbm.npz").write_bytes(b"no zip")
     with pytest.raises(IcyMoonError, match="missing or damaged"):
         ground_errors.read_depth_errors(folder, tmp_path / "sgbm.npz")
