@@ -53,7 +53,7 @@ from .keep_references import is_owned_elsewhere, owned_blocks, replace_block, se
 from .lander.objects import ROLES as LANDER_ROLES
 from .light.scene_lights import ROLES
 from .remove import free_names, materials_of, remove, remove_leftovers, with_parts
-from .scene_objects import MadeObjects, ground_of, make_objects, site_ground_m, tag
+from .scene_objects import MadeObjects, ground_of, make_objects, site_ground_m, stated_ground_m, tag
 from .surface import sun_inputs
 
 #: Names for users of a scene, with names from ``built_scene`` and ``remove``.
@@ -78,6 +78,7 @@ __all__ = [
     "separate_copies",
     "shows_earlier_ground",
     "site_ground_m",
+    "stated_ground_m",
     "update_sunlight",
     "why_shared",
 ]
