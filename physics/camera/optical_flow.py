@@ -50,7 +50,7 @@ def find_flow(camera: StereoCamera, depth_m: Array, pose: Array, other_depth_m: 
 
 
 def _find_visible(there: Array, depth_m: Array, other_depth_m: Array) -> Array:
-    """Whether an image with ``other_depth_m`` (H, W) shows points ``depth_m`` away, at coordinates ``there`` (H, W, 2)."""
+    """Whether an image with ``other_depth_m`` (H, W) shows points ``depth_m`` away, ``there`` (H, W, 2) in it."""
     height, width = other_depth_m.shape
     with np.errstate(invalid="ignore"):
         inside = ((there >= 0) & (there <= (width, height))).all(axis=-1)
