@@ -68,7 +68,7 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
     axes = np.eye(3) if camera is None else camera
 
     def parse(foreign: ForeignBytes) -> Trajectory:
-        rows = _rows(foreign)
+        rows = _rows(foreign, names="CSV" in (kind, path.suffix[1:].upper()))
         first = next(rows, None)
         if first is None:
             raise ValueError("it has no poses")
@@ -85,13 +85,13 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
     return replace(found, poses=replace(found.poses, stamp=stamps), stamped=True)
 
 
-def _rows(foreign: ForeignBytes) -> Iterator[tuple[int, str]]:
-    """Number and text of each line that is not empty; of comments, which begin with #, the first one if it is first."""
-    began = False
+def _rows(foreign: ForeignBytes, names: bool = False) -> Iterator[tuple[int, str]]:
+    """Number and text of each line that is neither empty nor a comment, which begins with #. With ``names`` the first
+    line is none of these, for EuRoC's names begin so too."""
     for number, line in foreign.lines():
         text = line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
-        if text and (not text.startswith("#") or (not began and "," in text)):
-            began = True
+        if text and (names or not text.startswith("#")):
+            names = False
             yield number, text
 
 

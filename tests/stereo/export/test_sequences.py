@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from decimal import Decimal
 
 import cv2
 import numpy as np
 import pairs
 import pytest
+from icymoon.formats.trajectories import read_trajectory
 from icymoon.physics.camera.rotations import from_quaternion, from_vector
 from icymoon.physics.light.directions import camera_angles
 from icymoon.settings.description import defaults, merged
@@ -86,6 +88,9 @@ def test_tum_gives_the_poses_back(dataset, tmp_path):
     for k, row in enumerate(numbers):
         np.testing.assert_allclose(row[:3], pose(k)[:3, 3], atol=1e-12)
         np.testing.assert_allclose(from_quaternion(row[[6, 3, 4, 5]]), TURN, atol=1e-12)
+    again = read_trajectory(root / "groundtruth.txt").poses
+    np.testing.assert_allclose(again.position_m, numbers[:, :3])
+    assert again.stamp == tuple(map(Decimal, STAMPS))
     for name in ("rgb", "depth"):
         listed = [line.split() for line in (root / f"{name}.txt").read_text().splitlines() if line[0] != "#"]
         assert [(line[0], line[1]) for line in listed] == [(stamp, f"{name}/{stamp}.png") for stamp in STAMPS]
