@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -83,6 +83,18 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
             f"{times}: has {len(stamps)} stamps, and {path} has {len(found.poses)} poses; give a stamp for each."
         )
     return replace(found, poses=replace(found.poses, stamp=stamps), stamped=True)
+
+
+def pose_text(pose: Array) -> str:
+    """x y z qx qy qz qw of a pose (4, 4), with all digits."""
+    w, x, y, z = quaternion(pose[:3, :3])
+    return " ".join(repr(float(value)) for value in (*pose[:3, 3], x, y, z, w))
+
+
+def tum_text(stamps: Sequence[Decimal], poses: Sequence[Array]) -> str:
+    """A file of TUM's format: poses (4, 4) of a camera, x right, y down, z forward, by stamps in seconds."""
+    lines = [f"{stamp:.9f} {pose_text(pose)}\n" for stamp, pose in zip(stamps, poses, strict=True)]
+    return "".join(["# camera, x right, y down, z forward\n# timestamp tx ty tz qx qy qz qw\n", *lines])
 
 
 def _rows(foreign: ForeignBytes, names: bool = False) -> Iterator[tuple[int, str]]:

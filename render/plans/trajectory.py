@@ -20,7 +20,7 @@ from ...support.file_shapes import is_number
 from ...support.files import parse_path, quote
 from ...support.number_text import format_count
 from ...support.suggestions import suggest_nearest
-from .sweeps import Sweep, Variation, check_keys, check_pair_count, check_settings
+from .sweeps import MOST_PAIRS, Sweep, Variation, check_keys, check_settings
 
 KIND = "trajectory"
 _KEYS = ("file", "format", "times", "rate_hz", "every", "axes", "world", "heights", "origin_m", "gap_s")
@@ -39,7 +39,11 @@ def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], R
     the line of the plan at fault, and that of the trajectory.
     """
     poses, above_ground = _read_poses(sweep, base, ground)
-    check_pair_count(len(poses), sweep.place.at("file"))
+    if len(poses) > MOST_PAIRS:
+        raise IcyMoonError(
+            f"{sweep.place.at('file')}: {_file_of(sweep)} has {len(poses)} poses, more than {MOST_PAIRS}; state every, "
+            "such as every = 10."
+        )
     procedural = base.source.kind == "PROCEDURAL"
     if procedural and base.mesh.kind == "GRADED" and len(poses) > 1:
         raise IcyMoonError(

@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...formats.trajectories import pose_text
 from ...physics.camera.optical_flow import Flow, find_flow
-from ...physics.camera.rotations import quaternion
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import escape_cell, write_text
@@ -82,12 +82,6 @@ class _Sequences:
 
 def _image(pair: LoadedPair, eye: str) -> Array:
     return to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding)
-
-
-def pose_text(pose: Array) -> str:
-    """x y z qx qy qz qw of a pose (4, 4), with all digits."""
-    w, x, y, z = quaternion(pose[:3, :3])
-    return " ".join(repr(float(value)) for value in (*pose[:3, 3], x, y, z, w))
 
 
 def _write_tum(each: Each, out: Path) -> None:

@@ -10,6 +10,7 @@ from icymoon.physics.camera.blur import find_blur, find_pose_after
 from icymoon.physics.camera.rotations import from_vector, quaternion
 from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.terrain.terrain import make_terrain
+from icymoon.render.plans import trajectory
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import changes
 from icymoon.support.errors import IcyMoonError
@@ -169,6 +170,20 @@ def test_what_cannot_be_followed_is_one_sentence_with_its_line(tmp_path, name):
 def test_ground_that_is_made_for_one_site_is_refused(tmp_path):
     with pytest.raises(IcyMoonError, match=r"mesh\.kind is GRADED.*set mesh\.kind to GRID"):
         rigs(tmp_path, line(0, [0, 0, 5], NORTH) + line(1, [1, 0, 5], NORTH), HEAD.replace("GRID", "GRADED") + SWEEP)
+
+
+def test_more_poses_than_a_plan_has_pairs_are_refused_with_a_step(tmp_path, monkeypatch):
+    monkeypatch.setattr(trajectory, "MOST_PAIRS", 2)
+    text = "".join(line(k, [0, 0, 5], NORTH) for k in range(3))
+    with pytest.raises(IcyMoonError, match=r"line 9: .*poses\.txt has 3 poses, more than 2; state every"):
+        rigs(tmp_path, text)
+    assert len(rigs(tmp_path, text, HEAD + SWEEP + "every = 2\n")) == 2
+
+
+def test_a_gap_is_told(tmp_path):
+    text = "".join(line(t, [0, 0, 5], NORTH) for t in (0, 1, 2, 3, 30))
+    (said,) = follow(tmp_path, text).describe_trajectories()
+    assert "1 gap of up to 27 s (the first after line 4), over which no motion is assumed" in said
 
 
 def test_a_trajectory_beside_other_views_is_refused(tmp_path):
