@@ -38,7 +38,7 @@ _LONG_NAMES = {"p_rs_r_": "", "q_rs_": "q"}
 #: all.
 _ROUNDED, _MOST_OFF = 1e-5, 0.1
 #: Poses of one file at most.
-_MOST_ROWS = 1_000_000
+MOST_POSES = 1_000_000
 #: A stamp has at most twelve digits before the point, and nine after it.
 _MOST_S, _NANOSECOND = Decimal(10**12), Decimal("1e-9")
 _FIX = "give lines of t x y z qx qy qz qw (TUM), 3x4 matrices (KITTI), or a CSV file with a line of names"
@@ -91,10 +91,10 @@ def pose_text(pose: Array) -> str:
     return " ".join(repr(float(value)) for value in (*pose[:3, 3], x, y, z, w))
 
 
-def tum_text(stamps: Sequence[Decimal], poses: Sequence[Array]) -> str:
-    """A file of TUM's format: poses (4, 4) of a camera, x right, y down, z forward, by stamps in seconds."""
+def tum_text(stamps: Sequence[Decimal], poses: Sequence[Array], about: str) -> str:
+    """A file of TUM's format: poses (4, 4) by stamps in seconds. Its first line is ``about`` them."""
     lines = [f"{stamp:.9f} {pose_text(pose)}\n" for stamp, pose in zip(stamps, poses, strict=True)]
-    return "".join(["# camera, x right, y down, z forward\n# timestamp tx ty tz qx qy qz qw\n", *lines])
+    return "".join([f"# {about}\n# timestamp tx ty tz qx qy qz qw\n", *lines])
 
 
 def _rows(foreign: ForeignBytes, names: bool = False) -> Iterator[tuple[int, str]]:
@@ -147,10 +147,11 @@ class _Poses:
             self._read_names(first[1])
         else:
             rows.append(first)
-        positions, rotations, stamps, lines = [], [], [], []
+        positions, rotations, stamps = [], [], []
+        lines: list[int] = []
         for number, text in (*rows, *rest):
-            if len(lines) == _MOST_ROWS:
-                raise ValueError(f"it has more than {_MOST_ROWS} poses, so cut it into several files")
+            if len(lines) == MOST_POSES:
+                raise ValueError(f"it has more than {MOST_POSES} poses, so cut it into several files")
             stamp, position, rotation = self._read_pose(number, text, len(lines))
             positions.append(position)
             rotations.append(rotation @ self._axes)

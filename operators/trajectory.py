@@ -29,7 +29,8 @@ def _read_poses(scene: bpy.types.Scene) -> str:
             poses.append(eye_poses(seen.matrix_world, 0.0)["left"])
     finally:
         scene.frame_set(present, subframe=subframe)
-    return tum_text([(frame - scene.frame_start) / rate for frame in frames], poses)
+    stamps = [(frame - scene.frame_start) / rate for frame in frames]
+    return tum_text(stamps, poses, "camera, x right, y down, z forward")
 
 
 class ICYMOON_OT_save_trajectory(dialogs.FileDialog, bpy.types.Operator):

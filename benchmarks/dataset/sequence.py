@@ -17,6 +17,7 @@ import math
 import shutil
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -114,7 +115,7 @@ def main(options: argparse.Namespace) -> None:
         print(f"{peaks[0]:.0f} MiB at the first frame, {peaks[-1]:.0f} MiB at the last, {max(peaks):.0f} MiB at most")
         print(f"{sum(path.stat().st_size for path in out.rglob('*') if path.is_file()) / 1e6:.1f} MB")
         for kind in ("tum", "flow"):
-            print(f"{seconds_of_all(lambda kind=kind: _export(out, kind)):.1f} CPU s for the export {kind}")
+            print(f"{seconds_of_all(partial(_export, out, kind)):.1f} CPU s for the export {kind}")
         read, written = (
             read_trajectory(path).poses
             for path in (folder / "poses.txt", out.with_name("sequence_tum") / "0000" / "groundtruth.txt")
