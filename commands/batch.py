@@ -170,7 +170,7 @@ def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen
         printer.warn(draws)
     if unchecked := read.describe_unchecked():
         printer.warn(unchecked)
-    for sentence in read.describe_stand_ins():
+    for sentence in (*read.describe_stand_ins(), *read.describe_trajectories()):
         printer.warn(sentence)
     pairs = order_pairs(read.pairs())
     if blender and not (dataset / datasets.PLAN).exists():

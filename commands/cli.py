@@ -16,7 +16,7 @@ from ..support.terminal import Parser, run_verb
 from ..support.version import version
 
 #: The verbs of ``python -m icymoon.stereo``, for the help of ``stereo``.
-STEREO_VERBS = ("check", "methods", "match", "metrics", "evaluate", "decide", "truth", "export", "develop")
+STEREO_VERBS = ("check", "methods", "match", "metrics", "evaluate", "decide", "truth", "export", "develop", "poses")
 #: Each verb: its meaning, the module here that runs it, and the function there that adds its arguments.
 _VERBS = {
     "demo": (

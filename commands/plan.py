@@ -118,6 +118,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
         *found.lines(),
         *told,
         *plan.describe_stand_ins(),
+        *plan.describe_trajectories(),
         *list(centred)[:_MOST_ADVICE],
         *_bake_lines(pairs),
         *_refusal_lines(plan),

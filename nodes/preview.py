@@ -359,7 +359,7 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
     """
     rig, preview = settings.rig, {topic: values for topic, values in built.preview.items() if topic != "rig"}
     site_m, built_rig = built.site_m, built.settings.rig
-    moved = (rig.x_m, rig.y_m) != (built_rig.x_m, built_rig.y_m)
+    moved = (rig.x_m, rig.y_m) != (built_rig.x_m, built_rig.y_m) or "ZERO" in (rig.height_from, built_rig.height_from)
     if not is_from_file(settings):
         if moved or ground is not None or preview:
             site_m = scenes.find_site_ground_m(settings, ground or scenes.make_ground(settings))
@@ -369,6 +369,8 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
             other = {key: built_rig[key] for key in keys if built_rig[key] != rig[key]}
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}
             settings = merged(settings, {"rig": other})
+    elif rig.height_from == "ZERO":
+        site_m = scenes.read_stated_ground_m(rig)
     elif moved:
         with probe_heights(built.terrain) as height_at:
             under = float(height_at(np.array([rig.x_m]), np.array([rig.y_m]))[0])

@@ -39,7 +39,7 @@ def place_rig(camera: bpy.types.Object, rig: RigSettings, ground_m: float) -> No
     lens.stereo.pivot = "LEFT"
     lens.stereo.interocular_distance = rig.baseline_m
     lens.stereo.use_spherical_stereo = False
-    axes = camera_axes(rig.heading_deg, rig.pitch_deg) @ OPENCV_FROM_BLENDER
+    axes = camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg) @ OPENCV_FROM_BLENDER
     pose = np.eye(4)
     pose[:3, :3] = axes
     pose[:3, 3] = rig.x_m, rig.y_m, ground_m + rig.height_m

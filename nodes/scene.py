@@ -53,7 +53,7 @@ from .keep_references import find_owned_blocks, is_owned_elsewhere, replace_bloc
 from .lander.objects import ROLES as LANDER_ROLES
 from .light.scene_lights import ROLES
 from .remove import find_materials, find_parts, free_names, remove_leftovers, remove_objects
-from .scene_objects import MadeObjects, find_site_ground_m, make_ground, make_objects, tag_block
+from .scene_objects import MadeObjects, find_site_ground_m, make_ground, make_objects, read_stated_ground_m, tag_block
 from .surface import sun_inputs
 
 #: Names for users of a scene, with names from ``built_scene`` and ``remove``.
@@ -75,6 +75,7 @@ __all__ = [
     "make_extra",
     "make_ground",
     "measure_patch",
+    "read_stated_ground_m",
     "remove_objects",
     "separate_copies",
     "shows_earlier_ground",

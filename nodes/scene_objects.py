@@ -24,6 +24,7 @@ from ..physics.rocks.rocks import scatter_rocks
 from ..physics.rocks.shapes import make_rock_shapes
 from ..physics.rocks.table import TABLE, read_rock_table
 from ..physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
+from ..settings.topics.camera import RigSettings
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.labels import TERRAIN_INSTANCE
@@ -74,9 +75,19 @@ def make_ground(settings: Settings) -> Terrain:
     return make_terrain(settings, int(settings.dataset.seed))
 
 
+def read_stated_ground_m(rig: RigSettings) -> float:
+    """Height in metres of the ground under a left camera whose height above zero and above the ground are stated."""
+    return float(rig.z_m) - float(rig.height_m)
+
+
 def find_site_ground_m(settings: Settings, ground: Surface) -> float:
-    """Height in metres of the ground under the left camera, with the detail of the mesh; NaN outside the ground."""
+    """Height in metres of the ground under the left camera, with the detail of the mesh; NaN outside the ground.
+
+    Of a camera whose own height is stated, ``read_stated_ground_m``.
+    """
     rig = settings.rig
+    if rig.height_from == "ZERO":
+        return read_stated_ground_m(rig)
     return float(ground.heights(rig.x_m, rig.y_m, site_wavelength_m(settings.terrain, ground)))
 
 

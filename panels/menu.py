@@ -108,6 +108,7 @@ class ICYMOON_MT_dataset(bpy.types.Menu):
         layout.operator("icymoon.show_ends")
         layout.operator("icymoon.render_variations").folder = ""
         layout.operator("icymoon.save_plan", text="Save Plan…")
+        layout.operator("icymoon.save_trajectory", text="Save Trajectory…")
         layout.operator("icymoon.show_curve")
         layout.separator()
         layout.operator("icymoon.choose_plan", text="Choose Plan…")

@@ -267,7 +267,7 @@ def find_lander_reasons(settings: Settings) -> Iterator[Reason]:
             f"arm.{name}_high_deg.",
             *(f"arm.{name}_{key}" for key in ("deg", "offset_deg", "low_deg", "high_deg")),
         )
-    right = camera_axes(rig.heading_deg, rig.pitch_deg)[:, 0]
+    right = camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)[:, 0]
     for eye, aside in (("left", 0.0), ("right", float(rig.baseline_m))):
         if link := find_link_around(arm, joints, np.array([rig.x_m, rig.y_m, rig.height_m]) + aside * right):
             yield Reason(
@@ -283,13 +283,16 @@ def find_eye_reasons(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[R
 
     Raises IcyMoonError if the settings of ground or rocks contradict each other.
     """
-    columns = (
-        np.array([rig[key] for rig in rigs], float) for key in ("x_m", "y_m", "height_m", "heading_deg", "baseline_m")
-    )
-    eyes = ground.eyes(*columns)
+    x, y, height, z = (np.array([rig[key] for rig in rigs], float) for key in ("x_m", "y_m", "height_m", "z_m"))
+    stated = np.array([rig.height_from == "ZERO" for rig in rigs])
+    height = np.where(stated, z - ground.heights(x, y), height)
+    aside = [rig.baseline_m * camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)[:, 0] for rig in rigs]
+    eyes = ground.eyes(x, y, height, np.array(aside))
     return [
-        _eye_reason(rig, float(above), bool(inside))
-        for rig, above, inside in zip(rigs, eyes.above_m, eyes.in_rock, strict=True)
+        Reason(buried_sentence(rig, "left", -float(left)), "rig.z_m", *_POSE)
+        if left < LOWEST_M
+        else _eye_reason(rig, float(above), bool(inside))
+        for rig, left, above, inside in zip(rigs, height, eyes.above_m, eyes.in_rock, strict=True)
     ]
 
 
@@ -311,8 +314,9 @@ def buried_sentence(rig: RigSettings, eye: str, depth_m: float) -> str:
     """The sentence about an eye so far under the ground, or (below 0) less than ``LOWEST_M`` above it."""
     where = f"{depth_m:.3g} m under the ground" if depth_m >= 0 else f"{-depth_m:.2g} m above the ground"
     least = "" if depth_m >= 0 else f", less than {LOWEST_M:g} m"
+    height = "rig.z_m" if rig.height_from == "ZERO" else "rig.height_m"
     return (
-        f"{_camera_place(rig)}, has its {eye} eye {where}{least}; raise rig.height_m ({rig.height_m:g} m), or "
+        f"{_camera_place(rig)}, has its {eye} eye {where}{least}; raise {height} ({rig[height[4:]]:g} m), or "
         "change the site, rig.heading_deg or rig.baseline_m."
     )
 

@@ -31,7 +31,10 @@ _SHAPE, _LOOK, _LIGHT, _LANDER, _CAMERA, _SAMPLING, _RESPONSE = map(
     _select_by_effect, ("geometry", "material", "light", "lander", "camera", "sampling", "response")
 )
 #: Settings of the rig that the lander uses, because its mast carries the rig.
-_MAST = {("rig", key) for key in ("x_m", "y_m", "height_m", "heading_deg", "pitch_deg", "baseline_m")}
+_MAST = {
+    ("rig", key)
+    for key in ("x_m", "y_m", "height_m", "height_from", "z_m", "heading_deg", "pitch_deg", "roll_deg", "baseline_m")
+}
 
 
 #: Settings that determine the path of a scoop if the arm's joints move it: the arm's sizes and where it stands.
@@ -64,11 +67,13 @@ def select_scene(settings: Settings) -> Parts:
     """``select_geometry`` and all other settings on which a built scene depends: pairs that differ in them cannot share
     one.
 
-    A graded mesh depends on the rig, and on fine relief where that is geometry. Ground from a file depends on the site.
+    A graded mesh depends on the rig, and on fine relief where that is geometry. Ground from a file depends on the site,
+    whose height only a build tells, unless the camera's own is stated.
     Attributes and images of the mesh are made with it. Whether Hapke's law uses OSL depends on the device.
     """
     procedural = settings.source.kind == "PROCEDURAL"
-    keys = {("quality", "device")} | (set() if procedural else _SITE)
+    placed = procedural or settings.rig.height_from == "ZERO"
+    keys = {("quality", "device"), ("rig", "height_from")} | (set() if placed else _SITE)
     if procedural and settings.mesh.kind == "GRADED":
         keys |= {("rig", key) for key in OF_THE_RIG}
     found = _select_geometry_cached(settings)

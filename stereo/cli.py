@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..plugins.installed import Found
 from ..support import printer
 from ..support.errors import IcyMoonError
+from ..support.files import write_text
 from ..support.number_text import format_count
 from ..support.terminal import (
     Parser,
@@ -152,6 +153,15 @@ def _add_develop_arguments(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--out", required=True, type=as_path, help="folder for the images, a folder per pair in it")
     add_json_lines(command)
+
+
+def _add_poses_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument("bag", type=as_path, help="bag of ROS 1 (a file) or of ROS 2 (its folder)")
+    command.add_argument("--topic", default="", help="topic of the poses (the only one that has any)")
+    command.add_argument(
+        "--frame", default="", help="moving frame, where the topic has several, as /tf does (the only one)"
+    )
+    command.add_argument("--out", required=True, type=as_path, help="text file of TUM's format to write")
 
 
 def _name_accepted_plugin(name: str, found: Found) -> str:
@@ -524,6 +534,17 @@ def _run_develop(parsed: argparse.Namespace) -> int:
     return 0
 
 
+def _run_poses(parsed: argparse.Namespace) -> int:
+    packages.require_modules("numpy")
+    from ..formats.trajectories import tum_text
+    from .datasets.bag_poses import read_bag_poses
+
+    stamps, poses = read_bag_poses(parsed.bag, parsed.topic, parsed.frame)
+    write_text(parsed.out, tum_text(stamps, poses, f"{parsed.bag.name}, as its frame is"))
+    printer.say(f"{format_count(len(stamps), 'pose')}: {parsed.out}")
+    return 0
+
+
 def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dict[str, Any]]:
     """The settings of presets and ``--set``. Raises IcyMoonError for one that needs a new render."""
     from ..settings.description import merged, override
@@ -630,6 +651,7 @@ _VERBS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None] | None, C
     ),
     "export": ("write pairs and their truth in another layout", _add_export_arguments, _run_export),
     "develop": ("expose rendered pairs again as PNG, without a new render", _add_develop_arguments, _run_develop),
+    "poses": ("write the poses of a bag of ROS as a trajectory that plans follow", _add_poses_arguments, _run_poses),
 }
 
 

@@ -17,6 +17,7 @@ from ..support.files import read_checksum
 from .datasets.foreign_pair import ForeignPair
 from .datasets.layouts import KNOWN, FoundPair, find_foreign_pairs
 from .measure.prepare import PreparedPair, distinct_pairs, prepare_pair
+from .measure.sequences import in_time_order
 
 
 class Source(Protocol):
@@ -64,7 +65,9 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
     name of a pair.
     """
     rendered = [path for path in paths if has_pairs(path)]
-    found: list[Source] = [RenderedPair(folder) for folder in (distinct_pairs(rendered) if rendered else ())]
+    found: list[Source] = [
+        RenderedPair(folder) for folder in (in_time_order(distinct_pairs(rendered)) if rendered else ())
+    ]
     found += [pair for path in dict.fromkeys(paths) if path not in rendered for pair in _find_foreign(path)]
     first: dict[str, Source] = {}
     for source in found:

@@ -77,7 +77,8 @@ def _build_link(link: str, key: str, solid: Solid, materials: dict[str, bpy.type
 def find_link_poses(settings: Settings, site_m: float) -> dict[str, Array]:
     """Pose (4, 4) in the world of each link's frame, in double precision."""
     arm, rig = make_arm(settings, site_m), settings.rig
-    head = rigid_transform(camera_axes(rig.heading_deg, rig.pitch_deg), (rig.x_m, rig.y_m, site_m + rig.height_m))
+    axes = camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)
+    head = rigid_transform(axes, (rig.x_m, rig.y_m, site_m + rig.height_m))
     still = lander_pose(settings, site_m)
     return {
         **dict.fromkeys((BODY, MAST, *LEGS), still),

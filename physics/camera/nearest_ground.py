@@ -79,11 +79,12 @@ def _get_ground(settings: Settings) -> RockyGround:
 
 
 def _find_greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float | None:
-    axes = camera_axes(rig.heading_deg, rig.pitch_deg)
+    axes = camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)
     eye = np.array([rig.x_m, rig.y_m, float(ground.heights(rig.x_m, rig.y_m)) + rig.height_m])
     # Seen from above, the fan of a camera that looks down is wider than its field of view.
     narrow = max(math.cos(math.radians(rig.pitch_deg)), 0.1)
-    half = min(math.pi, 2 * math.atan(int(rig.width_px) / 2 / focal / narrow))
+    wide = int(rig.width_px) if rig.roll_deg == 0 else math.hypot(int(rig.width_px), int(rig.height_px))
+    half = min(math.pi, 2 * math.atan(wide / 2 / focal / narrow))
     direction = np.radians(rig.heading_deg) + np.linspace(-half, half, _DIRECTIONS)[:, None]
     distance = rig.height_m * np.geomspace(_NEAREST, _FARTHEST, _DISTANCES)
     x, y = eye[0] + distance * np.sin(direction), eye[1] + distance * np.cos(direction)

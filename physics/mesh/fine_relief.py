@@ -42,7 +42,7 @@ CARRIED = 1.0 / 1.5
 PARTS = 3
 #: Settings of the surface and of the rig on which a mesh with fine relief depends, beside ``grading.OF_THE_RIG``.
 OF_THE_SURFACE = ("relief", "grain_size_m", "grain_amplitude_m")
-OF_THE_RIG = ("pitch_deg", "heading_deg", "principal_x_px", "principal_y_px", "overscan", "toe_in_deg")
+OF_THE_RIG = ("pitch_deg", "heading_deg", "roll_deg", "principal_x_px", "principal_y_px", "overscan", "toe_in_deg")
 
 
 def relief_wavelengths_m(surface: SurfaceSettings) -> Array:

@@ -41,11 +41,12 @@ def is_in_view(rig: RigSettings, east_m: Array, north_m: Array, above_m: Array) 
 
     The points (n,) are metres east and north of the left eye and above it (most often negative).
     """
-    heading, pitch = math.radians(rig.heading_deg), math.radians(rig.pitch_deg)
+    heading, pitch, roll = (math.radians(angle) for angle in (rig.heading_deg, rig.pitch_deg, rig.roll_deg))
     right = east_m * math.cos(heading) - north_m * math.sin(heading)
     ahead = east_m * math.sin(heading) + north_m * math.cos(heading)
     depth = ahead * math.cos(pitch) - above_m * math.sin(pitch)
     down = -ahead * math.sin(pitch) - above_m * math.cos(pitch)
+    right, down = right * math.cos(roll) + down * math.sin(roll), down * math.cos(roll) - right * math.sin(roll)
     return ~find_sides_passed(rig, right, down, depth).any(axis=-1)
 
 

@@ -81,14 +81,14 @@ class RockyGround:
         away = np.hypot(rocks.position_m[:, 0] - x_m, rocks.position_m[:, 1] - y_m)
         return float((away - rocks.reach_m).min())
 
-    def eyes(self, x_m: Array, y_m: Array, height_m: Array, heading_deg: Array, baseline_m: Array) -> EyeSurroundings:
+    def eyes(self, x_m: Array, y_m: Array, height_m: Array, aside_m: Array) -> EyeSurroundings:
         """The surroundings of the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
 
-        Heights are NaN where there is no ground. A left eye is in no rock: the build leaves such rocks out.
+        ``aside_m`` (n, 3) are the ways from the left to the right eyes. Heights are NaN where there is no ground. A
+        left eye is in no rock: the build leaves such rocks out.
         """
-        heading = np.radians(heading_deg)
-        x, y = x_m + baseline_m * np.cos(heading), y_m - baseline_m * np.sin(heading)
-        eye = self.heights(x_m, y_m) + height_m
+        x, y = x_m + aside_m[:, 0], y_m + aside_m[:, 1]
+        eye = self.heights(x_m, y_m) + height_m + aside_m[:, 2]
         inside = [
             self._is_in_rock(np.array(right), left)
             for *right, left in zip(x, y, eye, zip(x_m, y_m, strict=True), strict=True)

@@ -79,7 +79,8 @@ def _describe_blur(settings: Settings) -> dict[str, Any]:
 def _compare_poses(
     data: Mapping[str, Any], settings: Settings, eyes: Mapping[str, Any], by_hand: bool
 ) -> Iterator[str]:
-    """Contradictions in the poses of the eyes. The height of the ground is not derived, so neither is theirs."""
+    """Contradictions in the poses of the eyes. The height of the ground is not derived, so neither is
+    theirs above it."""
     name = next((key for key in ("poses_rectified_to_world", "poses_camera_to_world") if data.get(key)), "")
     if not name or (name == "poses_camera_to_world" and settings.rig.toe_in_deg):
         return
@@ -87,8 +88,10 @@ def _compare_poses(
     if not by_hand:
         rig = jitter_rig(settings)
         wanted = np.eye(4)
-        wanted[:3, :3] = camera_axes(rig.heading_deg, rig.pitch_deg)
+        wanted[:3, :3] = camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)
         wanted[:3, 3] = rig.x_m, rig.y_m, left[2, 3]
+        if rig.height_from == "ZERO":
+            wanted[2, 3] = rig.z_m + rig.height_m - settings.rig.height_m
         yield from _compare_pose(f"{name}.left", left, wanted, _SINGLE + _PLACE * float(np.linalg.norm(left[:3, 3])))
     beside = left.copy()
     beside[:3, 3] += settings.rig.baseline_m * left[:3, 0]

@@ -22,7 +22,7 @@ from ...support.files import is_file, parse_path, quote
 from ...support.foreign_bytes import parse_toml
 from ...support.suggestions import suggest_nearest
 from ..pairs.scene_splits import check_splits
-from . import poses, sweeps
+from . import poses, sweeps, trajectory
 from .combine import MOST_GROUNDS, CombinedPairs, PlanDesign, Report, combine
 from .own_files import describe_stand_ins
 from .planned_pair import PlannedPair
@@ -129,6 +129,16 @@ class Plan:
             if repeats
             else ""
         )
+
+    def describe_trajectories(self) -> list[str]:
+        """A sentence on each trajectory that the plan follows. Raises IcyMoonError as ``pairs`` does."""
+        found = [
+            trajectory.describe(sweep)
+            for design in self.designs
+            for sweep in design.sweeps
+            if sweep.kind == trajectory.KIND
+        ]
+        return list(dict.fromkeys(found))
 
     def describe_splits(self) -> str:
         """A line on the splits that the plan states; empty if it states none."""

@@ -22,6 +22,7 @@ from ...support.errors import IcyMoonError
 from ...support.file_shapes import is_number
 from ...support.files import quote
 from ...support.number_text import format_count
+from . import trajectory
 from .planned_pair import turned_heading_deg
 from .sweeps import Sweep, Variation, axis_generator, check_keys, check_pair_count, check_settings, read_count
 
@@ -143,6 +144,7 @@ _MAKERS: dict[str, Callable[[Sweep, Settings, Ground], list[Variation]]] = {
     "sites": _make_sites,
     "view_sphere": _make_view_sphere,
     "panorama": _make_panorama,
+    trajectory.KIND: trajectory.make_trajectory,
 }
 #: Kinds of sweeps that place the camera, in the order in which they are applied: the site, then the view.
 KINDS = tuple(_MAKERS)
@@ -151,6 +153,8 @@ KINDS = tuple(_MAKERS)
 def list_rig_settings(sweep: Sweep) -> tuple[frozenset[str], frozenset[str]]:
     """The settings that cameras of a sweep of one of ``KINDS`` differ in, and those that they have whatever the
     settings under them are: equal turns begin at ``rig.heading_deg``, and a view sphere is about the rig's place."""
+    if sweep.kind == trajectory.KIND:
+        return trajectory.SETTINGS, trajectory.SETTINGS
     if sweep.kind == "panorama":
         turned, pitched = (
             {"rig.heading_deg"} if isinstance(sweep.table.get("headings"), list) else set(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .declaration import ADVANCED, Section, Table, choice, degrees, fraction, metres, number, tick
+from .declaration import ADVANCED, Section, Table, choice, degrees, fraction, metres, number, text, tick
 from .relevance import Condition, chosen, nonzero, positive, ticked
 
 MOSAIC = ~chosen("colour", "MONO")
@@ -44,6 +44,9 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
     heading_deg: float = degrees(
         "Heading", 0.0, -360.0, 360.0, "Direction of the optical axis from north (+Y) over east (+X)", "camera",
         section=ADVANCED)
+    roll_deg: float = degrees(
+        "Roll", 0.0, -180.0, 180.0, "Clockwise turn of the left camera about its optical axis, with the right one. 0 "
+        "is level", "camera", section=ADVANCED, since="0.4")
     principal_x_px: float = number(
         "Principal Point Right", 0.0, -8192.0, 8192.0, (-50.0, 50.0), "Distance of the optical axis to the right of "
         "the image centre", "camera", "px", subtype="PIXEL", section=LENS)
@@ -109,6 +112,21 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
     y_m: float = metres(
         "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera", "camera",
         section=ADVANCED)
+    height_from: Literal["GROUND", "ZERO"] = choice(
+        "Height From", "GROUND", "What the height of the left camera is measured from", "camera",
+        ("GROUND", "Ground", "Height above Ground is above the ground beneath the camera"),
+        ("ZERO", "Zero", "Height above Zero is exact. Height above Ground should be about right, since costs and "
+         "search ranges use it"),
+        section=ADVANCED, since="0.4")
+    z_m: float = metres(
+        "Height above Zero", 0.0, -1.0e5, 1.0e5, (-10.0, 10.0), "Height of the left camera above the zero of the site",
+        "camera", section=ADVANCED, shown=chosen("height_from", "ZERO"), since="0.4")
+    frame: int = number(
+        "Frame", 0, 0, 10000000, (0, 100), "Number of this pair in a sequence; exports and reports follow it. Frames "
+        "with one pose differ in their noise", "camera", section=ADVANCED, since="0.4")
+    stamp: str = text(
+        "Stamp (s)", "", "Time of the middle of the exposure in a sequence, in seconds with up to nine decimals; empty "
+        "outside of one. No image depends on it", "camera", "decimal", section=ADVANCED, since="0.4")
 
 
 class CalibrationErrorSettings(Table, label="Calibration Error", inside="rig", since="0.4"):

@@ -20,11 +20,14 @@ from collections.abc import Iterable
 #: Classes of texts in settings. None of them is a program.
 CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is read as data",
            "written": "A folder that results are written to", "mark": "A number that stands for what is missing",
+           "decimal": "A number with all of its digits",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
 #: Options of matchers that name a program to run or a file to load; only the user gives them.
 LOADS = ("command", "checkpoint", "python", "model")
 #: Text of a mark that says that no value is missing, even if one looks so.
 NO_MARK = "none"
+#: A number with up to 12 digits before the point and 9 after it.
+DECIMAL = re.compile(r"-?[0-9]{1,12}(\.[0-9]{1,9})?")
 #: Prefix of a matcher that the user has set up, as in own:mine.
 OWN = "own"
 OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
@@ -51,6 +54,8 @@ def find_text_fault(kind: str, text: str) -> str:
     """Why settings may not contain this text of one of the ``CLASSES``; empty if they may."""
     if kind == "mark" and text not in ("", NO_MARK) and not _is_finite(text):
         return f"is {text[:40]!r}, which is no number; give one such as -9999, {NO_MARK}, or an empty text."
+    if kind == "decimal" and text and not DECIMAL.fullmatch(text):
+        return f"is {text[:40]!r}, which is no decimal number; give one such as 1305031102.175304, or an empty text."
     if kind != "matchers":
         return ""
     loaded = next(iter(_list_loading_options(option for _, options in split_methods(text) for option in options)), "")

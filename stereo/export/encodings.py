@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from .losses import Loss
 KITTI_SCALE = 256.0
 MILLIMETRES = 1000.0
 _MOST_STEPS = 65535
+#: Steps per px of KITTI's flow, and the value that Middlebury's readers take as unknown, above 1e9.
+_FLOW_SCALE, _NO_FLOW = 64.0, 1e10
 
 
 def write_pfm(path: Path, values: Array) -> None:
@@ -40,6 +43,27 @@ def quantise_to_16_bits(values: Array, scale: float, what: str, unit: str) -> tu
         f"per {unit}"
     )
     return np.where(fits, steps, 0).astype(np.uint16), [Loss(what, lost / int(known.sum()), why)] if lost else []
+
+
+def encode_flo(flow_px: Array) -> bytes:
+    """The bytes of Middlebury's .flo file of a flow (H, W, 2), columns to the right and rows down; NaN is unknown."""
+    head = struct.pack("<4sii", b"PIEH", flow_px.shape[1], flow_px.shape[0])
+    return head + np.nan_to_num(flow_px, nan=_NO_FLOW).astype("<f4").tobytes()
+
+
+def quantise_flow(flow_px: Array) -> tuple[Array, list[Loss]]:
+    """A flow (H, W, 2) as KITTI's uint16 (H, W, 3) in the order B, G, R: known, rows, columns, of 64 steps per px from
+    -512 px on; and the loss, flow beyond 512 px."""
+    with np.errstate(invalid="ignore"):
+        steps = np.rint(flow_px * _FLOW_SCALE) + 32768
+        fits = ((steps >= 0) & (steps <= _MOST_STEPS)).all(axis=-1)  # False for NaN
+    known = np.isfinite(flow_px).all(axis=-1)
+    lost = int((known & ~fits).sum())
+    whole = np.concatenate([np.ones((*fits.shape, 1)), steps[..., ::-1]], axis=-1)
+    why = f"beyond 512 px, all that 16 bits hold at {_FLOW_SCALE:g} steps per px"
+    return np.where(fits[..., None], whole, 0).astype(np.uint16), (
+        [Loss("flow", lost / int(known.sum()), why)] if lost else []
+    )
 
 
 def encode_run_lengths(pixels: Array, count: int) -> list[int]:

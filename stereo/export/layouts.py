@@ -35,6 +35,7 @@ from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
 from ..images.develop import describe_exposure, to_8_bit
 from ..images.image_files import write_bytes, write_png
 from ..measure.prepare import LoadedPair, distinct_pairs, load_pair
+from ..measure.sequences import in_time_order
 from . import Export, find_plugins
 from .encodings import KITTI_SCALE, MILLIMETRES, encode_run_lengths, quantise_to_16_bits, write_pfm
 from .losses import Each, Loss, Losses, Write, refuse_losses
@@ -62,7 +63,7 @@ def export(
     of truth that the layout cannot hold. A pair that would lose most of its disparities is left out. Raises
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
-    pairs = _PairReader(distinct_pairs(paths), response or {}, on_event)
+    pairs = _PairReader(in_time_order(distinct_pairs(paths)), response or {}, on_event)
     PluginExport(find_plugins().usable[kind]).write(pairs.write_each, out)
     pairs.write_map_places(out)
     for sentence in pairs.losses.sentences(pairs.written):

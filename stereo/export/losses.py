@@ -12,7 +12,7 @@ from ..measure.prepare import LoadedPair
 #: A pair is not written if more of its true disparities than this share would be lost: the rest is not its truth.
 MOST_LOST = 0.5
 #: Formats that hold every number of a map.
-_WHOLE = {"disparity": "pfm and middlebury", "depth": "pfm and raw"}
+_WHOLE = {"disparity": "pfm and middlebury", "depth": "pfm and raw", "flow": "the .flo files"}
 
 
 @dataclass(frozen=True)

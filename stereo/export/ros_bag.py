@@ -1,13 +1,15 @@
 """The export ``ros2``: a bag of ROS 2 with images, camera infos, true disparity, true points and poses of all pairs.
 
-Written by the package rosbags, without ROS. Pair k has the time k s. Both camera infos are in the frame of the left
-camera's optics (x right, y down, z forward), as stereo_image_proc expects.
+Written by the package rosbags, without ROS. Frames of a sequence have their stamps, and come in the order of time;
+another pair k has the time k s. Both camera infos are in the frame of the left camera's optics (x right, y down, z
+forward), as stereo_image_proc expects.
 """
 
 from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Iterator, Mapping
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +32,7 @@ Kinds = Mapping[str, Callable[..., object]]
 
 FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
 WORLD = "map"
-_SECOND = 1_000_000_000
+_SECOND, _MOST_SECONDS = 1_000_000_000, 2**31
 
 
 def check() -> str:
@@ -66,10 +68,11 @@ def write_all(each: Each, out: Path) -> None:
             def write(pair: LoadedPair) -> None:
                 nonlocal count
                 with explain_disk_errors("write to", part):
-                    for topic, message in make_messages(pair, types, count):
+                    time = _time_of(pair, count)
+                    for topic, message in make_messages(pair, types, time):
                         if topic not in known:
                             known[topic] = writer.add_connection(topic, message.__msgtype__, typestore=types)
-                        writer.write(known[topic], count * _SECOND, types.serialize_cdr(message, message.__msgtype__))
+                        writer.write(known[topic], time, types.serialize_cdr(message, message.__msgtype__))
                 count += 1
 
             each(write)
@@ -78,10 +81,22 @@ def write_all(each: Each, out: Path) -> None:
         remove_folder(part)
 
 
-def make_messages(pair: LoadedPair, types: Any, second: int) -> Iterator[tuple[str, Any]]:
-    """(topic, message) of everything about a pair; ``types`` is a typestore of rosbags."""
+def _time_of(pair: LoadedPair, count: int) -> int:
+    """Nanoseconds of a pair, the one after ``count`` others. Raises IcyMoonError for a time that ROS does not have."""
+    stamp = pair.settings.rig.stamp
+    time = int(Decimal(stamp) * _SECOND) if stamp else count * _SECOND
+    if not 0 <= time < _MOST_SECONDS * _SECOND:
+        raise IcyMoonError(
+            f"{pair.pair.folder} has the stamp {stamp} s, and times of ROS are 0 to {_MOST_SECONDS} s; export tum "
+            "instead."
+        )
+    return time
+
+
+def make_messages(pair: LoadedPair, types: Any, time: int) -> Iterator[tuple[str, Any]]:
+    """(topic, message) of everything about a pair; ``types`` is a typestore of rosbags, ``time`` in nanoseconds."""
     kinds = types.types
-    stamp = kinds["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
+    stamp = kinds["builtin_interfaces/msg/Time"](sec=time // _SECOND, nanosec=time % _SECOND)
 
     def header(frame: str) -> object:
         return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)

@@ -142,6 +142,16 @@ def test_sun_and_camera_stand_as_described():
     assert stereo.interocular_distance == pytest.approx(0.25)
 
 
+def test_a_camera_may_be_rolled_and_stand_above_zero():
+    rig = {"x_m": 2.0, "y_m": -1.0, "height_m": 1.0, "height_from": "ZERO", "z_m": 3.5, "roll_deg": 90.0}
+    built = scenes.build_scene(empty_scene(), complete({"rig": {"heading_deg": 90.0, "pitch_deg": 0.0, **rig}}))
+    bpy.context.view_layer.update()
+    assert np.allclose(built.camera.matrix_world.translation, [2.0, -1.0, 3.5], atol=1e-6)
+    # Blender's x is right, where down was, and its y up, where right was.
+    expected = [[0, 0, -1], [0, -1, 0], [-1, 0, 0]]
+    assert np.allclose(np.array(built.camera.matrix_world.to_3x3()).T, expected, atol=1e-6)
+
+
 def test_the_sky_gives_no_light_and_the_only_lamp_is_the_sun():
     built = scenes.build_scene(empty_scene(), complete())
     assert bpy.context.scene.world.node_tree.nodes["Space"].inputs["Strength"].default_value == 0.0

@@ -22,6 +22,7 @@ CHANGE_NOTHING = {
     "add_matcher",
     "remove_matcher",
     "save_plan",
+    "save_trajectory",
     "open_manual",
     "wait",
     "make_asset_library",

@@ -46,6 +46,25 @@ def test_an_eye_in_the_ground_is_refused_and_admitted_from_where_it_is_above():
         assert bool(scene_checks.find_reasons(near)) != admitted
 
 
+@pytest.mark.parametrize("roll", [-20.0, 20.0])
+def test_the_right_eye_of_a_rolled_rig_is_as_low_as_its_roll_puts_it(roll):
+    flat = {"terrain": {"rms_slope_deg": 0.0}, "rig": {"height_m": 0.1, "baseline_m": 0.5, "pitch_deg": 0.0}}
+    said = scene_checks.find_reasons(complete(flat, {"rig": {"roll_deg": roll}}))
+    if roll < 0:  # anticlockwise
+        assert not said
+    else:
+        assert f"right eye {0.5 * np.sin(np.radians(20.0)) - 0.1:.3g} m under the ground" in said[0]
+
+
+def test_a_camera_of_a_stated_height_is_held_against_the_ground_beneath():
+    settings = complete({"rig": {"x_m": 3.0, "y_m": 2.0, "height_m": 1.0, "height_from": "ZERO"}})
+    ground = float(make_terrain(settings, int(settings["dataset"]["seed"])).heights(3.0, 2.0))
+    assert not scene_checks.find_reasons(complete(settings, {"rig": {"z_m": ground + 1.0}}))
+    (said,) = scene_checks.find_reasons(complete(settings, {"rig": {"z_m": ground - 0.5}}))
+    assert is_sentence(said)
+    assert "left eye 0.5 m under the ground; raise rig.z_m" in said
+
+
 def test_rocks_of_which_none_fits_are_refused():
     """Of 25 m² 30 % are under rocks of 1963 m²: 0.004 rocks."""
     none = complete({"terrain": {"size_m": 5.0}, "rocks": {"coverage": 0.3, "smallest_m": 50.0, "largest_m": 50.0}})

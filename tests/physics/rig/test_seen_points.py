@@ -25,6 +25,17 @@ def test_points_are_seen_from_the_place_that_the_image_shows():
     assert not is_in_view(rig, -east, north, np.zeros(5)).any()
 
 
+def test_a_rolled_rig_sees_what_its_axes_say():
+    """A wide image on its side is a high one."""
+    level, rolled = (described(pitch_deg=0.0, heading_deg=0.0, baseline_m=1e-3, roll_deg=roll) for roll in (0.0, 90.0))
+    half = level.sensor_width_mm / level.focal_length_mm / 2
+    beside, above = np.array([9.5 * half]), np.zeros(1)
+    assert is_in_view(level, beside, np.array([10.0]), above).all()
+    assert not is_in_view(level, above, np.array([10.0]), beside).any()
+    assert is_in_view(rolled, above, np.array([10.0]), beside).all()
+    assert not is_in_view(rolled, beside, np.array([10.0]), above).any()
+
+
 @pytest.mark.parametrize("rig", [{}, {"toe_in_deg": 3.0}, {"principal_x_px": 60.0, "principal_y_px": -40.0}])
 def test_every_point_that_either_eye_projects_into_its_frame_is_seen(rig):
     """By the pinhole camera alone: u = f X/Z + cx, for an eye that is turned in and shifted by the baseline."""

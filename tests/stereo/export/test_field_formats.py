@@ -60,10 +60,11 @@ def described(heading: float, **light):
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    """Two pairs of one scene, with what rendered pairs state of their poses and of the Sun."""
+    """Two frames of one scene, with what rendered pairs state of their poses and of the Sun."""
     root = tmp_path_factory.mktemp("set")
     for k, name in enumerate(("0123456789ab", "ba9876543210")):
-        folder = pairs.write_pair(root / "pairs" / name, SCENE, RIG, settings=described(0.3 + k))
+        settings = merged(described(0.3 + k), {"rig": {"frame": k, "stamp": f"{k}"}})
+        folder = pairs.write_pair(root / "pairs" / name, SCENE, RIG, settings=settings)
         data = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
         data["poses_rectified_to_world"] = {eye: pose(eye, 0.3 + k).tolist() for eye in ("left", "right")}
         data["light"] = {"sun": {"direction_to_world": [0.6, 0.0, 0.8], "irradiance_wm2": SUN_WM2}}

@@ -25,8 +25,11 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 RIG = pairs.camera(192, 96)
 #: Layouts that have tests of their own: ``test_field_formats`` and ``test_bop``, whose pairs have poses,
-#: ``test_training`` and ``test_parquet_index``.
-TESTED_ELSEWHERE = {"bop", "cahvor", "colmap", "fits", "tiff", "ros2", "webdataset", "sceneflow", "parquet-index"}
+#: ``test_training``, ``test_parquet_index`` and ``test_sequences``.
+TESTED_ELSEWHERE = {
+    *("bop", "cahvor", "colmap", "fits", "tiff", "ros2", "webdataset", "sceneflow", "parquet-index"),
+    *("tum", "kitti-odometry", "flow"),
+}
 SCENES = {"one": pairs.Scene(), "two": pairs.Scene(sky_rows=30, distance_m=3.0)}
 
 

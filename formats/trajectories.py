@@ -1,0 +1,239 @@
+"""Trajectories: poses of a camera in text files, as TUM, KITTI and CSV have them.
+
+* TUM: ``t x y z qx qy qz qw`` a line, comments after #.
+* KITTI: the twelve numbers of a 3x4 matrix a line, row by row, from the camera's axes to the world's; stamps are in a
+  file of their own (``times.txt``), a line each.
+* CSV: a first line of names, among them t (or timestamp, with [ns] or t_ns in nanoseconds), x, y, z, qx, qy, qz, qw,
+  as such or as EuRoC writes them (``p_RS_R_x [m]``).
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import numpy as np
+
+from ..physics.camera.pose_sequence import PoseSequence
+from ..physics.camera.rotations import from_quaternion, nearest_rotation, quaternion, rotation_error
+from ..support.arrays import Array
+from ..support.errors import IcyMoonError
+from ..support.files import quote, shorten
+from ..support.foreign_bytes import MOST_TEXT, ForeignBytes, read
+
+KINDS = ("TUM", "KITTI", "CSV")
+_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
+#: Names of the column of stamps, in lower case, and the seconds that it counts in.
+_STAMPS = {
+    **dict.fromkeys(("t", "t_s", "time", "stamp", "timestamp"), "1"),
+    **dict.fromkeys(("t_ns", "timestamp_ns", "timestamp [ns]"), "1e-9"),
+}
+#: The names of EuRoC's columns end so.
+_LONG_NAMES = {"p_rs_r_": "", "q_rs_": "q"}
+#: How far a quaternion's length from 1, or a matrix from a rotation, may be off unnoticed, as six digits are, and at
+#: all.
+_ROUNDED, _MOST_OFF = 1e-5, 0.1
+#: Poses of one file at most.
+MOST_POSES = 1_000_000
+#: A stamp has at most twelve digits before the point, and nine after it.
+_MOST_S, _NANOSECOND = Decimal(10**12), Decimal("1e-9")
+_FIX = "give lines of t x y z qx qy qz qw (TUM), 3x4 matrices (KITTI), or a CSV file with a line of names"
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """The poses of a file in its own world axes, its kind, one of ``KINDS``, whether it has stamps, and sentences on
+    what was changed."""
+
+    poses: PoseSequence
+    kind: str
+    stamped: bool
+    notes: tuple[str, ...] = ()
+
+
+def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camera: Array | None = None) -> Trajectory:
+    """Read the poses of a file.
+
+    ``kind`` is one of ``KINDS``; without it the suffix .csv and the numbers of the first line decide. ``times`` is a
+    file of stamps, a line each, in place of the file's own. ``camera`` (3, 3) has the camera's axes x right, y down, z
+    forward as columns, in the axes that the rotations of the file turn; without it they turn the camera's own. Poses
+    without stamps are a second apart.
+
+    Raises IcyMoonError, one sentence with the line, for what is no trajectory.
+    """
+    axes = np.eye(3) if camera is None else camera
+
+    def parse(foreign: ForeignBytes) -> Trajectory:
+        rows = _rows(foreign, names="CSV" in (kind, path.suffix[1:].upper()))
+        first = next(rows, None)
+        if first is None:
+            raise ValueError("it has no poses")
+        return _Poses(kind or _kind_of(path, first[1]), axes).parse(first, rows)
+
+    found = read(path, parse, f"a trajectory{f' of {kind}' if kind else ''}", _FIX, MOST_TEXT)
+    if times is None:
+        return found
+    stamps = read(times, _parse_times, "a list of stamps", "give one number a line, in seconds", MOST_TEXT)
+    if len(stamps) != len(found.poses):
+        raise IcyMoonError(
+            f"{times}: has {len(stamps)} stamps, and {path} has {len(found.poses)} poses; give a stamp for each."
+        )
+    return replace(found, poses=replace(found.poses, stamp=stamps), stamped=True)
+
+
+def pose_text(pose: Array) -> str:
+    """x y z qx qy qz qw of a pose (4, 4), with all digits."""
+    w, x, y, z = quaternion(pose[:3, :3])
+    return " ".join(repr(float(value)) for value in (*pose[:3, 3], x, y, z, w))
+
+
+def tum_text(stamps: Sequence[Decimal], poses: Sequence[Array], about: str) -> str:
+    """A file of TUM's format: poses (4, 4) by stamps in seconds. Its first line is ``about`` them."""
+    lines = [f"{stamp:.9f} {pose_text(pose)}\n" for stamp, pose in zip(stamps, poses, strict=True)]
+    return "".join([f"# {about}\n# timestamp tx ty tz qx qy qz qw\n", *lines])
+
+
+def _rows(foreign: ForeignBytes, names: bool = False) -> Iterator[tuple[int, str]]:
+    """Number and text of each line that is neither empty nor a comment, which begins with #. With ``names`` the first
+    line is none of these, for EuRoC's names begin so too."""
+    for number, line in foreign.lines():
+        text = line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
+        if text and (names or not text.startswith("#")):
+            names = False
+            yield number, text
+
+
+def _kind_of(path: Path, first: str) -> str:
+    if path.suffix.lower() == ".csv":
+        return "CSV"
+    count = len(first.split())
+    if count not in (8, 12):
+        raise ValueError(f"its first line has {count} words, and TUM has 8, KITTI 12")
+    return "TUM" if count == 8 else "KITTI"
+
+
+def _parse_times(foreign: ForeignBytes) -> tuple[Decimal, ...]:
+    return tuple(_stamp(text, Decimal(1), number) for number, text in _rows(foreign))
+
+
+def _stamp(text: str, unit_s: Decimal, line: int) -> Decimal:
+    """A stamp in seconds, rounded to nanoseconds."""
+    try:
+        seconds = Decimal(text) * unit_s
+        if seconds.is_finite() and abs(seconds) < _MOST_S:
+            return seconds.quantize(_NANOSECOND)
+    except InvalidOperation:
+        pass
+    raise ValueError(f"line {line} has the stamp {quote(shorten(text))}, which is no number of seconds")
+
+
+class _Poses:
+    """The poses of a file, as they are read."""
+
+    def __init__(self, kind: str, axes: Array) -> None:
+        self._kind, self._axes = kind, axes
+        self._columns: Mapping[str, int] = {}
+        self._unit_s = Decimal(1)
+        self._off, self._line_off, self._not_unit = 0.0, 0, 0
+
+    def parse(self, first: tuple[int, str], rest: Iterator[tuple[int, str]]) -> Trajectory:
+        """All poses, of the first line and the rest."""
+        rows: list[tuple[int, str]] = []
+        if self._kind == "CSV":
+            self._read_names(first[1])
+        else:
+            rows.append(first)
+        positions, rotations, stamps = [], [], []
+        lines: list[int] = []
+        for number, text in (*rows, *rest):
+            if len(lines) == MOST_POSES:
+                raise ValueError(f"it has more than {MOST_POSES} poses, so cut it into several files")
+            stamp, position, rotation = self._read_pose(number, text, len(lines))
+            positions.append(position)
+            rotations.append(rotation @ self._axes)
+            stamps.append(stamp)
+            lines.append(number)
+        if not lines:
+            raise ValueError("it has no poses")
+        poses = PoseSequence(np.array(positions), np.array(rotations), tuple(stamps), tuple(lines))
+        return Trajectory(poses, self._kind, self._kind != "KITTI", self._notes())
+
+    def _notes(self) -> tuple[str, ...]:
+        if not self._not_unit:
+            return ()
+        what = "rotations are not exact" if self._kind == "KITTI" else "quaternions do not have the length 1"
+        return (f"{self._not_unit} {what} (line {self._line_off} is off by {self._off:.2g}) and were normalised",)
+
+    def _read_names(self, text: str) -> None:
+        """Find the columns by the first line of a CSV file."""
+        names = {_short_name(name): k for k, name in enumerate(_cells(text))}
+        stamp = next((name for name in _STAMPS if name in names), None)
+        missing = [*([] if stamp else ["t"]), *(name for name in _COLUMNS if name not in names)]
+        if missing or stamp is None:
+            raise ValueError(f"its first line names no column {', '.join(missing)}")
+        self._columns = {"t": names[stamp], **{name: names[name] for name in _COLUMNS}}
+        self._unit_s = Decimal(_STAMPS[stamp])
+
+    def _read_pose(self, line: int, text: str, count: int) -> tuple[Decimal, Array, Array]:
+        """Stamp, position and rotation of a line, the pose after ``count`` others."""
+        words = _cells(text) if self._kind == "CSV" else text.split()
+        if self._kind == "KITTI":
+            matrix = np.array(_numbers(words, 12, line)).reshape(3, 4)
+            return Decimal(count), matrix[:, 3], self._rotation(matrix[:, :3], line)
+        if self._kind == "CSV":
+            if len(words) <= max(self._columns.values()):
+                raise ValueError(f"line {line} has {len(words)} columns, fewer than the line of names")
+            words = [words[k] for k in self._columns.values()]
+        numbers = np.array(_numbers(words, 8, line))
+        return _stamp(words[0], self._unit_s, line), numbers[1:4], self._turn(numbers[4:], line)
+
+    def _turn(self, xyzw: Array, line: int) -> Array:
+        length = float(np.linalg.norm(xyzw))
+        self._note(abs(length - 1), line, f"a quaternion of length {length:.3g}")
+        return from_quaternion(xyzw[[3, 0, 1, 2]])
+
+    def _rotation(self, matrix: Array, line: int) -> Array:
+        off = rotation_error(matrix)
+        self._note(off, line, f"a matrix that is no rotation, off by {off:.3g}")
+        return from_quaternion(quaternion(nearest_rotation(matrix)))
+
+    def _note(self, off: float, line: int, what: str) -> None:
+        """Raise ValueError for what is too far off, and remember what is off by more than rounding."""
+        if not off <= _MOST_OFF:
+            raise ValueError(f"line {line} has {what}")
+        if off > _ROUNDED:
+            self._not_unit += 1
+        if off > max(self._off, _ROUNDED):
+            self._off, self._line_off = off, line
+
+
+def _numbers(words: list[str], count: int, line: int) -> list[float]:
+    if len(words) != count:
+        raise ValueError(f"line {line} has {len(words)} words, not {count}")
+    try:
+        found = [float(word) for word in words]
+    except ValueError:
+        raise ValueError(f"line {line} has a word that is no number") from None
+    if not all(map(math.isfinite, found)):
+        raise ValueError(f"line {line} has a number that is not finite")
+    return found
+
+
+def _cells(text: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([text]))]
+
+
+def _short_name(name: str) -> str:
+    """A column's name in lower case, without the unit of EuRoC's names, but for that of the stamps."""
+    name = name.lstrip("#").strip().lower()
+    if name in _STAMPS:
+        return name
+    name = name.partition("[")[0].strip()
+    for start, instead in _LONG_NAMES.items():
+        if name.startswith(start):
+            return instead + name.removeprefix(start)
+    return name.removesuffix("_m")

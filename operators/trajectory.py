@@ -1,0 +1,69 @@
+"""Save Trajectory: the poses of an animated camera, for plans that follow them."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from pathlib import Path
+
+import bpy
+
+from ..formats.trajectories import tum_text
+from ..nodes.rig import find_eye_poses
+from ..support.errors import IcyMoonError
+from ..support.files import write_text
+from ..support.printer import show_controls
+from . import dialogs
+from .sidebar_text import format_for_window
+
+
+def _read_poses(scene: bpy.types.Scene) -> str:
+    """The pose of the scene's camera in each frame of its range, in a text of TUM's format; the present frame stays."""
+    camera, present, subframe = scene.camera, scene.frame_current, scene.frame_subframe
+    rate = Decimal(scene.render.fps) / Decimal(repr(round(scene.render.fps_base, 6)))
+    frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+    poses = []
+    try:
+        for frame in frames:
+            scene.frame_set(frame)
+            seen = camera.evaluated_get(scene.view_layers[0].depsgraph)
+            poses.append(find_eye_poses(seen.matrix_world, 0.0)["left"])
+    finally:
+        scene.frame_set(present, subframe=subframe)
+    stamps = [(frame - scene.frame_start) / rate for frame in frames]
+    return tum_text(stamps, poses, "camera, x right, y down, z forward")
+
+
+class ICYMOON_OT_save_trajectory(dialogs.FileDialog, bpy.types.Operator):
+    """Save the poses of the scene's camera, frame by frame, as a text file of TUM's format, for a plan that follows them"""  # noqa: E501
+
+    bl_idname = "icymoon.save_trajectory"
+    bl_label = "Save Trajectory"
+
+    filepath: bpy.props.StringProperty(
+        subtype="FILE_PATH",
+        name="File",
+        description="Text file to write",
+    )
+    filter_glob: bpy.props.StringProperty(default="*.txt", options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        cls.poll_message_set("The scene has no camera; add one, or press Build Scene")
+        return context.scene.camera is not None
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.filepath = self.filepath or "poses.txt"
+        return super().invoke(context, event)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".txt")
+        try:
+            write_text(path, _read_poses(context.scene))
+        except IcyMoonError as error:
+            self.report({"ERROR"}, format_for_window(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, show_controls(f"Saved {path}"))
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_save_trajectory,)

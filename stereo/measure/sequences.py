@@ -1,0 +1,43 @@
+"""Sequences: pairs that are frames of one trajectory in one scene, in the order of time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...physics.camera.blur import MOTION
+from ...render.pairs.pair_folder import read_pair
+from ...settings.description import Restorer
+from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+
+#: Settings of the rig in which the frames of a sequence differ.
+_OF_A_FRAME = (
+    *("x_m", "y_m", "z_m", "height_m", "heading_deg", "pitch_deg", "roll_deg", "frame", "stamp"),
+    *MOTION,
+)
+
+
+def sequence_key(settings: Settings) -> str:
+    """A text that is equal for the frames of a sequence; empty for a pair that is no frame of one."""
+    if not settings.rig.stamp:
+        return ""
+    rig = {key: value for key, value in settings.rig.items() if key not in _OF_A_FRAME}
+    return json.dumps(settings | {"rig": rig}, sort_keys=True)
+
+
+def in_time_order(folders: Sequence[Path]) -> list[Path]:
+    """Folders of pairs, those of each sequence in the order of time, in place of the first of them. Others keep their
+    order, as folders do that cannot be read."""
+    restore, places = Restorer(), dict[str, int]()
+    order = []
+    for k, folder in enumerate(folders):
+        try:
+            settings = read_pair(folder, restore).settings
+        except IcyMoonError:  # whoever needs the pair says so
+            order.append((k, 0))
+            continue
+        key = sequence_key(settings)
+        order.append((places.setdefault(key, k) if key else k, int(settings.rig.frame)))
+    return [folders[k] for k in sorted(range(len(folders)), key=order.__getitem__)]
