@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from ..formats.cahvor import FIT_LIMIT_PX, Lens, find_nearest_lens, read_model
-from ..formats.calibrations.options import UNITS, Reading, Stated
+from ..formats.calibrations.options import UNITS, Reading, Stated, as_brown
 from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
 from ..formats.calibrations.ros import place_of, ros_pair_of
 from ..formats.ros_camera import RosCamera, read_ros_camera
-from ..physics.camera.calibrated_camera import CalibratedRig
+from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ..physics.camera.lens_distortion import COEFFICIENTS
+from ..physics.camera.lens_models import Brown
 from ..settings.description import check, defaults
 from ..settings.table import TOPICS
 from ..settings.toml_text import to_toml
@@ -63,17 +64,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="a calibration: one file with all cameras, or one for each camera, the left one first",
     )
-    parser.add_argument("--format", choices=FORMATS, help="the format of the files (told from them)")
-    parser.add_argument("--unit", choices=UNITS, help="the unit of lengths in the files, where they leave it open")
-    parser.add_argument(
-        "--size",
-        type=_as_sizes,
-        default=(),
-        metavar="WxH",
-        help="width and height of the images in px, for two sizes as WxH,WxH",
-    )
-    parser.add_argument("--lens", choices=("brown", "fisheye"), help="the lens of four coefficients in files of OpenCV")
-    parser.add_argument("--cameras", metavar="NAME,NAME", help="two cameras of a file that has more")
+    add_calibration_options(parser)
     parser.add_argument("--show", action="store_true", help="print the cameras instead of settings")
     parser.add_argument("--to", choices=FORMATS, help="write the cameras in this format instead")
     parser.add_argument(
@@ -87,6 +78,26 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="largest error of a lens that can only be fitted (%(default)s)",
     )
     parser.set_defaults(run=_run_camera)
+
+
+def add_calibration_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the user states of the files of a calibration, see ``stated_of``."""
+    parser.add_argument("--format", choices=FORMATS, help="the format of the files (told from them)")
+    parser.add_argument("--unit", choices=UNITS, help="the unit of lengths in the files, where they leave it open")
+    parser.add_argument(
+        "--size",
+        type=_as_sizes,
+        default=(),
+        metavar="WxH",
+        help="width and height of the images in px, for two sizes as WxH,WxH",
+    )
+    parser.add_argument("--lens", choices=("brown", "fisheye"), help="the lens of four coefficients in files of OpenCV")
+    parser.add_argument("--cameras", metavar="NAME,NAME", help="two cameras of a file that has more")
+
+
+def stated_of(options: argparse.Namespace) -> Stated:
+    """What the user states of the files of a calibration."""
+    return Stated(options.unit, options.size, options.lens)
 
 
 def _as_sizes(text: str) -> tuple[tuple[int, int], ...]:
@@ -104,13 +115,13 @@ def _as_sizes(text: str) -> tuple[tuple[int, int], ...]:
 
 
 def _run_camera(options: argparse.Namespace) -> int:
-    stated = Stated(options.unit, options.size, options.lens)
+    stated = stated_of(options)
     if options.out and not options.to:
         raise IcyMoonError("--out names files to write, and no format is stated; add --to with one.")
     if options.to and not options.out:
         raise IcyMoonError(f"--to {options.to} needs files to write; add --out with their names.")
     if options.show or options.to:
-        reading = _choose(read_calibration(options.files, stated, options.format), options.cameras)
+        reading = choose_cameras(read_calibration(options.files, stated, options.format), options.cameras)
         for line in describe_rig(reading.rig) if options.show else []:
             say(line)
         for note in reading.notes:
@@ -127,7 +138,7 @@ def _run_camera(options: argparse.Namespace) -> int:
     return 0
 
 
-def _choose(reading: Reading, names: str | None) -> Reading:
+def choose_cameras(reading: Reading, names: str | None) -> Reading:
     """The cameras of these names alone, or all without names. Raises IcyMoonError for a name that is not there."""
     if names is None:
         return reading
@@ -169,15 +180,82 @@ def read_rig(
     else:
         first, second, taken = _read_any_eyes(paths, where, stated, kind, names)
         fix = "rectify their images first"
-    width, height = first.size_px
+    _check_one_size(first, second, where)
+    _check_parallel(first, second, where, fix)
+    baseline_m, doubt = _find_baseline(first, second, stated_in)
+    lens, averaged = _average_lenses(first.lens, second.lens, first.size_px[0], where)
+    fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
+    return _settings_of(lens, first.size_px, baseline_m, where), [*taken, *fitted, *averaged, *doubt]
+
+
+def read_rectified_rig(
+    *paths: Path,
+    stated: Stated = Stated(),  # noqa: B008
+    kind: str | None = None,
+    names: str | None = None,
+) -> tuple[Settings, CalibratedRig, list[str]]:
+    """The ``rig`` settings of images that are rectified already, their two cameras, and sentences.
+
+    Of ROS' files, ``projection_matrix`` is the camera of the rectified images. Other calibrations have to be of the
+    rectified images themselves. Raises IcyMoonError for one with distortion, or with eyes that are not parallel.
+    """
+    where = " and ".join(map(str, paths))
+    if {kind or format_of(path) for path in paths} == {"ros"} and len(paths) == 2 and not stated.sizes:
+        ros = [read_ros_camera(path) for path in paths]
+        lenses = [_make_ros_lens(camera, True) for camera in ros]
+        eyes = [_make_ros_eye(path, camera, True) for path, camera in zip(paths, ros, strict=True)]
+        notes: list[str] = []
+    else:
+        reading = choose_cameras(read_calibration(paths, stated, kind), names)
+        notes = [*reading.notes]
+        eyes = [_pinhole_eye(camera, paths, where) for camera in _two_of(reading.rig, where).cameras]
+        lenses = [eye.lens for eye in eyes]
+    left, right = eyes
+    fix = "give the calibration of the rectified images, or leave out --rectified for photographs as they were taken"
+    _check_one_size(left, right, where)
+    _check_parallel(left, right, where, fix)
+    if max(abs(lenses[0].focal_px - lenses[1].focal_px), abs(lenses[0].cy_px - lenses[1].cy_px)) > _ALIKE_PX:
+        raise IcyMoonError(
+            f"{where}: the eyes of rectified images have one focal length and one row of the principal point; {fix}."
+        )
+    baseline_m, doubt = _find_baseline(left, right, "the translation is")
+    cameras = [
+        CalibratedCamera(*left.size_px, lens.focal_px, lens.focal_px, lens.cx_px, lens.cy_px,
+                         translation_m=np.array([-along, 0.0, 0.0]))
+        for lens, along in zip(lenses, (0.0, baseline_m), strict=True)
+    ]  # fmt: skip
+    return (
+        _settings_of(lenses[0], left.size_px, baseline_m, where),
+        CalibratedRig(tuple(cameras)),
+        [*notes, *doubt],
+    )
+
+
+def _pinhole_eye(camera: CalibratedCamera, paths: tuple[Path, ...], where: str) -> _Eye:
+    """A camera of rectified images. Raises IcyMoonError for one with distortion, or without square pixels."""
+    plain = as_brown(camera)
+    lens = plain.lens if plain else None
+    if plain is None or not isinstance(lens, Brown) or any(lens.coefficients) or not _has_square_pixels(plain.matrix):
+        raise IcyMoonError(
+            f"{where}: {camera.name or 'a camera'} has distortion or pixels that are no squares, so it is no camera of "
+            "rectified images; leave out --rectified, or give a calibration with K, R = 1 and T of the rectified pair."
+        )
+    path = paths[-1] if camera.name == "right" else paths[0]
+    pinhole = Lens(plain.fx_px, plain.cx_px, plain.cy_px, (0.0,) * len(COEFFICIENTS), 0.0)
+    return _Eye(path, pinhole, camera.rotation, camera.centre_m, camera.size_px)
+
+
+def _check_one_size(first: _Eye, second: _Eye, where: str) -> None:
     if first.size_px != second.size_px:
         sizes = " and ".join(f"{eye.size_px[0]} x {eye.size_px[1]} px" for eye in (first, second))
         raise IcyMoonError(
             f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their images first."
         )
-    _check_parallel(first, second, where, fix)
-    baseline_m, doubt = _find_baseline(first, second, stated_in)
-    lens, averaged = _average_lenses(first.lens, second.lens, width, where)
+
+
+def _settings_of(lens: Lens, size_px: tuple[int, int], baseline_m: float, where: str) -> Settings:
+    """The ``rig`` settings of two eyes with this lens."""
+    width, height = size_px
     width_mm = defaults().rig.sensor_width_mm
     rig = {
         "width_px": width,
@@ -190,8 +268,7 @@ def read_rig(
         "baseline_m": baseline_m,
         **{f"distortion_{name}": value for name, value in zip(COEFFICIENTS, lens.k, strict=True)},
     }
-    fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
-    return check({"rig": rig}, where), [*taken, *fitted, *averaged, *doubt]
+    return check({"rig": rig}, where)
 
 
 def _read_eye(path: Path, most_px: float) -> _Eye:
@@ -203,17 +280,22 @@ def _read_any_eyes(
     paths: tuple[Path, ...], where: str, stated: Stated, kind: str | None, names: str | None
 ) -> tuple[_Eye, _Eye, list[str]]:
     """Two cameras of a calibration of any format, as ``_ros_eyes`` gives them."""
-    reading = _choose(read_calibration(paths, stated, kind), names)
-    count = len(reading.rig.cameras)
+    reading = choose_cameras(read_calibration(paths, stated, kind), names)
+    with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
+        cameras = ros_pair_of(_two_of(reading.rig, where))
+    first, second, notes = _ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
+    return first, second, [*reading.notes, *notes]
+
+
+def _two_of(rig: CalibratedRig, where: str) -> CalibratedRig:
+    """The same rig. Raises IcyMoonError if it has not two cameras."""
+    count = len(rig.cameras)
     if count != 2:
         raise IcyMoonError(
             f"{where}: there are {count} cameras, and a rig here has two; "
             + ("name two of them by --cameras." if count > 2 else "give the calibration of both.")
         )
-    with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
-        cameras = ros_pair_of(reading.rig)
-    first, second, notes = _ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
-    return first, second, [*reading.notes, *notes]
+    return rig
 
 
 def _ros_eyes(

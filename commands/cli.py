@@ -79,6 +79,11 @@ _VERBS = {
         "reproduce",
         "add_options",
     ),
+    "twin": (
+        "render the twin of photographed pairs with their calibration, and compare images and matchers",
+        "twin",
+        "add_options",
+    ),
     "stand-ins": (
         "list the textures and meshes made by code in place of the GUISS paper's, or write them to a folder",
         "stand_ins",

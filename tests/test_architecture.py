@@ -57,6 +57,7 @@ PURE = (
     "stereo/trade",
     "stereo/paper",
     "stereo/study",
+    "stereo/twin",
     "stereo",
     "validation/polar",
     "validation",

@@ -14,11 +14,13 @@ import numpy as np
 from ..physics.camera.stereo_camera import StereoCamera
 from ..stereo.images.disparity_and_occlusion import find_visible_in_right
 from ..stereo.images.image_files import read_png
+from ..stereo.images.image_values import find_white, stretch_to_8_bit
 from ..stereo.images.masks import erode, sample_at_pixels
 from ..stereo.inference import typical_scene
 from ..stereo.matchers import match
 from ..stereo.matchers.methods import describe_method
 from ..stereo.matchers.search_range import AUTO, SearchRange, find_true_range
+from ..stereo.measure.metrics import find_wrong_share
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
@@ -29,16 +31,12 @@ from .polar.scene import Frame
 from .polar.twins import Masks
 
 METHODS = ("bm", "sgbm")
-#: A disparity in pixels of the renders farther from the truth is wrong, as a missing one is.
-_WRONG_PX = 1.0
 #: Largest difference of the shares of wrong or missing pixels, of the twin and of the photograph.
 _ALLOWED = 0.1
 #: Pixels inside an outline from which on a pixel is judged, and the fewest pixels of a pair.
 _INSIDE_PX, _FEWEST_PX = 2, 100
 #: Points of a photograph for each pixel of our rig, along both axes.
 _FINER = 4
-#: Brightness of an image, as a quantile, that becomes white.
-_WHITE = 0.995
 _SOURCE = "NASA's photographs, matched; the truth is by POLAR-Sim's scans"
 _LACKING = "FOLDER has no photographs/TT_P_off_AZ_E.png of both eyes"
 
@@ -118,9 +116,7 @@ def _wrong_share(
 ) -> float:
     left, right = pair
     disparity, _, _ = match(method, left, right, camera=rig, ranges={AUTO: search})
-    with np.errstate(invalid="ignore"):
-        agrees = np.abs(disparity - truth)[judged] <= _WRONG_PX  # NaN does not
-    return float(np.mean(~agrees))
+    return find_wrong_share(disparity, truth, judged)
 
 
 def _read_photograph(terrain: Terrain, at: tuple[View, int]) -> Array:
@@ -145,5 +141,4 @@ def rectify_photograph(frame: Frame, camera: Calibration, eye: str, image: Array
 
 
 def _to_grey(image: Array) -> Array:
-    white = max(float(np.quantile(image[np.isfinite(image)], _WHITE)), 1e-12)
-    return np.asarray(np.clip(np.nan_to_num(image) / white, 0.0, 1.0) * 255, np.uint8)
+    return stretch_to_8_bit(image, find_white(image))

@@ -20,27 +20,43 @@ DARK = 0.02
 
 def find_largest_square(mask: Array) -> tuple[slice, slice]:
     """Rows and columns of the largest square in which a mask (H, W) is true; empty slices if it is false all over."""
-    side = np.zeros((mask.shape[0] + 1, mask.shape[1] + 1), np.int32)
-    for row in range(mask.shape[0]):
-        above = np.minimum(side[row, 1:], side[row, :-1])
-        for column in np.flatnonzero(mask[row]):
-            side[row + 1, column + 1] = 1 + min(above[column], side[row + 1, column])
-    bottom, right = divmod(int(side.argmax()), side.shape[1])
-    most = int(side[bottom, right])
-    return slice(bottom - most, bottom), slice(right - most, right)
+    sums = np.pad(mask.astype(np.int64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+
+    def find_full(side: int) -> Array:
+        """Where, by its upper left corner, a square of this side is true all over."""
+        inside = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
+        return np.asarray(inside == side**2)
+
+    side, too_large = 0, min(mask.shape) + 1
+    while too_large - side > 1:  # a square within a full square is full too
+        middle = (side + too_large) // 2
+        side, too_large = (middle, too_large) if find_full(middle).any() else (side, middle)
+    if not side:
+        return slice(0, 0), slice(0, 0)
+    top, left = divmod(int(find_full(side).argmax()), mask.shape[1] + 1 - side)
+    return slice(top, top + side), slice(left, left + side)
 
 
 def measure_spectral_slope(light: Array) -> float:
     """The exponent α of f^-α, the power spectrum of linear light (n, n); NaN for less than 32 pixels or no contrast.
 
-    The mean is taken off, a Hann window fades the borders, and a line is fitted to the logarithm of the mean power in
-    rings from 4 cycles per image to 0.35 cycles per pixel.
+    A line is fitted to the logarithm of the mean power in the rings of ``measure_spectrum``.
+    """
+    cycles, power = measure_spectrum(light)
+    return -float(np.polyfit(np.log(cycles), np.log(power), 1)[0]) if cycles.size else float("nan")
+
+
+def measure_spectrum(light: Array) -> tuple[Array, Array]:
+    """The rings of the spectrum of linear light (n, n): mean cycles per image (rings,), and mean power (rings,).
+
+    The rings go from 4 cycles per image to 0.35 cycles per pixel; there are none for less than 32 pixels or no
+    contrast. The mean is taken off, and a Hann window fades the borders.
     """
     n = light.shape[0]
     if light.shape != (n, n):
         raise ValueError(f"an image of {light.shape} is no square")
     if n < LEAST_SIDE_PX or not light.std() > 0:
-        return float("nan")
+        return np.empty(0), np.empty(0)
     window = np.hanning(n)
     power = np.abs(np.fft.fft2((light - light.mean()) * window * window[:, None])) ** 2
     cycles = np.hypot(*np.meshgrid(*[np.fft.fftfreq(n, 1 / n)] * 2))
@@ -50,7 +66,7 @@ def measure_spectral_slope(light: Array) -> float:
     filled = count > 0
     mean = np.bincount(ring, power.ravel(), _RINGS + 2)[1:-1][filled] / count[filled]
     middle = np.bincount(ring, cycles.ravel(), _RINGS + 2)[1:-1][filled] / count[filled]
-    return -float(np.polyfit(np.log(middle), np.log(mean), 1)[0])
+    return middle, mean
 
 
 def measure_shares(level: Array, ground: Array) -> tuple[float, float]:

@@ -8,6 +8,8 @@ from ...support.arrays import Array
 
 #: Rows that are scaled at once.
 _ROWS = 256
+#: Brightness of an image, as a quantile, that becomes white where images of unknown exposure are compared.
+_WHITE = 0.995
 
 
 def to_8_bit(image: Array) -> Array:
@@ -25,6 +27,16 @@ def to_grey(image: Array) -> Array:
     if image.ndim == 3:
         image = np.rint(image[..., :3].mean(axis=-1)).astype(image.dtype)
     return to_8_bit(image)
+
+
+def find_white(image: Array) -> float:
+    """The brightness of an image (H, W) that becomes white where its exposure is unknown; NaN pixels do not count."""
+    return max(float(np.quantile(image[np.isfinite(image)], _WHITE)), 1e-12)
+
+
+def stretch_to_8_bit(image: Array, white: float) -> Array:
+    """uint8 (H, W) of an image (H, W) whose brightness ``white`` is at the top; 0 for NaN."""
+    return np.asarray(np.clip(np.nan_to_num(image) / white, 0.0, 1.0) * 255, np.uint8)
 
 
 def describe_size(image: Array) -> str:

@@ -49,6 +49,16 @@ def is_usable(depth: Array) -> Array:
     return np.isfinite(depth) & (depth > 0)
 
 
+def find_wrong_share(disparity: Array, truth: Array, judged: Array, most_px: float = 1.0) -> float:
+    """The share of the ``judged`` pixels, bool (H, W), whose disparity is missing or off by more than ``most_px``; NaN
+    without such pixels."""
+    if not judged.any():
+        return float("nan")
+    with np.errstate(invalid="ignore"):
+        agrees = np.abs(disparity - truth)[judged] <= most_px  # NaN does not
+    return float(np.mean(~agrees))
+
+
 class Errors:
     """The errors of a prediction where it and the truth are usable: two arrays of the same shape."""
 

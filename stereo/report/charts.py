@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ...support.arrays import Array
@@ -126,7 +126,7 @@ def render_svg(figure: Figure, name: str, title: str) -> str:
     return show_lines(text.replace(_INK, "var(--soft)").replace(_LINE, "var(--line)"))
 
 
-def add_legend(figure: Figure, axis: Axes, count: int) -> None:
+def add_legend(figure: Figure | SubFigure, axis: Axes, count: int) -> None:
     """Add a legend above the figure, of what ``axis`` shows."""
     handles, labels = axis.get_legend_handles_labels()
     if handles:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.commands.camera import read_rig
+from icymoon.commands.camera import read_rectified_rig, read_rig
 from icymoon.commands.cli import main
 from icymoon.formats.cahvor import make_cahvor_text, make_pds_text, model_from_pinhole
 from icymoon.physics.camera.stereo_camera import StereoCamera
@@ -578,3 +578,55 @@ def test_a_size_that_is_none_is_refused(tmp_path, capsys, size):
     with pytest.raises(SystemExit):
         main(["camera", str(camchain(tmp_path)), f"--size={size}"])
     assert "is no size" in capsys.readouterr().err
+
+
+def opencv_file(path, bent=0.0, right_px=0.0, turn=0.0, unlike=1.0):
+    """A calibration in OpenCV's YAML: f = 300 px, and what makes it none of rectified images."""
+    from icymoon.formats.calibrations.registry import write_calibration
+    from icymoon.physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
+    from icymoon.physics.camera.lens_models import Brown
+    from icymoon.physics.camera.rotations import from_vector
+
+    lens = Brown((bent, 0.0, 0.0, 0.0, 0.0))
+    left = CalibratedCamera(640, 480, 300.0, 300.0, 310.0, 240.0, lens)
+    right = CalibratedCamera(
+        640, 480, 300.0 * unlike, 300.0 * unlike, 310.0 + right_px, 240.0, lens,
+        rotation=from_vector(np.array([0.0, turn, 0.0])), translation_m=np.array([-0.2, 0.0, 0.0]),
+    )  # fmt: skip
+    write_calibration(CalibratedRig((left, right)), [path], "opencv")
+    return path
+
+
+def test_the_rig_of_rectified_images_keeps_both_principal_points(tmp_path):
+    settings, rig, _ = read_rectified_rig(opencv_file(tmp_path / "a.yml", right_px=31.0))
+    camera = StereoCamera.from_settings(merged(defaults(), settings).rig)
+    assert (camera.focal_px, camera.cx_px, camera.cy_px) == pytest.approx((300.0, 310.5, 240.5), rel=1e-6)
+    assert camera.baseline_m == pytest.approx(0.2)
+    assert [each.cx_px for each in rig.cameras] == [310.0, 341.0]
+    assert rig.relative_pose()[1] == pytest.approx([-0.2, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ({"bent": -0.1}, "has distortion .* leave out --rectified"),
+        ({"turn": 0.02}, r"1\.15 degrees; give the calibration of the rectified images"),
+        ({"unlike": 1.01}, "one focal length"),
+    ],
+)
+def test_a_calibration_of_images_that_are_not_rectified_is_refused(tmp_path, fault, words):
+    with pytest.raises(IcyMoonError, match=words):
+        read_rectified_rig(opencv_file(tmp_path / "a.yml", **fault))
+
+
+def test_of_ros_the_rectified_camera_is_the_projection_matrix(tmp_path):
+    from icymoon.formats.calibrations.registry import read_calibration, write_calibration
+
+    rig = read_calibration([opencv_file(tmp_path / "a.yml", bent=-0.1, turn=0.02, right_px=5.0)]).rig
+    files = [tmp_path / "l.yaml", tmp_path / "r.yaml"]
+    write_calibration(rig, files, "ros")
+    settings, pinholes, _ = read_rectified_rig(*files)
+    camera = StereoCamera.from_settings(merged(defaults(), settings).rig)
+    assert camera.cx_px == pytest.approx(313.0, abs=1e-4), "the mean of both, as projection_matrix states"
+    assert settings.rig.distortion_k1 == 0
+    assert pinholes.relative_pose()[1] == pytest.approx([-0.2, 0, 0], abs=1e-6)

@@ -22,7 +22,7 @@ TRIED = {
     ("gallery", "--only", "all"),
     ("validate", "--only", "all"),
     ("stand-ins", "names", "all"),
-    *((verb, "--cards", "all") for verb in ("render", "batch", "work", "reproduce", "study")),
+    *((verb, "--cards", "all") for verb in ("render", "batch", "work", "reproduce", "study", "twin")),
 }
 
 

@@ -34,6 +34,7 @@ OF_USERS = {
     "icymoon_few_paths.py",
     "frost_waves/__init__.py",  # modules of a package that the page describes
     "make_pair.py",
+    "make_photographs.py",
     "plane.exr",
     "plane.pfm",
     "view_0000_left.npy",

@@ -4,7 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.stereo.images.image_statistics import find_largest_square, measure_shares, measure_spectral_slope
+from icymoon.stereo.images.image_statistics import (
+    find_largest_square,
+    measure_shares,
+    measure_spectral_slope,
+    measure_spectrum,
+)
+from icymoon.stereo.images.image_values import find_white, stretch_to_8_bit
 
 
 def random_image(slope, n, seed):
@@ -63,3 +69,26 @@ def test_shares_are_of_the_ground_alone():
     ground = np.array([[True, True, True, True], [False, True, True, False]])
     assert measure_shares(level, ground) == pytest.approx((1 / 6, 2 / 6))
     assert all(map(math.isnan, measure_shares(level, np.zeros_like(ground))))
+
+
+def test_the_rings_of_a_wave_show_its_frequency():
+    """A single wave of 16 cycles per image has nearly all of its power in the ring around 16."""
+    light = 5 + np.sin(2 * np.pi * 16 * np.arange(128) / 128) + np.zeros((128, 1))
+    cycles, power = measure_spectrum(light)
+    assert len(cycles) == len(power) > 8
+    assert np.all(np.diff(cycles) > 0)
+    assert cycles[power.argmax()] == pytest.approx(16, rel=0.2)
+    assert measure_spectrum(np.ones((64, 64)))[0].size == 0
+
+
+def test_an_image_is_stretched_to_its_white():
+    levels = np.linspace(0, 100, 1000)[None]
+    white = find_white(levels)
+    assert white == pytest.approx(99.5, abs=0.1)
+    shown = stretch_to_8_bit(levels, white)
+    assert shown.dtype == np.uint8
+    assert np.array_equal(shown, stretch_to_8_bit(3 * levels, find_white(3 * levels))), "the exposure does not count"
+    assert (shown == 255).mean() == pytest.approx(0.005, abs=0.002)
+    with_hole = np.where(levels > 50, np.nan, levels)
+    assert find_white(with_hole) == pytest.approx(49.75, abs=0.1)
+    assert stretch_to_8_bit(with_hole, 50.0)[0, -1] == 0

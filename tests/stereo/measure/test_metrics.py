@@ -19,6 +19,7 @@ from icymoon.stereo.measure.metrics import (
     compute_error_curve,
     compute_sparsification,
     compute_total_metrics,
+    find_wrong_share,
     sort_by_confidence,
 )
 
@@ -266,3 +267,12 @@ def test_without_truth_there_is_a_curve_of_no_numbers():
     nothing = np.full((2, 3), np.nan)
     assert np.isnan(compute_error_curve(np.ones((2, 3)), nothing)).tolist() == [True] * len(metrics.ERROR_STEPS_M)
     assert np.isnan(compute_sparsification(nothing.ravel())).tolist() == [True] * len(metrics.SHARES)
+
+
+def test_missing_and_wrong_disparities_are_one_share_of_what_is_judged():
+    truth = np.array([[10.0, 10.0, 10.0, 10.0, 10.0]])
+    found = np.array([[10.9, 11.1, np.nan, 10.0, 99.0]])
+    judged = np.array([[True, True, True, True, False]])
+    assert find_wrong_share(found, truth, judged) == 0.5
+    assert find_wrong_share(found, truth, judged, most_px=2.0) == 0.25
+    assert math.isnan(find_wrong_share(found, truth, np.zeros_like(judged)))

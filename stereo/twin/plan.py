@@ -1,0 +1,110 @@
+"""The twin of each photographed pair: complete settings, and what was taken for them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...physics.camera.lens_distortion import find_overscan, read_coefficients
+from ...physics.camera.stereo_camera import StereoCamera
+from ...render.pairs.pair_folder import EYES
+from ...render.plans.planned_pair import PlannedPair, expand_headings
+from ...settings import user_files
+from ...settings.description import check, merged
+from ...settings.topics.declaration import Parts
+from ...settings.topics.scene import Settings
+from ...support.arrays import Array
+from ..measure.fit_check import KINDS, MatchedPlaces, find_fault, find_places
+from .photographs import Photographs, Rectification
+from .pose import Pose, fit_pose
+
+#: Beyond the needed margin, for the rounding of settings.
+_MARGIN = 1.01
+#: So many times more places are found with the images exchanged, if they are.
+_SWAPPED = 2.0
+
+
+@dataclass(frozen=True)
+class Twin:
+    """A photographed pair, the pair to render beside it, the pose that its true depth tells, if there is one, and
+    sentences on what seems wrong with its files."""
+
+    photographs: Photographs
+    planned: PlannedPair
+    pose: Pose | None
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Described:
+    """What the user states of the scene: complete settings ``below`` those of the calibrated ``rig``, and changes
+    ``above`` them. Of these two the user's own files and changes are ``own``."""
+
+    below: Settings
+    rig: Settings
+    above: Settings
+    own: Sequence[Parts]
+
+    def states(self, topic: str, *keys: str) -> bool:
+        """Whether the user states one of these settings, beside presets."""
+        return any(key in part.get(topic, {}) for part in self.own for key in keys)
+
+    def complete(self, *more: Parts) -> Settings:
+        """The complete settings, with ``more`` between rig and changes; the lens has the margin that it needs."""
+        found = merged(self.below, self.rig, *more, self.above, {"dataset": {"headings": 1}})
+        needed = find_overscan(found.rig) if any(read_coefficients(found.rig)) else 0.0
+        if needed and not self.states("rig", "overscan"):
+            found = merged(found, check({"rig": {"overscan": min(needed * _MARGIN, 2.0)}}, "the calibration"))
+        return found
+
+
+def plan_twins(pairs: Sequence[Photographs], described: Described, rectification: Rectification) -> list[Twin]:
+    """The twin of each pair. Each has a seed of its own, the first that of the settings, and so another ground.
+
+    Height and pitch follow from the true depth, unless the user states one of them. All files are read. Raises
+    IcyMoonError.
+    """
+    known = described.states("rig", "height_m", "pitch_deg")
+    twins, first = [], int(described.complete().dataset.seed)
+    for number, photographs in enumerate(pairs):
+        left, right = (rectification.read_grey(path, eye) for path, eye in zip(photographs.files, EYES, strict=False))
+        places = find_places(left, right)
+        doubts = [*_doubt_order(photographs, places)]
+        pose, own = None, Settings()
+        if photographs.depth:
+            disparity = rectification.read_disparity(photographs.depth)
+            doubts += _doubt_depth(photographs.depth, disparity, rectification.camera, places)
+            if not known:
+                pose = fit_pose(disparity, rectification.camera)
+                stated = {"rig": {"height_m": pose.height_m, "pitch_deg": pose.pitch_deg}}
+                own = check(stated, str(photographs.depth))
+        settings = merged(described.complete(own), {"dataset": {"seed": first + number}})
+        (planned,) = expand_headings(settings, user_files.hash_content(settings))
+        twins.append(Twin(photographs, planned, pose, tuple(doubts)))
+    return twins
+
+
+def _doubt_order(photographs: Photographs, places: MatchedPlaces) -> Iterator[str]:
+    """A sentence if the images match better with the right one first, or in too few places for the calibration."""
+    stated, swapped = (int(np.isfinite(each).sum()) for each in (places.left, places.swapped))
+    if not places.are_enough():
+        yield (
+            f"{photographs.left} and {photographs.right} match in few places along their rows: they show little, or "
+            "the calibration is not theirs."
+        )
+    elif swapped > _SWAPPED * stated:
+        yield (
+            f"{photographs.left} and {photographs.right} match better with the right image first; exchange them if "
+            "they are."
+        )
+
+
+def _doubt_depth(path: Path, disparity: Array, camera: StereoCamera, places: MatchedPlaces) -> Iterator[str]:
+    """A sentence if the true depth contradicts the images."""
+    fault = find_fault(disparity, "disparity", camera, places)
+    if fault is not None:
+        fits = f"; it fits {KINDS[fault.kind]}" if fault.kind in KINDS else ""
+        yield f"{path} contradicts the images{fits}. Errors of the photographs mean nothing then."

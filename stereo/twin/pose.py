@@ -1,0 +1,60 @@
+"""The pose of a camera over the plane that fits a map of depths: its height, and how it is tilted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
+from ...support.errors import IcyMoonError
+
+#: Points that are fitted, rounds of the fit, and the share of the points nearest to the plane that count in the next.
+_MOST_POINTS, _ROUNDS, _KEPT = 20_000, 8, 0.8
+#: Fewer points tell no plane.
+_FEWEST = 100
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Height above the plane, pitch down, roll clockwise, and the root mean square distance of the points from it."""
+
+    height_m: float
+    pitch_deg: float
+    roll_deg: float
+    relief_m: float
+
+
+def fit_pose(disparity: Array, camera: StereoCamera) -> Pose:
+    """The pose over the plane through most points of a disparity map (H, W), px, NaN where unknown; the plane is taken
+    to be level.
+
+    Raises IcyMoonError if there are too few points.
+    """
+    depth = camera.depth(disparity)
+    row, column = np.nonzero(np.isfinite(depth))
+    if len(row) < _FEWEST:
+        raise IcyMoonError(f"The true depth has {len(row)} points, and a plane needs {_FEWEST}; give a denser map.")
+    step = max(1, len(row) // _MOST_POINTS)
+    row, column = row[::step], column[::step]
+    z = depth[row, column]
+    points = np.stack(
+        [(column + 0.5 - camera.cx_px) / camera.focal_px * z, (row + 0.5 - camera.cy_px) / camera.focal_px * z, z],
+        axis=1,
+    )
+    kept = points
+    for _ in range(_ROUNDS):
+        middle = kept.mean(axis=0)
+        normal = np.linalg.svd(kept - middle, full_matrices=False)[2][2]
+        off = np.abs((points - middle) @ normal)
+        kept = points[off <= np.quantile(off, _KEPT)]
+    normal = normal * (math.copysign(1.0, float(normal @ middle)))  # away from the camera, which is down
+    off = (points - middle) @ normal
+    return Pose(
+        float(normal @ middle),
+        math.degrees(math.asin(float(np.clip(normal[2], -1, 1)))),
+        math.degrees(math.atan2(float(normal[0]), float(normal[1]))),
+        float(np.sqrt(np.mean(off**2))),
+    )
