@@ -37,6 +37,8 @@ _PAGES = {
     "rocks": "theory/terrain",
     "light": "theory/light",
     "rig": "camera",
+    "left_eye": "howto/calibrations",
+    "right_eye": "howto/calibrations",
     "lander": "howto/lander",
     "arm": "howto/lander",
     "workspace": "theory/decisions",

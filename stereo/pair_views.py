@@ -153,12 +153,13 @@ def _develop(pair: Pair, settings: Settings) -> DevelopedImages:
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     linear = {"sensor": {"demosaicing": "MALVAR"}} if settings.sensor.demosaicing == "EDGE_AWARE" else {}
     plain = merged(settings, {"rig": {f"distortion_{name}": 0.0 for name in COEFFICIENTS}}, linear)
-    return develop(replace(pair, camera=replace(pair.camera, toe_in_deg=0.0)), left, right, plain)
+    return develop(replace(pair, camera=replace(pair.camera, toe_in_deg=0.0, eyes=None)), left, right, plain)
 
 
 def _describe_left_out(pair: Pair, settings: Settings) -> list[str]:
     parts = [
-        *(["lens distortion"] if any(read_coefficients(settings.rig)) else []),
+        *(["lens distortion"] if any(coefficients(settings.rig)) else []),
+        *(["the lenses of calibrated eyes"] if pair.camera.eyes else []),
         *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else []),
         *(
             ["edge-aware demosaicing"]

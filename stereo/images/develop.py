@@ -68,8 +68,8 @@ class DevelopedImages:
 
     left: Array  # rectified, on the truth
     right: Array
-    detected_left: Array  # on the sensor: a colour sensor's mosaic; else the same unless the lens distorts or the
-    detected_right: Array  # eyes are toed in
+    detected_left: Array  # on the sensor: a colour sensor's mosaic; else the same unless the lens distorts, the eyes
+    detected_right: Array  # are toed in or they are calibrated
     bits: int
     frames: tuple[Exposure, ...]  # the exposures, longest first
     exposure_s: float  # of the metered exposure
@@ -204,8 +204,8 @@ class _Optics:
     @classmethod
     def of(cls, pair: Pair, settings: Settings, eye: str) -> _Optics:
         sensor, rig, camera = settings.sensor, settings.rig, pair.camera
-        shape = camera.height_px, camera.width_px
-        blocked = compute_blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)
+        shape = camera.sensor_px(eye)[::-1]
+        blocked = blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)
         return cls(camera, sensor, make_lens(camera, rig, eye), blocked)
 
     def on_sensor(self, plane: Array) -> Array:
