@@ -18,6 +18,7 @@ from ...physics.camera.lens_distortion import coefficients, distort, refuse_fold
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import RigSettings
 from ...support.arrays import Array, Numbers
+from .spline import sample
 
 
 @dataclass(frozen=True)
@@ -28,10 +29,15 @@ class Lens:
     rectified_in_sensor: Array
     rectified_in_rendered: Array
     rendered_px: tuple[int, int]  # columns and rows of the rendered image
+    is_calibrated: bool = False
 
     def distort(self, radiance: Array) -> Array:
         """The radiance on the sensor, from rendered radiance; 0 beyond the edges of the render."""
-        seen = _remap(radiance, self.sensor_in_rendered, cubic=True)
+        seen = (
+            sample(radiance, self.sensor_in_rendered).astype(np.float32)
+            if self.is_calibrated
+            else _remap(radiance, self.sensor_in_rendered, cubic=True)  # kept, so that old pairs have their images
+        )
         return np.maximum(np.nan_to_num(seen), 0.0)
 
     def rectify(self, numbers: Array) -> Array:
@@ -121,6 +127,7 @@ def _make_calibrated_lens(camera: StereoCamera, margin_x_px: int, margin_y_px: i
         own.show(rays @ own.rotation.T).astype(np.float32),
         (pixels + np.array([margin_x_px, margin_y_px])).astype(np.float32),
         rendered.rendered_px,
+        is_calibrated=True,
     )
 
 
