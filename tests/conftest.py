@@ -32,7 +32,12 @@ os.environ["BLENDER_USER_RESOURCES"] = _resources  # before the first import of 
 os.environ["ICYMOON_CACHE"] = os.path.join(_resources, "cache")  # nor is what was measured of the machine used
 _status = pytest.StashKey[int]()
 # A slow machine is no failure.
-hypothesis.settings.register_profile("icymoon", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
+hypothesis.settings.register_profile(
+    "icymoon",
+    deadline=None,
+    # A description has each of some hundred settings, so the smallest one is large.
+    suppress_health_check=[hypothesis.HealthCheck.too_slow, hypothesis.HealthCheck.large_base_example],
+)
 hypothesis.settings.load_profile("icymoon")
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     # A shell starts what runs in its background so, and the programs that tests interrupt would not listen either.

@@ -78,7 +78,8 @@ class Pair:
         return self._file_or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
 
     def truth_of_sensor(self, eye: str) -> Path:
-        """The file with the truth on the pixels of a calibrated eye's sensor."""
+        """The file with the truth on the pixels of a calibrated eye's sensor: ``left_raw_truth.exr`` or
+        ``right_raw_truth.exr``."""
         return self.folder / RAW_TRUTH_FILE.format(eye)
 
     @property

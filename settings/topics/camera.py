@@ -219,7 +219,7 @@ class EyeSettings(Table, since="0.4"):
         "E2", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient E2 of the entrance pupil",
         "camera", precision=6, section=MODEL, shown=chosen("lens", "CAHVORE"))
     linearity: float = number(
-        "Linearity", 1.0, -2.0, 2.0, (-1.0, 1.0), "Kind of lens: 1 for perspective, 0 for a fisheye", "camera",
+        "Linearity", 1.0, -2.0, 2.0, (-1.0, 1.0), "Kind of lens, from perspective at 1 to fisheye at 0", "camera",
         section=MODEL, shown=chosen("lens", "CAHVORE"))
 
 
