@@ -29,7 +29,7 @@ from ..settings.table import TOPICS
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.foreign_bytes import explained
+from ..support.foreign_bytes import explain_errors
 
 #: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
 PARALLEL_RAD, ASIDE = 1e-4, 1e-3
@@ -110,7 +110,7 @@ def calibrated_settings(rig: CalibratedRig, why: str, paths: Sequence[Path], kin
     IcyMoonError for eyes that are swapped, one above the other or at one place, and for a lens that folds the image.
     """
     where = " and ".join(map(str, paths))
-    with explained(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
+    with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
         pair = _rectified(rig, paths, kind)
     if pair.along_m > 0:
         raise IcyMoonError(

@@ -212,7 +212,7 @@ def read_rig(
     _check_parallel(first, second, where, fix)
     baseline_m = float(np.linalg.norm(second.centre_m - first.centre_m))
     doubt = check_baseline(baseline_m, first.path, second.path, stated_in)
-    lens, averaged = _mean_lens(first.lens, second.lens, width, where)
+    lens, averaged = _average_lenses(first.lens, second.lens, width, where)
     width_mm = defaults().rig.sensor_width_mm
     rig = {
         "width_px": width,
@@ -240,7 +240,7 @@ def _read_any_eyes(
     """Two cameras of a calibration of any format, as ``_ros_eyes`` gives them."""
     reading = _choose(read_calibration(paths, stated, kind), names)
     rig = pair_of(reading, where)
-    with explained(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
+    with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
         cameras = ros_pair_of(rig)
     first, second, notes = _ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
     return first, second, [*reading.notes, *notes]
@@ -255,7 +255,7 @@ def _ros_eyes(
     cameras = list(zip(paths, pair, strict=True))
     for path, camera in cameras:
         _refuse_no_focal_length(path, camera)
-    reason = _why_rectified(*(camera for _, camera in cameras))
+    reason = _find_why_rectified(*(camera for _, camera in cameras))
     notes = []
     if reason is not None:
         notes.append(
@@ -296,7 +296,7 @@ def _refuse_no_focal_length(path: Path, camera: RosCamera) -> None:
             raise IcyMoonError(f"{path}: {name} has no focal length; calibrate both eyes as a stereo pair.")
 
 
-def _why_rectified(left: RosCamera, right: RosCamera) -> str | None:
+def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     """Why a rig here needs the rectified images of two cameras, as a clause; None if it can have them as they are.
 
     Each eye states its rotation into the axes of the rectified pair.
@@ -308,7 +308,7 @@ def _why_rectified(left: RosCamera, right: RosCamera) -> str | None:
             return f"the lens model is {camera.model}"
     if differ := _describe_unlike(_make_ros_lens(left, False), _make_ros_lens(right, False), left.width_px):
         return f"the lenses of camera_matrix differ by {differ}"
-    turned = _angle(left.rectification, right.rectification)
+    turned = _angle_between(left.rectification, right.rectification)
     if turned > PARALLEL_RAD:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
     x, y, z = map(float, left.rectification.T @ (place_of(right) - place_of(left)))
@@ -354,7 +354,7 @@ def _angle_between(first: Array, second: Array) -> float:
     return float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
 
 
-def _has_squares(matrix: Array) -> bool:
+def _has_square_pixels(matrix: Array) -> bool:
     return bool(abs(matrix[0, 0] / matrix[1, 1] - 1) < SQUARE and matrix[0, 1] == 0)
 
 
@@ -362,7 +362,7 @@ def _describe_focal_lengths(matrix: Array) -> str:
     return f"fx {matrix[0, 0]:g}, fy {matrix[1, 1]:g} px"
 
 
-def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
+def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
     """The one lens that stands for two, and a sentence if they differ by more than ``ALIKE_PX``.
 
     Raises IcyMoonError if they differ too much for one lens.
@@ -371,7 +371,7 @@ def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens
         raise IcyMoonError(
             f"{where} differ by {differ}, and both eyes of a rig here have one lens; rectify their images first."
         )
-    focal, centre, bent = _differences(left, right)
+    focal, centre, bent = _measure_differences(left, right)
     if max(focal, centre, bent) <= ALIKE_PX:
         return left if left.residual_px >= right.residual_px else right, []
     mean = Lens(

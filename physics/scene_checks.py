@@ -23,7 +23,7 @@ from .arm.collisions import find_link_around
 from .arm.kinematics import Joint, find_joints_beyond_limits
 from .arm.lander_arm import is_users_arm, joint_values, make_arm
 from .arm.parametric import JOINTS
-from .camera.depth_accuracy import centre_advice, coarse_advice, ground_row
+from .camera.depth_accuracy import advise_on_coarse_triangles, advise_on_principal_point, measure_ground_row
 from .camera.eyes import calibrated_advice, reasons_of_calibrated_eyes
 from .excavation import reach
 from .excavation import site as excavation
@@ -87,9 +87,9 @@ def find_reasons_in_settings(settings: Settings) -> list[Reason]:
         *_find_sky_reasons(settings),
         *_find_lamp_reasons(settings),
         *_veil_reasons(settings),
-        *lander_reasons(settings),
+        *find_lander_reasons(settings),
         *(Reason(text, name) for text, name in reasons_of_calibrated_eyes(settings)),
-        *(Reason(text, "excavation.path") for text in excavation.find_reasons(settings)),
+        *(Reason(text, "excavation.path") for text in excavation.find_refusals(settings)),
     ]
 
 
@@ -103,11 +103,11 @@ def advise_on_scene(settings: Settings) -> list[str]:
             f"rig.pitch_deg ({rig.pitch_deg:g}°)."
         )
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRID":
-        said += coarse_advice(rig, patch.size_m / (patch.resolution - 1))
-    said += bake_advice(settings)
+        said += advise_on_coarse_triangles(rig, patch.size_m / (patch.resolution - 1))
+    said += advise_on_bake(settings)
     said += calibrated_advice(settings)
-    dug = excavation.advice(settings)
-    return said + dug + (reach.advice(settings) if not excavation.find_reasons(settings) else [])
+    dug = excavation.advise_on_excavation(settings)
+    return said + dug + (reach.advise_on_reach(settings) if not excavation.find_refusals(settings) else [])
 
 
 def find_returned_share(parameters: HapkeParameters) -> tuple[float, float]:

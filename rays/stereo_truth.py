@@ -158,7 +158,7 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
         direction = eye.directions(pixels)
         lost = np.isnan(direction).any(axis=1)
         direction[lost] = eye.axes[:, 2]  # any ray; what it meets is dropped
-        seen = _see(stage, eye.position, direction, near_m, far_m)
+        seen = _find_first_surface(stage, eye.position, direction, near_m, far_m)
         for values in (seen.label, seen.number, seen.normal):
             values[lost] = 0
         seen.along[lost] = np.inf

@@ -14,7 +14,7 @@ from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
 from ..paper_stand_ins.items import describe_item, list_items
 from ..physics import scene_checks
-from ..physics.camera.blur import blur_of
+from ..physics.camera.blur import find_blur
 from ..physics.camera.eyes import camera_of, eyes_json
 from ..physics.light.sky import compare_lights
 from ..physics.scene_requirements import find_left_out, traced_sentence
@@ -105,7 +105,7 @@ def make_pair_json(
     baked light, if any.
     """
     settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
-    camera, blur = camera_of(settings), blur_of(settings)
+    camera, blur = camera_of(settings), find_blur(settings)
     return {
         "format": FORMAT,
         "version": VERSION,

@@ -26,7 +26,7 @@ from ..nodes.rig import find_eye_poses, list_lens_values, turn_about_eye
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
-from ..physics.camera.blur import Blur, blur_of
+from ..physics.camera.blur import Blur, find_blur
 from ..physics.camera.eyes import camera_of
 from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.scene_requirements import are_rocks_clear, can_be_baked, make_direct_quality
@@ -49,13 +49,13 @@ from .lander_record import make_lander_json
 from .object_labels import lend_labels
 from .pair_record import make_light_json, make_pair_json
 from .pairs.baked_file import LIGHT
-from .pairs.our_files import check_no_link, folder_of_pairs
+from .pairs.our_files import check_no_link, pairs_folder
 from .pairs.pair_folder import RAW_TRUTH_FILE, TOED_TRUTH_FILE, TRUTH_FILE
-from .pairs.publish import check_place, discard, publish
-from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, workspace_extent, workspace_files
+from .pairs.publish import check_place, discard_unfinished, publish_pair
+from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
-from .ray_stage import CannotTrace, RaysOfScene
+from .ray_stage import CannotTrace, SceneRays
 from .ray_truth import Wanted, trace_beside
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .workers.claims import CLAIMS_FOLDER
@@ -281,13 +281,13 @@ def _render_takes(
 ) -> _Rendered:
     """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is."""
     settings = planned.settings
-    camera, blur = camera_of(settings), blur_of(settings)
-    takes = _camera_setups(camera, blur, _is_full(planned))
+    camera, blur = camera_of(settings), find_blur(settings)
+    takes = _list_camera_setups(camera, blur, _has_full_truth(planned))
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
     with turn_about_eye(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
         lights = _prepare_cycles(scene, built, planned, quality, blur is not None, baked)
-        poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
+        poses = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         clip_m = built.camera.data.clip_start, built.camera.data.clip_end
         stage, asked, engine = _plan_rays(part, rays, settings, takes, camera)
         truths = 0 if asked.keys() - {_ON_SENSORS} else _count_truths(takes, planned)
@@ -309,7 +309,7 @@ def _render_takes(
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
             files |= _files_on_sensors(traced)
-        light = light_json(built, settings.light.directions_from)
+        light = make_light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
             _write_workspace(part, rays, built, scene.frame_current)
     seconds = {"render": round(time.perf_counter() - start, 3), "sampling": round(sampling.seconds, 3)}
@@ -379,7 +379,7 @@ _ON_SENSORS = -1
 
 
 def _plan_rays(
-    part: Path, rays: RaysOfScene, settings: Settings, takes: list[_CameraSetup], camera: StereoCamera
+    part: Path, rays: SceneRays, settings: Settings, takes: list[_CameraSetup], camera: StereoCamera
 ) -> tuple[Stage | None, dict[int, Wanted], dict[str, str]]:
     """The stage for rays, the truths that they find by number, and the statement of ``_choose_engine``. The truths are
     those of ``takes``, unless Cycles renders them, and those on the sensors of calibrated eyes."""
@@ -401,7 +401,7 @@ def _files_on_sensors(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str
     return {RAW_TRUTH_FILE.format(eye): {TRUTH: file} for eye, file in found.items()}
 
 
-def _stage_of_sensors(rays: RaysOfScene) -> Stage:
+def _stage_of_sensors(rays: SceneRays) -> Stage:
     """The stage for the truth on sensors, which Cycles cannot render. Raises IcyMoonError if rays cannot find it."""
     try:
         return rays.prepare()
@@ -412,7 +412,7 @@ def _stage_of_sensors(rays: RaysOfScene) -> Stage:
         ) from None
 
 
-def _write_workspace(part: Path, rays: RaysOfScene, built: Built, frame: int) -> None:
+def _write_workspace(part: Path, rays: SceneRays, built: Built, frame: int) -> None:
     """Write the true maps of the workspace, see ``workspace_files``, into the folder ``part``."""
     extent = find_workspace_extent(built.settings.workspace)
     maps = {WORKSPACE_FILE: make_heights(rays, extent)}

@@ -158,7 +158,7 @@ def _develop(pair: Pair, settings: Settings) -> DevelopedImages:
 
 def _describe_left_out(pair: Pair, settings: Settings) -> list[str]:
     parts = [
-        *(["lens distortion"] if any(coefficients(settings.rig)) else []),
+        *(["lens distortion"] if any(read_coefficients(settings.rig)) else []),
         *(["the lenses of calibrated eyes"] if pair.camera.eyes else []),
         *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else []),
         *(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..physics.camera.eyes import eyes_json
-from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
+from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
 from ..render.pairs.pair_folder import EYES, find_pair_folders, read_unchanged_pair
 from ..settings.description import merged
 from ..support.arrays import Array
@@ -99,7 +99,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
             "pair": pair.id,
             "camera": pair.camera.to_json(),
             "eyes": eyes_json(pair.camera, settings.rig),
-            "distortion": dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True)),
+            "distortion": dict(zip(COEFFICIENTS, read_coefficients(settings.rig), strict=True)),
             **describe_exposure(images),
             "settings": {topic: settings[topic] for topic in ("sensor", "light")},
         },

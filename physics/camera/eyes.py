@@ -18,7 +18,7 @@ from ...settings.topics.camera import EyeSettings, RigSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from .calibrated_camera import CalibratedCamera
-from .lens_distortion import COEFFICIENTS, coefficients
+from .lens_distortion import COEFFICIENTS, read_coefficients
 from .lens_models import Brown, Cahvore, Fisheye, LensModel
 from .rotations import from_vector, to_vector
 from .stereo_camera import StereoCamera
@@ -125,7 +125,7 @@ def eyes_json(camera: StereoCamera, rig: RigSettings) -> dict[str, Any]:
     """
     found = camera.eyes_json()
     if camera.eyes is None:
-        distortion = dict(zip(COEFFICIENTS, coefficients(rig), strict=True))
+        distortion = dict(zip(COEFFICIENTS, read_coefficients(rig), strict=True))
         return {eye: {**facts, "distortion": distortion} for eye, facts in found.items()}
     return {
         name: {

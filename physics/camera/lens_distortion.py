@@ -20,7 +20,7 @@ COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
 _STEPS = 25
 
 
-def coefficients(rig: RigSettings) -> tuple[float, ...]:
+def read_coefficients(rig: RigSettings) -> tuple[float, ...]:
     """k1, k2, p1, p2, k3 of a ``rig`` topic; zeros if its eyes have lenses of their own."""
     if rig.get("eyes") == "CALIBRATED":
         return (0.0,) * len(COEFFICIENTS)

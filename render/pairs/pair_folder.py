@@ -189,7 +189,7 @@ def check_pair(folder: Path, data: object, restore: Restore = restore_settings) 
         )
     check_record(data, _SHAPE, path, _FIX)
     settings = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
-    pair = Pair(folder, checked_id(data["id"], path), settings, _camera_of(data["camera"], settings, path), data)
+    pair = Pair(folder, check_id(data["id"], path), settings, _camera_of(data["camera"], settings, path), data)
     _check_statements(pair, path)
     for eye in EYES:
         if not pair.image(eye).is_file():
@@ -222,7 +222,7 @@ def _find_contradictions(pair: Pair) -> Iterator[str]:
     yield from find_contradictions(
         stated, pair.settings, {**_numbers_of(camera), **camera.to_json()}, eyes_json(camera, pair.settings.rig)
     )
-    wanted, there = _name_files(pair.settings, camera), pair.data["files"].keys()
+    wanted, there = _list_file_names(pair.settings, camera), pair.data["files"].keys()
     yield from (f"files has no {name}, and its settings give it" for name in sorted(wanted - there))
     yield from (f"files has {name}, and its settings give no such file" for name in sorted(there - wanted))
 
@@ -231,7 +231,7 @@ def _numbers_of(camera: StereoCamera) -> dict[str, Any]:
     return asdict(replace(camera, eyes=None))
 
 
-def _name_files(settings: Settings, camera: StereoCamera) -> set[str]:
+def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
     """The names of the files of a pair with these settings, besides ``pair.json``."""
     kinds = [
         "{}.exr",

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.camera.blur import blur_of
-from ...physics.excavation.jitter import jittered_rig
-from ...physics.light.directions import camera_axes, toward
-from ...physics.light.scene_sun import described_by, from_json
-from ...physics.light.sky import azimuth_deg, elevation_deg, sky, sky_facts
+from ...physics.camera.blur import find_blur
+from ...physics.excavation.jitter import jitter_rig
+from ...physics.light.directions import camera_axes, direction_toward
+from ...physics.light.scene_sun import sun_from_facts, sun_from_json
+from ...physics.light.sky import azimuth_deg, compute_sky, describe_sky, elevation_deg
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -44,8 +44,8 @@ def find_contradictions(
     ``camera`` and ``eyes`` are these tables of the settings, see ``StereoCamera`` and ``eyes.eyes_json``.
     """
     by_hand = bool(data.get("edited_by_hand"))
-    yield from _compare("camera", data["camera"], camera)
-    yield from _compare("eyes", data.get("eyes", {}), eyes)
+    yield from _compare_value("camera", data["camera"], camera)
+    yield from _compare_value("eyes", data.get("eyes", {}), eyes)
     yield from _compare_poses(data, settings, eyes, by_hand)
     yield from _compare_light(data.get("light") or {}, settings, by_hand)
     indirect = data.get("indirect")

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.exr_layout import read_sizes
-from ...physics.camera.blur import blur_identity
+from ...physics.camera.blur import describe_blur_identity
 from ...physics.camera.eyes import camera_of
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.description import Restorer, digest
-from ...settings.pair_ids import counts, make_counter, value_in_id
-from ...settings.table import all_settings
+from ...settings.pair_ids import affects_pixels, make_counter, value_in_id
+from ...settings.table import list_all_settings
 from ...support.errors import IcyMoonError, describe_error
 from ...support.file_shapes import FILE_NAME, SHA256, Each, find_fault
 from ...support.files import hash_file, list_put_there, quote, read_text

@@ -12,7 +12,7 @@ import numpy as np
 from ...formats.calibrations.registry import FORMATS, write_calibration
 from ...physics.camera.calibrated_camera import CalibratedRig
 from ...physics.camera.eyes import eyes_json
-from ...physics.camera.lens_distortion import coefficients
+from ...physics.camera.lens_distortion import read_coefficients
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
@@ -60,7 +60,7 @@ def write_pair(pair: LoadedPair, folder: Path) -> None:
 
 def _write_alike(pair: LoadedPair, folder: Path) -> dict[str, Any]:
     """Write the calibration of alike eyes, and return what ``calibration.json`` states of it."""
-    camera, distortion = pair.pair.camera, coefficients(pair.settings.rig)
+    camera, distortion = pair.pair.camera, read_coefficients(pair.settings.rig)
     opencv = make_opencv_calibration(camera, distortion)
     intrinsic = ("M1", "D1", "M2", "D2")
     write_text(folder / "intrinsics.yml", _to_opencv_yaml({key: opencv[key] for key in intrinsic}))

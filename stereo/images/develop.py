@@ -205,7 +205,7 @@ class _Optics:
     def of(cls, pair: Pair, settings: Settings, eye: str) -> _Optics:
         sensor, rig, camera = settings.sensor, settings.rig, pair.camera
         shape = camera.sensor_px(eye)[::-1]
-        blocked = blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)
+        blocked = compute_blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)
         return cls(camera, sensor, make_lens(camera, rig, eye), blocked)
 
     def on_sensor(self, plane: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...physics.camera.calibrated_camera import CalibratedCamera
 from ...physics.camera.eyes import in_rendered, rays_in_rig
-from ...physics.camera.lens_distortion import coefficients, distort, refuse_folds, undistort
+from ...physics.camera.lens_distortion import distort_points, read_coefficients, refuse_folds, undistort_points
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import RigSettings
 from ...support.arrays import Array, Numbers
@@ -90,7 +90,7 @@ def make_lens(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
     own = camera.own_eye(eye)
     if own is not None:
         return _make_calibrated_lens(camera.rectified, camera.margin_x_px, camera.margin_y_px, own)
-    k = coefficients(rig)
+    k = read_coefficients(rig)
     return _make_lens(camera, k, eye) if any(k) or camera.toe_in_deg else None
 
 

@@ -9,10 +9,10 @@ import pytest
 from heads import HEADS, head_settings
 from icymoon.physics.camera.calibrated_camera import CalibratedRig
 from icymoon.physics.camera.eyes import camera_of, dark_shares, eyes_json, overscan_for
-from icymoon.physics.scene_checks import find_reasons, scene_advice
-from icymoon.settings.changes import camera, response
+from icymoon.physics.scene_checks import advise_on_scene, find_reasons
+from icymoon.settings.changes import select_camera, select_response
 from icymoon.settings.description import defaults, merged
-from icymoon.settings.pair_ids import counted
+from icymoon.settings.pair_ids import list_counted_values
 
 
 @pytest.mark.parametrize("name", HEADS)
@@ -34,10 +34,13 @@ def test_a_calibration_comes_back_from_its_settings(name):
 def test_the_proposed_overscan_lights_all_pixels_and_hardly_more(name):
     settings = head_settings(name)
     assert dark_shares(camera_of(settings)) == (0.0, 0.0)
-    assert not [said for said in scene_advice(settings) if "dark" in said]
+    assert not [said for said in advise_on_scene(settings) if "dark" in said]
     less = merged(settings, {"rig": {"overscan": settings.rig.overscan - 3 / 72}})
     assert max(dark_shares(camera_of(less))) > 0
-    assert any("dark" in said and f"rig.overscan to {settings.rig.overscan:g}" in said for said in scene_advice(less))
+    told = f"rig.overscan to {settings.rig.overscan:g}"
+    assert any("dark" in said and told in said for said in advise_on_scene(less))
+        "dark" in said and f"rig.overscan to {settings.rig.overscan:g}" in said for said in advise_on_scene(less)
+    )
 
 
 def test_eyes_of_the_parallel_pair_itself_need_no_overscan_and_turn_nothing():
@@ -55,14 +58,14 @@ def test_alike_eyes_ignore_the_tables_and_keep_ids():
     changed = {"left_eye": {"fx_px": 99.0}}
     settings = merged(defaults(), changed)
     assert camera_of(settings) == camera_of(defaults())
-    assert counted(defaults()) == counted(merged(defaults(), {}))
-    assert "left_eye" not in json.dumps(counted(defaults()))
-    assert counted(settings) != counted(defaults())
+    assert list_counted_values(defaults()) == list_counted_values(merged(defaults(), {}))
+    assert "left_eye" not in json.dumps(list_counted_values(defaults()))
+    assert list_counted_values(settings) != list_counted_values(defaults())
 
 
 def test_eyes_are_of_the_camera_and_distortion_of_the_rig_does_not_count_beside_them():
-    assert camera(defaults())["left_eye"].keys() == defaults().left_eye.keys()
-    assert "left_eye" not in response(defaults())
+    assert select_camera(defaults())["left_eye"].keys() == defaults().left_eye.keys()
+    assert "left_eye" not in select_response(defaults())
     settings = merged(head_settings("nearly alike"), {"rig": {"distortion_k1": 0.3, "toe_in_deg": 5.0}})
     assert eyes_json(camera_of(settings), settings.rig) == eyes_json(
         camera_of(head_settings("nearly alike")), head_settings("nearly alike").rig
@@ -92,10 +95,10 @@ def test_a_fisheye_may_have_pixels_that_see_nothing():
     camera = camera_of(settings)
     assert 0 < camera.eyes[0].dark_share() < 0.5
     assert not [each for each in find_reasons(settings) if each.names[0].startswith("left_eye")]
-    assert any("of the left eye stay dark" in said for said in scene_advice(settings))
+    assert any("of the left eye stay dark" in said for said in advise_on_scene(settings))
 
 
 def test_what_no_pinhole_shows_needs_an_infinite_overscan():
     settings = merged(head_settings("fisheye and CAHVORE"), {"left_eye": {"fx_px": 20.0, "fy_px": 20.0}})
     assert overscan_for(camera_of(settings)) == np.inf
-    assert any("No pinhole shows all" in said for said in scene_advice(settings))
+    assert any("No pinhole shows all" in said for said in advise_on_scene(settings))
