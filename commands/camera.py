@@ -17,7 +17,6 @@ from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ..physics.camera.lens_distortion import COEFFICIENTS
 from ..physics.camera.lens_models import Brown
 from ..settings.description import check, defaults
-from ..settings.table import TOPICS
 from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
@@ -28,19 +27,23 @@ from ..support.foreign_bytes import explain_errors
 from ..support.printer import say
 from ..support.suggestions import suggest_nearest
 from ..support.terminal import as_path
+from .calibrated_eyes import (
+    ALIKE_PX,
+    ASIDE,
+    PARALLEL_RAD,
+    SQUARE,
+    calibrated_settings,
+    check_baseline,
+    pair_of,
+    why_calibrated,
+)
 from .calibration_text import describe_rig
 
-#: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
-_PARALLEL_RAD, _ASIDE = 1e-4, 1e-3
-#: How far two eyes may differ in focal length, principal point and distortion, px over the image, to be alike; and as
-#: shares of the focal length and of the width, to be taken for one lens, their mean.
-_ALIKE_PX, _MOST_FOCAL, _MOST_CENTRE = 0.5, 0.05, 0.05
+#: How far two eyes may differ in focal length and distortion, and in principal point, as shares of the focal length
+#: and of the width, to be taken for one lens, their mean.
+_MOST_FOCAL, _MOST_CENTRE = 0.05, 0.05
 #: Smaller coefficients of distortion come from rounding in the file.
 _NO_DISTORTION = 1e-9
-#: By how much the focal lengths along x and y may differ as a share for pixels that are squares.
-_SQUARE = 1e-3
-#: Longest baseline of two eyes on one mount, m; NASA's rovers have at most 0.42, cars 1.5.
-_LIKELY_BASELINE_M = 5.0
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="a calibration: one file with all cameras, or one for each camera, the left one first",
     )
     add_calibration_options(parser)
+    parser.add_argument(
+        "--alike",
+        action="store_true",
+        help="print one camera for both eyes: the mean of both, or the camera of the rectified images",
+    )
     parser.add_argument("--show", action="store_true", help="print the cameras instead of settings")
     parser.add_argument("--to", choices=FORMATS, help="write the cameras in this format instead")
     parser.add_argument(
@@ -130,8 +138,9 @@ def _run_camera(options: argparse.Namespace) -> int:
             write_calibration(reading.rig, options.out, options.to)
             say(f"# {FORMATS[options.to].title}: {', '.join(map(str, options.out))}")
         return 0
-    settings, notes = read_rig(*options.files, most_px=options.most_px, stated=stated, kind=options.format,
-                               names=options.cameras)  # fmt: skip
+    read = read_rig if options.alike else read_eyes
+    settings, notes = read(*options.files, most_px=options.most_px, stated=stated, kind=options.format,
+                           names=options.cameras)  # fmt: skip
     for note in notes:
         say(f"# {note}")
     say(to_toml(settings).removesuffix("\n"))
@@ -151,6 +160,31 @@ def choose_cameras(reading: Reading, names: str | None) -> Reading:
     return Reading(CalibratedRig(tuple(known[name] for name in wanted)), reading.notes)
 
 
+def read_eyes(
+    *paths: Path,
+    most_px: float = FIT_LIMIT_PX,
+    stated: Stated = Stated(),  # noqa: B008
+    kind: str | None = None,
+    names: str | None = None,
+) -> tuple[Settings, list[str]]:
+    """The settings of two calibrated cameras as they are, and sentences on what was assumed and what stays dark.
+
+    Eyes that are alike, parallel and side by side give the ``rig`` of ``read_rig``; others give it as their rectified
+    pair, with ``left_eye`` and ``right_eye`` beside it. Raises IcyMoonError.
+    """
+    where = " and ".join(map(str, paths))
+    kinds = {kind or format_of(path) for path in paths}
+    for path in paths if kinds == {"ros"} and len(paths) == 2 else ():
+        _refuse_no_focal_length(path, read_ros_camera(path))
+    reading = choose_cameras(read_calibration(paths, stated, kind), names)
+    rig = pair_of(reading, where)
+    why = why_calibrated(rig)
+    if not why:
+        return read_rig(*paths, most_px=most_px, stated=stated, kind=kind, names=names)
+    found, notes = calibrated_settings(rig, why, paths, kinds.pop())
+    return found, [*reading.notes, *notes]
+
+
 def read_rig(
     *paths: Path,
     most_px: float = FIT_LIMIT_PX,
@@ -158,10 +192,10 @@ def read_rig(
     kind: str | None = None,
     names: str | None = None,
 ) -> tuple[Settings, list[str]]:
-    """The ``rig`` settings of two calibrated cameras, and sentences on fitted, averaged and left-out values.
+    """The ``rig`` settings of one camera for two, and sentences on fitted, averaged and left-out values.
 
-    The sensor has the default width, since a calibration states lengths in pixels only. Both eyes of a rig here have
-    one lens: the mean of both lenses if they differ. Eyes that are not parallel, not alike or have lenses that a rig
+    The sensor has the default width, since a calibration states lengths in pixels only. Both eyes have one lens:
+    the mean of both lenses if they differ. Eyes that are not parallel, not alike or have lenses that a rig
     lacks give the rig of their rectified images. Raises IcyMoonError if camera models of JPL are not parallel and side
     by side, if the lenses differ by more than a twentieth, or if the fitted lens is off by more than ``most_px``.
     """
@@ -182,7 +216,8 @@ def read_rig(
         fix = "rectify their images first"
     _check_one_size(first, second, where)
     _check_parallel(first, second, where, fix)
-    baseline_m, doubt = _find_baseline(first, second, stated_in)
+    baseline_m = float(np.linalg.norm(second.centre_m - first.centre_m))
+    doubt = check_baseline(baseline_m, first.path, second.path, stated_in)
     lens, averaged = _average_lenses(first.lens, second.lens, first.size_px[0], where)
     fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
     return _settings_of(lens, first.size_px, baseline_m, where), [*taken, *fitted, *averaged, *doubt]
@@ -208,17 +243,18 @@ def read_rectified_rig(
     else:
         reading = choose_cameras(read_calibration(paths, stated, kind), names)
         notes = [*reading.notes]
-        eyes = [_pinhole_eye(camera, paths, where) for camera in _two_of(reading.rig, where).cameras]
+        eyes = [_pinhole_eye(camera, paths, where) for camera in pair_of(reading, where).cameras]
         lenses = [eye.lens for eye in eyes]
     left, right = eyes
     fix = "give the calibration of the rectified images, or leave out --rectified for photographs as they were taken"
     _check_one_size(left, right, where)
     _check_parallel(left, right, where, fix)
-    if max(abs(lenses[0].focal_px - lenses[1].focal_px), abs(lenses[0].cy_px - lenses[1].cy_px)) > _ALIKE_PX:
+    if max(abs(lenses[0].focal_px - lenses[1].focal_px), abs(lenses[0].cy_px - lenses[1].cy_px)) > ALIKE_PX:
         raise IcyMoonError(
             f"{where}: the eyes of rectified images have one focal length and one row of the principal point; {fix}."
         )
-    baseline_m, doubt = _find_baseline(left, right, "the translation is")
+    baseline_m = float(np.linalg.norm(right.centre_m - left.centre_m))
+    doubt = check_baseline(baseline_m, left.path, right.path, "the translation is")
     cameras = [
         CalibratedCamera(*left.size_px, lens.focal_px, lens.focal_px, lens.cx_px, lens.cy_px,
                          translation_m=np.array([-along, 0.0, 0.0]))
@@ -281,21 +317,11 @@ def _read_any_eyes(
 ) -> tuple[_Eye, _Eye, list[str]]:
     """Two cameras of a calibration of any format, as ``_ros_eyes`` gives them."""
     reading = choose_cameras(read_calibration(paths, stated, kind), names)
+    rig = pair_of(reading, where)
     with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
-        cameras = ros_pair_of(_two_of(reading.rig, where))
+        cameras = ros_pair_of(rig)
     first, second, notes = _ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
     return first, second, [*reading.notes, *notes]
-
-
-def _two_of(rig: CalibratedRig, where: str) -> CalibratedRig:
-    """The same rig. Raises IcyMoonError if it has not two cameras."""
-    count = len(rig.cameras)
-    if count != 2:
-        raise IcyMoonError(
-            f"{where}: there are {count} cameras, and a rig here has two; "
-            + ("name two of them by --cameras." if count > 2 else "give the calibration of both.")
-        )
-    return rig
 
 
 def _ros_eyes(
@@ -306,9 +332,7 @@ def _ros_eyes(
     left, right = paths
     cameras = list(zip(paths, pair, strict=True))
     for path, camera in cameras:
-        for name, matrix in (("camera_matrix", camera.matrix), ("projection_matrix", camera.projection)):
-            if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
-                raise IcyMoonError(f"{path}: {name} has no focal length; calibrate both eyes as a stereo pair.")
+        _refuse_no_focal_length(path, camera)
     reason = _find_why_rectified(*(camera for _, camera in cameras))
     notes = []
     if reason is not None:
@@ -329,7 +353,7 @@ def _ros_eyes(
         )
     first, second = (_make_ros_eye(path, camera, reason is not None) for path, camera in cameras)
     apart_px = max(abs(first.lens.focal_px - second.lens.focal_px), abs(first.lens.cy_px - second.lens.cy_px))
-    if reason is not None and apart_px > _ALIKE_PX:
+    if reason is not None and apart_px > ALIKE_PX:
         raise IcyMoonError(
             f"{left} and {right}: {reason}, and the images that projection_matrix states are no "
             f"rectified pair: focal lengths of {first.lens.focal_px:.2f} and "
@@ -342,6 +366,12 @@ def _ros_eyes(
             "eyes as a stereo pair."
         )
     return first, second, notes
+
+
+def _refuse_no_focal_length(path: Path, camera: RosCamera) -> None:
+    for name, matrix in (("camera_matrix", camera.matrix), ("projection_matrix", camera.projection)):
+        if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
+            raise IcyMoonError(f"{path}: {name} has no focal length; calibrate both eyes as a stereo pair.")
 
 
 def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
@@ -357,10 +387,10 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     if differ := _describe_unlike(_make_ros_lens(left, False), _make_ros_lens(right, False), left.width_px):
         return f"the lenses of camera_matrix differ by {differ}"
     turned = _angle_between(left.rectification, right.rectification)
-    if turned > _PARALLEL_RAD:
+    if turned > PARALLEL_RAD:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
     x, y, z = map(float, left.rectification.T @ (place_of(right) - place_of(left)))
-    if max(abs(y), abs(z)) > _ASIDE * abs(x):
+    if max(abs(y), abs(z)) > ASIDE * abs(x):
         return (
             f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it, so "
             "they are not side by side"
@@ -403,32 +433,15 @@ def _angle_between(first: Array, second: Array) -> float:
 
 
 def _has_square_pixels(matrix: Array) -> bool:
-    return bool(abs(matrix[0, 0] / matrix[1, 1] - 1) < _SQUARE and matrix[0, 1] == 0)
+    return bool(abs(matrix[0, 0] / matrix[1, 1] - 1) < SQUARE and matrix[0, 1] == 0)
 
 
 def _describe_focal_lengths(matrix: Array) -> str:
     return f"fx {matrix[0, 0]:g}, fy {matrix[1, 1]:g} px"
 
 
-def _find_baseline(left: _Eye, right: _Eye, stated_in: str) -> tuple[float, list[str]]:
-    """The distance of the eyes in metres, and a sentence if its unit may be another.
-
-    Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number of the file that is it.
-    """
-    baseline_m, most = float(np.linalg.norm(right.centre_m - left.centre_m)), TOPICS["rig"]["baseline_m"].maximum
-    if baseline_m > most:
-        raise IcyMoonError(
-            f"{right.path}: its eye is {baseline_m:g} m from that of {left.path}, more than {most:g} m; "
-            f"{stated_in} in metres, and seems to be in millimetres here: divide by 1000."
-        )
-    return baseline_m, [] if baseline_m <= _LIKELY_BASELINE_M else [
-        f"The eyes are {baseline_m:g} m apart, since {stated_in} in metres. If it is in millimetres, set "
-        f"rig.baseline_m to {baseline_m / 1000:g}."
-    ]
-
-
 def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
-    """The one lens that stands for two, and a sentence if they differ by more than ``_ALIKE_PX``.
+    """The one lens that stands for two, and a sentence if they differ by more than ``ALIKE_PX``.
 
     Raises IcyMoonError if they differ too much for one lens.
     """
@@ -437,7 +450,7 @@ def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple
             f"{where} differ by {differ}, and both eyes of a rig here have one lens; rectify their images first."
         )
     focal, centre, bent = _measure_differences(left, right)
-    if max(focal, centre, bent) <= _ALIKE_PX:
+    if max(focal, centre, bent) <= ALIKE_PX:
         return left if left.residual_px >= right.residual_px else right, []
     mean = Lens(
         (left.focal_px + right.focal_px) / 2,
@@ -494,11 +507,11 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     first, second = left.rotation, right.rotation
     turned = _angle_between(first, second)
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))
-    if turned > _PARALLEL_RAD:
+    if turned > PARALLEL_RAD:
         raise IcyMoonError(
             f"{where}: the eyes are turned against each other by {np.degrees(turned):.3g} degrees; {fix}."
         )
-    aside = max(abs(y), abs(z)) > _ASIDE * abs(x)
+    aside = max(abs(y), abs(z)) > ASIDE * abs(x)
     if x < 0 and not aside:
         raise IcyMoonError(
             f"{right.path} stands {-x:.4g} m to the left of {left.path}, so it is the left eye; give it first."

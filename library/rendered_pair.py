@@ -56,9 +56,9 @@ class RenderedEye:
 
     @cached_property
     def seen(self) -> Array:
-        """Whether the sensor sees the pixel, bool (H, W); not all of them if the eyes are toed in."""
+        """Whether the sensor sees the pixel, bool (H, W); not all of them if the eyes are toed in or calibrated."""
         camera = self._pair.camera
-        lens = make_lens(camera, self._pair.settings.rig, self.name) if camera.toe_in_deg else None
+        lens = make_lens(camera, self._pair.settings.rig, self.name) if camera.looks_elsewhere else None
         return np.ones((camera.height_px, camera.width_px), bool) if lens is None else lens.sees
 
     @property
@@ -150,7 +150,7 @@ class RenderedPair:
     @cached_property
     def visible(self) -> Array:
         """Whether the right camera sees the point of a left pixel too, bool (H, W)."""
-        if self._pair.camera.toe_in_deg:
+        if self._pair.camera.looks_elsewhere:
             from ..stereo.measure.prepare import make_check_eyes
             from ..stereo.measure.self_check import find_visibility
 

@@ -38,6 +38,8 @@ _PAGES = {
     "light": "theory/light",
     "rig": "camera",
     "calibration_error": "howto/calibration-error",
+    "left_eye": "howto/calibrations",
+    "right_eye": "howto/calibrations",
     "lander": "howto/lander",
     "arm": "howto/lander",
     "workspace": "theory/decisions",

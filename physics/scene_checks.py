@@ -24,6 +24,7 @@ from .arm.kinematics import Joint, find_joints_beyond_limits
 from .arm.lander_arm import is_users_arm, joint_values, make_arm
 from .arm.parametric import JOINTS
 from .camera.depth_accuracy import advise_on_coarse_triangles, advise_on_principal_point, measure_ground_row
+from .camera.eyes import calibrated_advice, reasons_of_calibrated_eyes
 from .excavation import reach
 from .excavation import site as excavation
 from .light.directions import camera_axes
@@ -87,6 +88,7 @@ def find_reasons_in_settings(settings: Settings) -> list[Reason]:
         *_find_lamp_reasons(settings),
         *_veil_reasons(settings),
         *find_lander_reasons(settings),
+        *(Reason(text, name) for text, name in reasons_of_calibrated_eyes(settings)),
         *(Reason(text, "excavation.path") for text in excavation.find_refusals(settings)),
     ]
 
@@ -103,6 +105,7 @@ def advise_on_scene(settings: Settings) -> list[str]:
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRID":
         said += advise_on_coarse_triangles(rig, patch.size_m / (patch.resolution - 1))
     said += advise_on_bake(settings)
+    said += calibrated_advice(settings)
     dug = excavation.advise_on_excavation(settings)
     return said + dug + (reach.advise_on_reach(settings) if not excavation.find_refusals(settings) else [])
 

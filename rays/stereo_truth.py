@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..physics.camera.calibrated_camera import CalibratedCamera
+from ..physics.camera.eyes import rays_in_rig
 from ..support.arrays import Array
 from .shapes import World
 from .surface import Surface, Tracer, find_surface, intersect_opaque
@@ -57,9 +59,55 @@ class Eye:
                 & (row <= self.rows + _ROW_SLACK)
             )
 
+    def own_depth(self, direction: Array, depth_m: Array) -> Array:
+        """Depths (n,) along the eye's own axis from those along rays (n, 3): the same."""
+        return depth_m
+
+
+@dataclass(frozen=True)
+class CalibratedEye:
+    """A calibrated camera at an eye of a parallel rig; the other fields are those of the rig's ``Eye``.
+
+    Its rays are one unit long ahead of the rig, and depths along them are the rig's. ``own`` has its pose in the rig.
+    """
+
+    own: CalibratedCamera
+    focal_px: float
+    axes: Array
+    position: Array
+
+    @property
+    def columns(self) -> int:
+        return self.own.width_px
+
+    @property
+    def rows(self) -> int:
+        return self.own.height_px
+
+    def directions(self, pixels: Array) -> Array:
+        """Rays (n, 3) in the world, as ``Eye.directions`` has them; NaN for pixels that see nothing a pinhole shows."""
+        row, column = np.divmod(pixels, self.columns)
+        return np.asarray(rays_in_rig(self.own, np.stack([column, row], axis=1).astype(np.float64)) @ self.axes.T)
+
+    def is_seen(self, right: Array, down: Array, ahead: Array) -> Array:
+        """Whether (n,) points, in metres along the rig's axes from the eye, are in the image's frame."""
+        where = self.own.show(np.stack([right, down, ahead], axis=-1) @ self.own.rotation.T)
+        beyond = np.array(self.own.size_px) - 0.5
+        with np.errstate(invalid="ignore"):
+            return np.asarray((ahead > 0) & ((where >= -0.5) & (where <= beyond)).all(axis=-1))
+
+    def own_depth(self, direction: Array, depth_m: Array) -> Array:
+        """Depths along the eye's own axis from those along the rig's, both (n,), for rays (n, 3)."""
+        ahead = direction @ (self.axes @ self.own.rotation[2])
+        with np.errstate(invalid="ignore"):
+            return np.where(ahead > 0, depth_m * ahead, np.nan)
+
 
 #: A point in the first or last row of an eye is in that row of the other, but for rounding.
 _ROW_SLACK = 1e-6
+
+
+AnyEye = Eye | CalibratedEye
 
 
 @dataclass(frozen=True)
@@ -86,7 +134,7 @@ class Stage:
 
 
 def trace_eyes(
-    stage: Stage, eyes: Mapping[str, Eye], baseline_m: float, near_m: float, far_m: float
+    stage: Stage, eyes: Mapping[str, AnyEye], baseline_m: float, near_m: float, far_m: float
 ) -> dict[str, EyeTruth]:
     """The truth of two eyes that are ``baseline_m`` apart, by their names. They see nothing nearer than ``near_m``
     or further away than ``far_m``."""
@@ -97,7 +145,7 @@ def trace_eyes(
     }
 
 
-def _trace_eye(stage: Stage, eye: Eye, other: Eye, baseline_m: float, near_m: float, far_m: float) -> EyeTruth:
+def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near_m: float, far_m: float) -> EyeTruth:
     shape = eye.rows, eye.columns
     truth = EyeTruth(
         np.empty(shape, np.float32),
@@ -108,10 +156,15 @@ def _trace_eye(stage: Stage, eye: Eye, other: Eye, baseline_m: float, near_m: fl
     )
     for pixels in list_squares(eye.rows, eye.columns):
         direction = eye.directions(pixels)
+        lost = np.isnan(direction).any(axis=1)
+        direction[lost] = eye.axes[:, 2]  # any ray; what it meets is dropped
         seen = _find_first_surface(stage, eye.position, direction, near_m, far_m)
+        for values in (seen.label, seen.number, seen.normal):
+            values[lost] = 0
+        seen.along[lost] = np.inf
         hidden = _find_hidden(stage.ground_tracer, eye, other, direction, seen.along, baseline_m, near_m)
         for values, target in (
-            (seen.along, truth.depth_m),
+            (eye.own_depth(direction, seen.along), truth.depth_m),
             (seen.label, truth.label),
             (seen.number, truth.number),
             (hidden, truth.hidden),
@@ -150,7 +203,7 @@ def _find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: f
 
 
 def _find_hidden(
-    tracer: Tracer, eye: Eye, other: Eye, direction: Array, depth_m: Array, baseline_m: float, near_m: float
+    tracer: Tracer, eye: AnyEye, other: AnyEye, direction: Array, depth_m: Array, baseline_m: float, near_m: float
 ) -> Array:
     """Whether (n,) the other eye sees something nearer in front of a point, by at least ``NEARER_PX`` of disparity."""
     hidden = np.zeros(len(depth_m), bool)

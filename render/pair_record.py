@@ -15,8 +15,7 @@ from ..nodes.surface.sun_inputs import describe_hapke
 from ..paper_stand_ins.items import describe_item, list_items
 from ..physics import scene_checks
 from ..physics.camera.blur import find_blur
-from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
-from ..physics.camera.stereo_camera import StereoCamera
+from ..physics.camera.eyes import camera_of, eyes_json
 from ..physics.light.sky import compare_lights
 from ..physics.scene_requirements import find_left_out, traced_sentence
 from ..settings.topics.scene import Settings
@@ -106,10 +105,7 @@ def make_pair_json(
     baked light, if any.
     """
     settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
-    camera, blur = StereoCamera.from_settings(settings.rig), find_blur(settings)
-    eyes = camera.eyes_json()
-    for eye in EYES:
-        eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, read_coefficients(settings.rig), strict=True))
+    camera, blur = camera_of(settings), find_blur(settings)
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -122,7 +118,7 @@ def make_pair_json(
         **({"excavation": built.excavation} if built.excavation else {}),
         "stand_ins": [describe_item(item) for item in list_items(settings)],
         "camera": camera.to_json(),
-        "eyes": eyes,
+        "eyes": eyes_json(camera, settings.rig),
         "poses_camera_to_world": {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "blur": blur.to_json() if blur else None,

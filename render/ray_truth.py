@@ -5,49 +5,44 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from ..formats.exr_parts import assemble
 from ..formats.exr_pixels import encode_part
 from ..physics.camera.stereo_camera import StereoCamera
-from ..rays.stereo_truth import Eye, EyeTruth, Stage, trace_eyes
+from ..rays.stereo_truth import AnyEye, CalibratedEye, Eye, EyeTruth, Stage, trace_eyes
 from ..support.arrays import Array
 from ..support.files import explain_disk_errors
 from ..support.labels import FIRST_ROCK_INSTANCE, HIDDEN, INSTANCE_AOV, NORMAL_AOV, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
 
+#: The files of a truth: their stem, and on which pixels it is: those of the parallel eyes, the same turned in, or those
+#: of the sensors of calibrated eyes.
+Wanted = tuple[Path, Literal["PARALLEL", "TOED", "SENSORS"]]
+
 
 def trace_truth(
     stage: Stage,
-    stem: Path,
+    asked: Wanted,
     camera: StereoCamera,
     poses: Mapping[str, Array],
     clip_m: tuple[float, float],
-    toed: bool,
     wanted: str,
     rounded: Collection[str],
 ) -> dict[str, Path]:
-    """Write the truth that is ``wanted``, as in ``quality.truth``, into files at ``stem``, the passes ``rounded`` as
-    16-bit floats, and return the files by eye. It asks nothing of Blender, which may render meanwhile.
+    """Write the truth that is ``wanted``, as in ``quality.truth``, into the files that are ``asked`` for, the passes
+    ``rounded`` as 16-bit floats, and return the files by eye. It asks nothing of Blender, which may render meanwhile.
 
-    ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes; with ``toed`` they are turned in. Surfaces
-    nearer or further away than ``clip_m`` have no truth.
+    ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes. Surfaces nearer or further away than
+    ``clip_m`` have no truth.
     """
-    columns, rows = camera.rendered_px
-    eyes = {
-        eye: Eye(
-            columns,
-            rows,
-            camera.focal_px,
-            camera.cx_px + camera.margin_x_px,
-            camera.cy_px + camera.margin_y_px,
-            poses[eye][:3, :3] @ (camera.eye_rotation(eye).T if toed else np.eye(3)),
-            poses[eye][:3, 3],
-        )
-        for eye in EYES
-    }
+    stem, kind = asked
+    make = _calibrated_eye if kind == "SENSORS" else partial(_rendered_eye, kind == "TOED")
+    eyes = {eye: make(camera, eye, poses[eye]) for eye in EYES}
     files = {eye: stem.with_name(f"{stem.name}-{eye}.exr") for eye in EYES}
     for eye, truth in trace_eyes(stage, eyes, camera.baseline_m, *clip_m).items():
         with explain_disk_errors("write", files[eye]):
@@ -55,18 +50,37 @@ def trace_truth(
     return files
 
 
+def _rendered_eye(toed: bool, camera: StereoCamera, eye: str, pose: Array) -> AnyEye:
+    columns, rows = camera.rendered_px
+    return Eye(
+        columns,
+        rows,
+        camera.focal_px,
+        camera.cx_px + camera.margin_x_px,
+        camera.cy_px + camera.margin_y_px,
+        pose[:3, :3] @ (camera.eye_rotation(eye).T if toed else np.eye(3)),
+        pose[:3, 3],
+    )
+
+
+def _calibrated_eye(camera: StereoCamera, eye: str, pose: Array) -> AnyEye:
+    own = camera.own_eye(eye)
+    assert own is not None
+    return CalibratedEye(own, camera.focal_px, pose[:3, :3], pose[:3, 3])
+
+
 @contextmanager
 def trace_beside(
     stage: Stage | None,
-    wanted_files: Mapping[int, tuple[Path, bool]],
+    asked: Mapping[int, Wanted],
     camera: StereoCamera,
     poses: Mapping[str, Array],
     clip_m: tuple[float, float],
     wanted: str,
     rounded: Collection[str],
 ) -> Iterator[dict[int, Future[dict[str, Path]]]]:
-    """Trace truths in a thread while something else is done. ``wanted_files`` has the stem of the files of each truth,
-    and whether its eyes are turned in; for the rest see ``trace_truth``. Without a ``stage`` nothing is traced.
+    """Trace the truths that are ``asked`` for, by a number each, in a thread while something else is done; for the rest
+    see ``trace_truth``. Without a ``stage`` nothing is traced.
 
     Cycles lets other threads run while it renders, and its own are not all busy all the time.
     """
@@ -75,8 +89,8 @@ def trace_beside(
             {}
             if stage is None
             else {
-                number: beside.submit(trace_truth, stage, stem, camera, poses, clip_m, toed, wanted, rounded)
-                for number, (stem, toed) in wanted_files.items()
+                number: beside.submit(trace_truth, stage, each, camera, poses, clip_m, wanted, rounded)
+                for number, each in asked.items()
             }
         )
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, find_blur
+from ..physics.camera.eyes import camera_of
 from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.scene_requirements import are_rocks_clear, can_be_baked, make_direct_quality
 from ..rays.stereo_truth import Stage
@@ -48,13 +50,13 @@ from .object_labels import lend_labels
 from .pair_record import make_light_json, make_pair_json
 from .pairs.baked_file import LIGHT
 from .pairs.our_files import check_no_link, pairs_folder
-from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE
+from .pairs.pair_folder import RAW_TRUTH_FILE, TOED_TRUTH_FILE, TRUTH_FILE
 from .pairs.publish import check_place, discard_unfinished, publish_pair
 from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
 from .ray_stage import CannotTrace, SceneRays
-from .ray_truth import trace_beside
+from .ray_truth import Wanted, trace_beside
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .workers.claims import CLAIMS_FOLDER
 
@@ -279,26 +281,19 @@ def _render_takes(
 ) -> _Rendered:
     """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is."""
     settings = planned.settings
-    camera, blur = StereoCamera.from_settings(settings.rig), find_blur(settings)
+    camera, blur = camera_of(settings), find_blur(settings)
     takes = _list_camera_setups(camera, blur, _has_full_truth(planned))
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
     with turn_about_eye(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
         lights = _prepare_cycles(scene, built, planned, quality, blur is not None, baked)
         poses = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
-        stage, engine = _choose_engine(rays, settings, takes)
-        truths = 0 if stage else _count_truths(takes, planned)
+        clip_m = built.camera.data.clip_start, built.camera.data.clip_end
+        stage, asked, engine = _plan_rays(part, rays, settings, takes, camera)
+        truths = 0 if asked.keys() - {_ON_SENSORS} else _count_truths(takes, planned)
         with (
             watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
-            trace_beside(
-                stage,
-                {k: (part / f"{TRUTH}{k}", take.toed) for k, take in enumerate(takes) if TRUTH in dict(take.images)},
-                camera,
-                poses,
-                (built.camera.data.clip_start, built.camera.data.clip_end),
-                settings.quality.truth,
-                rounded,
-            ) as traced,
+            trace_beside(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded) as traced,
         ):
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
@@ -313,6 +308,7 @@ def _render_takes(
                             made = _render_truth(scene, built, stem, planned, camera, take.toed)
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
+            files |= _files_on_sensors(traced)
         light = make_light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
             _write_workspace(part, rays, built, scene.frame_current)
@@ -376,6 +372,44 @@ def _choose_engine(
     except CannotTrace as reason:
         return None, {"by": "Cycles", "why": str(reason)}
     return stage, {"by": stage.ground_tracer.name}
+
+
+#: The number of the truth on the sensors of calibrated eyes among those that rays find; the others have their take's.
+_ON_SENSORS = -1
+
+
+def _plan_rays(
+    part: Path, rays: SceneRays, settings: Settings, takes: list[_CameraSetup], camera: StereoCamera
+) -> tuple[Stage | None, dict[int, Wanted], dict[str, str]]:
+    """The stage for rays, the truths that they find by number, and the statement of ``_choose_engine``. The truths are
+    those of ``takes``, unless Cycles renders them, and those on the sensors of calibrated eyes."""
+    stage, engine = _choose_engine(rays, settings, takes)
+    asked: dict[int, Wanted] = {
+        k: (part / f"{TRUTH}{k}", "TOED" if take.toed else "PARALLEL")
+        for k, take in enumerate(takes)
+        if stage and TRUTH in dict(take.images)
+    }
+    if camera.eyes:
+        asked[_ON_SENSORS] = part / f"{TRUTH}-sensors", "SENSORS"
+        stage = stage or _stage_of_sensors(rays)
+    return stage, asked, engine
+
+
+def _files_on_sensors(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str, dict[str, Path]]:
+    """The files of the truth on the sensors of calibrated eyes, by name in the pair and by layer."""
+    found = traced[_ON_SENSORS].result() if _ON_SENSORS in traced else {}
+    return {RAW_TRUTH_FILE.format(eye): {TRUTH: file} for eye, file in found.items()}
+
+
+def _stage_of_sensors(rays: SceneRays) -> Stage:
+    """The stage for the truth on sensors, which Cycles cannot render. Raises IcyMoonError if rays cannot find it."""
+    try:
+        return rays.prepare()
+    except CannotTrace as reason:
+        raise IcyMoonError(
+            f"Rays find the truth on the sensors of calibrated eyes, and here they cannot: {reason}; set rig.eyes to "
+            "ALIKE, or change that."
+        ) from None
 
 
 def _write_workspace(part: Path, rays: SceneRays, built: Built, frame: int) -> None:

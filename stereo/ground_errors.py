@@ -62,7 +62,7 @@ def read_depth_errors(pair_folder: Path, disparity_file: Path) -> DepthErrors:
             f"{pair_folder / 'pair.json'} does not contain the position of the camera; render the pair again."
         )
     truth = pair.camera.cropped(find_scene_depth(read_depth(pair.truth("left"), "left")))
-    lens = make_lens(pair.camera, pair.settings.rig, "left") if pair.camera.toe_in_deg else None
+    lens = make_lens(pair.camera, pair.settings.rig, "left") if pair.camera.looks_elsewhere else None
     truth = truth if lens is None else np.where(lens.sees, truth, np.nan)
     disparity = read_disparity(disparity_file, truth.shape)
     if disparity is None:

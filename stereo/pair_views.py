@@ -156,12 +156,13 @@ def _develop(pair: Pair, settings: Settings) -> DevelopedImages:
     undistorted = {"rig": {f"distortion_{name}": 0.0 for name in COEFFICIENTS}}
     exact = {"calibration_error": dict.fromkeys(settings.calibration_error, 0.0)}
     plain = merged(settings, undistorted, exact, linear)
-    return develop(replace(pair, camera=replace(pair.camera, toe_in_deg=0.0)), left, right, plain)
+    return develop(replace(pair, camera=replace(pair.camera, toe_in_deg=0.0, eyes=None)), left, right, plain)
 
 
 def _describe_left_out(pair: Pair, settings: Settings) -> list[str]:
     parts = [
         *(["lens distortion"] if any(read_coefficients(settings.rig)) else []),
+        *(["the lenses of calibrated eyes"] if pair.camera.eyes else []),
         *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else []),
         *(["the error of the calibration"] if list_stated_errors(settings.calibration_error) else []),
         *(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..physics.camera.eyes import eyes_json
 from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
 from ..render.pairs.pair_folder import EYES, find_pair_folders, read_unchanged_pair
 from ..settings.description import merged
@@ -40,7 +41,7 @@ def reexpose(
     * ``left.png`` and ``right.png``, rectified, 8-bit, or 16-bit with ``image_bits`` bits, in colour if the sensor is;
     * of a colour sensor, its numbers as ``left_mosaic.png``, not rectified;
     * with brackets, every exposure as ``left_0.png`` and so on, the longest first, not rectified;
-    * with a distorting lens, toed-in eyes or an erroneous calibration, the image of the sensor as
+    * with a distorting lens, toed-in or calibrated eyes or an erroneous calibration, the image of the sensor as
       ``left_distorted.png`` (a colour sensor's is the mosaic), and the depth of its pixels (npy, metres along the axis
       of the eye, NaN for none);
     * with deposits on the lenses, the light that they block as ``left_deposits.png``, 255 where they block all of it;
@@ -98,7 +99,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
             "version": VERSION,
             "pair": pair.id,
             "camera": pair.camera.to_json(),
-            "eyes": pair.camera.eyes_json(),
+            "eyes": eyes_json(pair.camera, settings.rig),
             "distortion": dict(zip(COEFFICIENTS, read_coefficients(settings.rig), strict=True)),
             **describe_exposure(images),
             "settings": {topic: settings[topic] for topic in ("sensor", "light", "calibration_error")},

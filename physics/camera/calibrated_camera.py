@@ -85,7 +85,12 @@ class CalibratedCamera:
 
     def project(self, points_m: Array) -> Array:
         """Columns and rows (..., 2) of points (..., 3) in reference axes; NaN where the lens does not show them."""
-        bent = self.lens.bend(np.asarray(points_m, np.float64) @ self.rotation.T + self.translation_m)
+        return self.show(np.asarray(points_m, np.float64) @ self.rotation.T + self.translation_m)
+
+    def show(self, directions: Array) -> Array:
+        """Columns and rows (..., 2) of directions (..., 3), of any length, in the camera's own axes; NaN where the lens
+        does not show them."""
+        bent = self.lens.bend(directions)
         x, y = bent[..., 0], bent[..., 1]
         return np.stack([self.fx_px * x + self.skew_px * y + self.cx_px, self.fy_px * y + self.cy_px], axis=-1)
 

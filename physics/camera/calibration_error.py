@@ -14,8 +14,8 @@ from ...settings.topics.camera import CalibrationErrorSettings, RigSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from .calibrated_camera import CalibratedCamera
-from .lens_distortion import COEFFICIENTS, read_coefficients
-from .lens_models import Brown
+from .lens_distortion import read_coefficients
+from .lens_models import Brown, Cahvore, LensModel
 from .rotations import from_vector
 from .stereo_camera import StereoCamera
 
@@ -42,21 +42,40 @@ def make_assumed_eye(
     The errors of yaw, pitch and roll are one rotation vector in the eye's own axes.
     """
     right = float(eye == "right")
-    focal_px = camera.focal_px * _factor(errors.focal_percent) * _factor(right * errors.right_focal_percent)
-    k = dict(zip(COEFFICIENTS, read_coefficients(rig), strict=True))
-    k["k1"] += errors.k1 + right * errors.right_k1
+    stretch = _factor(errors.focal_percent) * _factor(right * errors.right_focal_percent)
     # In x right, y down, z forward, a turn about +y is to the right, about +x up and about +z clockwise.
     turn = np.radians([-errors.right_pitch_deg, errors.right_yaw_deg, errors.right_roll_deg]) * right
-    return CalibratedCamera(
-        camera.width_px,
-        camera.height_px,
-        focal_px,
-        focal_px,
-        camera.cx_px - 0.5 + right * errors.right_column_px,
-        camera.cy_px - 0.5 + right * errors.right_row_px,
-        Brown(tuple(k.values())),
-        rotation=from_vector(turn).T @ camera.eye_rotation(eye),
+    true = _make_true_eye(camera, rig, eye)
+    return replace(
+        true,
+        fx_px=true.fx_px * stretch,
+        fy_px=true.fy_px * stretch,
+        skew_px=true.skew_px * stretch,
+        cx_px=true.cx_px + right * errors.right_column_px,
+        cy_px=true.cy_px + right * errors.right_row_px,
+        lens=_bend_otherwise(true.lens, errors.k1 + right * errors.right_k1),
+        rotation=from_vector(turn).T @ true.rotation,
     )
+
+
+def _make_true_eye(camera: StereoCamera, rig: RigSettings, eye: str) -> CalibratedCamera:
+    """An eye as it is, turned from the axes of the rectified rig; its place is left at 0."""
+    if camera.eyes is not None:
+        calibrated = camera.eyes[eye == "right"]
+        return calibrated.placed(calibrated.rotation, np.zeros(3))
+    lens, (cx_px, cy_px) = Brown(read_coefficients(rig)), (camera.cx_px - 0.5, camera.cy_px - 0.5)
+    size = camera.width_px, camera.height_px
+    rotation = camera.eye_rotation(eye)
+    return CalibratedCamera(*size, camera.focal_px, camera.focal_px, cx_px, cy_px, lens, rotation=rotation)
+
+
+def _bend_otherwise(lens: LensModel, error: float) -> LensModel:
+    """A lens whose coefficient of r² (k1, or R1 of CAHVORE) is larger by ``error``."""
+    if isinstance(lens, Cahvore):
+        r0, r1, r2 = lens.radial
+        return replace(lens, radial=(r0, r1 + error, r2))
+    first, *others = lens.coefficients
+    return replace(lens, coefficients=(first + error, *others))
 
 
 def moves_pixels(camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str) -> bool:
@@ -65,7 +84,8 @@ def moves_pixels(camera: StereoCamera, rig: RigSettings, errors: CalibrationErro
     wrong = list_stated_errors(errors)
     if eye == "right" and any(key.startswith("right_") for key in wrong):
         return True
-    return "k1" in wrong or ("focal_percent" in wrong and (any(read_coefficients(rig)) or camera.toe_in_deg != 0))
+    turned = camera.eyes is not None or any(read_coefficients(rig)) or camera.toe_in_deg != 0
+    return "k1" in wrong or ("focal_percent" in wrong and turned)
 
 
 def make_rectifying_map(camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str) -> Array:

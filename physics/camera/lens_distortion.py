@@ -21,7 +21,9 @@ _STEPS = 25
 
 
 def read_coefficients(rig: RigSettings) -> tuple[float, ...]:
-    """k1, k2, p1, p2, k3 of a ``rig`` topic."""
+    """k1, k2, p1, p2, k3 of a ``rig`` topic; zeros if its eyes have lenses of their own."""
+    if rig.get("eyes") == "CALIBRATED":
+        return (0.0,) * len(COEFFICIENTS)
     return tuple(float(rig[f"distortion_{name}"]) for name in COEFFICIENTS)
 
 

@@ -12,6 +12,7 @@ from ...settings.topics.camera import RigSettings
 from ...support.arrays import Array
 from ...support.file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe
 from ..rig.focal_length import focal_px
+from .calibrated_camera import CalibratedCamera
 
 #: What ``StereoCamera.from_json`` reads of a file, see ``support.file_shapes``.
 CAMERA_SHAPE = {
@@ -27,6 +28,9 @@ CAMERA_SHAPE = {
     "doffs_px": Maybe(NUMBER),
 }
 
+#: From K with pixels counted from the centre of the first one to K with pixels counted from its corner.
+_CORNER = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0]])
+
 
 @dataclass(frozen=True)
 class StereoCamera:
@@ -36,7 +40,9 @@ class StereoCamera:
     (u + 0.5, v + 0.5), so a ray through it is ((u + 0.5 - cx) / f, (v + 0.5 - cy) / f, 1).
 
     Truth and rectified images belong to this rig. Images were taken with eyes that may each be turned in by
-    ``toe_in_deg``, and rendered with the margins as extra pixels beyond each border.
+    ``toe_in_deg``, and rendered with the margins as extra pixels beyond each border. Calibrated ``eyes``, left first,
+    are cameras of their own at the centres of this rig, with poses in the axes of its left eye; the rendered images are
+    those of the parallel rig then.
     """
 
     width_px: int
@@ -50,10 +56,12 @@ class StereoCamera:
     toe_in_deg: float = 0.0
     #: Column of the right principal point minus the left one's; 0 in our pairs, not in Middlebury's.
     doffs_px: float = 0.0
+    eyes: tuple[CalibratedCamera, CalibratedCamera] | None = None
 
     @classmethod
     def from_settings(cls, rig: RigSettings) -> StereoCamera:
-        """From the ``rig`` settings; the sensor width spans the image width, pixels are square."""
+        """From the ``rig`` settings, without calibrated eyes, see ``eyes.camera_of``; the sensor width spans the image
+        width, pixels are square."""
         return cls(
             rig.width_px,
             rig.height_px,
@@ -63,7 +71,7 @@ class StereoCamera:
             rig.baseline_m,
             math.ceil(rig.overscan * rig.width_px),
             math.ceil(rig.overscan * rig.height_px),
-            rig.toe_in_deg,
+            rig.toe_in_deg if rig.eyes == "ALIKE" else 0.0,
         )
 
     @property
@@ -78,8 +86,22 @@ class StereoCamera:
 
     @property
     def rectified(self) -> StereoCamera:
-        """The parallel rig of the pair, without margins or toe-in."""
-        return replace(self, margin_x_px=0, margin_y_px=0, toe_in_deg=0.0)
+        """The parallel rig of the pair, without margins, toe-in or eyes of their own."""
+        return replace(self, margin_x_px=0, margin_y_px=0, toe_in_deg=0.0, eyes=None)
+
+    @property
+    def looks_elsewhere(self) -> bool:
+        """Whether the eyes may not see all of the rectified images: they are toed in or calibrated."""
+        return bool(self.toe_in_deg) or self.eyes is not None
+
+    def sensor_px(self, eye: str) -> tuple[int, int]:
+        """Columns and rows of an eye's sensor."""
+        own = self.own_eye(eye)
+        return (self.width_px, self.height_px) if own is None else own.size_px
+
+    def own_eye(self, eye: str) -> CalibratedCamera | None:
+        """The calibrated camera of an eye, if it has one."""
+        return None if self.eyes is None else self.eyes[eye != "left"]
 
     @property
     def rendered_px(self) -> tuple[int, int]:
@@ -87,7 +109,10 @@ class StereoCamera:
         return self.width_px + 2 * self.margin_x_px, self.height_px + 2 * self.margin_y_px
 
     def eye_rotation(self, eye: str) -> Array:
-        """Rotation (3, 3) from the axes of the parallel rig into the eye's, which is turned toward the other eye."""
+        """Rotation (3, 3) from the axes of the parallel rig into the eye's, which is toed in or calibrated."""
+        own = self.own_eye(eye)
+        if own is not None:
+            return np.array(own.rotation)
         angle = math.radians(self.toe_in_deg) * (1 if eye == "left" else -1)
         return np.array(
             [[math.cos(angle), 0.0, -math.sin(angle)], [0.0, 1.0, 0.0], [math.sin(angle), 0.0, math.cos(angle)]]
@@ -133,7 +158,9 @@ class StereoCamera:
         found = {}
         for eye, along in (("left", 0.0), ("right", self.baseline_m)):
             rotation = self.eye_rotation(eye)
-            found[eye] = {"K": self.matrix, "R": rotation.tolist(), "t": (-along * rotation[:, 0]).tolist()}
+            own = self.own_eye(eye)
+            matrix = self.matrix if own is None else (own.matrix + _CORNER).tolist()
+            found[eye] = {"K": matrix, "R": rotation.tolist(), "t": (-along * rotation[:, 0]).tolist()}
         return found
 
     @classmethod

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...physics.camera.eyes import EYE_TOPICS, is_calibrated
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.scene_requirements import (
     choose_image_quality,
@@ -185,9 +186,12 @@ def estimate_bytes(settings: Settings) -> float:
     if light.planet or light.stars:
         beside = 0.0 if quality.files == "COMPACT" and not denoised else seen
         seen = beside + (stored.sun + (stored.coloured if coloured else stored.planet)) * noisy
-    copies = 1 + (settings.rig.toe_in_deg != 0)  # the truth of the rectified rig, and of eyes that are turned in
+    copies = 1.0 + (settings.rig.toe_in_deg != 0)  # the truth of the rectified rig, and of eyes that are turned in
     truth = _DEPTH + _bytes_of_shape(settings, _NORMALS[NORMAL_PASS in rounded]) if quality.truth == "FULL" else _DEPTH
     larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
+    if is_calibrated(settings.rig):  # and the truth on the sensors
+        sensors = sum(settings[topic].width_px * settings[topic].height_px for topic in EYE_TOPICS)
+        copies += sensors / count_pixels(settings)
     return count_pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
 
 

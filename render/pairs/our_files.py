@@ -32,7 +32,7 @@ _OUR_NAMES = {
 }
 #: Files of a pair.
 _PAIR_FILES = re.compile(
-    rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr|workspace(_materials)?\.npy"
+    rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth|_raw_truth)?\.exr|workspace(_materials)?\.npy"
 )
 
 

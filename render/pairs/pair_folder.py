@@ -1,22 +1,24 @@
 """The pair folder: the contract between rendering and everything that measures.
 
 ``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``; if images are blurred or eyes are toed
-in, the truth is in separate files. A pair is written as ``<id>.part`` and renamed when ``pair.json`` is in it, so a
-folder without the suffix that has a ``pair.json`` is complete. Images are linear radiance in W/(m² sr) per band; truth
-is sampled at pixel centres and never antialiased. Imports no Blender.
+in, the truth is in separate files, and so is the truth on the sensors of calibrated eyes. A pair is written as
+``<id>.part`` and renamed when ``pair.json`` is in it, so a folder without the suffix that has a ``pair.json`` is
+complete. Images are linear radiance in W/(m² sr) per band; truth is sampled at pixel centres and never antialiased.
+Imports no Blender.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...physics.camera.blur import is_blurred
+from ...physics.camera.eyes import camera_of, eyes_json, eyes_of
 from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
 from ...physics.light.scene_sun import SceneSun, sun_from_json
 from ...settings.changes import select_response
@@ -50,7 +52,7 @@ FORMAT = "icymoon-pair"
 VERSION = 1
 EYES = ("left", "right")
 _IMAGES = tuple(f"{eye}.exr" for eye in EYES)
-TRUTH_FILE, TOED_TRUTH_FILE = "{}_truth.exr", "{}_toed_truth.exr"
+TRUTH_FILE, TOED_TRUTH_FILE, RAW_TRUTH_FILE = "{}_truth.exr", "{}_toed_truth.exr", "{}_raw_truth.exr"
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,11 @@ class Pair:
     def truth_of_image(self, eye: str) -> Path:
         """The file with the truth on the pixels of the rendered image, which differs if the eyes are toed in."""
         return self._file_or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
+
+    def truth_of_sensor(self, eye: str) -> Path:
+        """The file with the truth on the pixels of a calibrated eye's sensor: ``left_raw_truth.exr`` or
+        ``right_raw_truth.exr``."""
+        return self.folder / RAW_TRUTH_FILE.format(eye)
 
     @property
     def name(self) -> str:
@@ -182,12 +189,20 @@ def check_pair(folder: Path, data: object, restore: Restore = restore_settings) 
         )
     check_record(data, _SHAPE, path, _FIX)
     settings = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
-    pair = Pair(folder, check_id(data["id"], path), settings, StereoCamera.from_json(data["camera"]), data)
+    pair = Pair(folder, check_id(data["id"], path), settings, _camera_of(data["camera"], settings, path), data)
     _check_statements(pair, path)
     for eye in EYES:
         if not pair.image(eye).is_file():
             raise IcyMoonError(f"{pair.image(eye)} is missing; {_FIX}.")
     return pair
+
+
+def _camera_of(stated: dict[str, Any], settings: Settings, path: Path) -> StereoCamera:
+    """The camera that a pair states, with the calibrated eyes of its settings."""
+    try:
+        return replace(StereoCamera.from_json(stated), eyes=eyes_of(settings))
+    except ValueError as error:
+        raise IcyMoonError(f"{path}: its settings give no camera ({error}); {_FIX}.") from None
 
 
 def _check_statements(pair: Pair, path: Path) -> None:
@@ -202,12 +217,18 @@ def _check_statements(pair: Pair, path: Path) -> None:
 
 def _find_contradictions(pair: Pair) -> Iterator[str]:
     """The statements of a pair that its settings contradict, in clauses."""
-    camera = StereoCamera.from_settings(pair.settings.rig)
-    stated = {**pair.data, "camera": {**pair.data["camera"], **asdict(pair.camera)}}
-    yield from find_contradictions(stated, pair.settings, {**asdict(camera), **camera.to_json()}, camera.eyes_json())
+    camera = camera_of(pair.settings)
+    stated = {**pair.data, "camera": {**pair.data["camera"], **_numbers_of(pair.camera)}}
+    yield from find_contradictions(
+        stated, pair.settings, {**_numbers_of(camera), **camera.to_json()}, eyes_json(camera, pair.settings.rig)
+    )
     wanted, there = _list_file_names(pair.settings, camera), pair.data["files"].keys()
     yield from (f"files has no {name}, and its settings give it" for name in sorted(wanted - there))
     yield from (f"files has {name}, and its settings give no such file" for name in sorted(there - wanted))
+
+
+def _numbers_of(camera: StereoCamera) -> dict[str, Any]:
+    return asdict(replace(camera, eyes=None))
 
 
 def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
@@ -216,6 +237,7 @@ def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
         "{}.exr",
         *([TRUTH_FILE] if camera.toe_in_deg or is_blurred(settings.rig) else []),
         *([TOED_TRUTH_FILE] if camera.toe_in_deg else []),
+        *([RAW_TRUTH_FILE] if camera.eyes else []),
     ]
     return {kind.format(eye) for kind in kinds for eye in EYES} | {*workspace_files(settings.workspace)}
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera.blur import find_blur
-from ...physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
 from ...physics.excavation.jitter import jitter_rig
 from ...physics.light.directions import camera_axes, direction_toward
 from ...physics.light.scene_sun import sun_from_facts, sun_from_json
@@ -42,14 +41,11 @@ def find_contradictions(
 ) -> Iterator[str]:
     """The statements of a ``pair.json`` that its settings contradict, in clauses with the key and both values.
 
-    ``camera`` and ``eyes`` are these tables of the settings, see ``StereoCamera``.
+    ``camera`` and ``eyes`` are these tables of the settings, see ``StereoCamera`` and ``eyes.eyes_json``.
     """
     by_hand = bool(data.get("edited_by_hand"))
-    distortion = dict(zip(COEFFICIENTS, read_coefficients(settings.rig), strict=True))
     yield from _compare_value("camera", data["camera"], camera)
-    yield from _compare_value(
-        "eyes", data.get("eyes", {}), {eye: {**facts, "distortion": distortion} for eye, facts in eyes.items()}
-    )
+    yield from _compare_value("eyes", data.get("eyes", {}), eyes)
     yield from _compare_poses(data, settings, eyes, by_hand)
     yield from _compare_light(data.get("light") or {}, settings, by_hand)
     indirect = data.get("indirect")

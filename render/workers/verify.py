@@ -10,11 +10,11 @@ from typing import Any
 
 from ...formats.exr_layout import read_sizes
 from ...physics.camera.blur import describe_blur_identity
+from ...physics.camera.eyes import camera_of
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.description import Restorer, digest
 from ...settings.pair_ids import affects_pixels, make_counter, value_in_id
 from ...settings.table import list_all_settings
-from ...settings.topics.camera import RigSettings
 from ...support.errors import IcyMoonError, describe_error
 from ...support.file_shapes import FILE_NAME, SHA256, Each, find_fault
 from ...support.files import hash_file, list_put_there, quote, read_text
@@ -33,7 +33,7 @@ from ..pairs.our_files import (
     pairs_folder,
     remove_ours,
 )
-from ..pairs.pair_folder import Pair, check_pair, is_complete, read_pair
+from ..pairs.pair_folder import EYES, Pair, check_pair, is_complete, read_pair
 from ..plans.frozen_plan import PLAN, read_frozen_plan
 from ..plans.planned_pair import PlannedPair
 from .claims import CLAIMS_FOLDER, Claims
@@ -316,12 +316,13 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         yield f"{path}: was rendered with the seed {seeds.get('render')}, not {wanted.render_seed}"
     if "dataset" in seeds and seeds["dataset"] != wanted.settings.dataset.seed:
         yield f"{path}: seeds.dataset is {seeds['dataset']}, and its settings give {wanted.settings.dataset.seed}"
-    yield from _wrong_sizes(pair, wanted.settings.rig)
+    yield from _wrong_sizes(pair, camera_of(wanted.settings))
 
 
-def _wrong_sizes(pair: Pair, rig: RigSettings) -> Iterator[str]:
-    wide, high = StereoCamera.from_settings(rig).rendered_px
+def _wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
+    of_sensors = {pair.truth_of_sensor(eye): camera.sensor_px(eye) for eye in EYES}
     for file in (pair.folder / name for name in pair.data["files"] if name.endswith(".exr")):
+        wide, high = of_sensors.get(file, camera.rendered_px)
         sizes = read_sizes(file)
         if not sizes:
             yield f"{file} is no whole EXR image"

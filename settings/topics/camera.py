@@ -9,7 +9,10 @@ from .relevance import Condition, chosen, nonzero, positive, ticked
 
 MOSAIC = ~chosen("colour", "MONO")
 BRACKETED = Condition(lambda asked: asked.value("brackets") > 1)
+ALIKE, CALIBRATED = chosen("rig.eyes", "ALIKE"), chosen("rig.eyes", "CALIBRATED")
 LENS = Section("lens", "Lens and Alignment", "Distortion and focus of the lens, and alignment of the eyes")
+TURN = Section("turn", "Direction", "Rotation vector from the axes of the parallel pair to those of the eye")
+MODEL = Section("model", "Lens Model", "Numbers of the lens, as calibrated")
 MOTION = Section("motion", "Motion", "Motion of the cameras during the exposure")
 OPTICS = Section("optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter")
 DEPOSITS = Section("deposits", "Deposits", "Dust or frost on the windows before the lenses")
@@ -47,6 +50,13 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
     roll_deg: float = degrees(
         "Roll", 0.0, -180.0, 180.0, "Clockwise turn of the left camera about its optical axis, with the right one. 0 "
         "is level", "camera", section=ADVANCED, since="0.4")
+    eyes: Literal["ALIKE", "CALIBRATED"] = choice(
+        "Eyes", "ALIKE", "Whether both eyes are one camera. Truth and rectified images always belong to this parallel "
+        "pair", "camera",
+        ("ALIKE", "Alike", "Both eyes are this camera, with its distortion and toe-in"),
+        ("CALIBRATED", "Calibrated", "Each eye has its own size, lens and direction, as calibrated, and stands where "
+         "this pair has it"),
+        section=LENS, since="0.4")
     principal_x_px: float = number(
         "Principal Point Right", 0.0, -8192.0, 8192.0, (-50.0, 50.0), "Distance of the optical axis to the right of "
         "the image centre", "camera", "px", subtype="PIXEL", section=LENS)
@@ -55,25 +65,25 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         "centre", "camera", "px", subtype="PIXEL", section=LENS)
     distortion_k1: float = number(
         "Distortion k1", 0.0, -10.0, 10.0, (-0.5, 0.5), "Radial distortion, r² term, in OpenCV's Brown-Conrady model. "
-        "Negative values give barrel distortion", "response", precision=5, section=LENS)
+        "Negative values give barrel distortion", "response", precision=5, section=LENS, shown=ALIKE)
     distortion_k2: float = number(
         "Distortion k2", 0.0, -10.0, 10.0, (-0.5, 0.5), "Radial distortion, r⁴ term", "response", precision=5,
-        section=LENS)
+        section=LENS, shown=ALIKE)
     distortion_p1: float = number(
         "Distortion p1", 0.0, -10.0, 10.0, (-0.5, 0.5), "Tangential distortion, vertical decentring", "response",
-        precision=5, section=LENS)
+        precision=5, section=LENS, shown=ALIKE)
     distortion_p2: float = number(
         "Distortion p2", 0.0, -10.0, 10.0, (-0.5, 0.5), "Tangential distortion, horizontal decentring", "response",
-        precision=5, section=LENS)
+        precision=5, section=LENS, shown=ALIKE)
     distortion_k3: float = number(
         "Distortion k3", 0.0, -10.0, 10.0, (-0.5, 0.5), "Radial distortion, r⁶ term", "response", precision=5,
-        section=LENS)
+        section=LENS, shown=ALIKE)
     overscan: float = fraction(
         "Overscan", 0.0, "Margin that is rendered beyond each border, as a share of width and height. Lens distortion "
         "and toe-in need it", "camera", high=2.0, section=LENS)
     toe_in_deg: float = degrees(
         "Toe-in", 0.0, 0.0, 45.0, "Angle by which each eye turns toward the other, about its own vertical; 0 for "
-        "parallel eyes", "camera", (0.0, 10.0), 3, section=LENS)
+        "parallel eyes", "camera", (0.0, 10.0), 3, section=LENS, shown=ALIKE)
     focus_distance_m: float = metres(
         "Focus Distance", 0.0, 0.0, 1.0e5, (0.0, 10.0), "Depth that is in focus; 0 if everything is in focus. The "
         "f-number sets the blur, and the truth is always sharp", "camera", zero="all sharp", section=LENS)
@@ -163,6 +173,120 @@ class CalibrationErrorSettings(Table, label="Calibration Error", inside="rig", s
     k1: float = number(
         "Distortion k1", 0.0, -1.0, 1.0, (-0.05, 0.05), "Assumed minus true k1 of both lenses", "response",
         precision=5)
+
+
+class EyeSettings(Table, since="0.4"):
+    """A calibrated camera. Pixels are counted from the centre of the first one, as calibrations count them."""
+
+    __slots__ = ()
+    width_px: int = number(
+        "Image Width", 640, 4, 16384, (64, 2048), "Columns of the images of this eye", "camera", "px", subtype="PIXEL")
+    height_px: int = number(
+        "Image Height", 480, 4, 16384, (64, 2048), "Rows of the images of this eye", "camera", "px", subtype="PIXEL")
+    fx_px: float = number(
+        "Focal Length x", 341.33334, 1.0, 1.0e6, (50.0, 5000.0), "Focal length along rows, in pixels", "camera", "px",
+        subtype="PIXEL")
+    fy_px: float = number(
+        "Focal Length y", 341.33334, 1.0, 1.0e6, (50.0, 5000.0), "Focal length along columns, in pixels", "camera",
+        "px", subtype="PIXEL")
+    cx_px: float = number(
+        "Principal Column", 319.5, -1.0e5, 1.0e5, (0.0, 2048.0), "Column of the principal point, from the centre of "
+        "the first pixel", "camera", "px", subtype="PIXEL")
+    cy_px: float = number(
+        "Principal Row", 239.5, -1.0e5, 1.0e5, (0.0, 2048.0), "Row of the principal point, from the centre of the "
+        "first pixel", "camera", "px", subtype="PIXEL")
+    skew_px: float = number(
+        "Skew", 0.0, -1.0e4, 1.0e4, (-10.0, 10.0), "Columns by which a point one focal length down is farther to the "
+        "right", "camera", "px", subtype="PIXEL", section=ADVANCED)
+    turn_x_deg: float = degrees(
+        "Turn about x", 0.0, -180.0, 180.0, "Component along x, to the right, of the rotation vector from the axes of "
+        "the parallel pair to those of the eye (x right, y down, z ahead)", "camera", (-45.0, 45.0), 4, section=TURN)
+    turn_y_deg: float = degrees(
+        "Turn about y", 0.0, -180.0, 180.0, "Component along y, down, of that vector. A left eye that looks toward the "
+        "right one has a negative one", "camera", (-45.0, 45.0), 4, section=TURN)
+    turn_z_deg: float = degrees(
+        "Turn about z", 0.0, -180.0, 180.0, "Component along z, ahead, of that vector. An eye that is turned "
+        "clockwise has a negative one", "camera", (-45.0, 45.0), 4, section=TURN)
+    lens: Literal["BROWN", "FISHEYE", "CAHVORE"] = choice(
+        "Lens", "BROWN", "Model of the lens", "camera",
+        ("BROWN", "Brown-Conrady", "Tangents with polynomials: OpenCV's lens of 5, 8 or 12 coefficients"),
+        ("FISHEYE", "Fisheye", "Angles with a polynomial of four coefficients (Kannala and Brandt)"),
+        ("CAHVORE", "CAHVORE", "JPL's lens: a perspective lens is CAHVOR"))
+    k1: float = number(
+        "k1", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k1",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN", "FISHEYE"))
+    k2: float = number(
+        "k2", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k2",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN", "FISHEYE"))
+    p1: float = number(
+        "p1", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Tangential coefficient p1, vertical decentring",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+    p2: float = number(
+        "p2", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Tangential coefficient p2, horizontal decentring",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+    k3: float = number(
+        "k3", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k3",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN", "FISHEYE"))
+    k4: float = number(
+        "k4", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k4; of Brown-Conrady the first below the line",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN", "FISHEYE"))
+    k5: float = number(
+        "k5", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k5, below the line",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+    k6: float = number(
+        "k6", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k6, below the line",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+    s1: float = number(
+        "s1", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient of a thin prism: columns, r²",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+    s2: float = number(
+        "s2", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient of a thin prism: columns, r⁴",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+    s3: float = number(
+        "s3", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient of a thin prism: rows, r²",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+    s4: float = number(
+        "s4", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient of a thin prism: rows, r⁴",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+    axis_x: float = number(
+        "Axis Right", 0.0, -0.9, 0.9, (-0.1, 0.1), "Component along x of the optical axis O, which is 1 long, in the "
+        "axes of the eye", "camera", precision=6, section=MODEL, shown=chosen("lens", "CAHVORE"))
+    axis_y: float = number(
+        "Axis Down", 0.0, -0.9, 0.9, (-0.1, 0.1), "Component along y of the optical axis O", "camera", precision=6,
+        section=MODEL, shown=chosen("lens", "CAHVORE"))
+    r0: float = number(
+        "R0", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient R0",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "CAHVORE"))
+    r1: float = number(
+        "R1", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient R1",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "CAHVORE"))
+    r2: float = number(
+        "R2", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient R2",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "CAHVORE"))
+    e0: float = number(
+        "E0", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient E0 of the entrance pupil",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "CAHVORE"))
+    e1: float = number(
+        "E1", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient E1 of the entrance pupil",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "CAHVORE"))
+    e2: float = number(
+        "E2", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient E2 of the entrance pupil",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "CAHVORE"))
+    linearity: float = number(
+        "Linearity", 1.0, -2.0, 2.0, (-1.0, 1.0), "Kind of lens, from perspective at 1 to fisheye at 0", "camera",
+        section=MODEL, shown=chosen("lens", "CAHVORE"))
+
+
+class LeftEyeSettings(EyeSettings, label="Left Eye", inside="rig", shown=CALIBRATED):
+    """The calibrated left eye, at the left centre of the parallel pair."""
+
+    __slots__ = ()
+
+
+class RightEyeSettings(EyeSettings, label="Right Eye", inside="rig", shown=CALIBRATED):
+    """The calibrated right eye, at the right centre of the parallel pair."""
+
+    __slots__ = ()
 
 
 class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, get_type_hints
 
-from .camera import CalibrationErrorSettings, RigSettings, SensorSettings
+from .camera import CalibrationErrorSettings, LeftEyeSettings, RightEyeSettings, RigSettings, SensorSettings
 from .data_set import DatasetSettings
 from .declaration import Attributes, Parts, Table, Topic
 from .excavation import ExcavationSettings
@@ -56,6 +56,8 @@ class Settings(Attributes):
     light: LightSettings
     veil: VeilSettings
     rig: RigSettings
+    left_eye: LeftEyeSettings
+    right_eye: RightEyeSettings
     calibration_error: CalibrationErrorSettings
     lander: LanderSettings
     arm: ArmSettings

@@ -84,10 +84,10 @@ def export_mitsuba(
 
 def _refuse_unexportable(pair: Pair) -> None:
     refuse_edited(pair)
-    if pair.camera.toe_in_deg or pair.camera.rendered_px != (pair.camera.width_px, pair.camera.height_px):
+    if pair.camera.looks_elsewhere or pair.camera.rendered_px != (pair.camera.width_px, pair.camera.height_px):
         raise IcyMoonError(
-            f"{pair.folder} has toe-in or overscan, which this export has not; render it without "
-            "rig.toe_in_deg and rig.overscan."
+            f"{pair.folder} has toe-in, calibrated eyes or overscan, which this export has not; render it "
+            "with rig.eyes ALIKE, and without rig.toe_in_deg and rig.overscan."
         )
     if pair.settings.light.sun_distance_m:
         raise IcyMoonError(

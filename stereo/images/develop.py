@@ -70,7 +70,7 @@ class DevelopedImages:
     left: Array  # rectified, on the truth
     right: Array
     detected_left: Array  # on the sensor: a colour sensor's mosaic; else the same unless the lens distorts, the eyes
-    detected_right: Array  # are toed in or the calibration errs
+    detected_right: Array  # are toed in or calibrated, or the calibration errs
     bits: int
     frames: tuple[Exposure, ...]  # the exposures, longest first
     exposure_s: float  # of the metered exposure
@@ -211,7 +211,7 @@ class _Optics:
     @classmethod
     def of(cls, pair: Pair, settings: Settings, eye: str) -> _Optics:
         sensor, rig, camera = settings.sensor, settings.rig, pair.camera
-        shape = camera.height_px, camera.width_px
+        shape = camera.sensor_px(eye)[::-1]
         blocked = compute_blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)
         return cls(
             camera,

@@ -7,6 +7,7 @@ import math
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -181,6 +182,11 @@ def write_disparity(path: Path, disparity: Array, arrays: Mapping[str, Array] | 
         **(arrays or {}),
         **{name: np.float64(value) for name, value in facts.items()},
     }
+    write_npz(path, values)
+
+
+def write_npz(path: Path, values: Mapping[str, Any]) -> None:
+    """Write named arrays and numbers as npz, atomically."""
     # In memory first: on a full disk a zip file raises a second error when it is closed.
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=_LEVEL) as archive:

@@ -1,22 +1,26 @@
 """Lens distortion and toe-in, and the rectification that undoes both.
 
 There are three images. The rendered image comes from a pinhole with margins, toed in as the eye is. The image of the
-sensor is distorted by the lens. The rectified image belongs to the parallel rig, as the truth does; matchers get it,
-made from the numbers of the sensor. By an erroneous calibration it belongs to that rig only nearly.
+sensor is distorted by the lens; that of a calibrated eye has its own size, and looks where the eye does. The rectified
+image belongs to the parallel rig, as the truth does; matchers get it, made from the numbers of the sensor. By an
+erroneous calibration it belongs to that rig only nearly.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
+from ...physics.camera.calibrated_camera import CalibratedCamera
 from ...physics.camera.calibration_error import make_rectifying_map, moves_pixels
+from ...physics.camera.eyes import in_rendered, rays_in_rig
 from ...physics.camera.lens_distortion import distort_points, read_coefficients, refuse_folds, undistort_points
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import CalibrationErrorSettings, RigSettings
 from ...support.arrays import Array, Numbers
+from .spline import sample
 
 
 @dataclass(frozen=True)
@@ -27,10 +31,15 @@ class Lens:
     rectified_in_sensor: Array
     rectified_in_rendered: Array
     rendered_px: tuple[int, int]  # columns and rows of the rendered image
+    is_calibrated: bool = False
 
     def distort(self, radiance: Array) -> Array:
         """The radiance on the sensor, from rendered radiance; 0 beyond the edges of the render."""
-        seen = _remap(radiance, self.sensor_in_rendered, cubic=True)
+        seen = (
+            sample(radiance, self.sensor_in_rendered).astype(np.float32)
+            if self.is_calibrated
+            else _remap(radiance, self.sensor_in_rendered, cubic=True)  # kept, so that old pairs have their images
+        )
         return np.maximum(np.nan_to_num(seen), 0.0)
 
     def rectify_radiance(self, radiance: Array) -> Array:
@@ -71,10 +80,13 @@ class Lens:
 
 def make_lens(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
     """The lens of an eye with the distortion in the ``rig`` settings; None if all three images are the same, except for
-    margins.
+    margins. A calibrated eye of the ``camera`` has its own lens.
 
     Raises IcyMoonError if the coefficients fold the image.
     """
+    own = camera.own_eye(eye)
+    if own is not None:
+        return _make_calibrated_lens(camera.rectified, camera.margin_x_px, camera.margin_y_px, own)
     k = read_coefficients(rig)
     return _make_lens(camera, k, eye) if any(k) or camera.toe_in_deg else None
 
@@ -101,7 +113,7 @@ def rectify(numbers: Array, rectified_in_sensor: Array) -> Array:
 
 @lru_cache(maxsize=2)  # both eyes: maps are large
 def _make_lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
-    pixels = np.stack(np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5), axis=-1)
+    pixels = _pixel_grid(camera.width_px, camera.height_px) + 0.5
     principal, margin = np.array([camera.cx_px, camera.cy_px]), np.array([camera.margin_x_px, camera.margin_y_px])
     points = (pixels - principal) / camera.focal_px
     refuse_folds(points, k)
@@ -116,6 +128,29 @@ def _make_lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
         columns_and_rows(rectified, margin),
         camera.rendered_px,
     )
+
+
+@lru_cache(maxsize=2)
+def _make_calibrated_lens(camera: StereoCamera, margin_x_px: int, margin_y_px: int, own: CalibratedCamera) -> Lens:
+    """The lens of a calibrated eye whose rendered image is that of the parallel rig with these margins."""
+    rendered = replace(camera, margin_x_px=margin_x_px, margin_y_px=margin_y_px)
+    pixels = _pixel_grid(camera.width_px, camera.height_px)
+    rays = np.concatenate(
+        [(pixels + 0.5 - np.array([camera.cx_px, camera.cy_px])) / camera.focal_px, np.ones_like(pixels[..., :1])],
+        axis=-1,
+    )
+    return Lens(
+        in_rendered(rays_in_rig(own, _pixel_grid(*own.size_px)), rendered).astype(np.float32),
+        own.show(rays @ own.rotation.T).astype(np.float32),
+        (pixels + np.array([margin_x_px, margin_y_px])).astype(np.float32),
+        rendered.rendered_px,
+        is_calibrated=True,
+    )
+
+
+def _pixel_grid(width: int, height: int) -> Array:
+    """Columns and rows (H, W, 2) of the centres of pixels, from that of the first one."""
+    return np.stack(np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)), axis=-1)
 
 
 def _turn_and_distort(points: Array, rotation: Array, k: tuple[float, ...]) -> Array:

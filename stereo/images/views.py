@@ -30,12 +30,12 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
     image, truth = pair.image(eye), pair.truth(eye)
     if image == truth:
         view = read_view(image, eye, without)
-        _check_size(pair, image, view.depth)
+        _check_size(image, view.depth, pair.camera.rendered_px)
         return view, _crop_margins(view, pair)
     light = read_light(image, eye, groups=not set(GROUP_PASSES) <= set(without))
     real = read_truth(truth, eye, without)
-    _check_size(pair, image, light.radiance)
-    _check_size(pair, truth, real.depth)
+    _check_size(image, light.radiance, pair.camera.rendered_px)
+    _check_size(truth, real.depth, pair.camera.rendered_px)
     real = _crop_margins(real, pair)
     return light, View(
         *_turn_light_to_parallel(light, pair, eye), real.depth, real.normal, real.instance, real.semantic, real.hidden
@@ -51,7 +51,7 @@ def read_baked_error(pair: Pair, eye: str) -> dict[str, Array]:
     path = pair.image(eye)
     found = exr.read_baked_error(path, eye)
     for error in found.values():
-        _check_size(pair, path, error)
+        _check_size(path, error, pair.camera.rendered_px)
     turn = _turn_to_parallel(pair, eye)
     return {group: turn(error) for group, error in found.items()}
 
@@ -59,12 +59,25 @@ def read_baked_error(pair: Pair, eye: str) -> dict[str, Array]:
 def read_sensor_depth(pair: Pair, eye: str, rig: RigSettings) -> Array:
     """Read the depth at the pixels of an eye's sensor, along the eye's own axis: metres, float32 (H, W), NaN for
     none."""
+    if pair.camera.eyes is not None:
+        return find_scene_depth(read_sensor_truth(pair, eye)).astype(np.float32)
     path = pair.truth_of_image(eye)
     depth = find_scene_depth(read_truth(path, eye))
-    _check_size(pair, path, depth)
+    _check_size(path, depth, pair.camera.rendered_px)
     lens = make_lens(pair.camera, rig, eye)
     seen = pair.camera.cropped(depth) if lens is None else lens.depth_of_sensor(depth)
     return np.asarray(seen.astype(np.float32))
+
+
+def read_sensor_truth(pair: Pair, eye: str) -> Truth:
+    """Read the truth at the pixels of a calibrated eye's sensor, found by its own rays; depth along the eye's own axis.
+
+    Raises IcyMoonError with the name of the file if it is damaged or of another size than the sensor.
+    """
+    path = pair.truth_of_sensor(eye)
+    truth = read_truth(path, eye)
+    _check_size(path, truth.depth, pair.camera.sensor_px(eye))
+    return truth
 
 
 def _turn_light_to_parallel(light: Light, pair: Pair, eye: str) -> tuple[Array, dict[str, Array]]:
@@ -75,7 +88,7 @@ def _turn_light_to_parallel(light: Light, pair: Pair, eye: str) -> tuple[Array, 
 def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[Array], Array]:
     """A function that puts an image of an eye's rendered pixels on the parallel rig."""
     plain = RigSettings.from_values({f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")})
-    lens = make_lens(pair.camera, plain, eye)
+    lens = make_lens(replace(pair.camera, eyes=None), plain, eye)
     return pair.camera.cropped if lens is None else lens.rectify_radiance
 
 
@@ -90,10 +103,10 @@ def _crop_margins(images: _Images, pair: Pair) -> _Images:
     return replace(images, **{field.name: crop(getattr(images, field.name)) for field in fields(images)})
 
 
-def _check_size(pair: Pair, path: object, image: Array) -> None:
+def _check_size(path: object, image: Array, size_px: tuple[int, int]) -> None:
     height, width = image.shape[:2]
-    if (width, height) != pair.camera.rendered_px:
+    if (width, height) != size_px:
         raise IcyMoonError(
-            f"{path} is {width} x {height} px, but its camera has {pair.camera.rendered_px[0]} x "
-            f"{pair.camera.rendered_px[1]} px; render the pair again."
+            f"{path} is {width} x {height} px, but its camera has {size_px[0]} x {size_px[1]} px; render the pair "
+            "again."
         )

@@ -69,9 +69,9 @@ def _tell_pose(twins: Sequence[Twin], described: Described) -> list[str]:
     if poses:
         found = [
             "Height and pitch are those over the plane that fits the true depth, which is taken to be level: "
-            + _range_of([pose.height_m for pose in poses], "m")
+            + _format_range([pose.height_m for pose in poses], "m")
             + " high, "
-            + _range_of([pose.pitch_deg for pose in poses], "degrees")
+            + _format_range([pose.pitch_deg for pose in poses], "degrees")
             + " down."
         ]
         roll = max(abs(pose.roll_deg) for pose in poses)
@@ -95,7 +95,7 @@ def _tell_pose(twins: Sequence[Twin], described: Described) -> list[str]:
     ]
 
 
-def _range_of(values: Sequence[float], unit: str) -> str:
+def _format_range(values: Sequence[float], unit: str) -> str:
     ends = [show_rounded(end, 3) for end in (min(values), max(values))]
     return f"{ends[0]} {unit}" if ends[0] == ends[1] else f"{ends[0]} to {ends[1]} {unit}"
 

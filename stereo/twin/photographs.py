@@ -77,11 +77,11 @@ def _find_in_folder(folder: Path) -> list[tuple[Path, Path]]:
     """The files of both eyes in a folder, in the order of their names."""
     sides = [folder / eye for eye in EYES]
     if all(side.is_dir() for side in sides):
-        left, right = ({path.stem: path for path in _images_in(side)} for side in sides)
+        left, right = ({path.stem: path for path in _list_images(side)} for side in sides)
         partner = {name: right.get(name) for name in left}
         found = {path: partner[name] for name, path in left.items()}
     else:
-        there = {path.name.lower(): path for path in _images_in(folder)}
+        there = {path.name.lower(): path for path in _list_images(folder)}
         found = {path: there.get(name.replace("left", "right")) for name, path in there.items() if "left" in name}
     if not found:
         raise IcyMoonError(
@@ -96,7 +96,7 @@ def _find_in_folder(folder: Path) -> list[tuple[Path, Path]]:
     return pairs
 
 
-def _images_in(folder: Path) -> list[Path]:
+def _list_images(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir() if path.suffix.lower() in _IMAGES and path.is_file())
 
 

@@ -135,7 +135,6 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
         ("image_width: 640", "%YAML:1.0\n---\nimage_width: 640", "several kinds, ros, opencv"),
         ("500., 240.25, 0., 0., 0., 1., 0.]", "500., 240.25, 0.", "projection_matrix"),
         ("cols: 4\n  data: [500., 0.", "cols: 4\n  data: [0., 0.", "no focal length"),
-        ("0., 500., 240.25", "0., 700., 240.25", "no squares, in projection_matrix too (fx 500, fy 700 px)"),
         ("0., 500., 240.25,\n", "0., -500., 240.25,\n", "camera_matrix has no focal length"),
         ("plumb_bob", "rational_polynomial", "distortion_coefficients has not 8 or 12 or 14 numbers"),
         ("data: [1., 0., 0., 0., 1.", "data: [2., 0., 0., 0., 1.", "rectification_matrix is no rotation"),
@@ -144,15 +143,29 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
         ("camera_name: narrow_stereo", "roi:\n  x_offset: 8", "0 x 0 px at (8, 0)"),
         ("camera_name: narrow_stereo", "binning_x: -2", "binning_x is '-2'"),
         ("camera_name: narrow_stereo", "binning_x: 99", "binning_x of 99"),
-        ("camera_name: narrow_stereo", "binning_x: 2\nbinning_y: 2", "write the same binning_x, binning_y and roi"),
     ],
 )
 def test_what_is_no_calibration_of_ros_is_a_sentence(tmp_path, capsys, before, after, words):
-    left, right = ros_pair(tmp_path)
+    check_refused(tmp_path, capsys, before, after, words)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("0., 500., 240.25", "0., 700., 240.25", "no squares, in projection_matrix too (fx 500, fy 700 px)"),
+        ("camera_name: narrow_stereo", "binning_x: 2\nbinning_y: 2", "write the same binning_x, binning_y and roi"),
+    ],
+)
+def test_what_one_camera_for_both_eyes_cannot_be_is_a_sentence(tmp_path, capsys, before, after, words):
+    check_refused(tmp_path, capsys, before, after, words, "--alike")
+
+
+def check_refused(folder, capsys, before, after, words, *options):
+    left, right = ros_pair(folder)
     text = right.read_text(encoding="utf-8")
     assert before in text
     right.write_text(text.replace(before, after), encoding="utf-8")
-    assert main(["camera", str(left), str(right)]) == 1
+    assert main(["camera", str(left), str(right), *options]) == 1
     shown = capsys.readouterr().err
     assert words in shown
     assert "right.yaml" in shown

@@ -34,7 +34,7 @@ def rendered(monkeypatch):
                 )
         return 0
 
-    monkeypatch.setattr(twin, "render", render)
+    monkeypatch.setattr(twin, "render_missing", render)
     monkeypatch.setattr(twin, "check_abilities", lambda *_: None)
     return made
 

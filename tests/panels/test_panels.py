@@ -113,6 +113,8 @@ CHOICES = (
     {"excavation.path": "ARC"},
     {"excavation.path": "RECORDED"},
     {"sensor.auto_exposure": False},
+    {"rig.eyes": "CALIBRATED"},
+    {"rig.eyes": "CALIBRATED", "left_eye.lens": "CAHVORE", "right_eye.lens": "CAHVORE"},
 )
 
 

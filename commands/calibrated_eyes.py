@@ -1,0 +1,187 @@
+"""Settings of a rig whose eyes are two calibrated cameras, each as it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..formats.calibrations.options import Reading, as_brown
+from ..formats.calibrations.ros import ros_pair_of
+from ..formats.ros_camera import read_ros_camera
+from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
+from ..physics.camera.eyes import (
+    EYE_TOPICS,
+    camera_of,
+    dark_shares,
+    eye_settings,
+    overscan_for,
+    reasons_of_calibrated_eyes,
+)
+from ..physics.camera.lens_models import Brown
+from ..physics.camera.rotations import nearest_rotation, to_vector
+from ..settings.description import check, defaults, merged
+from ..settings.table import TOPICS
+from ..settings.topics.scene import Settings
+from ..support.arrays import Array
+from ..support.errors import IcyMoonError
+from ..support.foreign_bytes import explain_errors
+
+#: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
+PARALLEL_RAD, ASIDE = 1e-4, 1e-3
+#: How far two eyes may differ in focal length, principal point and distortion, px over the image, to be alike.
+ALIKE_PX = 0.5
+#: By how much the focal lengths along x and y may differ as a share for pixels that are squares.
+SQUARE = 1e-3
+#: Longest baseline of two eyes on one mount, m; NASA's rovers have at most 0.42, cars 1.5.
+_LIKELY_BASELINE_M = 5.0
+#: Largest overscan that is proposed: nine times the pixels of the rectified images.
+_MOST_OVERSCAN = 1.0
+
+
+def pair_of(reading: Reading, where: str) -> CalibratedRig:
+    """The rig of a calibration. Raises IcyMoonError unless it has two cameras."""
+    count = len(reading.rig.cameras)
+    if count != 2:
+        raise IcyMoonError(
+            f"{where}: there are {count} cameras, and a rig here has two; "
+            + ("name two of them by --cameras." if count > 2 else "give the calibration of both.")
+        )
+    return reading.rig
+
+
+def check_baseline(baseline_m: float, left: Path, right: Path, stated_in: str) -> list[str]:
+    """A sentence if the unit of a distance of the eyes in metres may be another.
+
+    Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number of the file that is it.
+    """
+    most = TOPICS["rig"]["baseline_m"].maximum
+    if baseline_m > most:
+        raise IcyMoonError(
+            f"{right}: its eye is {baseline_m:g} m from that of {left}, more than {most:g} m; "
+            f"{stated_in} in metres, and seems to be in millimetres here: divide by 1000."
+        )
+    return [] if baseline_m <= _LIKELY_BASELINE_M else [
+        f"The eyes are {baseline_m:g} m apart, since {stated_in} in metres. If it is in millimetres, set "
+        f"rig.baseline_m to {baseline_m / 1000:g}."
+    ]  # fmt: skip
+
+
+def why_calibrated(rig: CalibratedRig) -> str:
+    """Why one camera cannot stand for both eyes of a pair, as a clause; empty if it can."""
+    left, right = rig.cameras
+    if left.size_px != right.size_px:
+        return f"images have {left.width_px} x {left.height_px} and {right.width_px} x {right.height_px} px"
+    alike = [as_brown(camera) for camera in rig.cameras]
+    for camera, same in zip(rig.cameras, alike, strict=True):
+        if abs(camera.fx_px / camera.fy_px - 1) >= SQUARE or camera.skew_px:
+            return f"pixels are no squares (fx {camera.fx_px:g}, fy {camera.fy_px:g}, skew {camera.skew_px:g} px)"
+        if same is None or not isinstance(same.lens, Brown) or len(same.lens.shortened()) > 5:
+            return f"the lens is {camera.lens.name}"
+    first, second = (_simple_numbers(camera) for camera in alike if camera is not None)
+    off = float(np.abs(first - second).max())
+    if off > ALIKE_PX:
+        return f"the eyes differ by up to {off:.3g} px in focal length, principal point and distortion"
+    rotation, translation = rig.relative_pose()
+    turned = float(np.linalg.norm(to_vector(rotation)))
+    if turned > PARALLEL_RAD:
+        return f"the eyes are turned against each other by {math.degrees(turned):.3g} degrees"
+    x, y, z = (-rotation.T @ translation).tolist()
+    if max(abs(y), abs(z)) > ASIDE * abs(x):
+        return f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it"
+    return ""
+
+
+def _simple_numbers(camera: CalibratedCamera) -> Array:
+    """What alike eyes share, in px at a focal length off the axis."""
+    lens = camera.lens
+    k = lens.coefficients[:5] if isinstance(lens, Brown) else ()
+    return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *(np.array(k) * camera.fx_px)])
+
+
+def calibrated_settings(rig: CalibratedRig, why: str, paths: Sequence[Path], kind: str) -> tuple[Settings, list[str]]:
+    """The settings ``rig``, ``left_eye`` and ``right_eye`` of two cameras, and sentences on what to know about them.
+
+    ``rig`` is their rectified pair, with the overscan that shows all that both see, if that is not too much. Raises
+    IcyMoonError for eyes that are swapped, one above the other or at one place, and for a lens that folds the image.
+    """
+    where = " and ".join(map(str, paths))
+    with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
+        pair = _rectified(rig, paths, kind)
+    if pair.along_m > 0:
+        raise IcyMoonError(
+            f"{paths[-1]} stands {pair.along_m:.4g} m to the left of {paths[0]}, so it is the left eye; give it first."
+        )
+    doubts = check_baseline(-pair.along_m, paths[0], paths[-1], "the translation is")
+    table = _table_of(pair)
+    eyes = {
+        topic: eye_settings(camera, turn.T)
+        for topic, camera, turn in zip(EYE_TOPICS, rig.cameras, pair.turns, strict=True)
+    }
+    whole = merged(defaults(), check({"rig": table, **eyes}, where))
+    for reason, _ in reasons_of_calibrated_eyes(whole):
+        raise IcyMoonError(f"{where}: {reason}")
+    table["overscan"] = math.ceil(min(overscan_for(camera_of(whole)), _MOST_OVERSCAN) * 1000) / 1000
+    found = check({"rig": table, **eyes}, where)
+    notes = [
+        f"Each eye is rendered as it is: {why}. The table rig is their rectified pair, to which truth and rectified "
+        "images belong.",
+        *doubts,
+    ]
+    shares = dark_shares(camera_of(merged(defaults(), found)))
+    if max(shares) > 0:
+        left, right = (f"{share:.1%}" for share in shares)
+        notes.append(f"{left} of the left eye's pixels and {right} of the right one's stay dark.")
+    return found, notes
+
+
+def _table_of(pair: _Rectified) -> dict[str, Any]:
+    """The table ``rig`` of a rectified pair."""
+    width, height = pair.size_px
+    width_mm = defaults().rig.sensor_width_mm
+    return {
+        "width_px": width,
+        "height_px": height,
+        "sensor_width_mm": width_mm,
+        "focal_length_mm": pair.focal_px / width * width_mm,
+        "principal_x_px": round(pair.cx_px + 0.5 - width / 2, 9) + 0.0,
+        "principal_y_px": round(pair.cy_px + 0.5 - height / 2, 9) + 0.0,
+        "baseline_m": -pair.along_m,
+        "eyes": "CALIBRATED",
+    }
+
+
+@dataclass(frozen=True)
+class _Rectified:
+    """The rectified pair of two cameras: the rotations (3, 3) of each into it, its camera, and how far the right eye's
+    t is along x."""
+
+    turns: tuple[Array, Array]
+    size_px: tuple[int, int]
+    focal_px: float
+    cx_px: float
+    cy_px: float
+    along_m: float
+
+
+def _rectified(rig: CalibratedRig, paths: Sequence[Path], kind: str) -> _Rectified:
+    """As two files of ROS state it if they state one pair, else as OpenCV turns the eyes, with the mean focal length
+    and the mean principal point of both, as a share of the larger of both sizes."""
+    stated = [read_ros_camera(path) for path in paths] if kind == "ros" and len(paths) == 2 else []
+    first, second = stated or ros_pair_of(rig)
+    size = (
+        max(rig.cameras[0].width_px, rig.cameras[1].width_px),
+        max(rig.cameras[0].height_px, rig.cameras[1].height_px),
+    )
+    p = second.projection
+    if not (stated and p[0, 0] == p[1, 1] and np.array_equal(first.projection[:, :3], p[:, :3])):
+        first, second = ros_pair_of(rig)
+        p = second.projection.copy()
+        shares = [(np.array([camera.cx_px, camera.cy_px]) + 0.5) / camera.size_px for camera in rig.cameras]
+        p[:2, 2] = np.mean(shares, axis=0) * size - 0.5
+    turns = nearest_rotation(first.rectification), nearest_rotation(second.rectification)
+    return _Rectified(turns, size, float(p[0, 0]), float(p[0, 2]), float(p[1, 2]), float(p[0, 3] / p[0, 0]))

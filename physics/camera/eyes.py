@@ -1,0 +1,260 @@
+"""The calibrated eyes of a rig, each with its own images, lens and direction, from ``left_eye`` and ``right_eye``.
+
+The table ``rig`` is the parallel pair to which truth and rectified images belong. Its eyes stand at the two centres of
+that pair. Pixels of these settings are counted from the centre of the first one, as calibrations count them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from ...settings.topics.camera import EyeSettings, RigSettings
+from ...settings.topics.scene import Settings
+from ...support.arrays import Array
+from .calibrated_camera import CalibratedCamera
+from .lens_distortion import COEFFICIENTS, read_coefficients
+from .lens_models import Brown, Cahvore, Fisheye, LensModel
+from .rotations import from_vector, to_vector
+from .stereo_camera import StereoCamera
+
+#: Keys of ``EyeSettings`` by lens, in the order of the model's numbers.
+_BROWN = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
+_FISHEYE = ("k1", "k2", "k3", "k4")
+_TURN = ("turn_x_deg", "turn_y_deg", "turn_z_deg")
+_SIZES = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "skew_px")
+_RADIAL, _PUPIL = ("r0", "r1", "r2"), ("e0", "e1", "e2")
+_USED = {
+    "BROWN": _BROWN,
+    "FISHEYE": _FISHEYE,
+    "CAHVORE": ("axis_x", "axis_y", *_RADIAL, *_PUPIL, "linearity"),
+}
+#: The topics of the eyes, left first.
+EYE_TOPICS = ("left_eye", "right_eye")
+#: Grid of pixels, columns and rows, from which shares of an image are found.
+_GRID = 65, 49
+
+
+def is_calibrated(rig: RigSettings) -> bool:
+    """Whether each eye has its own camera."""
+    return bool(rig.eyes == "CALIBRATED")
+
+
+def camera_of(settings: Settings) -> StereoCamera:
+    """The rig with its calibrated eyes, if it has such. Raises ValueError for numbers that no lens has."""
+    return replace(StereoCamera.from_settings(settings.rig), eyes=eyes_of(settings))
+
+
+def eyes_of(settings: Settings) -> tuple[CalibratedCamera, CalibratedCamera] | None:
+    """The calibrated eyes, left first, in the axes of the left eye of the parallel rig; None for eyes that are alike.
+    Raises ValueError for numbers that no lens has."""
+    if not is_calibrated(settings.rig):
+        return None
+    left, right = (_make_eye(*_numbers(settings[topic])) for topic in EYE_TOPICS)
+    return left, _move_aside(right, float(settings.rig.baseline_m))
+
+
+def _numbers(eye: EyeSettings) -> tuple[tuple[int | float, ...], tuple[float, ...], str, tuple[float, ...]]:
+    """What ``_make_eye`` asks for, to be told apart by a cache."""
+    return (
+        tuple(eye[key] for key in _SIZES),
+        tuple(float(eye[key]) for key in _TURN),
+        eye.lens,
+        tuple(float(eye[key]) for key in _USED[eye.lens]),
+    )
+
+
+@lru_cache(maxsize=16)  # the same object for the same numbers, by which maps of images are kept
+def _make_eye(
+    sizes: tuple[int | float, ...], turn_deg: tuple[float, ...], lens: str, numbers: tuple[float, ...]
+) -> CalibratedCamera:
+    width, height, fx, fy, cx, cy, skew = sizes
+    rotation = from_vector(np.radians(turn_deg))
+    return CalibratedCamera(
+        int(width), int(height), fx, fy, cx, cy, _make_lens(lens, numbers), skew, rotation, np.zeros(3)
+    )
+
+
+@lru_cache(maxsize=16)
+def _move_aside(eye: CalibratedCamera, baseline_m: float) -> CalibratedCamera:
+    return eye.placed(eye.rotation, -baseline_m * eye.rotation[:, 0])
+
+
+def _make_lens(lens: str, numbers: tuple[float, ...]) -> LensModel:
+    if lens == "FISHEYE":
+        return Fisheye(numbers)
+    if lens == "BROWN":
+        return Brown(Brown(numbers).shortened() or (0.0,) * 5)
+    (x, y), radial, pupil, linearity = numbers[:2], numbers[2:5], numbers[5:8], numbers[8]
+    ahead = 1.0 - x**2 - y**2
+    if not ahead > 0:
+        raise ValueError("axis_x and axis_y are those of an optical axis to the side of the camera or behind it")
+    is_cahvor = linearity == 1.0 and not any(pupil)
+    return Cahvore((x, y, math.sqrt(ahead)), radial, None if is_cahvor else pupil, linearity)
+
+
+def eye_settings(camera: CalibratedCamera, rotation: Array) -> dict[str, Any]:
+    """The table of an eye that is turned by ``rotation`` (3, 3) from the axes of the parallel rig into its own."""
+    lens = camera.lens
+    table: dict[str, Any] = dict(zip(_SIZES, (
+        camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, camera.skew_px),
+        strict=True))  # fmt: skip
+    table |= dict(zip(_TURN, np.degrees(to_vector(rotation)).tolist(), strict=True))
+    if isinstance(lens, Cahvore):
+        pupil = lens.pupil or (0.0, 0.0, 0.0)
+        numbers = (*lens.axis[:2], *lens.radial, *pupil, lens.linearity)
+        name = "CAHVORE"
+    else:
+        name = "BROWN" if isinstance(lens, Brown) else "FISHEYE"
+        numbers = lens.coefficients
+    stated = {key: float(value) for key, value in zip(_USED[name], numbers, strict=False) if value}
+    if isinstance(lens, Cahvore):
+        stated["linearity"] = float(lens.linearity)
+    if not camera.skew_px:
+        del table["skew_px"]
+    return {**table, "lens": name, **stated}
+
+
+def eyes_json(camera: StereoCamera, rig: RigSettings) -> dict[str, Any]:
+    """The table ``eyes`` of ``pair.json``: K, and R and t of x = R X + t from the left eye's rectified axes, in metres.
+
+    Alike eyes have the distortion of the rig. Calibrated ones have their size, their lens and how they were rendered.
+    """
+    found = camera.eyes_json()
+    if camera.eyes is None:
+        distortion = dict(zip(COEFFICIENTS, read_coefficients(rig), strict=True))
+        return {eye: {**facts, "distortion": distortion} for eye, facts in found.items()}
+    return {
+        name: {
+            **facts,
+            "width_px": eye.width_px,
+            "height_px": eye.height_px,
+            "lens": lens_json(eye.lens),
+            "rendered_as": "PINHOLE",
+            "pixel_centre": "(u + 0.5, v + 0.5)",
+        }
+        for (name, facts), eye in zip(found.items(), camera.eyes, strict=True)
+    }
+
+
+def lens_json(lens: LensModel) -> dict[str, Any]:
+    """A lens by its name and its numbers, as in ``lens_models``."""
+    if isinstance(lens, Cahvore):
+        return {
+            "model": "CAHVORE",
+            "axis": list(lens.axis),
+            "radial": list(lens.radial),
+            "pupil": list(lens.pupil or (0.0, 0.0, 0.0)),
+            "linearity": lens.linearity,
+        }
+    return {"model": "BROWN" if isinstance(lens, Brown) else "FISHEYE", "coefficients": list(lens.coefficients)}
+
+
+def rays_in_rig(eye: CalibratedCamera, pixels: Array) -> Array:
+    """Directions (..., 3) that pixels (..., 2) of an eye see, in the axes of the parallel rig and 1 long ahead in them;
+    NaN where they see nothing, or what no pinhole of the rig shows."""
+    rays = eye.unproject(pixels) @ eye.rotation
+    ahead = rays[..., 2:] > _LEAST_AHEAD
+    return np.where(ahead, rays / np.where(ahead, rays[..., 2:], 1.0), np.nan)
+
+
+#: Cosine of the largest angle from the axis of a rig at which a ray counts as seen by a pinhole.
+_LEAST_AHEAD = 1e-3
+
+
+def _grid_pixels(eye: CalibratedCamera) -> Array:
+    """Pixels (49, 65, 2) over the whole image of an eye, its borders included."""
+    grid = np.meshgrid(*(np.linspace(0.0, size - 1.0, count) for size, count in zip(eye.size_px, _GRID, strict=True)))
+    return np.stack(grid, axis=-1)
+
+
+def dark_shares(camera: StereoCamera) -> tuple[float, float]:
+    """The share of the pixels of each calibrated eye that the rendered images do not show, from a grid."""
+    left, right = (_dark_share(eye, camera) for eye in camera.eyes or ())
+    return left, right
+
+
+def _dark_share(eye: CalibratedCamera, camera: StereoCamera) -> float:
+    where = in_rendered(rays_in_rig(eye, _grid_pixels(eye)), camera)
+    size = np.array(camera.rendered_px)
+    return float(1.0 - ((where >= 0) & (where <= size - 1)).all(axis=-1).mean())
+
+
+def in_rendered(rays: Array, camera: StereoCamera) -> Array:
+    """Columns and rows (..., 2) of rays (..., 3), 1 long ahead, in the rendered images, counted from the centre of the
+    first pixel."""
+    middle = np.array([camera.cx_px + camera.margin_x_px, camera.cy_px + camera.margin_y_px]) - 0.5
+    return np.asarray(rays[..., :2] * camera.focal_px + middle)
+
+
+def overscan_for(camera: StereoCamera) -> float:
+    """The least ``rig.overscan`` with which the rendered images show all that the calibrated eyes see; infinite if no
+    pinhole shows it."""
+    plain, size = camera.rectified, np.array([camera.width_px, camera.height_px])
+    needed = 0.0
+    for eye in camera.eyes or ():
+        pixels = _grid_pixels(eye)
+        where = in_rendered(rays_in_rig(eye, pixels), plain)
+        if (np.isnan(where) & np.isfinite(eye.unproject(pixels)[..., :2])).any():
+            return math.inf
+        # The grid may miss the outermost point by less than a pixel.
+        beyond = 1.0 + np.nan_to_num(np.maximum(-where, where - (size - 1)), nan=-1.0).max(axis=(0, 1))
+        needed = max(needed, float((beyond / size).max()))
+    return needed
+
+
+def reasons_of_calibrated_eyes(settings: Settings) -> Iterator[tuple[str, str]]:
+    """Why calibrated eyes are not rendered: sentences, each with the setting at fault."""
+    if not is_calibrated(settings.rig):
+        return
+    for topic in EYE_TOPICS:
+        try:
+            eye = _make_eye(*_numbers(settings[topic]))
+        except ValueError as error:
+            yield f"{topic} is no camera: {error}; correct {topic}.", f"{topic}.lens"
+            return
+        lost = eye.dark_share()
+        if lost and not isinstance(eye.lens, Fisheye):
+            keys = "r0, r1 and r2" if isinstance(eye.lens, Cahvore) else "k1 to k6"
+            yield (
+                (
+                    f"{topic}.{keys} fold the image over itself, so {lost:.1%} of the pixels see nothing; correct the "
+                    f"coefficients, or narrow the field by {topic}.fx_px and {topic}.fy_px."
+                ),
+                f"{topic}.lens",
+            )
+            return
+    for topic, share in zip(EYE_TOPICS, dark_shares(camera_of(settings)), strict=True):
+        if share == 1.0:
+            yield (
+                (
+                    f"{topic} looks beside the parallel rig and sees nothing of it; correct {topic}.turn_x_deg, "
+                    f"{topic}.turn_y_deg and {topic}.turn_z_deg, which turn from the rectified axes into the eye's."
+                ),
+                f"{topic}.turn_y_deg",
+            )
+
+
+def calibrated_advice(settings: Settings) -> Iterator[str]:
+    """Sentences on pixels of calibrated eyes that stay dark."""
+    if not is_calibrated(settings.rig):
+        return
+    camera = camera_of(settings)
+    for name, share in zip(("left", "right"), dark_shares(camera), strict=True):
+        if share > 0:
+            yield f"eyes: {share:.1%} of the pixels of the {name} eye stay dark. {_how_to_light(camera)}"
+
+
+def _how_to_light(camera: StereoCamera) -> str:
+    needed, most = overscan_for(camera), _MOST_OVERSCAN
+    if needed <= most:
+        return f"Set rig.overscan to {math.ceil(needed * 1000) / 1000:g} to light those that the lens lights."
+    return "No pinhole shows all that they see."
+
+
+_MOST_OVERSCAN = 2.0
