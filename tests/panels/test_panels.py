@@ -114,6 +114,7 @@ CHOICES = (
     {"excavation.path": "RECORDED"},
     {"sensor.auto_exposure": False},
     {"rig.eyes": "CALIBRATED"},
+    {"rig.height_from": "ZERO"},
     {"rig.eyes": "CALIBRATED", "left_eye.lens": "CAHVORE", "right_eye.lens": "CAHVORE"},
 )
 
