@@ -24,9 +24,10 @@ from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 from .walsh_averages import WalshSums, round_to_grid
 
-#: The share of flips that may reach an observed statistic where it is called different. It is less than the 5 % that
-#: the product states, because skewed differences have up to 2 points more errors: see ``docs/theory/inference.md``.
-LIMIT = 0.04
+#: The share of flips that may reach an observed statistic where it is called different: of one comparison, and of
+#: several. Both are less than the 5 % that the product states, because skewed differences have more errors, and the
+#: largest of several statistics has more of them: see ``docs/theory/inference.md``.
+LIMIT_OF_ONE, LIMIT_OF_SEVERAL = 0.04, 0.028
 #: Up to so many scenes all flips are made, otherwise ``_FLIPS``, the observed signs among them.
 _MOST_EXACT = 13
 _FLIPS = 5000
@@ -62,7 +63,12 @@ class ComparisonFamily:
     @property
     def found(self) -> Array:
         """Boolean: where the two methods differ."""
-        return self.p <= LIMIT + 1e-12
+        return self.p <= find_limit(len(self.p)) + 1e-12
+
+
+def find_limit(comparisons: int) -> float:
+    """The largest adjusted p of a verdict in a family of so many comparisons."""
+    return LIMIT_OF_ONE if comparisons <= 1 else LIMIT_OF_SEVERAL
 
 
 def count_scenes_needed(comparisons: int) -> int:
@@ -71,7 +77,7 @@ def count_scenes_needed(comparisons: int) -> int:
     With n scenes, two of 2^n choices of signs are as extreme as equal signs, and each comparison may have signs of its
     own. Below, no difference is large enough.
     """
-    return math.ceil(math.log2(2 * max(comparisons, 1) / LIMIT))
+    return math.ceil(math.log2(2 * max(comparisons, 1) / find_limit(comparisons)))
 
 
 def count_scenes_for_methods(methods: int) -> int:
@@ -108,7 +114,7 @@ def compare_in_typical_scene(differences: Array, seed: int) -> ComparisonFamily:
     largest = np.sort(maxima.max(axis=1))
     reached = len(largest) - np.searchsorted(largest, observed * _TIE)
     p[tested] = np.maximum(reached, 1) / len(largest)
-    limit = float(largest[math.ceil((1 - LIMIT) * len(largest) - 1e-9) - 1])
+    limit = float(largest[math.ceil((1 - find_limit(len(columns))) * len(largest) - 1e-9) - 1])
     for place, k in enumerate(tested):
         low[k], high[k] = columns[k].bounds(limit * norms[place])
         detectable[k] = (high[k] - low[k]) / 2 * (1 + NormalDist().inv_cdf(POWER) / limit)
