@@ -20,7 +20,7 @@ from ...physics.camera.lens_models import Brown, Fisheye, LensModel
 from ...support.arrays import Array
 from ...support.files import quote, write_atomically, write_text
 from ...support.foreign_bytes import ForeignBytes, explain_errors, parse_json, parse_npz, parse_xml, read
-from ..yaml_text import parse_yaml
+from ..yaml_text import parse_yaml, write_number
 from .options import MOST_BYTES, UNITS, Reading, Stated, brown_of, numbers_of, opencv_lens, why_no_opencv_lens
 
 _KIND = "a calibration of OpenCV"
@@ -223,7 +223,7 @@ def _write_npz(part: Path, stated: Mapping[str, Any]) -> None:
 
 
 def _words(value: Array) -> list[str]:
-    return [repr(number) for number in np.asarray(value, np.float64).ravel().tolist()]
+    return [write_number(number) for number in np.asarray(value, np.float64).ravel().tolist()]
 
 
 def _yaml(stated: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from ...physics.camera.lens_distortion import COEFFICIENTS
 from ...physics.camera.lens_models import Brown, Cahvore, Fisheye
 from ...support.arrays import Array
 from ...support.files import quote
+from ..yaml_text import write_number
 
 #: Metres of the units that a translation may be in.
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
@@ -161,4 +162,4 @@ def pose_of(matrix: Array) -> tuple[Array, Array]:
 
 def words_of(numbers: Any) -> str:
     """Numbers with all of their digits, and commas between them."""
-    return ", ".join(repr(float(number)) for number in np.ravel(numbers))
+    return ", ".join(map(write_number, np.ravel(numbers)))
