@@ -28,8 +28,8 @@ _ZERO = 1e-12
 
 @dataclass(frozen=True)
 class Stated:
-    """What the user states beside the files: the ``unit`` of lengths, the ``sizes`` of the images of each camera, or
-    one for all, and the ``lens``, brown or fisheye, where a file leaves it open."""
+    """What the user states where a file leaves it open: the ``unit`` of lengths, the ``sizes`` of the images of each
+    camera, or one for all, and the ``lens``, brown or fisheye."""
 
     unit: str | None = None
     sizes: tuple[tuple[int, int], ...] = ()

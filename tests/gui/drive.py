@@ -127,7 +127,9 @@ def shown() -> bool:
     )
     before = description.merged(there.settings, there.preview)
     return (
-        not there.edited and preview.select_geometry(before) == preview.select_geometry(wanted) and before["light"] == wanted["light"]
+        not there.edited
+        and preview.select_geometry(before) == preview.select_geometry(wanted)
+        and before["light"] == wanted["light"]
     )
 
 
