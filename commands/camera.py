@@ -188,7 +188,7 @@ def read_rig(
     else:
         first, second, taken = _read_any_eyes(paths, where, stated, kind, names)
         fix = "rectify their images first"
-    width, height = first.size_px
+    width = first.size_px[0]
     if first.size_px != second.size_px:
         sizes = " and ".join(f"{eye.size_px[0]} x {eye.size_px[1]} px" for eye in (first, second))
         raise IcyMoonError(
@@ -198,8 +198,16 @@ def read_rig(
     baseline_m = float(np.linalg.norm(second.centre_m - first.centre_m))
     doubt = check_baseline(baseline_m, where, stated_in, min(kinds), stated)
     lens, averaged = _average_lenses(first.lens, second.lens, width, where)
+    rig = _make_rig_table(lens, first.size_px, baseline_m)
+    fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
+    return check({"rig": rig}, where), [*taken, *fitted, *averaged, *doubt]
+
+
+def _make_rig_table(lens: Lens, size_px: tuple[int, int], baseline_m: float) -> dict[str, float]:
+    """The settings of the table ``rig``."""
+    width, height = size_px
     width_mm = defaults().rig.sensor_width_mm
-    rig = {
+    return {
         "width_px": width,
         "height_px": height,
         "sensor_width_mm": width_mm,
@@ -210,8 +218,6 @@ def read_rig(
         "baseline_m": baseline_m,
         **{f"distortion_{name}": value for name, value in zip(COEFFICIENTS, lens.k, strict=True)},
     }
-    fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
-    return check({"rig": rig}, where), [*taken, *fitted, *averaged, *doubt]
 
 
 def _read_eye(path: Path, most_px: float) -> _Eye:
