@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..formats.calibrations.options import Reading, as_brown
+from ..formats.calibrations.options import Reading, Stated, as_brown
 from ..formats.calibrations.ros import ros_pair_of
 from ..formats.ros_camera import read_ros_camera
 from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
@@ -25,11 +25,11 @@ from ..physics.camera.eyes import (
 from ..physics.camera.lens_models import Brown
 from ..physics.camera.rotations import nearest_rotation, to_vector
 from ..settings.description import check, defaults, merged
-from ..settings.table import TOPICS
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import explain_errors
+from .calibration_advice import are_chosen_by_name, check_baseline, how_to_exchange
 
 #: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
 PARALLEL_RAD, ASIDE = 1e-4, 1e-3
@@ -37,8 +37,6 @@ PARALLEL_RAD, ASIDE = 1e-4, 1e-3
 ALIKE_PX = 0.5
 #: By how much the focal lengths along x and y may differ as a share for pixels that are squares.
 SQUARE = 1e-3
-#: Longest baseline of two eyes on one mount, m; NASA's rovers have at most 0.42, cars 1.5.
-_LIKELY_BASELINE_M = 5.0
 #: Largest overscan that is proposed: nine times the pixels of the rectified images.
 _MOST_OVERSCAN = 1.0
 
@@ -48,27 +46,10 @@ def pair_of(reading: Reading, where: str) -> CalibratedRig:
     count = len(reading.rig.cameras)
     if count != 2:
         raise IcyMoonError(
-            f"{where}: there are {count} cameras, and a rig here has two; "
+            f"{where}: there {'is 1 camera' if count == 1 else f'are {count} cameras'}, and a rig here has two; "
             + ("name two of them by --cameras." if count > 2 else "give the calibration of both.")
         )
     return reading.rig
-
-
-def check_baseline(baseline_m: float, left: Path, right: Path, stated_in: str) -> list[str]:
-    """A sentence if the unit of a distance of the eyes in metres may be another.
-
-    Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number of the file that is it.
-    """
-    most = TOPICS["rig"]["baseline_m"].maximum
-    if baseline_m > most:
-        raise IcyMoonError(
-            f"{right}: its eye is {baseline_m:g} m from that of {left}, more than {most:g} m; "
-            f"{stated_in} in metres, and seems to be in millimetres here: divide by 1000."
-        )
-    return [] if baseline_m <= _LIKELY_BASELINE_M else [
-        f"The eyes are {baseline_m:g} m apart, since {stated_in} in metres. If it is in millimetres, set "
-        f"rig.baseline_m to {baseline_m / 1000:g}."
-    ]  # fmt: skip
 
 
 def why_calibrated(rig: CalibratedRig) -> str:
@@ -103,7 +84,14 @@ def _simple_numbers(camera: CalibratedCamera) -> Array:
     return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *(np.array(k) * camera.fx_px)])
 
 
-def calibrated_settings(rig: CalibratedRig, why: str, paths: Sequence[Path], kind: str) -> tuple[Settings, list[str]]:
+def calibrated_settings(
+    rig: CalibratedRig,
+    why: str,
+    paths: Sequence[Path],
+    kind: str,
+    stated: Stated = Stated(),  # noqa: B008
+    names: str | None = None,
+) -> tuple[Settings, list[str]]:
     """The settings ``rig``, ``left_eye`` and ``right_eye`` of two cameras, and sentences on what to know about them.
 
     ``rig`` is their rectified pair, with the overscan that shows all that both see, if that is not too much. Raises
@@ -113,10 +101,13 @@ def calibrated_settings(rig: CalibratedRig, why: str, paths: Sequence[Path], kin
     with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
         pair = _rectified(rig, paths, kind)
     if pair.along_m > 0:
+        left, right = (camera.name if are_chosen_by_name(kind, names) else "" for camera in rig.cameras)
+        second = f"{where}: {right}" if right else str(paths[-1])
         raise IcyMoonError(
-            f"{paths[-1]} stands {pair.along_m:.4g} m to the left of {paths[0]}, so it is the left eye; give it first."
+            f"{second} stands {pair.along_m:.4g} m to the left of {left or paths[0]}, so it is the left eye; "
+            f"{how_to_exchange((left, right))}."
         )
-    doubts = check_baseline(-pair.along_m, paths[0], paths[-1], "the translation is")
+    doubts = check_baseline(-pair.along_m, where, "the translation is", kind, stated)
     table = _table_of(pair)
     eyes = {
         topic: eye_settings(camera, turn.T)

@@ -36,8 +36,11 @@ def _describe(camera: CalibratedCamera, name: str) -> Iterator[str]:
     numbers = _numbers(camera.lens)
     if numbers:
         yield f"  {numbers}"
-    across, down = _fields_deg(camera)
-    yield f"  field of view {across:.4g} x {down:.4g} degrees through the principal point"
+    (across, whole_across), (down, whole_down) = (_field_deg(camera, axis) for axis in range(2))
+    seen = "" if whole_across and whole_down else ", up to where its lens turns back"
+    yield f"  field of view {across:.4g} x {down:.4g} degrees through the principal point{seen}"
+    if dark := camera.dark_share():
+        yield f"  {dark:.1%} of the pixels see nothing"
 
 
 def _numbers(lens: LensModel) -> str:
@@ -51,17 +54,17 @@ def _numbers(lens: LensModel) -> str:
     return ", ".join(f"{name} = {value:.9g}" for name, value in zip(names, values, strict=False))
 
 
-def _fields_deg(camera: CalibratedCamera) -> tuple[float, float]:
-    """The angles between the rays of the middles of opposite borders; NaN where a border sees nothing."""
-    found = []
-    for axis, size in enumerate(camera.size_px):
-        ends = np.array([[camera.cx_px, camera.cy_px]] * 2)
-        ends[:, axis] = -0.5, size - 0.5
-        # Each angle to the axis by itself, so that a field of more than 180 degrees is no smaller one.
-        rays = camera.unproject(ends)
-        angles = np.degrees(np.arctan2(rays[:, axis], rays[:, 2]))
-        found.append(float(angles[1] - angles[0]))
-    return found[0], found[1]
+def _field_deg(camera: CalibratedCamera, axis: int) -> tuple[float, bool]:
+    """The angle between the outermost rays through the principal point along an axis, 0 where it sees nothing, and
+    whether both borders see something."""
+    size = camera.size_px[axis]
+    places = np.array([[camera.cx_px, camera.cy_px]] * (4 * size + 1))
+    places[:, axis] = np.linspace(-0.5, size - 0.5, len(places))
+    # Each angle to the axis by itself, so that a field of more than 180 degrees is no smaller one.
+    rays = camera.unproject(places)
+    angles = np.degrees(np.arctan2(rays[:, axis], rays[:, 2]))
+    seen = angles[np.isfinite(angles)]
+    return float(np.ptp(seen)) if len(seen) else 0.0, bool(np.isfinite(angles[[0, -1]]).all())
 
 
 def _words(numbers: Array | tuple[float, ...]) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..formats.cahvor import FIT_LIMIT_PX, Lens, find_nearest_lens, read_model
+from ..formats.calibrations.colmap import COLMAP_FILES
 from ..formats.calibrations.options import UNITS, Reading, Stated, as_brown
 from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
 from ..formats.calibrations.ros import place_of, ros_pair_of
@@ -33,10 +34,10 @@ from .calibrated_eyes import (
     PARALLEL_RAD,
     SQUARE,
     calibrated_settings,
-    check_baseline,
     pair_of,
     why_calibrated,
 )
+from .calibration_advice import are_chosen_by_name, check_baseline, doubt_on_order, how_to_exchange
 from .calibration_text import describe_rig
 
 #: How far two eyes may differ in focal length and distortion, and in principal point, as shares of the focal length
@@ -49,13 +50,14 @@ _NO_DISTORTION = 1e-9
 @dataclass(frozen=True)
 class _Eye:
     """A camera: its file, its lens, the rotation (3, 3) from world axes into its own, its place (3,) in metres, and the
-    size of its images."""
+    size of its images, and its name where it was chosen by that."""
 
     path: Path
     lens: Lens
     rotation: Array
     centre_m: Array
     size_px: tuple[int, int]
+    name: str = ""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -129,10 +131,12 @@ def _run_camera(options: argparse.Namespace) -> int:
     if options.to and not options.out:
         raise IcyMoonError(f"--to {options.to} needs files to write; add --out with their names.")
     if options.show or options.to:
+        _check_out(options.files, options.out, options.to)
         reading = choose_cameras(read_calibration(options.files, stated, options.format), options.cameras)
         for line in describe_rig(reading.rig) if options.show else []:
             say(line)
-        for note in reading.notes:
+        kind = options.format or format_of(options.files[0])
+        for note in (*reading.notes, *doubt_on_order(reading.rig, are_chosen_by_name(kind, options.cameras))):
             say(f"# {note}")
         if options.to:
             write_calibration(reading.rig, options.out, options.to)
@@ -147,6 +151,19 @@ def _run_camera(options: argparse.Namespace) -> int:
     return 0
 
 
+def _check_out(files: list[Path], out: list[Path], name: str | None) -> None:
+    """Raise IcyMoonError if a file that would be written is read too, or is named twice."""
+    written = [path / each for path in out for each in COLMAP_FILES] if name == "colmap" else out
+    read = [path / each for path in files for each in (COLMAP_FILES if path.is_dir() else ("",))]
+    inputs = {path.resolve() for path in read}
+    places = [path.resolve() for path in written]
+    for path, place in zip(written, places, strict=True):
+        if place in inputs:
+            raise IcyMoonError(f"--out: {path} is read here and would be overwritten; name another one.")
+        if places.count(place) > 1:
+            raise IcyMoonError(f"--out names {path} twice; name a file for each camera.")
+
+
 def choose_cameras(reading: Reading, names: str | None) -> Reading:
     """The cameras of these names alone, or all without names. Raises IcyMoonError for a name that is not there."""
     if names is None:
@@ -154,6 +171,8 @@ def choose_cameras(reading: Reading, names: str | None) -> Reading:
     known = {camera.name: camera for camera in reading.rig.cameras}
     wanted = [name.strip() for name in names.split(",")]
     for name in wanted:
+        if wanted.count(name) > 1 or [camera.name for camera in reading.rig.cameras].count(name) > 1:
+            raise IcyMoonError(f"--cameras: {quote(name)} is there more than once; give each camera a name of its own.")
         if name not in known:
             guess = suggest_nearest(name, list(known), otherwise=f"the first ones are {', '.join(list(known)[:6])}.")
             raise IcyMoonError(f"--cameras: {quote(name)} is not there; {guess}")
@@ -181,7 +200,7 @@ def read_eyes(
     why = why_calibrated(rig)
     if not why:
         return read_rig(*paths, most_px=most_px, stated=stated, kind=kind, names=names)
-    found, notes = calibrated_settings(rig, why, paths, kinds.pop())
+    found, notes = calibrated_settings(rig, why, paths, min(kinds), stated, names)
     return found, [*reading.notes, *notes]
 
 
@@ -203,10 +222,12 @@ def read_rig(
     kinds = {kind or format_of(path) for path in paths}
     stated_in = "the translation is"
     taken: list[str] = []
-    if kinds == {"cahv"} and len(paths) == 2:
+    if stated != Stated():
+        read_calibration(paths, stated, kind)  # which refuses what the files state otherwise
+    if kinds == {"cahv"} and len(paths) == 2 and names is None:
         first, second = _read_eye(paths[0], most_px), _read_eye(paths[1], most_px)
         fix, stated_in = _describe_rectification(first, second), "the vector C is"
-    elif kinds == {"ros"} and len(paths) == 2 and not stated.sizes:
+    elif kinds == {"ros"} and len(paths) == 2 and names is None:
         cameras = read_ros_camera(paths[0]), read_ros_camera(paths[1])
         first, second, taken = _ros_eyes((paths[0], paths[1]), cameras, "of projection_matrix")
         fix = "calibrate both eyes as a stereo pair"
@@ -217,7 +238,7 @@ def read_rig(
     _check_one_size(first, second, where)
     _check_parallel(first, second, where, fix)
     baseline_m = float(np.linalg.norm(second.centre_m - first.centre_m))
-    doubt = check_baseline(baseline_m, first.path, second.path, stated_in)
+    doubt = check_baseline(baseline_m, where, stated_in, min(kinds), stated)
     lens, averaged = _average_lenses(first.lens, second.lens, first.size_px[0], where)
     fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
     return _settings_of(lens, first.size_px, baseline_m, where), [*taken, *fitted, *averaged, *doubt]
@@ -254,7 +275,7 @@ def read_rectified_rig(
             f"{where}: the eyes of rectified images have one focal length and one row of the principal point; {fix}."
         )
     baseline_m = float(np.linalg.norm(right.centre_m - left.centre_m))
-    doubt = check_baseline(baseline_m, left.path, right.path, "the translation is")
+    doubt = check_baseline(baseline_m, where, "the translation is", kind or format_of(paths[0]), stated)
     cameras = [
         CalibratedCamera(*left.size_px, lens.focal_px, lens.focal_px, lens.cx_px, lens.cy_px,
                          translation_m=np.array([-along, 0.0, 0.0]))
@@ -318,10 +339,14 @@ def _read_any_eyes(
     """Two cameras of a calibration of any format, as ``_ros_eyes`` gives them."""
     reading = choose_cameras(read_calibration(paths, stated, kind), names)
     rig = pair_of(reading, where)
-    with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
+    with explain_errors(
+        " with ".join(map(str, paths)), "a calibration of two eyes side by side", "calibrate two eyes side by side"
+    ):
         cameras = ros_pair_of(rig)
     first, second, notes = _ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
-    return first, second, [*reading.notes, *notes]
+    by_name = are_chosen_by_name(kind or format_of(paths[0]), names)
+    left, right = (camera.name if by_name else "" for camera in reading.rig.cameras)
+    return replace(first, name=left), replace(second, name=right), [*reading.notes, *notes]
 
 
 def _ros_eyes(
@@ -381,11 +406,11 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     """
     for camera in (left, right):
         if not _has_square_pixels(camera.matrix):
-            return f"pixels of camera_matrix are no squares ({_describe_focal_lengths(camera.matrix)})"
+            return f"pixels are no squares ({_describe_focal_lengths(camera.matrix)})"
         if camera.k is None:
             return f"the lens model is {camera.model}"
     if differ := _describe_unlike(_make_ros_lens(left, False), _make_ros_lens(right, False), left.width_px):
-        return f"the lenses of camera_matrix differ by {differ}"
+        return f"the lenses differ by {differ}"
     turned = _angle_between(left.rectification, right.rectification)
     if turned > PARALLEL_RAD:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
@@ -438,6 +463,11 @@ def _has_square_pixels(matrix: Array) -> bool:
 
 def _describe_focal_lengths(matrix: Array) -> str:
     return f"fx {matrix[0, 0]:g}, fy {matrix[1, 1]:g} px"
+
+
+def _title(eye: _Eye, where: str) -> str:
+    """An eye at the beginning of a sentence: its file, or its name in the files that it was chosen from."""
+    return f"{where}: {eye.name}" if eye.name else str(eye.path)
 
 
 def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
@@ -514,7 +544,8 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     aside = max(abs(y), abs(z)) > ASIDE * abs(x)
     if x < 0 and not aside:
         raise IcyMoonError(
-            f"{right.path} stands {-x:.4g} m to the left of {left.path}, so it is the left eye; give it first."
+            f"{_title(right, where)} stands {-x:.4g} m to the left of {left.name or left.path}, so it is the left "
+            f"eye; {how_to_exchange((left.name, right.name))}."
         )
     if abs(y) > abs(x):
         raise IcyMoonError(

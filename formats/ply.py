@@ -417,7 +417,7 @@ def read_properties(path: Path, *wanted: str) -> Array | None:
     """The ``wanted`` properties (n, len(wanted)) float64 of the vertices, or None if the file's layout is unusual.
 
     In the usual layout vertices come first and have scalar properties only, the ``wanted`` ones among them. Raises
-    IcyMoonError if the file is not PLY, or a row is malformed.
+    IcyMoonError if the file is not PLY, or a row is malformed or missing.
     """
     return read(path, lambda foreign: _read_properties(foreign, wanted), "a PLY file", _FIX, most=MOST_MESH)
 
@@ -428,10 +428,11 @@ def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> Array | 
     if element is None or element.name != "vertex" or not element.is_plain:
         return None
     names = [each.name for each in element.properties]
-    if not set(wanted) <= set(names) or foreign.size < header.start + element.count * element.least_bytes * bool(
-        header.order
-    ):
+    if not set(wanted) <= set(names):
         return None
+    rows = element.count * element.least_bytes
+    if header.order and foreign.size < header.start + rows:
+        raise ValueError(f"its vertices have {rows} bytes, but {foreign.size - header.start} follow; it is cut off")
     if not header.order:
         numbers, columns = array("d"), [names.index(name) for name in wanted]
         for row in _number_rows(foreign.lines(header.start, _LONGEST_ROW), header, element):

@@ -1,4 +1,4 @@
-"""The part of YAML that calibrations are written in, read without building any object.
+"""The part of YAML that calibrations are written in, read without building any object, and its numbers written.
 
 Mappings and sequences by indentation, lists and mappings in brackets over any number of lines, quoted and plain
 scalars, comments. The tags of OpenCV's matrices are skipped, since what follows them states the same. Other tags,
@@ -30,6 +30,7 @@ _REFUSED = {
 }
 #: Deepest nesting, and longest number.
 _DEEPEST, _LONGEST = 20, 60
+_CUT_OFF = "a bracket is not closed; the file is cut off"
 
 
 def parse_yaml(text: str) -> dict[str, Any]:
@@ -50,6 +51,13 @@ def parse_flow(text: str) -> Any:
     if flow.skip() != len(text):
         raise ValueError(f"{quote(text[flow.at : flow.at + 40])} follows the end")
     return found
+
+
+def write_number(value: float) -> str:
+    """A number with all of its digits. YAML 1.1, which PyYAML reads, takes 2e-05 for a text and 2.0e-05 for a
+    number."""
+    mantissa, exponent_sign, exponent = repr(float(value)).partition("e")
+    return mantissa + (".0" if exponent_sign and "." not in mantissa else "") + exponent_sign + exponent
 
 
 def _scalar(text: str) -> Any:
@@ -97,6 +105,8 @@ class _Flow:
         if self._take("{"):
             return self._mapping(depth)
         match = _QUOTED.match(self.text, self.at) or _PLAIN.match(self.text, self.at)
+        if match is None and self.at == len(self.text):
+            raise ValueError(_CUT_OFF)
         if match is None:
             raise ValueError(f"a value is missing before {quote(self.text[self.at : self.at + 20])}")
         self.at = match.end()
@@ -106,21 +116,23 @@ class _Flow:
         found = []
         while not self._take("]"):
             found.append(self.value(depth + 1))
-            if not self._take(",") and self._next() != "]":
-                raise ValueError("a list has no end, or no comma between two values")
+            if not self._take(",") and (sign := self._next()) != "]":
+                raise ValueError("a list has no comma between two values" if sign else _CUT_OFF)
         return found
 
     def _mapping(self, depth: int) -> dict[str, Any]:
         found: dict[str, Any] = {}
         while not self._take("}"):
             key = self.value(depth + 1)
+            if not self._next():
+                raise ValueError(_CUT_OFF)
             if not isinstance(key, str | int | float) or not self._take(":"):
                 raise ValueError("a mapping has a key without a value")
             if str(key) in found:
                 raise ValueError(f"it states {quote(str(key))} twice")
             found[str(key)] = self.value(depth + 1)
-            if not self._take(",") and self._next() != "}":
-                raise ValueError("a mapping has no end, or no comma between two values")
+            if not self._take(",") and (sign := self._next()) != "}":
+                raise ValueError("a mapping has no comma between two values" if sign else _CUT_OFF)
         return found
 
 
@@ -208,7 +220,7 @@ class _Block:
         parts, is_open = [text], _opened(text)
         while is_open > 0:
             if self.at == len(self.lines):
-                raise ValueError("a bracket is not closed; the file is cut off")
+                raise ValueError(_CUT_OFF)
             parts.append(self.lines[self.at][2])
             is_open += _opened(parts[-1])
             self.at += 1

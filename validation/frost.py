@@ -37,7 +37,8 @@ _SEED = 1
 #: Student's factor of a 95 % interval for two means of four quadrants each (6 degrees of freedom).
 _T = 2.45
 _SOURCE = "FROST, Wong et al. 2019, NASA Ames Research Center: {name}"
-_FIX = "get the scan again (ti.arc.nasa.gov/dataset/frost)"
+_PAGE = "ti.arc.nasa.gov/dataset/frost"
+_FIX = f"get the scan again ({_PAGE})"
 _SUFFIXES = (".ply", ".obj")
 _CHOSEN = "slope"
 
@@ -158,10 +159,12 @@ def compare_scan(path: Path) -> list[Row]:
 def _compare_scans(bench: Bench) -> list[Row]:
     folder = bench.frost
     if folder is None:
-        raise IcyMoonError(f"No folder of the FROST scans is given; pass --frost FOLDER, and {_FIX}.")
+        raise IcyMoonError(f"No folder of the FROST scans is given; get them from {_PAGE}, and pass --frost FOLDER.")
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES) if folder.is_dir() else []
     if not paths:
-        raise IcyMoonError(f"--frost: {folder} has no scan ({' or '.join(_SUFFIXES)}); {_FIX}.")
+        raise IcyMoonError(
+            f"--frost: {folder} has no scan ({' or '.join(_SUFFIXES)}); get them from {_PAGE}, or give their folder."
+        )
     return [row for path in paths for row in compare_scan(path)]
 
 

@@ -18,17 +18,17 @@ from .options import Reading, Stated, as_cahvore, skew_of
 _FRAME = "REFERENCE_AXES"
 
 
-def read_cahv(paths: Sequence[Path], stated: Stated) -> Reading:
+def read_cahv(paths: Sequence[Path], _: Stated) -> Reading:
     """Read a camera from each file, in their common axes."""
     found = []
     for path in paths:
         model = read_model(path)
         with explain_errors(path, "a camera model", "correct its vectors"):
-            found.append(_camera(model, path.stem, stated.unit_m()))
+            found.append(_camera(model, path.stem))
     return Reading(CalibratedRig(tuple(found)))
 
 
-def _camera(model: Cahvor, name: str, unit_m: float) -> CalibratedCamera:
+def _camera(model: Cahvor, name: str) -> CalibratedCamera:
     matrix, rotation = model.pinhole()
     lens: LensModel = Brown()
     if model.o is not None and model.r is not None:
@@ -36,7 +36,7 @@ def _camera(model: Cahvor, name: str, unit_m: float) -> CalibratedCamera:
         pupil = None if model.e is None else tuple(model.e.tolist())
         lens = Cahvore(tuple(axis.tolist()), tuple(model.r.tolist()), pupil, model.linearity)
     (fx, _, cx), (_, fy, cy) = matrix[:2].tolist()
-    shift = -rotation @ model.c * unit_m
+    shift = -rotation @ model.c
     return CalibratedCamera(model.width_px, model.height_px, fx, fy, cx, cy, lens, 0.0, rotation, shift, name)
 
 

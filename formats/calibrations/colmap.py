@@ -23,6 +23,8 @@ from .options import Reading, Stated, numbers_of, opencv_lens, why_no_opencv_len
 _KIND = "a model of COLMAP"
 _FIX = "give the folder with cameras.txt and images.txt"
 _HALF = 0.5
+#: What a folder has: as text, which is written, or as bytes.
+COLMAP_FILES = ("cameras.txt", "images.txt", "points3D.txt")
 #: Largest files: of cameras, and of images, which state all of their points.
 _MOST_CAMERAS, _MOST_IMAGES = 2**22, 2**29
 #: Most images that are taken for a rig.

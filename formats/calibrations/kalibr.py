@@ -29,13 +29,13 @@ _KIND = "a camchain of Kalibr"
 _FIX = "give the file camchain.yaml that kalibr_calibrate_cameras wrote"
 
 
-def read_kalibr(paths: Sequence[Path], stated: Stated) -> Reading:
+def read_kalibr(paths: Sequence[Path], _: Stated) -> Reading:
     """Read all cameras of a camchain, in the axes of its first one."""
     (path,) = paths
-    return read(path, lambda foreign: _parse(foreign, stated), _KIND, _FIX, MOST_BYTES)
+    return read(path, _parse, _KIND, _FIX, MOST_BYTES)
 
 
-def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:
+def _parse(foreign: ForeignBytes) -> Reading:
     chain = parse_yaml(foreign.text())
     names = [f"cam{k}" for k in range(len(chain)) if f"cam{k}" in chain]
     if not names:
@@ -52,24 +52,23 @@ def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:
                     raise ValueError("T_cn_cnm1 is missing, the pose from the camera before")
                 rotation, shift = pose_of(numbers_of(entry["T_cn_cnm1"], "T_cn_cnm1", 4, 4))
                 # The camera checks the rotation before it is chained with others.
-                step = _camera(entry, name, number, stated).placed(rotation, shift * stated.unit_m())
+                step = _camera(entry, name).placed(rotation, shift)
                 pose = rigid_pose(step.rotation, step.translation_m) @ pose
-            cameras.append(_camera(entry, name, number, stated).placed(pose[:3, :3], pose[:3, 3]))
+            cameras.append(_camera(entry, name).placed(pose[:3, :3], pose[:3, 3]))
         except (ValueError, KeyError) as error:
             raise ValueError(f"{name}: {describe_reason(error)}") from None
     return Reading(CalibratedRig(tuple(cameras)))
 
 
-def _camera(entry: dict[str, Any], name: str, number: int, stated: Stated) -> CalibratedCamera:
+def _camera(entry: dict[str, Any], name: str) -> CalibratedCamera:
     if entry.get("camera_model") != "pinhole":
         raise RefusedError(
             f"{name} has the camera model {quote(entry.get('camera_model'))}, and pinhole alone is read; calibrate it "
             "as pinhole-radtan or pinhole-equi."
         )
     fx, fy, cx, cy = numbers_of(entry["intrinsics"], "intrinsics", 4).tolist()
-    size = stated.size(number) or tuple(map(int, numbers_of(entry["resolution"], "resolution", 2)))
-    lens = _lens(entry, name)
-    return CalibratedCamera(size[0], size[1], fx, fy, cx, cy, lens, name=name)
+    width, height = map(int, numbers_of(entry["resolution"], "resolution", 2))
+    return CalibratedCamera(width, height, fx, fy, cx, cy, _lens(entry, name), name=name)
 
 
 def _lens(entry: dict[str, Any], name: str) -> LensModel:

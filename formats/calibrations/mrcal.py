@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,16 +34,13 @@ _COUNTS = {
 _POSES = ("extrinsics", "rt_cam_ref", "rt_fromref")
 
 
-def read_mrcal(paths: Sequence[Path], stated: Stated) -> Reading:
+def read_mrcal(paths: Sequence[Path], _: Stated) -> Reading:
     """Read a camera from each file, in their common reference axes."""
-    found = [
-        read(path, partial(_parse, number=number, stated=stated), _KIND, _FIX, MOST_BYTES)
-        for number, path in enumerate(paths)
-    ]
+    found = [read(path, _parse, _KIND, _FIX, MOST_BYTES) for path in paths]
     return Reading(CalibratedRig(tuple(found)))
 
 
-def _parse(foreign: ForeignBytes, number: int, stated: Stated) -> CalibratedCamera:
+def _parse(foreign: ForeignBytes) -> CalibratedCamera:
     lines = [line.strip() for line in foreign.text().split("\n")]
     # The measurements are bytes, in one line.
     kept = [line for line in lines if not line.startswith(("#", "'optimization_inputs'", '"optimization_inputs"'))]
@@ -58,10 +54,10 @@ def _parse(foreign: ForeignBytes, number: int, stated: Stated) -> CalibratedCame
     if pose is None:
         raise ValueError("extrinsics are missing")
     vector = numbers_of(pose, "extrinsics", 6)
-    size = stated.size(number) or tuple(map(int, numbers_of(model["imagersize"], "imagersize", 2)))
+    width, height = map(int, numbers_of(model["imagersize"], "imagersize", 2))
     return CalibratedCamera(
-        size[0],
-        size[1],
+        width,
+        height,
         fx,
         fy,
         cx,
@@ -69,7 +65,7 @@ def _parse(foreign: ForeignBytes, number: int, stated: Stated) -> CalibratedCame
         lens,
         0.0,
         from_vector(vector[:3]),
-        vector[3:] * stated.unit_m(),
+        vector[3:],
         Path(foreign.name).stem,
     )
 

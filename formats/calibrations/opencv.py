@@ -19,12 +19,13 @@ from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Fisheye, LensModel
 from ...support.arrays import Array
 from ...support.files import quote, write_atomically, write_text
-from ...support.foreign_bytes import ForeignBytes, explain_errors, parse_json, parse_npz, parse_xml, read
-from ..yaml_text import parse_yaml
+from ...support.foreign_bytes import ForeignBytes, RefusedError, explain_errors, parse_json, parse_npz, parse_xml, read
+from ..yaml_text import parse_yaml, write_number
 from .options import MOST_BYTES, UNITS, Reading, Stated, brown_of, numbers_of, opencv_lens, why_no_opencv_lens
 
 _KIND = "a calibration of OpenCV"
 _FIX = "give a file with M1, D1, M2, D2, R and T, as OpenCV's stereo_calib writes them"
+_WRONG = "correct that value, or calibrate again"
 #: What matrices are called, in small letters without underscores; with 1, 2, L, R, left or right before or behind.
 _NAMES = {
     "K": ("m", "k", "mtx", "cameramatrix", "intrinsics", "intrinsic", "cammatrix"),
@@ -53,8 +54,7 @@ def read_opencv(paths: Sequence[Path], stated: Stated) -> Reading:
             if twice := found.keys() & content.keys():
                 raise ValueError(f"it states {quote(min(twice))} as {paths[0].name} does")
         found |= content
-    where = " and ".join(map(str, paths))
-    with explain_errors(where, _KIND, _FIX):
+    with explain_errors(" with ".join(map(str, paths)), _KIND, _WRONG):
         return _rig_of(found, stated)
 
 
@@ -113,23 +113,30 @@ def _find(found: Mapping[str, Any], key: str, side: int | None) -> tuple[str, An
 def _rig_of(found: Mapping[str, Any], stated: Stated) -> Reading:
     if not _find(found, "K", 0)[0]:
         if not _find(found, "K", None)[0]:
-            raise ValueError(f"it has no camera matrix M1 among {', '.join(map(quote, list(found)[:12]))}")
+            keys = f" among {', '.join(map(quote, list(found)[:12]))}" if found else ""
+            raise RefusedError(f"has no camera matrix M1{keys}; {_FIX}.")
         return Reading(CalibratedRig((_camera(found, None, stated),)))
     cameras = [_camera(found, side, stated) for side in range(2)]
     (r_name, r_value), (t_name, t_value) = _find(found, "R", None), _find(found, "T", None)
     if not (r_name and t_name):
-        raise ValueError(f"{'T' if r_name else 'R'} is missing; give the file of extrinsics too")
+        lacks = "T" if r_name else "R"
+        raise RefusedError(f"has no {lacks}, the pose of the second camera; give the file of extrinsics too.")
     rotation, translation = _array(r_value, r_name), _array(t_value, t_name)
     if len(rotation) == 3:
-        raise ValueError(f"{r_name} is a vector of 3; write the matrix that cv2.Rodrigues makes of it")
+        raise RefusedError(f"has a vector of 3 as {r_name}; write the matrix that cv2.Rodrigues makes of it.")
     if len(rotation) != 9 or len(translation) != 3:
         raise ValueError(f"{r_name} has not 9 numbers, or {t_name} not 3")
-    unit = stated.unit or _find(found, "unit", None)[1]
+    unit_name, own = _find(found, "unit", None)
+    unit = own if unit_name else stated.unit
     if unit not in UNITS:
-        raise ValueError(
-            f"{t_name} is {np.linalg.norm(translation):.6g} long in the unit of the board's squares, which the "
-            f"file does not state; add --unit with one of {', '.join(UNITS)}"
+        told = f"{unit_name} is {quote(own)}" if unit_name else "which the file does not state"
+        fix = f"write one of {', '.join(UNITS)} there" if unit_name else f"add --unit with one of {', '.join(UNITS)}"
+        raise RefusedError(
+            f"has a {t_name} that is {np.linalg.norm(translation):.6g} long in the unit of the board's squares, "
+            f"{told}; {fix}."
         )
+    if stated.unit not in (None, unit):
+        raise RefusedError(f"states lengths in {unit}; leave out --unit {stated.unit}.")
     right = cameras[1].placed(rotation.reshape(3, 3), translation * UNITS[unit])
     return Reading(CalibratedRig((cameras[0], right)), (f"The baseline is in {unit}, as stated.",))
 
@@ -138,7 +145,7 @@ def _camera(found: Mapping[str, Any], side: int | None, stated: Stated) -> Calib
     number = side or 0
     name, value = _find(found, "K", side)
     if not name:
-        raise ValueError(f"it has no camera matrix M{number + 1}")
+        raise RefusedError(f"has no camera matrix M{number + 1}; {_FIX}.")
     matrix = _array(value, name)
     if len(matrix) != 9:
         raise ValueError(f"{name} has {len(matrix)} numbers, not 9")
@@ -147,7 +154,7 @@ def _camera(found: Mapping[str, Any], side: int | None, stated: Stated) -> Calib
         raise ValueError(f"{name} is no camera matrix: 0 below fx, and 0 0 1 in its last row, are missing")
     lens = _lens(found, side, stated)
     if skew and isinstance(lens, Brown):
-        raise ValueError(f"{name} has a skew of {skew:g} px, which OpenCV's functions leave out; set it to 0")
+        raise RefusedError(f"has a skew of {skew:g} px in {name}, which OpenCV's functions leave out; set it to 0.")
     width, height = _size(found, side, stated)
     try:
         return CalibratedCamera(width, height, fx, fy, cx, cy, lens, skew, name=("left", "right")[number])
@@ -158,15 +165,21 @@ def _camera(found: Mapping[str, Any], side: int | None, stated: Stated) -> Calib
 def _lens(found: Mapping[str, Any], side: int | None, stated: Stated) -> LensModel:
     name, value = _find(found, "D", side)
     if not name:
-        raise ValueError(f"the distortion D{(side or 0) + 1} is missing; write zeros for a pinhole")
+        raise RefusedError(f"has no distortion D{(side or 0) + 1}; write zeros for a pinhole.")
     numbers = _array(value, name)
-    kind = stated.lens or next((text for at in (side, None) if (text := _find(found, "lens", at)[1])), None)
+    own = next((text for at in (side, None) if (text := _find(found, "lens", at)[1])), None)
+    kind = own or stated.lens
     if kind is None and len(numbers) == 4:
-        raise ValueError(
-            f"{name} has 4 coefficients, which may be k1, k2, p1, p2 or those of a fisheye; add --lens brown or fisheye"
+        raise RefusedError(
+            f"has 4 coefficients in {name}, which may be k1, k2, p1, p2 or those of a fisheye; add --lens brown or "
+            "--lens fisheye."
         )
     if kind not in (None, *_LENSES):
-        raise ValueError(f"its lens model is {quote(kind)}, and {' and '.join(_LENSES)} alone are read")
+        raise RefusedError(
+            f"has the lens model {quote(kind)}, and {' and '.join(_LENSES)} alone are read; calibrate with one of them."
+        )
+    if stated.lens not in (None, kind):
+        raise RefusedError(f"states the lens {kind}; leave out --lens {stated.lens}.")
     try:
         return Fisheye(tuple(numbers.tolist())) if kind == "fisheye" else brown_of(numbers.tolist())
     except ValueError as error:
@@ -174,8 +187,6 @@ def _lens(found: Mapping[str, Any], side: int | None, stated: Stated) -> LensMod
 
 
 def _size(found: Mapping[str, Any], side: int | None, stated: Stated) -> tuple[int, int]:
-    if size := stated.size(side or 0):
-        return size
     for at in (side, None):
         name, value = _find(found, "size", at)
         width, height = (_find(found, key, at)[1] for key in ("width", "height"))
@@ -186,7 +197,9 @@ def _size(found: Mapping[str, Any], side: int | None, stated: Stated) -> tuple[i
             if len(numbers) != 2 or not (numbers == np.floor(numbers)).all():
                 raise ValueError(f"{name} is {numbers}, not width and height in pixels")
             return int(numbers[0]), int(numbers[1])
-    raise ValueError("it does not state the size of its images; add --size WIDTHxHEIGHT")
+    if size := stated.size(side or 0):
+        return size
+    raise RefusedError("does not state the size of its images; add --size WIDTHxHEIGHT.")
 
 
 def why_not_opencv(camera: CalibratedCamera) -> str:
@@ -223,7 +236,7 @@ def _write_npz(part: Path, stated: Mapping[str, Any]) -> None:
 
 
 def _words(value: Array) -> list[str]:
-    return [repr(number) for number in np.asarray(value, np.float64).ravel().tolist()]
+    return [write_number(number) for number in np.asarray(value, np.float64).ravel().tolist()]
 
 
 def _yaml(stated: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from ...physics.camera.lens_distortion import COEFFICIENTS
 from ...physics.camera.lens_models import Brown, Cahvore, Fisheye
 from ...support.arrays import Array
 from ...support.files import quote
+from ..yaml_text import write_number
 
 #: Metres of the units that a translation may be in.
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
@@ -27,8 +28,8 @@ _ZERO = 1e-12
 
 @dataclass(frozen=True)
 class Stated:
-    """What the user states beside the files: the ``unit`` of lengths, the ``sizes`` of the images of each camera, or
-    one for all, and the ``lens``, brown or fisheye, where a file leaves it open."""
+    """What the user states where a file leaves it open: the ``unit`` of lengths, the ``sizes`` of the images of each
+    camera, or one for all, and the ``lens``, brown or fisheye."""
 
     unit: str | None = None
     sizes: tuple[tuple[int, int], ...] = ()
@@ -161,4 +162,4 @@ def pose_of(matrix: Array) -> tuple[Array, Array]:
 
 def words_of(numbers: Any) -> str:
     """Numbers with all of their digits, and commas between them."""
-    return ", ".join(repr(float(number)) for number in np.ravel(numbers))
+    return ", ".join(map(write_number, np.ravel(numbers)))

@@ -22,6 +22,11 @@ from .transforms import read_transforms, why_not_transforms, write_transforms
 #: Bytes at the beginning of a file by which its format is told.
 _HEAD = 2**16
 _KALIBR = re.compile(r"^cam0:", re.MULTILINE)
+_ROS = re.compile(
+    r"\b(?:image_width|image_height|camera_name|camera_matrix|distortion_\w+|rectification_matrix|projection_matrix)"
+    r"[\"']?\s*:|^[dkrpDKRP]\s*:",
+    re.MULTILINE,
+)
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,7 @@ class Format:
 
     ``read`` takes the files and what the user stated, ``write`` a rig and the files: one for each camera where
     ``each``, else one for all, a folder if ``suffix`` is empty. ``why_not`` is what the format lacks for a camera.
+    ``in_metres`` is whether its lengths are metres, so that no other unit can be stated.
     """
 
     title: str
@@ -40,36 +46,49 @@ class Format:
     why_not: Callable[[CalibratedCamera], str]
     most_read: int = 1
     most_written: int = 1000
+    in_metres: bool = False
 
 
 FORMATS = {
     "opencv": Format("OpenCV", False, ".yaml", read_opencv, write_opencv, why_not_opencv, 2, 2),
-    "ros": Format("ROS", True, ".yaml", read_ros, write_ros, why_not_ros, 2, 2),
-    "kalibr": Format("Kalibr", False, ".yaml", read_kalibr, write_kalibr, why_not_kalibr),
-    "mrcal": Format("mrcal", True, ".cameramodel", read_mrcal, write_mrcal, why_not_mrcal, 1000),
-    "cahv": Format("CAHVORE", True, ".cahvor", read_cahv, write_cahv, why_not_cahv, 1000),
+    "ros": Format("ROS", True, ".yaml", read_ros, write_ros, why_not_ros, 2, 2, in_metres=True),
+    "kalibr": Format("Kalibr", False, ".yaml", read_kalibr, write_kalibr, why_not_kalibr, in_metres=True),
+    "mrcal": Format("mrcal", True, ".cameramodel", read_mrcal, write_mrcal, why_not_mrcal, 1000, in_metres=True),
+    "cahv": Format("CAHVORE", True, ".cahvor", read_cahv, write_cahv, why_not_cahv, 1000, in_metres=True),
     "colmap": Format("COLMAP", False, "", read_colmap, write_colmap, why_not_colmap),
     "transforms": Format("transforms.json", False, ".json", read_transforms, write_transforms, why_not_transforms),
 }
 
 
 def format_of(path: Path) -> str:
-    """The name of the format that a file or folder seems to have; files of no other format may be of JPL."""
+    """The name of the format that a file or folder seems to have; files of no other format may be of JPL.
+
+    Raises IcyMoonError for a file that is empty, and for one in YAML that is of no format.
+    """
     suffix = path.suffix.lower()
     if path.is_dir() or path.name in ("cameras.txt", "images.txt", "cameras.bin", "images.bin"):
         return "colmap"
+    head = read(path, _head, "a calibration", "give another file")
+    if not head.strip():
+        raise IcyMoonError(f"{path}: is empty; give a calibration.")
     if suffix in (".npz", ".xml"):
         return "opencv"
     if suffix == ".cameramodel":
         return "mrcal"
     if suffix not in (".yaml", ".yml", ".json"):
         return "cahv"
-    head = read(path, _head, "a calibration", "give another file")
     if suffix == ".json":
         return "transforms" if '"frames"' in head else "opencv"
     if head.startswith("%YAML:1.0") or "opencv-matrix" in head:
         return "opencv"
-    return "kalibr" if _KALIBR.search(head) else "ros"
+    if _KALIBR.search(head):
+        return "kalibr"
+    if _ROS.search(head):
+        return "ros"
+    raise IcyMoonError(
+        f"{path}: is no calibration that is known: it has no %YAML:1.0 (OpenCV), no camera_matrix (ROS) and no cam0 "
+        "(Kalibr); give another file, or state its format by --format."
+    )
 
 
 def _head(foreign: ForeignBytes) -> str:
@@ -87,9 +106,41 @@ def read_calibration(paths: Sequence[Path], stated: Stated = Stated(), name: str
         raise IcyMoonError(f"{where} are calibrations of several kinds, {', '.join(kinds)}; give those of one kind.")
     kind = FORMATS[kinds[0]]
     if len(paths) > kind.most_read:
-        raise IcyMoonError(f"{where}: {kind.title} has all cameras in {kind.most_read} at most; give no more.")
+        raise IcyMoonError(
+            f"{where}: a calibration of {kind.title} has {_count(kind.most_read, 'file')} at most; give no more."
+        )
+    if kind.in_metres and stated.unit not in (None, "m"):
+        raise IcyMoonError(
+            f"{where}: a calibration of {kind.title} states metres; leave out --unit {stated.unit}, or write metres "
+            "into the file."
+        )
+    if stated.lens and kinds[0] != "opencv":
+        raise IcyMoonError(f"{where}: a calibration of {kind.title} states its lens; leave out --lens {stated.lens}.")
     found = kind.read(paths, stated)
+    _check_sizes(where, found.rig, stated)
     return replace(found, notes=(*found.notes, *_doubts(found.rig)))
+
+
+def _check_sizes(where: str, rig: CalibratedRig, stated: Stated) -> None:
+    """Raise IcyMoonError if the files have images of another size than the user stated, or fewer cameras."""
+    if len(stated.sizes) > len(rig.cameras):
+        raise IcyMoonError(
+            f"{where}: --size states {_count(len(stated.sizes), 'size')}, and there {_are(len(rig.cameras))}; state "
+            "one for each, or one for all."
+        )
+    for number, camera in enumerate(rig.cameras):
+        if stated.size(number) not in (None, camera.size_px):
+            raise IcyMoonError(
+                f"{where}: images have {camera.width_px} x {camera.height_px} px in the file; leave out --size."
+            )
+
+
+def _count(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _are(count: int) -> str:
+    return f"{'is' if count == 1 else 'are'} {_count(count, 'camera')}"
 
 
 def _doubts(rig: CalibratedRig) -> list[str]:
@@ -121,7 +172,9 @@ def write_calibration(rig: CalibratedRig, paths: Sequence[Path], name: str) -> N
         )
     wanted = len(rig.cameras) if kind.each else 1
     if len(paths) != wanted:
-        raise IcyMoonError(f"{kind.title} needs {wanted} files for these cameras, not {len(paths)}; name as many.")
+        raise IcyMoonError(
+            f"{kind.title} needs {_count(wanted, 'file')} for these cameras, not {len(paths)}; name as many by --out."
+        )
     kind.write(rig, paths)
 
 

@@ -25,13 +25,13 @@ _KIND = "a calibration of ROS"
 _ROUNDED = 1e-6
 
 
-def read_ros(paths: Sequence[Path], stated: Stated) -> Reading:
+def read_ros(paths: Sequence[Path], _: Stated) -> Reading:
     """Read one eye, or a pair of two files."""
     found = [read_ros_camera(path) for path in paths]
     if len(found) > 2:
         raise IcyMoonError(f"{paths[2]} is a third calibration of ROS, which hold pairs; give two.")
     cameras, notes = [], []
-    for number, (path, ros) in enumerate(zip(paths, found, strict=True)):
+    for path, ros in zip(paths, found, strict=True):
         turn = nearest_rotation(ros.rectification)
         off = rotation_error(ros.rectification)
         if off > _ROUNDED:
@@ -39,8 +39,7 @@ def read_ros(paths: Sequence[Path], stated: Stated) -> Reading:
                 f"{path.name}: rectification_matrix was rounded, off by {off:.2g}; the nearest rotation is taken."
             )
         with explain_errors(path, _KIND, "calibrate both eyes as a stereo pair"):
-            camera = _camera(ros, stated.size(number), path.stem)
-            place = place_of(ros) * stated.unit_m()
+            camera, place = _camera(ros, path.stem), place_of(ros)
             # Into the camera's axes from the rectified ones, whose origin is the left eye.
             cameras.append(camera.placed(turn.T, -turn.T @ place) if len(found) > 1 else camera)
     if len(found) == 2 and not np.linalg.norm(cameras[1].centre_m - cameras[0].centre_m) > 0:
@@ -58,13 +57,12 @@ def place_of(camera: RosCamera) -> Array:
     return np.array([*(-camera.projection[row, 3] / camera.projection[row, row] for row in range(2)), 0.0])
 
 
-def _camera(ros: RosCamera, size: tuple[int, int] | None, name: str) -> CalibratedCamera:
+def _camera(ros: RosCamera, name: str) -> CalibratedCamera:
     (fx, skew, cx), (_, fy, cy) = ros.matrix[:2].tolist()
     if skew:
         raise ValueError(f"camera_matrix has a skew of {skew:g} px, which ROS' functions leave out; set it to 0")
     lens: LensModel = Fisheye(ros.coefficients) if ros.model == "equidistant" else brown_of(ros.coefficients)
-    width, height = size or (ros.width_px, ros.height_px)
-    return CalibratedCamera(width, height, fx, fy, cx, cy, lens, name=name)
+    return CalibratedCamera(ros.width_px, ros.height_px, fx, fy, cx, cy, lens, name=name)
 
 
 def ros_pair_of(rig: CalibratedRig) -> tuple[RosCamera, RosCamera]:
@@ -107,7 +105,7 @@ def write_ros(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     """Write a file for each eye of a pair. Raises IcyMoonError for eyes that are not side by side."""
     with explain_errors(paths[-1], _KIND, "give two eyes side by side"):
         if len(paths) != 2:
-            raise ValueError(f"ROS holds pairs, and these are {len(paths)}")
+            raise ValueError("ROS holds pairs, and this is one camera")
         pair = ros_pair_of(rig)
     for camera, ros, path in zip(rig.cameras, pair, paths, strict=True):
         write_text(path, _text(ros, camera.name or path.stem))

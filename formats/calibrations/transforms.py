@@ -42,13 +42,13 @@ def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:
     cameras = []
     for number, frame in enumerate(frames):
         try:
-            cameras.append(_camera({**whole, **frame}, number, stated))
+            cameras.append(_camera({**whole, **frame}, stated.unit_m()))
         except (ValueError, KeyError) as error:
             raise ValueError(f"frames[{number}]: {describe_reason(error)}") from None
     return Reading(CalibratedRig(tuple(cameras)), (_ASSUMED.format(stated.unit_m()),))
 
 
-def _camera(frame: dict[str, Any], number: int, stated: Stated) -> CalibratedCamera:
+def _camera(frame: dict[str, Any], unit_m: float) -> CalibratedCamera:
     model = frame.get("camera_model", "OPENCV")
     if model not in _MODELS:
         raise RefusedError(
@@ -65,10 +65,11 @@ def _camera(frame: dict[str, Any], number: int, stated: Stated) -> CalibratedCam
         raise ValueError("k4 is not 0, which nerfstudio takes for a power that OpenCV's lens has not; set it to 0")
     lens = Fisheye((k1, k2, k3, k4)) if fisheye else Brown((k1, k2, p1, p2, k3))
     rotation, centre = pose_of(numbers_of(frame["transform_matrix"], "transform_matrix", 4, 4) @ _FLIP)
-    size = stated.size(number) or (int(width), int(height))
     name = str(frame.get("file_path", ""))
-    own = CalibratedCamera(size[0], size[1], fx, fy, cx - _HALF, cy - _HALF, lens, name=name, rotation=rotation.T)
-    return own.placed(own.rotation, -own.rotation @ centre * stated.unit_m())
+    own = CalibratedCamera(
+        int(width), int(height), fx, fy, cx - _HALF, cy - _HALF, lens, name=name, rotation=rotation.T
+    )
+    return own.placed(own.rotation, -own.rotation @ centre * unit_m)
 
 
 def why_not_transforms(camera: CalibratedCamera) -> str:

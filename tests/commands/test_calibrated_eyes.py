@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 import pytest
 from heads import HEADS
-from icymoon.commands.calibrated_eyes import check_baseline, why_calibrated
+from icymoon.commands.calibrated_eyes import why_calibrated
+from icymoon.commands.calibration_advice import check_baseline
 from icymoon.commands.camera import read_eyes, read_rig
 from icymoon.commands.cli import main
+from icymoon.formats.calibrations.options import Stated
 from icymoon.formats.calibrations.registry import FORMATS, write_calibration
 from icymoon.physics.camera.calibrated_camera import CalibratedRig
 from icymoon.physics.camera.eyes import camera_of
@@ -106,7 +108,7 @@ def test_eyes_that_one_camera_can_stand_for_have_no_tables(tmp_path):
     [
         ((0.2, 0.0, 0.0), "stands 0.2 m to the left of .*left.*, so it is the left eye; give it first"),
         ((0.0, -0.2, 0.0), "one eye is above the other"),
-        ((-200.0, 0.0, 0.0), "seems to be in millimetres here: divide by 1000"),
+        ((-200.0, 0.0, 0.0), "divide it by 1000 in the file"),
     ],
 )
 def test_eyes_that_are_no_pair_are_one_sentence(tmp_path, shift, words):
@@ -124,10 +126,10 @@ def test_a_lens_that_folds_the_image_is_named_with_its_file(tmp_path):
         read_eyes(*paths)
 
 
-def test_a_long_baseline_is_doubted(tmp_path):
-    assert check_baseline(0.3, tmp_path / "left", tmp_path / "right", "the translation is") == []
-    (note,) = check_baseline(30.0, tmp_path / "left", tmp_path / "right", "the translation is")
-    assert "set rig.baseline_m to 0.03" in note
+def test_a_long_baseline_is_doubted():
+    assert check_baseline(0.3, "a.cameramodel", "the translation is", "mrcal", Stated()) == []
+    (note,) = check_baseline(30.0, "a.cameramodel", "the translation is", "mrcal", Stated())
+    assert "divide it by 1000 in the file" in note
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from icymoon.commands.camera import read_rectified_rig, read_rig
 from icymoon.commands.cli import main
 from icymoon.formats.cahvor import make_cahvor_text, make_pds_text, model_from_pinhole
+from icymoon.formats.calibrations.options import Stated
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.settings.description import defaults, merged
 from icymoon.support.errors import IcyMoonError
@@ -69,7 +70,7 @@ def test_the_rig_is_that_of_its_models(tmp_path, text, capsys):
         ((0, 0.3, 0), 0.0, "0.3 m above the other.* turn the images of both by 90"),
         ((0.01, -0.3, 0), 0.0, "0.3 m above the other"),
         ((0, 0, 0), 0.0, "at one place"),
-        ((300.0, 0, 0), 0.0, r"right\.txt: its eye is 300 m .* the vector C is in metres, .* divide by 1000"),
+        ((300.0, 0, 0), 0.0, r"right\.txt: the eyes are 300 m .* the vector C is in metres; .* divide it by 1000"),
     ],
 )
 def test_what_is_no_rig_here_is_refused(tmp_path, at, turn, words):
@@ -213,15 +214,14 @@ def test_a_baseline_in_millimetres_is_doubted(tmp_path):
     left, right = ros_pair(tmp_path, shift="-60000.0")
     with pytest.raises(
         IcyMoonError,
-        match=r"right\.yaml: its eye is 120 m .* is -fx times the baseline in metres, .* "
-        r"divide by 1000\.",
+        match=r"right\.yaml: the eyes are 120 m .* times the baseline in metres; .* divide it by 1000 in",
     ):
         read_rig(left, right)
     left, right = ros_pair(tmp_path, shift="-30000.0")
     found, (note,) = read_rig(left, right)
     assert found.rig.baseline_m == 60
     assert "The eyes are 60 m apart" in note
-    assert "If it is in millimetres, set rig.baseline_m to 0.06." in note
+    assert note.endswith("in metres; if it is in millimetres, divide it by 1000 in the file.")
 
 
 @pytest.mark.parametrize("name", ["left", "right"])
@@ -643,3 +643,99 @@ def test_of_ros_the_rectified_camera_is_the_projection_matrix(tmp_path):
     assert camera.cx_px == pytest.approx(313.0, abs=1e-4), "the mean of both, as projection_matrix states"
     assert settings.rig.distortion_k1 == 0
     assert pinholes.relative_pose()[1] == pytest.approx([-0.2, 0, 0], abs=1e-6)
+
+
+def swapped(folder):
+    path = camchain(folder)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("-0.2", "0.2"), encoding="utf-8")
+    return path
+
+
+def test_swapped_eyes_of_one_file_are_exchanged_by_their_names(tmp_path, capsys):
+    path = swapped(tmp_path)
+    told = r"camchain\.yaml: cam1 stands 0\.2 m to the left of cam0, .*; add --cameras cam1,cam0\."
+    with pytest.raises(IcyMoonError, match=told):
+        read_rig(path)
+    assert read_rig(path, names="cam1,cam0")[0].rig.baseline_m == pytest.approx(0.2)
+    with pytest.raises(IcyMoonError, match=r"cam0 stands .* add --cameras cam0,cam1"):
+        read_rig(camchain(tmp_path), names="cam1,cam0")
+
+
+def test_the_warning_of_swapped_eyes_is_shown_and_written(tmp_path, capsys):
+    path, out = swapped(tmp_path), str(tmp_path / "out.yaml")
+    for words in (["--show"], ["--to", "opencv", "--out", out]):
+        assert main(["camera", str(path), *words]) == 0
+        assert "# cam1 stands 0.2 m to the left of cam0" in capsys.readouterr().out
+        assert main(["camera", str(path), "--cameras", "cam1,cam0", *words]) == 0
+        assert "stands" not in capsys.readouterr().out
+    left, right = ros_pair(tmp_path)
+    assert main(["camera", str(right), str(left), "--show"]) == 0
+    assert "so it is the left eye; give it first." in capsys.readouterr().out
+
+
+def test_names_choose_eyes_of_two_files(tmp_path):
+    left, right = ros_pair(tmp_path)
+    with pytest.raises(IcyMoonError, match=r"left stands .* add --cameras left,right"):
+        read_rig(left, right, names="right,left")
+    assert read_rig(right, left, names="left,right")[0].rig.baseline_m == pytest.approx(0.2)
+    with pytest.raises(IcyMoonError, match="'left' is there more than once"):
+        read_rig(left, right, names="left,left")
+
+
+def test_what_files_state_is_refused_for_settings_too(tmp_path):
+    for paths in (ros_pair(tmp_path), written(tmp_path), (camchain(tmp_path),)):
+        with pytest.raises(IcyMoonError, match="states metres; leave out --unit mm"):
+            read_rig(*paths, stated=Stated("mm"))
+        with pytest.raises(IcyMoonError, match="images have 640 x 480 px in the file; leave out --size"):
+            read_rig(*paths, stated=Stated(sizes=((320, 240),)))
+
+
+@pytest.mark.parametrize(("t", "unit", "fix"), [
+    (120.0, "m", "state --unit cm or mm or in.$"),
+    (110.0e6, "m", "no unit makes that the baseline of a rig, so correct it"),
+    (12000.0, "cm", "no unit makes that"),
+])  # fmt: skip
+def test_a_baseline_that_is_too_long_has_a_fix_that_works(tmp_path, t, unit, fix):
+    path = tmp_path / "a.yml"
+    eye = "M{0}: [500.0, 0, 319.5, 0, 500.0, 239.5, 0, 0, 1]\nD{0}: [0, 0, 0, 0, 0]\n"
+    path.write_text(f"{eye.format(1)}{eye.format(2)}R: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nT: [-{t}, 0, 0]\n", "utf-8")
+    sizes = ((640, 480),)
+    with pytest.raises(IcyMoonError, match=fix):
+        read_rig(path, stated=Stated(unit, sizes), kind="opencv")
+    if "--unit" in fix and unit == "m":
+        found, _ = read_rig(path, stated=Stated("mm", sizes), kind="opencv")
+        assert found.rig.baseline_m == pytest.approx(t / 1000)
+
+
+def test_one_camera_is_no_rig(tmp_path):
+    with pytest.raises(IcyMoonError, match="there is 1 camera, and a rig here has two"):
+        read_rig(camchain(tmp_path), names="cam0")
+
+
+def test_the_field_of_a_lens_that_turns_back_ends_there(tmp_path, capsys):
+    """x (1 - x² / 3) is largest at x = 1, so 45 degrees to both sides, at 2 f / 3 of the image."""
+    path = tmp_path / "a.yml"
+    path.write_text(f"K: [300.0, 0, 319.5, 0, 300.0, 239.5, 0, 0, 1]\nD: [{-1 / 3!r}, 0, 0, 0, 0]\n", "utf-8")
+    assert main(["camera", str(path), "--format", "opencv", "--size", "640x480", "--show"]) == 0
+    printed = capsys.readouterr().out
+    across, down = re.search(r"field of view ([\d.]+) x ([\d.]+) degrees .* turns back", printed).groups()
+    # The last of the places 0.25 px apart is up to 2 sqrt(0.25 / 300) rad before the turn, on each side.
+    assert 90 - 2 * 3.4 < float(across) == float(down) <= 90
+    assert re.search(r"  \d\d\.\d% of the pixels see nothing", printed)
+
+
+def test_what_is_read_is_not_overwritten(tmp_path, capsys):
+    path = camchain(tmp_path)
+    before = path.read_bytes()
+    out = tmp_path / "x" / ".." / "camchain.yaml"
+    (tmp_path / "x").mkdir()
+    assert main(["camera", str(path), "--to", "kalibr", "--out", str(out)]) == 1
+    assert "is read here and would be overwritten" in capsys.readouterr().err
+    assert path.read_bytes() == before
+    assert main(["camera", str(path), "--to", "mrcal", "--out", str(tmp_path / "a"), str(tmp_path / "a")]) == 1
+    assert "twice; name a file for each camera" in capsys.readouterr().err
+    model = str(tmp_path / "model")
+    assert main(["camera", str(path), "--to", "colmap", "--out", model]) == 0
+    assert main(["camera", model, "--to", "colmap", "--out", model]) == 1
+    assert "would be overwritten" in capsys.readouterr().err

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from icymoon.formats.ply import read_vertices
+from icymoon.support.errors import IcyMoonError
 
 POINTS = np.array([(500000.0625, -4.5e6, 3.25), (math.nan, 1.0, 2.0), (0.1, math.inf, -7.0)])
 
@@ -42,7 +43,12 @@ def test_layouts_that_are_not_usual_are_left_to_blender(tmp_path):
         is None
     )
     whole = write(tmp_path / "a.ply", "binary_little_endian").read_bytes()
-    (tmp_path / "torn.ply").write_bytes(whole[:-60])
-    assert read_vertices(tmp_path / "torn.ply") is None
     (tmp_path / "faces_first.ply").write_bytes(whole.replace(b"element vertex", b"element edge"))
     assert read_vertices(tmp_path / "faces_first.ply") is None
+
+
+def test_vertices_that_are_cut_off_are_told_so(tmp_path):
+    whole = write(tmp_path / "a.ply", "binary_little_endian").read_bytes()
+    (tmp_path / "torn.ply").write_bytes(whole[:-60])
+    with pytest.raises(IcyMoonError, match=r"torn\.ply: .*cut off.*; export the mesh again"):
+        read_vertices(tmp_path / "torn.ply")

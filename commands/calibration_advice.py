@@ -1,0 +1,63 @@
+"""What to do about calibrations whose eyes are exchanged, or whose lengths are in another unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..formats.calibrations.options import UNITS, Stated
+from ..formats.calibrations.registry import FORMATS
+from ..physics.camera.calibrated_camera import CalibratedRig
+from ..settings.table import TOPICS
+from ..support.errors import IcyMoonError
+
+#: Longest baseline of two eyes on one mount, m; NASA's rovers have at most 0.42, cars 1.5.
+_LIKELY_BASELINE_M = 5.0
+
+
+def are_chosen_by_name(kind: str, chosen: str | None) -> bool:
+    """Whether the order of cameras is that of ``--cameras`` or of one file, not that of files for each."""
+    return chosen is not None or not FORMATS[kind].each
+
+
+def how_to_exchange(names: Sequence[str]) -> str:
+    """The fix for eyes in the wrong order: of files for each eye, or of two ``names`` in one file."""
+    return f"add --cameras {names[1]},{names[0]}" if all(names) else "give it first"
+
+
+def doubt_on_order(rig: CalibratedRig, by_name: bool) -> list[str]:
+    """A sentence if the second camera of a pair stands to the left of the first one."""
+    if len(rig.cameras) != 2:
+        return []
+    first, second = rig.cameras
+    x, y, z = (first.rotation @ (second.centre_m - first.centre_m)).tolist()
+    if not -x > max(abs(y), abs(z)):
+        return []
+    names = [camera.name for camera in rig.cameras]
+    return [
+        f"{names[1]} stands {-x:.4g} m to the left of {names[0]}, so it is the left eye; "
+        f"{how_to_exchange(names if by_name else ('', ''))}."
+    ]
+
+
+def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, stated: Stated) -> list[str]:
+    """A sentence if the unit of a distance of the eyes in metres may be another.
+
+    Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number of the file that is it.
+    """
+    most = TOPICS["rig"]["baseline_m"].maximum
+    if baseline_m <= _LIKELY_BASELINE_M:
+        return []
+    likely = [unit for unit in UNITS if baseline_m * UNITS[unit] / UNITS[stated.unit or "m"] <= _LIKELY_BASELINE_M]
+    is_open = not FORMATS[kind].in_metres and (kind != "opencv" or stated.unit is not None)
+    unit = "metres" if stated.unit in (None, "m") else stated.unit
+    if not likely:
+        fix = "no unit makes that the baseline of a rig, so correct it, or calibrate again"
+    elif is_open:
+        fix = f"if it is in another unit, state --unit {' or '.join(likely)}"
+    else:
+        fix = "if it is in millimetres, divide it by 1000 in the file"
+    if baseline_m > most:
+        raise IcyMoonError(
+            f"{where}: the eyes are {baseline_m:g} m apart, more than {most:g} m, since {stated_in} in {unit}; {fix}."
+        )
+    return [f"The eyes are {baseline_m:g} m apart, since {stated_in} in {unit}; {fix}."]
