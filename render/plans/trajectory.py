@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -60,26 +61,31 @@ def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], R
     _check_heights(poses, height, sweep)
     moving = _motion(sweep, poses) if base.rig.motion_exposure_s > 0 else None
     made = []
-    for k, stamp in enumerate(poses.stamp):
-        heading, pitch, roll = camera_angles(poses.rotation[k])
-        rig = {
-            "x_m": float(poses.position_m[k, 0]),
-            "y_m": float(poses.position_m[k, 1]),
-            "height_m": float(height[k]),
-            "heading_deg": heading,
-            "pitch_deg": pitch,
-            "roll_deg": roll,
-            "height_from": "GROUND" if above_ground else "ZERO",
-            "z_m": 0.0 if above_ground else float(z[k]),
-            "frame": k,
-            "stamp": format(stamp, "f"),
-            **(_speeds(*moving[k]) if moving is not None else {}),
-        }
+    for k in range(len(poses)):
+        rig = _place_rig(poses, k, float(height[k]), above_ground) | (_speeds(*moving[k]) if moving is not None else {})
         try:
             made.append(Variation(check_settings({"rig": rig}, sweep.place), sweep.place))
         except IcyMoonError as error:
             raise IcyMoonError(f"{error} It follows from line {poses.line[k]} of {_file_of(sweep)}.") from None
     return made
+
+
+def _place_rig(poses: PoseSequence, k: int, height_m: float, above_ground: bool) -> dict[str, Any]:
+    """The settings of a rig at pose ``k``, ``height_m`` above the ground."""
+    heading, pitch, roll = camera_angles(poses.rotation[k])
+    x_m, y_m, z_m = poses.position_m[k].tolist()
+    return {
+        "x_m": x_m,
+        "y_m": y_m,
+        "height_m": height_m,
+        "heading_deg": heading,
+        "pitch_deg": pitch,
+        "roll_deg": roll,
+        "height_from": "GROUND" if above_ground else "ZERO",
+        "z_m": 0.0 if above_ground else z_m,
+        "frame": k,
+        "stamp": format(poses.stamp[k], "f"),
+    }
 
 
 def describe(sweep: Sweep) -> str:

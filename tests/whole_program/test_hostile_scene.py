@@ -98,7 +98,7 @@ def test_one_s_own_matcher_is_set_up_in_the_preferences_and_named_by_scenes(matc
         lambda command, *_: commands.append(command) or SimpleNamespace(facts={"started": 0.0}),
     )
     kind = dataset.ICYMOON_OT_render_dataset
-    kind.start(stand_in(_job_of=lambda *_: None), SimpleNamespace(scene=scene))
+    kind.start(stand_in(_make_job=lambda *_: None), SimpleNamespace(scene=scene))
     words = commands[0][commands[0].index("--evaluate") + 1 :]
     assert words[:7] == [
         "bm,own:mine:timeout_s=5",
