@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 from ..render.cost.abilities import check_abilities
 from ..render.cost.estimate import estimate_plan, format_duration, format_size
 from ..render.cost.speed import recall_speed
-from ..render.plans.frozen_plan import FrozenPlan, freeze_plan
+from ..render.plans.frozen_plan import PLAN, FrozenPlan, freeze_plan
+from ..render.plans.own_files import describe_own_files, find_own_files
 from ..render.workers.process import report_errors
 from ..settings.description import merged, override
 from ..stereo.environment import packages
+from ..stereo.paper import OUTPUT_FILES
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
@@ -34,6 +36,8 @@ PAPERS = ("guiss",)
 #: Processor seconds of measuring a megapixel by the paper's matchers without the networks, of writing a report, and
 #: bytes of the results of a megapixel (2-core x86 server, a pair of 640 x 480 px).
 _MEASURE_S_PER_MPX, _REPORT_S, _MEASURE_BYTES_PER_MPX = 4.5, 30.0, 6.5e6
+#: Smallest share of the paper's 640 x 480 px: 32 x 24 px, with the least window of StereoBM.
+_LEAST_SCALE = 0.05
 #: Work of matching a pair, over the work of rendering one, in the progress.
 _MATCHING = 0.3
 
@@ -79,6 +83,7 @@ def _run_reproduce(options: argparse.Namespace) -> int:
     from ..stereo.paper.printed import GROUPS
 
     check_least(options, 1, "pairs")
+    _check_options(options)
     with report_errors(options.json):
         how = parse_workers(options)
         methods, missing = find_methods(options.scale, options.option)
@@ -89,6 +94,10 @@ def _run_reproduce(options: argparse.Namespace) -> int:
             del parts["figures"]
         for why in missing.values():
             printer.warn(why)
+        if options.files:
+            own = _find_own_files(parts, options.files)
+            if not options.json:
+                printer.say(describe_own_files(own, [options.files]))
         if options.dry_run:
             return _print_estimate(parts, options)
         frozen = {name: _freeze_part(part, options) for name, part in parts.items()}
@@ -106,6 +115,30 @@ def _run_reproduce(options: argparse.Namespace) -> int:
     else:
         printer.say(str(page))
     return failed
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    """Raise IcyMoonError for a scale or a folder of files that cannot be, and for an output with tables of others."""
+    if not _LEAST_SCALE <= options.scale <= 1:  # not so for NaN either
+        raise IcyMoonError(f"--scale is {options.scale:g}; give {_LEAST_SCALE:g} to 1.")
+    if options.files and not options.files.is_dir():
+        raise IcyMoonError(f"--files: {options.files} is no folder; give the folder with your textures and meshes.")
+    if not (options.out / "data" / PLAN).exists():
+        for name in OUTPUT_FILES:
+            if (options.out / name).exists():
+                raise IcyMoonError(
+                    f"--out: {options.out / name} is there already, and of no earlier run; give another folder."
+                )
+
+
+def _find_own_files(parts: dict[str, Part], folder: Path) -> set[Path]:
+    """The user's files that replace stand-ins. Raises IcyMoonError if none does."""
+    own = find_own_files([pair for part in parts.values() for pair in part.pairs], [folder.absolute()])
+    if not own:
+        raise IcyMoonError(
+            f"--files: no file in {folder} replaces a stand-in; name them as docs/datasets.md does under Stand-ins."
+        )
+    return own
 
 
 def _freeze_part(part: Part, options: argparse.Namespace) -> FrozenPlan:

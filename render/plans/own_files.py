@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -80,13 +80,21 @@ def describe_stand_ins(pairs: Sequence[PlannedPair], folders: Sequence[Path]) ->
             f"{' and '.join(parts)}. Files of these names in the folder plan.files of your own plan "
             "replace them."
         )
-    own = {path for pair in pairs for path in _list_shown_files(pair.settings) if path.parent in folders}
-    if own:
-        sentences.append(
-            f"{len(own)} of your own files in {', '.join(map(str, folders))} replace stand-ins: "
-            f"{', '.join(sorted(path.name for path in own))}."
-        )
-    return sentences
+    own = find_own_files(pairs, folders)
+    return [*sentences, describe_own_files(own, folders)] if own else sentences
+
+
+def find_own_files(pairs: Sequence[PlannedPair], folders: Sequence[Path]) -> set[Path]:
+    """The user's own files of ``folders`` that pairs show in place of stand-ins."""
+    return {path for pair in pairs for path in _list_shown_files(pair.settings) if path.parent in folders}
+
+
+def describe_own_files(own: Collection[Path], folders: Sequence[Path]) -> str:
+    """A sentence on the user's own files of ``folders`` that are shown."""
+    return (
+        f"{len(own)} of your own files in {', '.join(map(str, folders))} replace stand-ins: "
+        f"{', '.join(sorted(path.name for path in own))}."
+    )
 
 
 def _list_shown_files(settings: Settings) -> list[Path]:

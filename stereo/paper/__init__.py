@@ -2,3 +2,5 @@
 
 #: The page with all of them, in the folder of the output.
 PAGE = "paper.html"
+#: The page and the tables beside it.
+OUTPUT_FILES = (PAGE, "results.csv", "results.tex", "runtimes.csv", "runtimes.tex")

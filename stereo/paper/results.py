@@ -12,6 +12,7 @@ import numpy as np
 from ...render.pairs.pair_folder import read_complete
 from ...render.plans.planned_pair import PlannedPair
 from ...support.arrays import Array
+from ..measure.render_noise import DECIDES
 from ..report.by_setting import name_scene
 from ..report.results import read_facts
 from ..report.row_log import RowLog
@@ -51,6 +52,7 @@ def read_measured(out: Path, names: Iterable[str], matchers: Sequence[str]) -> P
     log, table = RowLog(out / "results.jsonl", ROW), ResultTable(matchers, [pair["pair"] for pair in facts])
     scenes: dict[str, int] = {}
     for k, pair in enumerate(facts):
+        table.by_noise[k] = (pair.get("noise") or {}).get("verdict") == DECIDES
         table.scenes[k] = scenes.setdefault(name_scene(pair), len(scenes))
         for matcher in matchers:
             table.add(k, log.read(pair["pair"], matcher))

@@ -197,7 +197,7 @@ def test_the_page_has_tables_figures_and_why_a_network_is_missing(measured, tmp_
     assert html.count("<svg") >= 4
     assert html.count('src="data:image/jpeg') == 1
     assert describe_size(measured, 0.5, 3) in html
-    assert describe_size(measured, 0.5, 3).startswith("3 pairs of 3 from ")
+    assert describe_size(measured, 0.5, 3).startswith("3 pairs of 3 (1 reconstructed and 2 synthetic) from ")
     assert {path.name for path in tmp_path.iterdir() if path.is_file()} == {
         "paper.html",
         "results.csv",

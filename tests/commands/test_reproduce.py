@@ -1,0 +1,32 @@
+"""What ``reproduce`` refuses before anything is rendered."""
+
+from __future__ import annotations
+
+import pytest
+from icymoon.commands.cli import main
+from icymoon.stereo.paper import OUTPUT_FILES
+
+
+@pytest.mark.parametrize("scale", ["nan", "inf", "0", "0.01", "-1", "2"])
+def test_a_scale_that_cannot_be_is_refused(tmp_path, capsys, scale):
+    assert main(["reproduce", "guiss", "--dry-run", "--out", str(tmp_path), f"--scale={scale}"]) == 1
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert "give 0.05 to 1" in told
+
+
+def test_a_folder_of_files_has_to_be_there_and_to_replace_something(tmp_path, capsys):
+    words = ["reproduce", "guiss", "--pairs", "1", "--dry-run", "--out", str(tmp_path / "out")]
+    assert main([*words, "--files", str(tmp_path / "none")]) == 1
+    assert "is no folder" in capsys.readouterr().err
+    (tmp_path / "files").mkdir()
+    assert main([*words, "--files", str(tmp_path / "files")]) == 1
+    assert "no file in" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", OUTPUT_FILES)
+def test_tables_of_others_are_not_overwritten(tmp_path, capsys, name):
+    (tmp_path / name).write_text("mine")
+    assert main(["reproduce", "guiss", "--dry-run", "--out", str(tmp_path)]) == 1
+    assert f"{name} is there already" in capsys.readouterr().err
+    assert (tmp_path / name).read_text() == "mine"
