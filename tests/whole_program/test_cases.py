@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +73,8 @@ def test_07_a_distance_along_the_ray_is_found_and_read(tmp_path, capsys):
 def test_two_cameras_are_a_rig(tmp_path, capsys, number, names, focal_mm):
     """14: a thumbnail in the label; 15: vectors over several lines; 22: YAML of ROS; 24: eyes that differ."""
     folder = case(number, tmp_path)
-    assert main(["camera", *(str(folder / name) for name in names)]) == 0
+    alike = ["--alike"] if number == 24 else []
+    assert main(["camera", *(str(folder / name) for name in names), *alike]) == 0
     shown = dict(line.split(" = ") for line in capsys.readouterr().out.splitlines() if " = " in line)
     assert int(shown["width_px"]) == int(shown["height_px"]) == 1024
     assert float(shown["focal_length_mm"]) == pytest.approx(focal_mm, rel=1e-6)
@@ -80,6 +82,15 @@ def test_two_cameras_are_a_rig(tmp_path, capsys, number, names, focal_mm):
     assert (float(shown["distortion_k1"]), float(shown["distortion_k2"])) == (-0.05, 0.01)
     centre = (509.1 + 515.4) / 2 - 511.5 if number == 24 else 0.0
     assert float(shown["principal_x_px"]) == pytest.approx(centre, abs=1e-6)
+
+
+def test_24_two_eyes_that_differ_are_kept_as_they_are(tmp_path, capsys):
+    folder = case(24, tmp_path)
+    assert main(["camera", str(folder / "L.LBL"), str(folder / "R.LBL")]) == 0
+    stated = tomllib.loads(capsys.readouterr().out)
+    assert stated["rig"]["eyes"] == "CALIBRATED"
+    assert [stated[eye]["fx_px"] for eye in ("left_eye", "right_eye")] == pytest.approx([1200.3, 1203.8])
+    assert [stated[eye]["cx_px"] for eye in ("left_eye", "right_eye")] == pytest.approx([509.1, 515.4])
 
 
 def test_05_a_depth_is_never_a_normal(tmp_path, capsys):

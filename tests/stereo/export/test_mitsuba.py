@@ -128,7 +128,7 @@ def test_what_is_left_out_is_named():
     ("data", "toe_in", "word"), [({"edited_by_hand": True}, 0.0, "edited by hand"), ({}, 2.0, "toe-in")]
 )
 def test_pairs_that_cannot_be_exported_are_refused(data, toe_in, word):
-    camera: Any = SimpleNamespace(toe_in_deg=toe_in, rendered_px=(4, 4), width_px=4, height_px=4)
+    camera: Any = SimpleNamespace(looks_elsewhere=toe_in != 0, rendered_px=(4, 4), width_px=4, height_px=4)
     pair: Any = SimpleNamespace(data=data, folder="pair", camera=camera)
     with pytest.raises(IcyMoonError, match=word):
         mitsuba._refuse_unexportable(pair)

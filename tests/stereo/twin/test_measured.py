@@ -147,7 +147,7 @@ def test_without_truth_only_the_twin_has_errors_and_the_page_says_so(tmp_path):
     assert found[0]["photograph"]["matched"]["bm"]["wrong"] is None
     assert found[0]["twin"]["matched"]["bm"]["wrong"] is not None
     assert any("no true depth of the photographs" in sentence for sentence in limits)
-    assert any("Intervals of the differences take 10 pairs, and there is 1" in sentence for sentence in limits)
+    assert any("Intervals of the differences take 11 pairs, and there is 1" in sentence for sentence in limits)
     assert "–" in html
 
 

@@ -62,7 +62,7 @@ def _judge(known, monkeypatch, pairs, spoiled):
 
 
 def test_twins_that_are_like_the_photographs_predict_their_errors(known, monkeypatch):
-    found = _judge(known, monkeypatch, 7, 0)
+    found = _judge(known, monkeypatch, 8, 0)
     assert len(found) == 2 * len(METHODS)
     assert [row.verdict for row in found] == [PASSES] * len(found)
     means = found[::2]
@@ -71,7 +71,7 @@ def test_twins_that_are_like_the_photographs_predict_their_errors(known, monkeyp
 
 
 def test_photographs_that_no_matcher_understands_are_not_predicted(known, monkeypatch):
-    found = _judge(known, monkeypatch, 7, 7)
+    found = _judge(known, monkeypatch, 8, 8)
     assert all(row.theirs > 0.5 for row in found[::2])
     assert [row.verdict for row in found] == [FAILS] * len(found)
 
@@ -79,7 +79,7 @@ def test_photographs_that_no_matcher_understands_are_not_predicted(known, monkey
 def test_few_pairs_have_no_interval(known, monkeypatch):
     found = _judge(known, monkeypatch, 2, 0)
     assert [row.verdict for row in found] == [PASSES, NOT_JUDGED] * len(METHODS)
-    assert "an interval takes 7 pairs, here are 2" in found[1].note
+    assert "an interval takes 8 pairs, here are 2" in found[1].note
 
 
 def test_photographs_are_found_beside_the_labels_and_must_be_whole(known):
