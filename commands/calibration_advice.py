@@ -15,7 +15,7 @@ _LIKELY_BASELINE_M = 5.0
 
 
 def are_chosen_by_name(kind: str, chosen: str | None) -> bool:
-    """Whether the order of cameras is that of ``--cameras`` or of one file, not that of files for each."""
+    """Whether ``--cameras`` or one file gives the order of cameras, not a file for each."""
     return chosen is not None or not FORMATS[kind].each
 
 

@@ -186,7 +186,7 @@ def read_eyes(
     kind: str | None = None,
     names: str | None = None,
 ) -> tuple[Settings, list[str]]:
-    """The settings of two calibrated cameras as they are, and sentences on what was assumed and what stays dark.
+    """The settings of two calibrated cameras as they are, and sentences on assumptions and on pixels that stay dark.
 
     Eyes that are alike, parallel and side by side give the ``rig`` of ``read_rig``; others give it as their rectified
     pair, with ``left_eye`` and ``right_eye`` beside it. Raises IcyMoonError.

@@ -146,7 +146,7 @@ def _freeze_part(part: Part, options: argparse.Namespace) -> FrozenPlan:
     has pairs of another one."""
     dataset = options.out.absolute() / part.folder
     frozen = freeze_plan(dataset, part.pairs, part.text)
-    if frozen.note:  # another version's pairs, which are not those of the tables
+    if frozen.note:  # pairs of another version, which the tables do not hold
         raise IcyMoonError(frozen.note)
     check_abilities((pair.settings for pair in frozen.find_missing(dataset)), options.blender)
     return frozen
@@ -190,7 +190,7 @@ class _Steps:
         self._before = self._work = 0.0
 
     def begin(self, title: str, work: float) -> Callable[..., None]:
-        """A step of so much work; the function that takes its messages."""
+        """A step of this work; the function that takes its messages."""
         self._before += self._work
         self._work = work
         before = self._before

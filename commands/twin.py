@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..stereo.twin.photographs import Rectification
     from ..stereo.twin.plan import Described, Twin
 
-#: Folders of the twins and of what was measured, in that of the results.
+#: Folders of the twins and of their measures, in the folder of the results.
 _TWINS, _MEASURED = "twins", "measured"
 
 

@@ -46,7 +46,7 @@ _FIX = "give lines of t x y z qx qy qz qw (TUM), 3x4 matrices (KITTI), or a CSV 
 @dataclass(frozen=True)
 class Trajectory:
     """The poses of a file in its own world axes, its kind, one of ``KINDS``, whether it has stamps, and sentences on
-    what was changed."""
+    changes."""
 
     poses: PoseSequence
     kind: str
@@ -62,7 +62,7 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
     forward as columns, in the axes that the rotations of the file turn; without it they turn the camera's own. Poses
     without stamps are a second apart.
 
-    Raises IcyMoonError, one sentence with the line, for what is no trajectory.
+    Raises IcyMoonError, one sentence with the line, for a file without a trajectory.
     """
     axes = np.eye(3) if camera is None else camera
 
@@ -227,7 +227,7 @@ def _cells(text: str) -> list[str]:
 
 
 def _short_name(name: str) -> str:
-    """A column's name in lower case, without the unit of EuRoC's names, but for that of the stamps."""
+    """A column's name in lower case, without the unit of EuRoC's names, except the unit of stamps."""
     name = name.lstrip("#").strip().lower()
     if name in _STAMPS:
         return name

@@ -66,7 +66,7 @@ class Eye:
 
 @dataclass(frozen=True)
 class CalibratedEye:
-    """A calibrated camera at an eye of a parallel rig; the other fields are those of the rig's ``Eye``.
+    """A calibrated camera at an eye of a parallel rig; the other fields are as in the rig's ``Eye``.
 
     Its rays are one unit long ahead of the rig, and depths along them are the rig's. ``own`` has its pose in the rig.
     """
@@ -157,7 +157,7 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
     for pixels in list_squares(eye.rows, eye.columns):
         direction = eye.directions(pixels)
         lost = np.isnan(direction).any(axis=1)
-        direction[lost] = eye.axes[:, 2]  # any ray; what it meets is dropped
+        direction[lost] = eye.axes[:, 2]  # any ray; its hit is dropped
         seen = _find_first_surface(stage, eye.position, direction, near_m, far_m)
         for values in (seen.label, seen.number, seen.normal):
             values[lost] = 0

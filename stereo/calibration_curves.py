@@ -47,12 +47,12 @@ MAGNITUDES: dict[str, tuple[float, ...]] = {
     "right_k1": (0.002, 0.005, 0.01, 0.02, 0.05),
     "k1": (0.005, 0.01, 0.03, 0.05, 0.1),
 }
-#: What the curves and the file show of a method on a pair, with factor and name on an axis.
+#: Numbers of a method on a pair in the curves and the file, with factor and name on an axis.
 SHOWN = (
     ("median_relative_error", 100.0, "Median depth error (%)"),
     ("coverage", 100.0, "Coverage (%)"),
 )
-#: The tolerances of a setting are where median depth error, and coverage, is so many times the one without an error.
+#: The tolerances of a setting are where median depth error, and coverage, is this multiple of the one without an error.
 DEPTH_TIMES, COVERAGE_TIMES = 2.0, 0.9
 _COLUMNS = ("rig", "pair", "method", "setting", "error", *(key for key, _, _ in SHOWN))
 

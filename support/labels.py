@@ -6,7 +6,7 @@ SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
 UV_LAYER = "UVMap"  # of the ground, where it has texture coordinates
 NORMAL_AOV = "GeometricNormal"  # value pass: the facet's normal, without bump or smooth shading
 ALBEDO_AOV = "Albedo"  # value pass of maps of the ground only
-SALT_AOV = "Salt"  # value pass of such maps: the share of what is seen that is salt
+SALT_AOV = "Salt"  # value pass of such maps: the share of salt in what a pixel sees
 #: Value passes of an image of direct light, by light group: radiance of the ground by light that was baked to it.
 BAKED_AOVS = {"Sun": "Baked", "Planet": "BakedPlanet"}
 #: Attributes of the ground's vertices, by light group: their indirect irradiance over pi, in three bands.

@@ -113,7 +113,7 @@ def _chi(theta: Array, linearity: float) -> Array:
 
 
 def _from_chi(chi: Array, linearity: float) -> Array:
-    """The angle of which this is chi."""
+    """The angle that has this chi."""
     if linearity < 0:
         return np.asarray(np.arcsin(linearity * chi) / linearity)
     return np.asarray(np.arctan(linearity * chi) / linearity) if linearity > 0 else chi

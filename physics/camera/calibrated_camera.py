@@ -123,7 +123,7 @@ class CalibratedRig:
             raise ValueError("a rig has at least one camera")
 
     def relative_pose(self, camera: int = 1) -> tuple[Array, Array]:
-        """R (3, 3) and t (3,) of x = R X + t from the axes of the first camera to those of another one, in metres.
+        """R (3, 3) and t (3,) of x = R X + t from the axes of the first camera to the axes of another one, in metres.
 
         OpenCV's stereoCalibrate calls them R and T.
         """
@@ -138,8 +138,9 @@ class CalibratedRig:
 
 
 def rectifying_rotations(rig: CalibratedRig) -> tuple[Array, Array]:
-    """Rotations (3, 3) from the axes of the first two cameras to those of their rectified pair, as Bouguet's method and
-    OpenCV's stereoRectify find them: each eye turns by half of the rotation between them, then x is along the baseline.
+    """Rotations (3, 3) from the axes of the first two cameras to the axes of their rectified pair, as Bouguet's method
+    and OpenCV's stereoRectify find them: each eye turns by half of the rotation between them, then x is along the
+    baseline.
 
     Raises ValueError for eyes at one place, or one above the other.
     """

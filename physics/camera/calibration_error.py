@@ -1,6 +1,6 @@
 """A calibration with errors: the rig as it is assumed to be, from the true one and the ``calibration_error`` settings.
 
-The eyes took their images as they are. Rectification and depth use what is assumed of them: the rectified pair has the
+The eyes took their images as they are. Rectification and depth use the assumed ones: the rectified pair has the
 assumed focal length and baseline, and the principal point of both eyes.
 """
 

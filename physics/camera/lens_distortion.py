@@ -100,7 +100,7 @@ def undistort_points(points: Array, k: tuple[float, ...]) -> Array:
 
 
 def _search(points: Array, start: Array, k: tuple[float, ...]) -> Array:
-    """Newton's method for ``undistort_points``; NaN where it does not end at what the lens shows."""
+    """Newton's method for ``undistort_points``; NaN where it ends outside the field of the lens."""
     found = start.copy()
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):

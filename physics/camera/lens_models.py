@@ -2,7 +2,7 @@
 
 Axes are x right, y down, z forward. A point (x, y) of the normalised image is the pixel (fx x + s y + cx, fy y + cy).
 Each model has ``bend``, from directions (..., 3) of any length to points (..., 2), and ``unbend``, from points to
-directions of length 1. Both give NaN outside what the lens shows: behind it, and beyond a fold of its polynomials.
+directions of length 1. Both give NaN outside the field of the lens: behind it, and beyond a fold of its polynomials.
 """
 
 from __future__ import annotations

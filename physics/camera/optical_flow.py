@@ -30,7 +30,7 @@ class Flow:
 
 
 def find_flow(camera: StereoCamera, depth_m: Array, pose: Array, other_depth_m: Array, other_pose: Array) -> Flow:
-    """The flow from an image to another of the same camera, whose own lens is that of the left rectified eye.
+    """The flow from an image to another of the same camera, with the lens of the left rectified eye.
 
     Planar depths (H, W) in metres are NaN for sky, which hides nothing; poses (4, 4) are from the axes x right, y down,
     z forward to the world.

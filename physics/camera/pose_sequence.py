@@ -23,7 +23,7 @@ WORLD_IN = {
 }
 #: Stamps have nine decimals.
 _NANOSECOND = Decimal("1e-9")
-#: A step in time of more than so many median ones is a gap, if nothing else is stated.
+#: A step in time longer than this multiple of the median one is a gap, if nothing else is stated.
 _GAP_STEPS = 5.0
 
 

@@ -29,7 +29,8 @@ def quaternion(rotation: Array) -> Array:
 
 
 def from_quaternion(wxyz: Array) -> Array:
-    """The rotation (3, 3) of w, x, y, z of any length but 0. Raises ValueError for that, or for what is not finite."""
+    """The rotation (3, 3) of w, x, y, z of any length but 0. Raises ValueError for 0 and for numbers that are not
+    finite."""
     length = float(np.linalg.norm(wxyz))
     if not (math.isfinite(length) and length > 0):
         raise ValueError("its quaternion has no length")

@@ -37,7 +37,7 @@ def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], R
     """The cameras of a trajectory, in the order of its poses.
 
     With ``rig.motion_exposure_s`` each moves during its exposure as its neighbours say. Raises IcyMoonError that names
-    the line of the plan at fault, and that of the trajectory.
+    the line of the plan at fault, and the line of the trajectory.
     """
     poses, above_ground = _read_poses(sweep, base, ground)
     if len(poses) > MOST_PAIRS:
@@ -56,7 +56,7 @@ def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], R
         height = z
     elif procedural:
         height = z - ground(base).heights(*poses.position_m[:, :2].T)
-    else:  # what the build finds, and refuses under the ground
+    else:  # the build finds it, and refuses places under the ground
         height = np.full(len(poses), float(base.rig.height_m))
     _check_heights(poses, height, sweep)
     moving = _motion(sweep, poses) if base.rig.motion_exposure_s > 0 else None
@@ -108,7 +108,7 @@ def describe(sweep: Sweep) -> str:
 
 
 def _read(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
-    """What the file has, and its poses with the stamps and of the step that the plan states, in its own axes."""
+    """The content of the file, and its poses with the stamps and of the step that the plan states, in its own axes."""
     check_keys(sweep.table, _KEYS, sweep.place, "a trajectory sweep")
     axes, kind = _choice(sweep, "axes", CAMERA_IN, "OPENCV"), _choice(sweep, "format", KINDS, "")
     times = _path(sweep, "times") if "times" in sweep.table else None

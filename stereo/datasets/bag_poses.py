@@ -34,7 +34,7 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> tuple[list[De
     """The stamps in seconds, and the poses (4, 4) of a moving frame, of a topic in a bag.
 
     ``topic`` may be empty if only one has poses. ``frame`` is the moving frame where a topic has several, as /tf does.
-    Raises IcyMoonError if there are none.
+    Raises IcyMoonError for a bag without poses.
     """
     if importlib.util.find_spec("rosbags") is None:
         raise IcyMoonError('Bags are read by the package rosbags; pip install "icymoon[ros]".')

@@ -3,7 +3,7 @@
 * ``tum``: as the RGB-D benchmark of TUM, ``<sequence>/rgb/STAMP.png``, ``depth/STAMP.png`` (5000 steps per metre),
   their lists ``rgb.txt`` and ``depth.txt``, and ``groundtruth.txt``; the right eye's images are in ``right``.
 * ``kitti-odometry``: as KITTI's odometry, ``sequences/00/image_2/000000.png``, ``image_3``, ``calib.txt``,
-  ``times.txt`` and ``poses/00.txt``, from the axes of each left camera to those of the first.
+  ``times.txt`` and ``poses/00.txt``, from the axes of each left camera to the axes of the first.
 * ``flow``: the flow of the left eye to the next frame (``forward``) and to the one before (``backward``), in
   Middlebury's .flo and KITTI's 16-bit PNG, of all points (``_occ``) and of those that the other frame shows (``_noc``).
 
@@ -40,7 +40,7 @@ _TUM_STEPS = 5000.0
 
 @dataclass
 class _Sequence:
-    """What is known of a sequence so far: its number, and a line of each frame for each of its lists."""
+    """The known part of a sequence: its number, and a line of each frame for each of its lists."""
 
     number: int
     lines: dict[str, list[str]] = field(default_factory=dict)

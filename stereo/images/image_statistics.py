@@ -49,8 +49,8 @@ def measure_spectral_slope(light: Array) -> float:
 def measure_spectrum(light: Array) -> tuple[Array, Array]:
     """The rings of the spectrum of linear light (n, n): mean cycles per image (rings,), and mean power (rings,).
 
-    The rings go from 4 cycles per image to 0.35 cycles per pixel; there are none for less than 32 pixels or no
-    contrast. The mean is taken off, and a Hann window fades the borders.
+    The rings go from 4 cycles per image to 0.35 cycles per pixel; an image of less than 32 pixels, or without
+    contrast, has none. The mean is taken off, and a Hann window fades the borders.
     """
     n = light.shape[0]
     if light.shape != (n, n):

@@ -1,9 +1,9 @@
 """Lens distortion and toe-in, and the rectification that undoes both.
 
 There are three images. The rendered image comes from a pinhole with margins, toed in as the eye is. The image of the
-sensor is distorted by the lens; that of a calibrated eye has its own size, and looks where the eye does. The rectified
-image belongs to the parallel rig, as the truth does; matchers get it, made from the numbers of the sensor. By an
-erroneous calibration it belongs to that rig only nearly.
+sensor is distorted by the lens; the image of a calibrated eye has its own size, and looks where the eye does. The
+rectified image belongs to the parallel rig, as the truth does; matchers get it, made from the numbers of the sensor. By
+an erroneous calibration it belongs to that rig only nearly.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def _make_lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
 
 @lru_cache(maxsize=2)
 def _make_calibrated_lens(camera: StereoCamera, margin_x_px: int, margin_y_px: int, own: CalibratedCamera) -> Lens:
-    """The lens of a calibrated eye whose rendered image is that of the parallel rig with these margins."""
+    """The lens of a calibrated eye whose rendered image is the one of the parallel rig with these margins."""
     rendered = replace(camera, margin_x_px=margin_x_px, margin_y_px=margin_y_px)
     pixels = _pixel_grid(camera.width_px, camera.height_px)
     rays = np.concatenate(
@@ -149,7 +149,7 @@ def _make_calibrated_lens(camera: StereoCamera, margin_x_px: int, margin_y_px: i
 
 
 def _pixel_grid(width: int, height: int) -> Array:
-    """Columns and rows (H, W, 2) of the centres of pixels, from that of the first one."""
+    """Columns and rows (H, W, 2) of the centres of pixels, from the centre of the first one."""
     return np.stack(np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)), axis=-1)
 
 

@@ -28,7 +28,7 @@ def sequence_key(settings: Settings) -> str:
 
 
 def in_time_order(folders: Sequence[Path]) -> list[Path]:
-    """Folders of pairs, those of each sequence in the order of time, in place of the first of them. Others keep their
+    """Folders of pairs, each sequence in the order of time, in place of the first of them. Others keep their
     order, as folders do that cannot be read."""
     restore, places = Restorer(), dict[str, int]()
     order = []

@@ -93,7 +93,7 @@ def write_paper(
 
 
 def describe_size(data: PaperResults, scale: float, planned: int) -> str:
-    """Sentences on how many pairs of which kind and size the numbers are from."""
+    """Sentences on the number, the kinds and the size of the pairs."""
     scenes = data.table.scene_count()
     reconstructed = int(data.group("Reconstructed").sum())
     kinds = f"{reconstructed} reconstructed and {len(data.facts) - reconstructed} synthetic"

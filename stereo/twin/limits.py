@@ -1,4 +1,4 @@
-"""What a twin cannot show, in sentences that follow from what was given."""
+"""What a twin cannot show, in sentences that follow from the input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is measured of a photographed pair and of its twin: statistics of the images, and each matcher on them.
+"""Measures of a photographed pair and of its twin: statistics of the images, and each matcher on them.
 
 Both get the same treatment: the brightness of the left image at one quantile becomes white, for the exposure of the
 photographs is unknown, and matchers search the same range. The numbers of a pair are kept, and are measured again only
@@ -133,7 +133,7 @@ def read_or_measure(
 ) -> dict[str, Any]:
     """The numbers of a photographed pair and of its ``twin``, a pair's folder that is whole, read or measured.
 
-    The camera's response is that of the complete ``settings``. Pictures and numbers lie in ``out``. Raises IcyMoonError
+    The complete ``settings`` have the camera's response. Pictures and numbers lie in ``out``. Raises IcyMoonError
     for photographs that cannot be read or do not fit.
     """
     file = out / f"{photographs.name}.json"
@@ -144,7 +144,7 @@ def read_or_measure(
             return dict(known)
     measured = {"version": VERSION, "key": key, "rendered": twin.name}
     measured |= _measure(photographs, rectification, twin, settings, methods, out)
-    write_json(file, measured)  # last: what is there is whole
+    write_json(file, measured)  # last, so that a folder with it is whole
     return measured
 
 
@@ -237,7 +237,7 @@ def _read_twin(folder: Path, settings: Settings) -> tuple[_Images, dict[str, Arr
 
 
 def choose_search_range(settings: Settings, truths: Sequence[Array | None]) -> SearchRange:
-    """The disparities that matchers search in both pairs: those of the rig over unknown relief, and all true ones."""
+    """The disparities that matchers search in both pairs: the rig's over unknown relief, and all true ones."""
     ranges = [
         find_rig_range(settings, described=False),
         *(find_true_range(each) for each in truths if each is not None),
@@ -318,8 +318,8 @@ def measure_matcher(
 
 
 def find_consistent(left: Array, right: Array) -> Array:
-    """Bool (H, W): the disparity of a left pixel agrees with that of the right pixel which it points at; both are in
-    px, NaN where there is none."""
+    """Bool (H, W): the disparity of a left pixel agrees with the disparity of the right pixel which it points at; both
+    are in px, NaN where unknown."""
     column = find_matching_column(left)
     inside = is_in_frame(column)
     at = np.where(inside, np.rint(np.nan_to_num(column)), 0).astype(int).clip(0, left.shape[1] - 1)

@@ -1,4 +1,4 @@
-"""The twin of each photographed pair: complete settings, and what was taken for them."""
+"""The twin of each photographed pair: complete settings, and assumptions."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Described:
 
 
 def plan_twins(pairs: Sequence[Photographs], described: Described, rectification: Rectification) -> list[Twin]:
-    """The twin of each pair. Each has a seed of its own, the first that of the settings, and so another ground.
+    """The twin of each pair. Each has its own seed, the first one the seed of the settings, and so another ground.
 
     Height and pitch follow from the true depth, unless the user states one of them. All files are read. Raises
     IcyMoonError.

@@ -74,7 +74,7 @@ def _format_interval(quantity: Quantity, ends: tuple[float, float], sign: str = 
 def summarise(records: Sequence[Mapping[str, Any]], methods: Sequence[Method]) -> tuple[list[SummaryRow], int]:
     """The rows of all quantities, and the number of pairs that an interval of the typical differences takes.
 
-    All differences are one family. ``records`` are those of ``measured.read_or_measure``.
+    All differences are one family. ``records`` are from ``measured.read_or_measure``.
     """
     columns = [(quantity, "") for quantity in STATISTICS]
     columns += [(quantity, method.label) for method in methods for quantity in MATCHED]
