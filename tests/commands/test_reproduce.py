@@ -15,10 +15,15 @@ def test_a_scale_that_cannot_be_is_refused(tmp_path, capsys, scale):
     assert "give 0.05 to 1" in told
 
 
-def test_a_folder_of_files_has_to_be_there_and_to_replace_something(tmp_path, capsys):
+def test_a_folder_of_files_has_to_be_there(tmp_path, capsys):
     words = ["reproduce", "guiss", "--pairs", "1", "--dry-run", "--out", str(tmp_path / "out")]
     assert main([*words, "--files", str(tmp_path / "none")]) == 1
     assert "is no folder" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_folder_of_files_has_to_replace_something(tmp_path, capsys):
+    words = ["reproduce", "guiss", "--pairs", "1", "--dry-run", "--out", str(tmp_path / "out")]
     (tmp_path / "files").mkdir()
     assert main([*words, "--files", str(tmp_path / "files")]) == 1
     assert "no file in" in capsys.readouterr().err

@@ -155,7 +155,7 @@ def test_files_that_cannot_be_used_change_nothing(shown, tmp_path):
     (tmp_path / "cut.ply").write_bytes(content[:-100])
     for paths, reason in (
         ([tmp_path / "none.ply"], "cannot be read"),
-        ([tmp_path / "cut.ply"], "missing or damaged"),
+        ([tmp_path / "cut.ply"], "it is cut off"),
         ([folder / "blind.ply"], "measured nothing"),
     ):
         with pytest.raises(IcyMoonError, match=reason):

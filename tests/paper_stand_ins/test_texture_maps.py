@@ -129,7 +129,7 @@ def test_colours_of_snow_and_ice_follow_from_absorption():
 def test_another_process_makes_the_same_bytes(key):
     code = (
         "import hashlib, sys; from icymoon.paper_stand_ins import cached_files, items;"
-        "made = cached_files._encode_texture(items.texture_item(sys.argv[1]))[1];"
+        "made = cached_files._encode_texture(items.find_texture_item(sys.argv[1]))[1];"
         "print(hashlib.sha256(b''.join(made.values())).hexdigest())"
     )
     found = [

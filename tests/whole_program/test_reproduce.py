@@ -57,4 +57,4 @@ def test_a_killed_run_goes_on_and_makes_the_tables(tmp_path, monkeypatch):
     assert 0 < float(rows["All", "JPLV", "coverage"]["measured"]) <= 1
     page = (tmp_path / "paper" / "paper.html").read_text(encoding="utf-8")
     assert "IGEV: igev has no checkpoint" in page
-    assert "10 pairs of 10 from" in page
+    assert "10 pairs of 10 (4 reconstructed and 6 synthetic) from" in page
