@@ -14,7 +14,7 @@ from icymoon.render.worker import render_from
 from icymoon.settings.description import digest, merged
 from icymoon.stereo.images.views import read_sensor_depth
 
-FLAT = {
+FLAT: dict[str, dict[str, object]] = {
     "terrain": {"size_m": 10.0, "resolution": 17, "rms_slope_deg": 0.0},
     "mesh": {"kind": "GRID"},
     "quality": {"samples": 1, "threads": 2},
