@@ -29,7 +29,7 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import explain_errors
-from .calibration_advice import are_chosen_by_name, check_baseline, how_to_exchange
+from .calibration_advice import are_chosen_by_name, check_baseline, describe_exchanged
 
 #: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
 PARALLEL_RAD, ASIDE = 1e-4, 1e-3
@@ -103,12 +103,10 @@ def calibrated_settings(
     if pair.along_m > 0:
         left, right = (camera.name if are_chosen_by_name(kind, names) else "" for camera in rig.cameras)
         second = f"{where}: {right}" if right else str(paths[-1])
-        raise IcyMoonError(
-            f"{second} stands {pair.along_m:.4g} m to the left of {left or paths[0]}, so it is the left eye; "
-            f"{how_to_exchange((left, right))}."
-        )
+        raise IcyMoonError(describe_exchanged(second, left or str(paths[0]), pair.along_m, (left, right)))
     doubts = check_baseline(-pair.along_m, where, "the translation is", kind, stated)
-    table = _table_of(pair)
+    centre_px = pair.cx_px, pair.cy_px
+    table = {**make_rig_table(pair.size_px, pair.focal_px, centre_px, -pair.along_m), "eyes": "CALIBRATED"}
     eyes = {
         topic: eye_settings(camera, turn.T)
         for topic, camera, turn in zip(EYE_TOPICS, rig.cameras, pair.turns, strict=True)
@@ -130,19 +128,22 @@ def calibrated_settings(
     return found, notes
 
 
-def _table_of(pair: _Rectified) -> dict[str, Any]:
-    """The table ``rig`` of a rectified pair."""
-    width, height = pair.size_px
+def make_rig_table(
+    size_px: tuple[int, int], focal_px: float, centre_px: tuple[float, float], baseline_m: float
+) -> dict[str, Any]:
+    """The settings of the table ``rig`` of two parallel eyes; the principal point ``centre_px`` is counted from the
+    centre of the first pixel."""
+    (width, height), (cx_px, cy_px) = size_px, centre_px
     width_mm = defaults().rig.sensor_width_mm
     return {
         "width_px": width,
         "height_px": height,
         "sensor_width_mm": width_mm,
-        "focal_length_mm": pair.focal_px / width * width_mm,
-        "principal_x_px": round(pair.cx_px + 0.5 - width / 2, 9) + 0.0,
-        "principal_y_px": round(pair.cy_px + 0.5 - height / 2, 9) + 0.0,
-        "baseline_m": -pair.along_m,
-        "eyes": "CALIBRATED",
+        "focal_length_mm": focal_px / width * width_mm,
+        # Rounding of the model's vectors leaves 1e-14 px where the middle is meant; adding 0 makes -0 plain.
+        "principal_x_px": round(cx_px + 0.5 - width / 2, 9) + 0.0,
+        "principal_y_px": round(cy_px + 0.5 - height / 2, 9) + 0.0,
+        "baseline_m": baseline_m,
     }
 
 

@@ -24,6 +24,12 @@ def how_to_exchange(names: Sequence[str]) -> str:
     return f"add --cameras {names[1]},{names[0]}" if all(names) else "give it first"
 
 
+def describe_exchanged(second: str, first: str, aside_m: float, names: Sequence[str]) -> str:
+    """A sentence on eyes in the wrong order: the ``second`` one stands ``aside_m`` to the left of the ``first`` one.
+    ``names`` are as in ``how_to_exchange``."""
+    return f"{second} stands {aside_m:.4g} m to the left of {first}, so it is the left eye; {how_to_exchange(names)}."
+
+
 def doubt_on_order(rig: CalibratedRig, by_name: bool) -> list[str]:
     """A sentence if the second camera of a pair stands to the left of the first one."""
     if len(rig.cameras) != 2:
@@ -33,10 +39,7 @@ def doubt_on_order(rig: CalibratedRig, by_name: bool) -> list[str]:
     if not -x > max(abs(y), abs(z)):
         return []
     names = [camera.name for camera in rig.cameras]
-    return [
-        f"{names[1]} stands {-x:.4g} m to the left of {names[0]}, so it is the left eye; "
-        f"{how_to_exchange(names if by_name else ('', ''))}."
-    ]
+    return [describe_exchanged(names[1], names[0], -x, names if by_name else ("", ""))]
 
 
 def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, stated: Stated) -> list[str]:

@@ -17,7 +17,7 @@ from ..formats.ros_camera import RosCamera, read_ros_camera
 from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ..physics.camera.lens_distortion import COEFFICIENTS
 from ..physics.camera.lens_models import Brown
-from ..settings.description import check, defaults
+from ..settings.description import check
 from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
@@ -34,10 +34,11 @@ from .calibrated_eyes import (
     PARALLEL_RAD,
     SQUARE,
     calibrated_settings,
+    make_rig_table,
     pair_of,
     why_calibrated,
 )
-from .calibration_advice import are_chosen_by_name, check_baseline, doubt_on_order, how_to_exchange
+from .calibration_advice import are_chosen_by_name, check_baseline, describe_exchanged, doubt_on_order
 from .calibration_text import describe_rig
 
 #: How far two eyes may differ in focal length and distortion, and in principal point, as shares of the focal length
@@ -312,17 +313,8 @@ def _check_one_size(first: _Eye, second: _Eye, where: str) -> None:
 
 def _settings_of(lens: Lens, size_px: tuple[int, int], baseline_m: float, where: str) -> Settings:
     """The ``rig`` settings of two eyes with this lens."""
-    width, height = size_px
-    width_mm = defaults().rig.sensor_width_mm
     rig = {
-        "width_px": width,
-        "height_px": height,
-        "sensor_width_mm": width_mm,
-        "focal_length_mm": lens.focal_px / width * width_mm,
-        # Rounding of the model's vectors leaves 1e-14 px where the middle is meant; adding 0 makes -0 plain.
-        "principal_x_px": round(lens.cx_px + 0.5 - width / 2, 9) + 0.0,
-        "principal_y_px": round(lens.cy_px + 0.5 - height / 2, 9) + 0.0,
-        "baseline_m": baseline_m,
+        **make_rig_table(size_px, lens.focal_px, (lens.cx_px, lens.cy_px), baseline_m),
         **{f"distortion_{name}": value for name, value in zip(COEFFICIENTS, lens.k, strict=True)},
     }
     return check({"rig": rig}, where)
@@ -544,8 +536,7 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     aside = max(abs(y), abs(z)) > ASIDE * abs(x)
     if x < 0 and not aside:
         raise IcyMoonError(
-            f"{_title(right, where)} stands {-x:.4g} m to the left of {left.name or left.path}, so it is the left "
-            f"eye; {how_to_exchange((left.name, right.name))}."
+            describe_exchanged(_title(right, where), left.name or str(left.path), -x, (left.name, right.name))
         )
     if abs(y) > abs(x):
         raise IcyMoonError(
