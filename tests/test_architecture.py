@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from sources import IDS, ROOT, SOURCES, tree_of
+from sources import IDS, ROOT, SOURCES, check_each, tree_of
 
 #: The rooms from the ground up. A module imports from its own room and from those below it, wherever in the file the
 #: import stands. A room is a folder; a module at the root is a room by itself. All that is above has a place here.
@@ -160,7 +160,16 @@ def test_tests_are_in_the_rooms_of_what_they_test():
     assert {folder for folder in folders if folder.split("/")[0] not in NO_ROOMS} <= {".", *FLOORS}
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+def test_every_file_that_breaks_a_rule_is_named():
+    @check_each(SOURCES)
+    def rule(path):
+        assert path.name != "__main__.py", "a rule"
+
+    with pytest.raises(AssertionError, match=r"^__main__\.py: a rule[^:]*\nstereo/__main__\.py: a rule"):
+        rule()
+
+
+@check_each(SOURCES)
 def test_imports_go_down(path):
     assert not upward(name_of(path), ours(path))
 
@@ -236,9 +245,7 @@ def in_a_pure_room(path: Path) -> bool:
     return room_of(name_of(path)) in PURE
 
 
-@pytest.mark.parametrize(
-    "path", [path for path in SOURCES if in_a_pure_room(path)], ids=lambda p: p.relative_to(ROOT).as_posix()
-)
+@check_each([path for path in SOURCES if in_a_pure_room(path)])
 def test_pure_rooms_know_no_blender(path):
     assert not {name.split(".")[0] for name in imported(path)} & BLENDERS
 
@@ -293,13 +300,13 @@ def test_the_command_line_starts_without_the_evaluators_packages(arguments, stat
     assert "Traceback" not in ended.stderr
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+@check_each(SOURCES)
 def test_only_the_evaluator_uses_its_packages(path):
     used = {name.split(".")[0] for name in imported(path)} & {"cv2", "torch", "OpenEXR", "Imath", "jinja2"}
     assert path.is_relative_to(ROOT / "stereo") or not used
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+@check_each(SOURCES)
 def test_only_compat_asks_for_blenders_version(path):
     text = path.read_text(encoding="utf-8")
     assert path.name == "compat.py" or "app.version" not in text.replace("app.version_string", "")
@@ -364,7 +371,7 @@ def asks_the_system(tree: ast.AST) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+@check_each(SOURCES)
 def test_only_system_knows_what_differs_between_systems(path):
     if path == ROOT / "support" / "system.py":
         return
@@ -423,7 +430,7 @@ def texts_without_encoding(tree: ast.AST) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+@check_each(SOURCES)
 def test_every_text_states_its_encoding(path):
     # Our own write_text of files writes UTF-8 and takes the text second.
     assert not texts_without_encoding(tree_of(path))
@@ -468,7 +475,7 @@ DRAWN = [
 ]
 
 
-@pytest.mark.parametrize("path", DRAWN, ids=lambda p: p.relative_to(ROOT).as_posix())
+@check_each(DRAWN)
 def test_nothing_random_but_from_the_seed(path):
     """No random, uuid, secrets, global numpy generator, wall clock or hash() decides what is made."""
     assert not {name.split(".")[0] for name in imported(path)} & {"random", "uuid", "secrets"}

@@ -38,7 +38,7 @@ from icymoon.support.foreign_bytes import (
     read_regular,
     split_lines,
 )
-from sources import IDS, ROOT, SOURCES, tree_of
+from sources import ROOT, SOURCES, check_each, tree_of
 
 
 def foreign(data: bytes, memory: int = 10**6) -> ForeignBytes:
@@ -544,7 +544,7 @@ ALLOWED: dict[str, str] = {
 }
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+@check_each(SOURCES)
 def test_there_is_no_way_around_the_door(path):
     name = path.relative_to(ROOT).as_posix()
     used = reads(tree_of(path)) if name != "support/foreign_bytes.py" else set()

@@ -17,7 +17,7 @@ from icymoon.support import printer
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import escape_cell
 from icymoon.support.terminal import Parser, report_end, run_verb, show_count, show_counted_progress, show_progress
-from sources import IDS, ROOT, SOURCES, tree_of
+from sources import ROOT, SOURCES, check_each, tree_of
 
 #: A name as a stranger may give it: clears the screen, sets the title, is markup, turns the direction, ends a line.
 HOSTILE = "q\x1b[2J\x1b]0;x\x07[/b][red]\u202e\x9b\x7f\u2066\r\n\ud800é"
@@ -273,7 +273,7 @@ def test_a_print_is_found(code, found):
     assert prints(ast.parse(code)) == found
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+@check_each(SOURCES)
 def test_everything_is_printed_by_the_printer(path):
     name = path.relative_to(ROOT).as_posix()
     allowed = ALLOWED.get(name, ":").partition(":")[0]

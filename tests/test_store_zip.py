@@ -11,9 +11,9 @@ import pytest
 import store_zip
 from blender_program import run_main
 from extension_zip import ROOT, shipped
+from sources import check_each, tree_of
 
 SOURCES = sorted(ROOT / name for name in shipped() - set(store_zip.LEFT_OUT) if name.endswith(".py"))
-IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 #: Modules that get something from the network, or install something.
 REFUSED = {
     "pip",
@@ -123,9 +123,9 @@ def imports(tree):
             yield node.module or ""
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=IDS)
+@check_each(SOURCES)
 def test_nothing_is_fetched_or_installed_and_no_thread_knows_blender(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = tree_of(path)
     names = set(imports(tree))
     assert not {name for name in names if name in REFUSED or name.split(".")[0] in REFUSED}
     words = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
