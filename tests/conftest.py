@@ -54,11 +54,11 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what was measured to take more than a second of a processor, by ``make measure-tests``."""
-    measured = set((config.rootpath / "tests" / "over_a_second.txt").read_text(encoding="utf-8").splitlines())
+    """Mark what was measured to take more than half a second of a processor, by ``make measure-tests``."""
+    measured = set((config.rootpath / "tests" / "over_half_a_second.txt").read_text(encoding="utf-8").splitlines())
     for item in items:
         if item.nodeid in measured:
-            item.add_marker("over_a_second")
+            item.add_marker("over_half_a_second")
 
 
 def pytest_collection_finish() -> None:

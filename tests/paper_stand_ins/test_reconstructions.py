@@ -22,7 +22,10 @@ def test_there_are_the_papers_eleven():
     assert [item.holes > 0 for item in MESHES] == [True] * 7 + [False] * 3 + [True]  # terrain of a program has no holes
 
 
-@pytest.mark.parametrize("key", heavy_but(["ATHABASCA"], [item.key for item in MESHES]))
+KEYS = [item.key for item in MESHES]
+
+
+@pytest.mark.parametrize("key", heavy_but(["ATHABASCA"], KEYS, set(KEYS) - {"ATHABASCA", "SEAICE1", "GAEA_RIDGY"}))
 def test_a_mesh_is_as_stated(key):
     item, mesh = find_mesh_item(key), reconstruct(key)
     found = examine_mesh(mesh.positions.astype(float), mesh.faces)

@@ -238,6 +238,7 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
         assert built.extra == ""  # what is baked is no edit
 
 
+@pytest.mark.long
 def test_noise_is_kept_below_the_bound_in_images_of_all_headings(registered, tmp_path):
     """The noise of 16 samples, from which their number follows, is an estimate, and images show part of the ground."""
     bound = 0.015

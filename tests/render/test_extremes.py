@@ -337,7 +337,7 @@ def test_an_image_too_small_for_blender_is_refused(width_px):
 
 
 @pytest.mark.timeout(360)  # narrow images take Cycles 20 s and more of a whole core
-@pytest.mark.parametrize("size", [(4, 4), (4096, 16), (4, 4096)])
+@pytest.mark.parametrize("size", [(4, 4), (4096, 16), pytest.param((4, 4096), marks=pytest.mark.long)])
 def test_the_smallest_image_and_long_ones(tmp_path, size):
     settings = complete({"rig": {"width_px": size[0], "height_px": size[1], "overscan": 0.0}, "mesh": {"most": 1000}})
     fine(settings, tmp_path)

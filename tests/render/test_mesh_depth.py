@@ -122,8 +122,14 @@ def test_each_format_has_the_triangles_that_were_rendered(kind, tmp_path):
 @pytest.mark.heavy
 @pytest.mark.parametrize(
     "presets",
-    [("gallery/trench",), ("scenes/workspace_europa_lander",), ("scenes/enceladus_block_field", "rocks/block_field")],
-    ids="+".join,
+    [
+        pytest.param(presets, id="+".join(presets), marks=marks)
+        for presets, marks in (
+            (("gallery/trench",), pytest.mark.long),
+            (("scenes/workspace_europa_lander",), ()),
+            (("scenes/enceladus_block_field", "rocks/block_field"), pytest.mark.long),
+        )
+    ],
 )
 def test_shipped_scenes_are_exported_as_they_were_rendered(presets, tmp_path):
     """Small images, so that the meshes are coarse."""

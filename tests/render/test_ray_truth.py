@@ -95,7 +95,10 @@ def test_truth_is_the_same_by_rays_and_by_cycles(tmp_path, parts):
             assert (mine.semantic is None) == (other.semantic is None)
 
 
-@pytest.mark.parametrize("preset", ["gallery/saturn_light", "gallery/trench", "workspace_europa_lander"])
+@pytest.mark.parametrize(
+    "preset",
+    ["gallery/saturn_light", pytest.param("gallery/trench", marks=pytest.mark.long), "workspace_europa_lander"],
+)
 def test_planet_trench_and_lander_are_the_same_by_rays_and_by_cycles(tmp_path, preset):
     made = description.merged(
         description.defaults(), preset_files.load_preset(preset if "/" in preset else f"scenes/{preset}")

@@ -1,4 +1,4 @@
-"""A pytest plugin that measures tests and compares them with ``tests/over_a_second.txt``, which `make test` leaves out.
+"""A pytest plugin that measures tests and compares them with ``tests/over_half_a_second.txt``, which `make test` leaves out.
 
 Processor time depends less on the load of the machine than clock time. It contains threads and the processes that a
 test has waited for. The cost of a module's fixture counts for the first test that uses it. A test that imports many
@@ -20,9 +20,9 @@ from typing import Any
 
 import pytest
 
-LIST = Path(__file__).resolve().parents[1] / "over_a_second.txt"
+LIST = Path(__file__).resolve().parents[1] / "over_half_a_second.txt"
 #: Processor seconds below which a test leaves the list, above which it joins it, and above which it must be in it.
-LEAVE_S, JOIN_S, FAIL_S = 0.6, 1.2, 10.0
+LEAVE_S, JOIN_S, FAIL_S = 0.3, 0.6, 10.0
 #: Processor seconds that all tests that should join the list may take together. Fixtures of modules, and a machine that
 #: has much else to do, were seen to bring 50 s.
 TOGETHER_FAIL_S = 120.0

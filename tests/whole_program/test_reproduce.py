@@ -28,6 +28,7 @@ TINY = (
 )
 
 
+@pytest.mark.long
 def test_a_killed_run_goes_on_and_makes_the_tables(tmp_path, monkeypatch):
     monkeypatch.setenv("ICYMOON_CHECKPOINTS", str(tmp_path / "none"))
     command = python_command(sys.executable, *TINY, "--out", str(tmp_path / "paper"))

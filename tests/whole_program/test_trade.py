@@ -96,6 +96,7 @@ def test_bad_input_is_one_sentence(words, said, tmp_path):
     assert not list(tmp_path.rglob("*.exr"))
 
 
+@pytest.mark.long
 def test_the_button_sets_what_the_search_finds(tmp_path):
     import bpy
 

@@ -70,7 +70,7 @@ def test_they_shine_toward_the_sun_and_leave_the_mean(tmp_path):
     assert none.mean() < toward.mean() < 1.12 * none.mean()
 
 
-@pytest.mark.heavy
+@pytest.mark.long
 def test_they_stay_where_they_are_and_move_with_the_seed(tmp_path):
     first, again, other = (
         _are_glints(_radiance(tmp_path / str(k), GLINTS, changes))

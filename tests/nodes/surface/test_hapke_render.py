@@ -304,7 +304,7 @@ def mean_radiance(pair: Pair) -> float:
     return float(view.radiance[..., 0][~np.isnan(view.depth)].mean())
 
 
-@pytest.mark.heavy
+@pytest.mark.long
 def test_the_levels_agree_where_there_is_only_the_sun_and_its_disc(tmp_path):
     """Half shadows of blocks by a disc of 4 degrees, hardly any interreflection: traced or by the lamp, the same."""
     means = []

@@ -159,7 +159,12 @@ def grounds_of(pairs):
 
 
 @pytest.mark.parametrize(
-    "name", heavy_but(["guiss_terrains"], [f"guiss_{name}" for name in TYPES if name != "reconstructions"])
+    "name",
+    heavy_but(
+        ["guiss_terrains"],
+        [f"guiss_{name}" for name in TYPES if name != "reconstructions"],
+        ["guiss_rocks", "guiss_landforms"],
+    ),
 )
 def test_each_scene_of_the_papers_sets_has_its_own_ground(mine, name):
     plan = mine(name, "")
