@@ -1,4 +1,4 @@
-"""A pytest plugin that measures tests and compares them with ``tests/over_half_a_second.txt``, which `make test` leaves out.
+"""A pytest plugin that measures tests and compares them with ``tests/over_half_a_second.txt``, left out by `make test`.
 
 Processor time depends less on the load of the machine than clock time. It contains threads and the processes that a
 test has waited for. The cost of a module's fixture counts for the first test that uses it. A test that imports many

@@ -307,7 +307,7 @@ def test_the_pairs_of_a_silent_worker_are_looked_for_seldom(stand, monkeypatch):
     step = Runner._step_workers
     monkeypatch.setattr(Runner, "_step_workers", lambda self: steps.append(1) or step(self))
     stand.behave(**{PAIRS[0].id: "hang"})
-    assert set(stand.run(workers=2, silence_s=1.5)) == {PAIRS[0].id}
+    assert set(stand.run(workers=2, silence_s=4.0)) == {PAIRS[0].id}
     # Once while a worker is silent, and once when it has ended.
     assert len(looks) <= 2 * len({id(worker) for worker in looks})
     assert len(steps) > 4 * len(looks)
