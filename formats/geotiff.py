@@ -23,6 +23,8 @@ from ..support.foreign_bytes import read as read_foreign
 from ..support.number_text import show_place
 from . import files_beside, gdal_lines
 from .files_beside import NO_SIZE
+from .geokeys import GeoKeys, make_geokeys, read_numbers
+from .map_point import MapExtent, MapPoint, find_point
 from .map_projection import (
     KNOWN,
     PROJECTION_KEYS,
@@ -167,12 +169,14 @@ class Site:
     ground from the middle of the map (``centre``), or else at these coordinates of the map, in metres.
 
     ``body_radius_m`` is the radius of the site's body, for a file in degrees that states none; 0 if it is not known.
+    With a ``point`` the origin is ``origin_m`` of ground from it.
     """
 
     centre: bool
     origin_m: tuple[float, float]
     size_m: float
     body_radius_m: float = 0.0
+    point: MapPoint | None = None
 
 
 #: How a point of the site's frame goes back to its map, for files that state a ``MapPlace``.
@@ -202,7 +206,8 @@ class MapPlace:
     ``scale[1]``), in metres of the map; divided by ``unit_m`` they are in the file's unit. ``crs`` is the map system as
     PROJ takes it, empty if the file states none that is known here; ``datum`` its geographic system or ellipsoid, and
     ``height_system`` the vertical system that the file states, empty if it states none. ``north_deg`` is the angle from
-    the map's up to north, clockwise.
+    the map's up to north, clockwise. ``geokeys`` are the GeoKeys of the file as it has them, for files that are
+    written in the same system.
     """
 
     crs: str
@@ -214,6 +219,7 @@ class MapPlace:
     north_deg: float = 0.0
     datum: str = ""
     height_system: str = ""
+    geokeys: GeoKeys | None = None
 
     def to_json(self) -> dict[str, Any]:
         """For ``pair.json`` and exports."""
@@ -227,6 +233,7 @@ class MapPlace:
             "longitude_deg": self.longitude_deg,
             "latitude_deg": self.latitude_deg,
             "north_deg": self.north_deg,
+            **({"geokeys": self.geokeys.to_json()} if self.geokeys else {}),
         }
 
 
@@ -267,6 +274,22 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
     )
 
 
+def read_place(path: Path, site: Site) -> MapPlace | None:
+    """Where a site is on the map of a file, without its heights; None if the file has no map. Raises IcyMoonError."""
+
+    def parse(foreign: ForeignBytes) -> MapPlace | None:
+        grant_memory(foreign)
+        image = read_directories(foreign)[0]
+        keys = _read_keys(image.tags)
+        grid = _read_placement(image, keys)
+        unit, _ = _find_coordinate_unit(keys, foreign.name, site.body_radius_m)
+        if grid is None or unit is None:
+            return None
+        return _place_site(image.shape, *grid, unit, keys, foreign.name, site).place
+
+    return read_foreign(path, parse, KIND, FIX, MOST_BYTES)
+
+
 def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> GeoTiff:
     grant_memory(foreign)
     images = read_directories(foreign)
@@ -276,7 +299,7 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
     unit, sentence = _find_coordinate_unit(keys, foreign.name, site.body_radius_m if site else 0.0)
     placed: _Placed | None = None
     if grid is not None and unit is not None:
-        placed = _place_site(image.shape, *grid, unit, keys, foreign.name, site)
+        placed = _place_site(image.shape, *grid, unit, keys, foreign.name, site, make_geokeys(image.tags))
     window = placed.window if placed else None
     heights, number = read_pixels(foreign, image, window)
     warnings = _clear_missing(heights, number, image.tags.get(42113))
@@ -350,6 +373,7 @@ def _place_site(
     keys: Mapping[int, Any],
     name: str,
     site: Site | None,
+    stored: GeoKeys | None = None,
 ) -> _Placed:
     """Where a site lies on a map. Raises UnreadError if it is beyond the map system or its directions are skewed."""
     size = abs(step[0]) * unit, abs(step[1]) * unit
@@ -359,11 +383,15 @@ def _place_site(
     middle = first[0] + (shape[1] - 1) * size[0] / 2, first[1] + (shape[0] - 1) * size[1] / 2
     map_of = _Map(read_system(keys, unit), keys, unit, size, site.size_m, name)
     _refuse_unknown_projection(map_of)
-    origin = site.origin_m
-    if site.centre:
-        scale = _locate_on_map(map_of, middle).scale
-        origin = middle[0] + site.origin_m[0] / scale[0], middle[1] + site.origin_m[1] / scale[1]
-    place = _locate_on_map(map_of, origin)
+    origin, base = site.origin_m, middle
+    if site.point is not None:
+        west, south = first[0] - size[0] / 2, first[1] - size[1] / 2
+        extent = MapExtent(west, south, west + shape[1] * size[0], south + shape[0] * size[1], unit)
+        base = find_point(site.point, map_of.system, keys, extent, name)
+    if site.centre or site.point is not None:
+        scale = _locate_on_map(map_of, base).scale
+        origin = base[0] + site.origin_m[0] / scale[0], base[1] + site.origin_m[1] / scale[1]
+    place = replace(_locate_on_map(map_of, origin), geokeys=stored)
     report, warnings = _describe_place(map_of, place)
     pixel = size[0] * place.scale[0], size[1] * place.scale[1]
     window, west, south = None, 0, 0
@@ -482,15 +510,7 @@ def _flat_system_option(keys: Mapping[int, Any]) -> str:
 
 def _read_keys(tags: Tags) -> dict[int, Any]:
     """The GeoKeys that are used, by number: a whole number or a float. Raises ValueError for one that is text."""
-    directory, doubles = tags.get(34735, ()), tags.get(34736, ())
-    keys: dict[int, Any] = {}
-    for k in range(4, len(directory) - 3, 4):
-        key, where, _, value = directory[k : k + 4]
-        if key in _KEYS and where not in (0, 34736):
-            raise ValueError(f"GeoKey {key} is no number")
-        if key in _KEYS:
-            keys[key] = float(doubles[value]) if where else value
-    return keys
+    return read_numbers(tags.get(34735, ()), tags.get(34736, ()), _KEYS)
 
 
 def _clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
