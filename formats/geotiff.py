@@ -207,7 +207,7 @@ class MapPlace:
     PROJ takes it, empty if the file states none that is known here; ``datum`` its geographic system or ellipsoid, and
     ``height_system`` the vertical system that the file states, empty if it states none. ``north_deg`` is the angle from
     the map's up to north, clockwise. ``geokeys`` are the GeoKeys of the file as it has them, for files that are
-    written in the same system.
+    written in the same system, and ``bounds`` the outer edges of the map in the file's unit.
     """
 
     crs: str
@@ -220,6 +220,7 @@ class MapPlace:
     datum: str = ""
     height_system: str = ""
     geokeys: GeoKeys | None = None
+    bounds: tuple[float, float, float, float] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """For ``pair.json`` and exports."""
@@ -233,6 +234,7 @@ class MapPlace:
             "longitude_deg": self.longitude_deg,
             "latitude_deg": self.latitude_deg,
             "north_deg": self.north_deg,
+            **({"bounds": list(self.bounds)} if self.bounds else {}),
             **({"geokeys": self.geokeys.to_json()} if self.geokeys else {}),
         }
 
@@ -384,14 +386,14 @@ def _place_site(
     map_of = _Map(read_system(keys, unit), keys, unit, size, site.size_m, name)
     _refuse_unknown_projection(map_of)
     origin, base = site.origin_m, middle
+    west, south = first[0] - size[0] / 2, first[1] - size[1] / 2
+    extent = MapExtent(west, south, west + shape[1] * size[0], south + shape[0] * size[1], unit)
     if site.point is not None:
-        west, south = first[0] - size[0] / 2, first[1] - size[1] / 2
-        extent = MapExtent(west, south, west + shape[1] * size[0], south + shape[0] * size[1], unit)
         base = find_point(site.point, map_of.system, keys, extent, name)
     if site.centre or site.point is not None:
         scale = _locate_on_map(map_of, base).scale
         origin = base[0] + site.origin_m[0] / scale[0], base[1] + site.origin_m[1] / scale[1]
-    place = replace(_locate_on_map(map_of, origin), geokeys=stored)
+    place = replace(_locate_on_map(map_of, origin), geokeys=stored, bounds=extent.in_file_unit())
     report, warnings = _describe_place(map_of, place)
     pixel = size[0] * place.scale[0], size[1] * place.scale[1]
     window, west, south = None, 0, 0

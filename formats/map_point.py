@@ -48,11 +48,14 @@ class MapExtent:
         west, east, south, north = self.west - slack, self.east + slack, self.south - slack, self.north + slack
         return west <= x <= east and south <= y <= north
 
+    def in_file_unit(self) -> tuple[float, float, float, float]:
+        """West, south, east and north in the unit of the file."""
+        west, south, east, north = (edge / self.unit_m for edge in (self.west, self.south, self.east, self.north))
+        return west, south, east, north
+
     def describe(self) -> str:
         """The extent in the unit of the file, for a sentence."""
-        west, east, south, north = (
-            f"{edge / self.unit_m:.10g}" for edge in (self.west, self.east, self.south, self.north)
-        )
+        west, south, east, north = (f"{edge:.10g}" for edge in self.in_file_unit())
         return f"from {west} to {east} east and from {south} to {north} north"
 
 

@@ -139,7 +139,8 @@ def check_body(
 def compute_sky(light: LightSettings, blend_folder: str | None = None, place: SkyPlace | None = None) -> Sky:
     """The sky that ``light`` settings describe; ``blend_folder`` is what // means in ``kernels``.
 
-    With a ``place`` a sky of a date is that over it, turned so that the map's up is y. Raises IcyMoonError if it is to come from a date or from kernels and cannot.
+    With a ``place`` a sky of a date is that over it, turned so that the map's up is y. Raises IcyMoonError if it
+    is to come from a date or from kernels and cannot.
     """
     if light.directions_from != "ANGLES":
         return _sky_at_date(light, blend_folder, place)

@@ -73,7 +73,7 @@ def test_cylindrical_equal_area_and_places_that_no_map_has():
     system = MapSystem("Cylindrical equal area", "", EUROPA_M, 10.0, parallel_deg=30.0)
     assert project_point(system, *system.to_sphere(3e5, 4e5)) == pytest.approx((3e5, 4e5), abs=1e-6)
     for kind, place in (("Mercator", (0.0, 90.0)), ("Orthographic", (170.0, 0.0))):
-        with pytest.raises(ValueError, match="pole|far side"):
+        with pytest.raises(ValueError, match=r"pole|far side"):
             project_point(MapSystem(kind, "", EUROPA_M), *place)
 
 
@@ -91,7 +91,7 @@ def test_a_site_by_coordinates_is_where_proj_has_it(tmp_path, name, upward):
         find(tmp_path / "map.tif", longitude + 360.0, latitude, True),
         find(tmp_path / "map.tif", longitude - 360.0, latitude, True),
     ):
-        # A hundredth of a millimetre: PROJ's own latitudes about a pole are cosines that have lost half of their digits.
+        # A hundredth of a millimetre: PROJ's own latitudes about a pole are cosines that have lost half their digits.
         assert found.place.origin == pytest.approx((x * unit, y * unit), abs=1e-5)
     # The pixel under the site: a quarter of one east of a centre, on the edge between two rows.
     column = -found.corner_m[0] / found.pixel_m[0]
