@@ -282,12 +282,12 @@ def read_place(path: Path, site: Site) -> MapPlace | None:
     def parse(foreign: ForeignBytes) -> MapPlace | None:
         grant_memory(foreign)
         image = read_directories(foreign)[0]
-        keys = _read_keys(image.tags)
-        grid = _read_placement(image, keys)
-        unit, _ = _find_coordinate_unit(keys, foreign.name, site.body_radius_m)
+        keys = read_keys(image.tags)
+        grid = read_placement(image, keys)
+        unit, _ = find_coordinate_unit(keys, foreign.name, site.body_radius_m)
         if grid is None or unit is None:
             return None
-        return _place_site(image.shape, *grid, unit, keys, foreign.name, site).place
+        return _place_site(image.shape, *grid, unit, keys, foreign.name, site, make_geokeys(image.tags)).place
 
     return read_foreign(path, parse, KIND, FIX, MOST_BYTES)
 
@@ -296,19 +296,19 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
     grant_memory(foreign)
     images = read_directories(foreign)
     image = images[0]
-    keys = _read_keys(image.tags)
-    grid = _read_placement(image, keys)
-    unit, sentence = _find_coordinate_unit(keys, foreign.name, site.body_radius_m if site else 0.0)
+    keys = read_keys(image.tags)
+    grid = read_placement(image, keys)
+    unit, sentence = find_coordinate_unit(keys, foreign.name, site.body_radius_m if site else 0.0)
     placed: _Placed | None = None
     if grid is not None and unit is not None:
         placed = _place_site(image.shape, *grid, unit, keys, foreign.name, site, make_geokeys(image.tags))
     window = placed.window if placed else None
     heights, number = read_pixels(foreign, image, window)
-    warnings = _clear_missing(heights, number, image.tags.get(42113))
+    warnings = clear_missing(heights, number, image.tags.get(42113))
     stated: tuple[str, ...] = ()
     if missing is not None:
         stated = clear_stated_mark(heights, missing, number)
-    warnings += _apply_mask(heights, foreign, images, window)
+    warnings += apply_mask(heights, foreign, images, window)
     scaled, in_unit = _scale_to_metres(heights, image, keys)
     report = (*stated, *scaled)
     if not in_unit and keys.get(1024, 0) != _GEOGRAPHIC:
@@ -375,7 +375,7 @@ def _place_site(
     keys: Mapping[int, Any],
     name: str,
     site: Site | None,
-    stored: GeoKeys | None = None,
+    stored: GeoKeys | None,
 ) -> _Placed:
     """Where a site lies on a map. Raises UnreadError if it is beyond the map system or its directions are skewed."""
     size = abs(step[0]) * unit, abs(step[1]) * unit
@@ -510,12 +510,12 @@ def _flat_system_option(keys: Mapping[int, Any]) -> str:
     return f'-a_srs "{text}"' if text else ""
 
 
-def _read_keys(tags: Tags) -> dict[int, Any]:
+def read_keys(tags: Tags) -> dict[int, Any]:
     """The GeoKeys that are used, by number: a whole number or a float. Raises ValueError for one that is text."""
     return read_numbers(tags.get(34735, ()), tags.get(34736, ()), _KEYS)
 
 
-def _clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
+def clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
     """Set missing and impossible heights to NaN; returns warnings."""
     grid[~(np.abs(grid) < NO_HEIGHT)] = np.nan
     text = _decode_text(nodata)
@@ -530,7 +530,7 @@ def _clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] |
     return []
 
 
-def _apply_mask(
+def apply_mask(
     grid: Array, foreign: ForeignBytes, images: list[Directory], window: tuple[range, range] | None
 ) -> list[str]:
     """Set the heights that the file's mask calls unknown to NaN; returns warnings about its other images."""
@@ -569,16 +569,8 @@ def _scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> 
 
     Raises UnreadError if they are contradictory or of an unknown kind.
     """
-    items = _read_metadata(image)
-    scale, offset = (
-        _parse_finite(items.get(role, otherwise), role, image.name)
-        for role, otherwise in (("scale", "1"), ("offset", "0"))
-    )
-    if scale == 0:
-        raise UnreadError(
-            "states a scale of 0 for its heights, which makes it flat; state the right one, such as 1, "
-            f"in its folder with: {gdal_lines.translate_command(image.name, _scale_options(1.0, offset))}"
-        )
+    items = read_metadata(image)
+    scale, offset = read_scaling(image, items)
     unit, name = _find_height_unit(keys, items.get("unittype", ""), (scale, offset), image.name)
     if third := _read_height_scale(image.tags):
         raise UnreadError(
@@ -612,7 +604,7 @@ def _scale_options(scale: float, offset: float) -> str:
     return f"-a_scale {scale!r} -a_offset {offset!r}"
 
 
-def _read_metadata(image: Directory) -> dict[str, str]:
+def read_metadata(image: Directory) -> dict[str, str]:
     """What GDAL_METADATA states about the first band, by role: 'scale', 'offset', 'unittype'."""
     text = _decode_text(image.tags.get(42112))
     if "<!" in text:  # entities, which no writer of metadata needs
@@ -634,6 +626,20 @@ def _read_metadata(image: Directory) -> dict[str, str]:
     }
 
 
+def read_scaling(image: Directory, items: Mapping[str, str]) -> tuple[float, float]:
+    """Scale and offset of the values, by the file's metadata. Raises UnreadError if they are no numbers, or 0."""
+    scale, offset = (
+        _parse_finite(items.get(role, otherwise), role, image.name)
+        for role, otherwise in (("scale", "1"), ("offset", "0"))
+    )
+    if scale == 0:
+        raise UnreadError(
+            "states a scale of 0 for its values, which makes it flat; state the right one, such as 1, "
+            f"in its folder with: {gdal_lines.translate_command(image.name, _scale_options(1.0, offset))}"
+        )
+    return scale, offset
+
+
 def _parse_finite(text: str, role: str, file: str) -> float:
     try:
         value = float(text)
@@ -641,7 +647,7 @@ def _parse_finite(text: str, role: str, file: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise UnreadError(
-            f"states the {role} {text[:40]!r} for its heights, which is no number; state the right one "
+            f"states the {role} {text[:40]!r} for its values, which is no number; state the right one "
             f"in its folder with: {gdal_lines.translate_command(file, _scale_options(1.0, 0.0))}"
         )
     return value
@@ -694,7 +700,7 @@ def _find_height_unit(
     return next(((value, f"({name}) ") for name, value in stated.items()), (1.0, ""))
 
 
-def _find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
+def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
     """Metres per unit of the file's coordinates, and the assumption behind it; or None and why it is unknown."""
     model, system, code = keys.get(1024, 0), keys.get(3072), keys.get(3076)
     if model == _GEOGRAPHIC:
@@ -727,9 +733,7 @@ def _find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: flo
     return 1.0, "it states no unit of length, so its coordinates were taken for metres"
 
 
-def _read_placement(
-    image: Directory, keys: Mapping[int, Any]
-) -> tuple[tuple[float, float], tuple[float, float]] | None:
+def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Steps (east, north) per column and per row, which may be negative, and the coordinates of the centre of the
     south-western pixel; None if the file does not state them. Raises UnreadError for a
     turned grid and for pixels of negative height."""

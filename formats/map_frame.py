@@ -43,9 +43,7 @@ class MapFrame:
 
     def to_site(self, easting: Numbers, northing: Numbers) -> tuple[Array, Array]:
         """The inverse of ``to_map``."""
-        at = (
-            (np.asarray(v) * self.unit_m - self.origin[k]) * self.scale[k] for k, v in enumerate((easting, northing))
-        )
+        at = ((np.asarray(v) * self.unit_m - self.origin[k]) * self.scale[k] for k, v in enumerate((easting, northing)))
         x, y = at
         return x, y
 
