@@ -16,8 +16,14 @@ _DIRECTORY, _DOUBLES, _TEXT = 34735, 34736, 34737
 #: Most numbers and letters of the tags that are kept: systems have some hundreds.
 _MOST, _MOST_LETTERS = 4096, 2**16
 #: Keys of the raster and of heights, which a copy states anew: kind of raster, vertical system, its name, datum, unit.
-_RASTER_TYPE, _VERTICAL, _VERTICAL_UNIT, _METRE = 1025, (4096, 4097, 4098, 4099), 4099, 9001
+_RASTER_TYPE, _OF_HEIGHTS, _VERTICAL_UNIT, _METRE = 1025, (4096, 4097, 4098, 4099), 4099, 9001
 _LARGEST_SHORT = 65535
+#: Vertical systems of Earth whose heights go up, and their unit, although a file may state their number only.
+VERTICAL = {
+    **dict.fromkeys((3855, 5621, 5701, 5703, 5709, 5711, 5714, 5720, 5730, 5773, 5783, 5798, 6647, 7837), 9001),
+    **dict.fromkeys((6130, 6131, 6132, 8050, 8228), 9002),
+    **dict.fromkeys((5702, 6360, 8052, 10919), 9003),
+}
 
 
 @dataclass(frozen=True)
@@ -49,8 +55,9 @@ class GeoKeys:
         A vertical system whose unit is another one is left out, since the heights then are not in it.
         """
         entries = [tuple(self.directory[k : k + 4]) for k in range(4, len(self.directory) - 3, 4)]
-        unit = next((entry[3] for entry in entries if entry[0] == _VERTICAL_UNIT and entry[1] == 0), _METRE)
-        dropped = {_RASTER_TYPE, *(_VERTICAL if unit != _METRE else ())}
+        stated = {entry[0]: entry[3] for entry in entries if entry[1] == 0}
+        unit = stated.get(_VERTICAL_UNIT, VERTICAL.get(stated.get(_OF_HEIGHTS[0], 0), _METRE))
+        dropped = {_RASTER_TYPE, *(_OF_HEIGHTS if unit != _METRE else ())}
         kept = [entry for entry in entries if entry[0] not in dropped and entry[1] != _DIRECTORY]
         kept = sorted([*kept, (_RASTER_TYPE, 0, 1, 1)])
         return GeoKeys(

@@ -23,7 +23,7 @@ from ..support.foreign_bytes import read as read_foreign
 from ..support.number_text import show_place
 from . import files_beside, gdal_lines
 from .files_beside import NO_SIZE
-from .geokeys import GeoKeys, make_geokeys, read_numbers
+from .geokeys import VERTICAL, GeoKeys, make_geokeys, read_numbers
 from .map_point import MapExtent, MapPoint, find_point
 from .map_projection import (
     KNOWN,
@@ -101,12 +101,6 @@ _METRIC = {
     *range(26901, 26924),
     *range(32601, 32661),
     *range(32701, 32761),
-}
-#: Vertical systems of Earth whose heights go up, and their unit, although a file may state their number only.
-_VERTICAL = {
-    **dict.fromkeys((3855, 5621, 5701, 5703, 5709, 5711, 5714, 5720, 5730, 5773, 5783, 5798, 6647, 7837), 9001),
-    **dict.fromkeys((6130, 6131, 6132, 8050, 8228), 9002),
-    **dict.fromkeys((5702, 6360, 8052, 10919), 9003),
 }
 #: Vertical systems of Earth that count downwards.
 _DEPTHS = {
@@ -677,7 +671,7 @@ def _find_height_unit(
             + gdal_lines.translate_command(file, turned, _flat_system_option(keys))
         )
     if code is None and system not in (0, _USER_DEFINED):
-        code = _VERTICAL.get(system, 0)
+        code = VERTICAL.get(system, 0)
     if code is not None:
         if code not in _UNITS_M:
             raise UnreadError(

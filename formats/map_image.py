@@ -39,6 +39,7 @@ _BESIDE, _MOST_PIXELS = 2, 2**26
 _LATTICE = 16
 #: Relative difference of the radii of one body, as files state them, and of the half axes of a sphere.
 _SAME_BODY, _SPHERE = 0.01, 1e-9
+_MODEL_KEY = 1024
 _Box = tuple[float, float, float, float]
 
 
@@ -171,6 +172,11 @@ def _find_way(
     fix = gdal_lines.warp_command(there.name, f'-t_srs "{target}"') if target else ""
     with_fix = f"; project it in its folder with: {fix}" if fix else "; project it to the system of the ground."
     ground = frame.system
+    if not keys.get(_MODEL_KEY):
+        raise UnreadError(
+            "states no coordinate system; state it in its folder, if it is that of the ground, with: "
+            + gdal_lines.edit_command(there.name, f'-a_srs "{target}"')
+        )
     if system is None or ground is None:
         raise UnreadError(f"has another map than the ground, and a projection that is not known here{with_fix}")
     if abs(system.radius_m / ground.radius_m - 1) > _SAME_BODY:
