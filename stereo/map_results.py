@@ -18,7 +18,7 @@ from ..physics.camera.stereo_camera import StereoCamera
 from ..render.pairs.pair_folder import Pair
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from .decisions.dem import Dem, Grid, back_project_depth, make_dem, mean_by_cell
+from .decisions.dem import Grid, back_project_depth, make_dem, mean_by_cell
 from .decisions.workspace import find_ground_pixels
 from .images.image_files import write_bytes
 from .matchers.methods import Method
@@ -27,11 +27,16 @@ from .measure.row_metrics import disparity_to_depth
 
 #: Classes of cells, and their values in the file.
 NOT_SEEN, MEASURED, MISSING, OCCLUDED = range(4)
-_CLASSES = "0: not seen by the left eye; 1: measured; 2: seen by both eyes, not measured; 3: hidden from the right eye"
+_CLASSES = (
+    "0: not seen by the left eye; 1: at least half of its points measured; 2: missing, seen by both eyes; 3: missing, "
+    "hidden from the right eye"
+)
 #: Width of a cell in pixels at the median depth, where none is stated, and the most cells along a side.
 _PIXELS, _MOST_CELLS = 3.0, 2048
 #: Share of the true points, the nearest, that the cells contain.
 _SHARE = 0.9
+#: Share of a cell's points from which its class follows.
+_HALF = 0.5
 
 
 @dataclass(frozen=True)
@@ -123,14 +128,16 @@ def write_maps(
     truth = make_dem(true, cells.grid, 1)
     measured = np.where(ground, disparity_to_depth(prepared, disparity), np.nan)
     found = make_dem(back_project_depth(measured, prepared.depth_camera.rectified, pose)[0], cells.grid)
-    hidden = mean_by_cell(true, (~prepared.visible).ravel()[index], cells.grid)
+    hidden, share = (
+        mean_by_cell(true, each.ravel()[index], cells.grid) for each in (~prepared.visible, np.isfinite(measured))
+    )
     zero = frame.height_zero_m
     source = "above the zero of the ground's file"
     for kind, data in {
         "true_height_map": _encode_heights(cells, truth.height_m + zero, f"true height {source}"),
         "height_map": _encode_heights(cells, found.height_m + zero, f"height measured from stereo {source}"),
         "height_error_map": _encode_heights(cells, found.height_m - truth.height_m, "measured minus true height"),
-        "class_map": cells.encode(classify_cells(truth, found, hidden), _CLASSES, "", str(NOT_SEEN)),
+        "class_map": cells.encode(classify_cells(share, hidden), _CLASSES, "", str(NOT_SEEN)),
     }.items():
         write_bytes(files[kind], data)
 
@@ -139,9 +146,9 @@ def _encode_heights(cells: MapCells, values: Array, text: str) -> bytes:
     return cells.encode(values.astype(np.float32), text)
 
 
-def classify_cells(truth: Dem, found: Dem, hidden: Array) -> Array:
-    """The class (rows, columns) uint8 of each cell; ``hidden`` is the share of its points that the right eye does not
-    see, NaN without points. A matcher measures a cell with ``FEWEST_POINTS`` points or more."""
-    classes = np.where(hidden > 0.5, OCCLUDED, MISSING)
-    classes = np.where(found.known, MEASURED, classes)
-    return np.where(truth.known, classes, NOT_SEEN).astype(np.uint8)
+def classify_cells(measured: Array, hidden: Array) -> Array:
+    """The class (rows, columns) uint8 of each cell, from the shares of its points that are measured, and that the right
+    eye does not see; NaN without points."""
+    classes = np.where(hidden > _HALF, OCCLUDED, MISSING)
+    classes = np.where(measured >= _HALF, MEASURED, classes)
+    return np.where(np.isfinite(measured), classes, NOT_SEEN).astype(np.uint8)

