@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ..formats.map_site import read_site_place
 from ..physics.light.ephemeris import format_date, parse_date
+from ..physics.light.map_sky import asks_sky_of_site, find_sky_place
 from ..physics.light.scene_sun import sun_from_facts
-from ..physics.light.sky import check_body, compute_sky, describe_sky
+from ..physics.light.sky import SkyPlace, check_body, compute_sky, describe_sky
 from ..settings.description import check, merged
 from ..settings.preset_files import preset_names
 from ..settings.topics.scene import Settings
+from ..settings.user_files import find_used_files
 from ..support.errors import IcyMoonError
 from ..support.number_text import show_place
 from ..support.printer import emit_json, print_table, say
@@ -87,19 +91,21 @@ def _settings_of(options: argparse.Namespace) -> Settings:
 
 def _run_sky(options: argparse.Namespace) -> int:
     settings = _settings_of(options)
+    place = None if options.latitude is not None or options.longitude is not None else _find_site(settings)
     rows = []
     for date in _list_dates(settings.light.date_utc, settings.light.directions_from, options.hours, options.every):
         light = merged(settings, {"light": {"date_utc": date}}).light
         dated = light.directions_from != "ANGLES"
-        facts = describe_sky(compute_sky(light))
+        facts = describe_sky(compute_sky(light, place=place))
         facts["sun"] = sun_from_facts(facts["sun"], light.directions_from).to_json()
         if options.json:
             emit_json({"date_utc": date if dated else None, "body": light.body, **facts})
         rows.append(_make_row(date.replace("T", " ").removesuffix(":00") if dated else "by angles", facts))
     if not options.json:
         print_table(_COLUMNS, rows, narrowest=_WIDTH)
+        site = (place.latitude_deg, place.longitude_deg) if place else (light.latitude_deg, light.longitude_deg)
         where = (
-            f"{light.body.title()}, {show_place(light.latitude_deg, light.longitude_deg)}, by "
+            f"{light.body.title()}, {show_place(*site)}, by "
             + ("SPICE kernels. " if light.directions_from == "KERNELS" else "mean orbits. ")
             if dated
             else ""
@@ -109,6 +115,15 @@ def _run_sky(options: argparse.Namespace) -> int:
             "disc behind the planet; its W/m² are without that share, and 0 by night."
         )
     return 0
+
+
+def _find_site(settings: Settings) -> SkyPlace | None:
+    """The site of a map that the settings state by coordinates; azimuths then are from true north. None without one."""
+    if not asks_sky_of_site(settings):
+        return None
+    found = read_site_place(find_used_files(settings)["source.file"], settings)
+    place = find_sky_place(settings, found and found.to_json())
+    return place and replace(place, north_deg=0.0)
 
 
 def _find_body_preset(body: str | None) -> list[str]:

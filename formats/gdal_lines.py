@@ -78,6 +78,11 @@ def edit_command(name: str, *options: str) -> str:
     return " ".join(["gdal_edit.py", *options, quote_name(name)])
 
 
+def transform_command(source: str, target: str, point: tuple[float, float]) -> str:
+    """The ``gdaltransform`` that prints a point of one coordinate system in another."""
+    return f'echo {point[0]:.12g} {point[1]:.12g} | gdaltransform -s_srs "{source}" -t_srs "{target}"'
+
+
 def sphere_option(radius_m: float) -> str:
     """The option of ``translate_command`` for a file in degrees on a sphere."""
     return f'-a_srs "+proj=longlat +R={radius_m:.12g} +no_defs"'

@@ -23,6 +23,8 @@ from ..support.foreign_bytes import read as read_foreign
 from ..support.number_text import show_place
 from . import files_beside, gdal_lines
 from .files_beside import NO_SIZE
+from .geokeys import VERTICAL, GeoKeys, make_geokeys, read_numbers
+from .map_point import MapExtent, MapPoint, find_point
 from .map_projection import (
     KNOWN,
     PROJECTION_KEYS,
@@ -100,12 +102,6 @@ _METRIC = {
     *range(32601, 32661),
     *range(32701, 32761),
 }
-#: Vertical systems of Earth whose heights go up, and their unit, although a file may state their number only.
-_VERTICAL = {
-    **dict.fromkeys((3855, 5621, 5701, 5703, 5709, 5711, 5714, 5720, 5730, 5773, 5783, 5798, 6647, 7837), 9001),
-    **dict.fromkeys((6130, 6131, 6132, 8050, 8228), 9002),
-    **dict.fromkeys((5702, 6360, 8052, 10919), 9003),
-}
 #: Vertical systems of Earth that count downwards.
 _DEPTHS = {
     5336,
@@ -167,12 +163,14 @@ class Site:
     ground from the middle of the map (``centre``), or else at these coordinates of the map, in metres.
 
     ``body_radius_m`` is the radius of the site's body, for a file in degrees that states none; 0 if it is not known.
+    With a ``point`` the origin is ``origin_m`` of ground from it.
     """
 
     centre: bool
     origin_m: tuple[float, float]
     size_m: float
     body_radius_m: float = 0.0
+    point: MapPoint | None = None
 
 
 #: How a point of the site's frame goes back to its map, for files that state a ``MapPlace``.
@@ -202,7 +200,8 @@ class MapPlace:
     ``scale[1]``), in metres of the map; divided by ``unit_m`` they are in the file's unit. ``crs`` is the map system as
     PROJ takes it, empty if the file states none that is known here; ``datum`` its geographic system or ellipsoid, and
     ``height_system`` the vertical system that the file states, empty if it states none. ``north_deg`` is the angle from
-    the map's up to north, clockwise.
+    the map's up to north, clockwise. ``geokeys`` are the GeoKeys of the file as it has them, for files that are
+    written in the same system, and ``bounds`` the outer edges of the map in the file's unit.
     """
 
     crs: str
@@ -214,6 +213,8 @@ class MapPlace:
     north_deg: float = 0.0
     datum: str = ""
     height_system: str = ""
+    geokeys: GeoKeys | None = None
+    bounds: tuple[float, float, float, float] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """For ``pair.json`` and exports."""
@@ -227,6 +228,8 @@ class MapPlace:
             "longitude_deg": self.longitude_deg,
             "latitude_deg": self.latitude_deg,
             "north_deg": self.north_deg,
+            **({"bounds": list(self.bounds)} if self.bounds else {}),
+            **({"geokeys": self.geokeys.to_json()} if self.geokeys else {}),
         }
 
 
@@ -267,23 +270,39 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
     )
 
 
+def read_place(path: Path, site: Site) -> MapPlace | None:
+    """Where a site is on the map of a file, without its heights; None if the file has no map. Raises IcyMoonError."""
+
+    def parse(foreign: ForeignBytes) -> MapPlace | None:
+        grant_memory(foreign)
+        image = read_directories(foreign)[0]
+        keys = read_keys(image.tags)
+        grid = read_placement(image, keys)
+        unit, _ = find_coordinate_unit(keys, foreign.name, site.body_radius_m)
+        if grid is None or unit is None:
+            return None
+        return _place_site(image.shape, *grid, unit, keys, foreign.name, site, make_geokeys(image.tags)).place
+
+    return read_foreign(path, parse, KIND, FIX, MOST_BYTES)
+
+
 def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> GeoTiff:
     grant_memory(foreign)
     images = read_directories(foreign)
     image = images[0]
-    keys = _read_keys(image.tags)
-    grid = _read_placement(image, keys)
-    unit, sentence = _find_coordinate_unit(keys, foreign.name, site.body_radius_m if site else 0.0)
+    keys = read_keys(image.tags)
+    grid = read_placement(image, keys)
+    unit, sentence = find_coordinate_unit(keys, foreign.name, site.body_radius_m if site else 0.0)
     placed: _Placed | None = None
     if grid is not None and unit is not None:
-        placed = _place_site(image.shape, *grid, unit, keys, foreign.name, site)
+        placed = _place_site(image.shape, *grid, unit, keys, foreign.name, site, make_geokeys(image.tags))
     window = placed.window if placed else None
     heights, number = read_pixels(foreign, image, window)
-    warnings = _clear_missing(heights, number, image.tags.get(42113))
+    warnings = clear_missing(heights, number, image.tags.get(42113))
     stated: tuple[str, ...] = ()
     if missing is not None:
         stated = clear_stated_mark(heights, missing, number)
-    warnings += _apply_mask(heights, foreign, images, window)
+    warnings += apply_mask(heights, foreign, images, window)
     scaled, in_unit = _scale_to_metres(heights, image, keys)
     report = (*stated, *scaled)
     if not in_unit and keys.get(1024, 0) != _GEOGRAPHIC:
@@ -350,6 +369,7 @@ def _place_site(
     keys: Mapping[int, Any],
     name: str,
     site: Site | None,
+    stored: GeoKeys | None,
 ) -> _Placed:
     """Where a site lies on a map. Raises UnreadError if it is beyond the map system or its directions are skewed."""
     size = abs(step[0]) * unit, abs(step[1]) * unit
@@ -359,11 +379,15 @@ def _place_site(
     middle = first[0] + (shape[1] - 1) * size[0] / 2, first[1] + (shape[0] - 1) * size[1] / 2
     map_of = _Map(read_system(keys, unit), keys, unit, size, site.size_m, name)
     _refuse_unknown_projection(map_of)
-    origin = site.origin_m
-    if site.centre:
-        scale = _locate_on_map(map_of, middle).scale
-        origin = middle[0] + site.origin_m[0] / scale[0], middle[1] + site.origin_m[1] / scale[1]
-    place = _locate_on_map(map_of, origin)
+    origin, base = site.origin_m, middle
+    west, south = first[0] - size[0] / 2, first[1] - size[1] / 2
+    extent = MapExtent(west, south, west + shape[1] * size[0], south + shape[0] * size[1], unit)
+    if site.point is not None:
+        base = find_point(site.point, map_of.system, keys, extent, name)
+    if site.centre or site.point is not None:
+        scale = _locate_on_map(map_of, base).scale
+        origin = base[0] + site.origin_m[0] / scale[0], base[1] + site.origin_m[1] / scale[1]
+    place = replace(_locate_on_map(map_of, origin), geokeys=stored, bounds=extent.in_file_unit())
     report, warnings = _describe_place(map_of, place)
     pixel = size[0] * place.scale[0], size[1] * place.scale[1]
     window, west, south = None, 0, 0
@@ -480,20 +504,12 @@ def _flat_system_option(keys: Mapping[int, Any]) -> str:
     return f'-a_srs "{text}"' if text else ""
 
 
-def _read_keys(tags: Tags) -> dict[int, Any]:
+def read_keys(tags: Tags) -> dict[int, Any]:
     """The GeoKeys that are used, by number: a whole number or a float. Raises ValueError for one that is text."""
-    directory, doubles = tags.get(34735, ()), tags.get(34736, ())
-    keys: dict[int, Any] = {}
-    for k in range(4, len(directory) - 3, 4):
-        key, where, _, value = directory[k : k + 4]
-        if key in _KEYS and where not in (0, 34736):
-            raise ValueError(f"GeoKey {key} is no number")
-        if key in _KEYS:
-            keys[key] = float(doubles[value]) if where else value
-    return keys
+    return read_numbers(tags.get(34735, ()), tags.get(34736, ()), _KEYS)
 
 
-def _clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
+def clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
     """Set missing and impossible heights to NaN; returns warnings."""
     grid[~(np.abs(grid) < NO_HEIGHT)] = np.nan
     text = _decode_text(nodata)
@@ -508,7 +524,7 @@ def _clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] |
     return []
 
 
-def _apply_mask(
+def apply_mask(
     grid: Array, foreign: ForeignBytes, images: list[Directory], window: tuple[range, range] | None
 ) -> list[str]:
     """Set the heights that the file's mask calls unknown to NaN; returns warnings about its other images."""
@@ -547,16 +563,8 @@ def _scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> 
 
     Raises UnreadError if they are contradictory or of an unknown kind.
     """
-    items = _read_metadata(image)
-    scale, offset = (
-        _parse_finite(items.get(role, otherwise), role, image.name)
-        for role, otherwise in (("scale", "1"), ("offset", "0"))
-    )
-    if scale == 0:
-        raise UnreadError(
-            "states a scale of 0 for its heights, which makes it flat; state the right one, such as 1, "
-            f"in its folder with: {gdal_lines.translate_command(image.name, _scale_options(1.0, offset))}"
-        )
+    items = read_metadata(image)
+    scale, offset = read_scaling(image, items)
     unit, name = _find_height_unit(keys, items.get("unittype", ""), (scale, offset), image.name)
     if third := _read_height_scale(image.tags):
         raise UnreadError(
@@ -590,7 +598,7 @@ def _scale_options(scale: float, offset: float) -> str:
     return f"-a_scale {scale!r} -a_offset {offset!r}"
 
 
-def _read_metadata(image: Directory) -> dict[str, str]:
+def read_metadata(image: Directory) -> dict[str, str]:
     """What GDAL_METADATA states about the first band, by role: 'scale', 'offset', 'unittype'."""
     text = _decode_text(image.tags.get(42112))
     if "<!" in text:  # entities, which no writer of metadata needs
@@ -612,6 +620,20 @@ def _read_metadata(image: Directory) -> dict[str, str]:
     }
 
 
+def read_scaling(image: Directory, items: Mapping[str, str]) -> tuple[float, float]:
+    """Scale and offset of the values, by the file's metadata. Raises UnreadError if they are no numbers, or 0."""
+    scale, offset = (
+        _parse_finite(items.get(role, otherwise), role, image.name)
+        for role, otherwise in (("scale", "1"), ("offset", "0"))
+    )
+    if scale == 0:
+        raise UnreadError(
+            "states a scale of 0 for its values, which makes it flat; state the right one, such as 1, "
+            f"in its folder with: {gdal_lines.translate_command(image.name, _scale_options(1.0, offset))}"
+        )
+    return scale, offset
+
+
 def _parse_finite(text: str, role: str, file: str) -> float:
     try:
         value = float(text)
@@ -619,7 +641,7 @@ def _parse_finite(text: str, role: str, file: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise UnreadError(
-            f"states the {role} {text[:40]!r} for its heights, which is no number; state the right one "
+            f"states the {role} {text[:40]!r} for its values, which is no number; state the right one "
             f"in its folder with: {gdal_lines.translate_command(file, _scale_options(1.0, 0.0))}"
         )
     return value
@@ -649,7 +671,7 @@ def _find_height_unit(
             + gdal_lines.translate_command(file, turned, _flat_system_option(keys))
         )
     if code is None and system not in (0, _USER_DEFINED):
-        code = _VERTICAL.get(system, 0)
+        code = VERTICAL.get(system, 0)
     if code is not None:
         if code not in _UNITS_M:
             raise UnreadError(
@@ -672,7 +694,7 @@ def _find_height_unit(
     return next(((value, f"({name}) ") for name, value in stated.items()), (1.0, ""))
 
 
-def _find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
+def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
     """Metres per unit of the file's coordinates, and the assumption behind it; or None and why it is unknown."""
     model, system, code = keys.get(1024, 0), keys.get(3072), keys.get(3076)
     if model == _GEOGRAPHIC:
@@ -705,9 +727,7 @@ def _find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: flo
     return 1.0, "it states no unit of length, so its coordinates were taken for metres"
 
 
-def _read_placement(
-    image: Directory, keys: Mapping[int, Any]
-) -> tuple[tuple[float, float], tuple[float, float]] | None:
+def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Steps (east, north) per column and per row, which may be negative, and the coordinates of the centre of the
     south-western pixel; None if the file does not state them. Raises UnreadError for a
     turned grid and for pixels of negative height."""

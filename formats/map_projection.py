@@ -163,29 +163,40 @@ def _to_longitude_latitude(east: float, ahead: float, up: float) -> tuple[float,
     return math.atan2(east, ahead), math.atan2(up, math.hypot(east, ahead))
 
 
-def _invert_conic_conformal(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+def half_way_tangent(latitude: float) -> float:
+    """The tangent of half the angle from the south pole, as conformal projections use it."""
+    return math.tan(math.pi / 4 + latitude / 2)
+
+
+def conformal_cone(s: MapSystem) -> tuple[float, float, float]:
+    """Constant, size and radius at the origin of Lambert's conformal cone (Snyder, equations 15-1 to 15-3)."""
     first, second = math.radians(s.parallel_deg), math.radians(s.second_deg)
-
-    def tangent(latitude: float) -> float:
-        return math.tan(math.pi / 4 + latitude / 2)
-
     n = (
         math.sin(first)
         if abs(first - second) < 1e-9
-        else (math.log(math.cos(first) / math.cos(second)) / math.log(tangent(second) / tangent(first)))
+        else math.log(math.cos(first) / math.cos(second)) / math.log(half_way_tangent(second) / half_way_tangent(first))
     )
-    f = s.scale * math.cos(first) * tangent(first) ** n / n
-    rho0 = f / tangent(math.radians(s.latitude_deg)) ** n
+    f = s.scale * math.cos(first) * half_way_tangent(first) ** n / n
+    return n, f, f / half_way_tangent(math.radians(s.latitude_deg)) ** n
+
+
+def equal_area_cone(s: MapSystem) -> tuple[float, float, float]:
+    """Constant, size and radius at the origin of Albers' cone (Snyder, equations 14-3 to 14-6)."""
+    first, second = math.radians(s.parallel_deg), math.radians(s.second_deg)
+    n = (math.sin(first) + math.sin(second)) / 2
+    c = math.cos(first) ** 2 + 2 * n * math.sin(first)
+    return n, c, math.sqrt(c - 2 * n * math.sin(math.radians(s.latitude_deg))) / n
+
+
+def _invert_conic_conformal(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+    n, f, rho0 = conformal_cone(s)
     rho = math.copysign(math.hypot(x, rho0 - y), n)
     sign = math.copysign(1.0, n)
     return math.atan2(sign * x, sign * (rho0 - y)) / n, 2 * math.atan((f / rho) ** (1 / n)) - math.pi / 2
 
 
 def _invert_conic_equal_area(s: MapSystem, x: float, y: float) -> tuple[float, float]:
-    first, second = math.radians(s.parallel_deg), math.radians(s.second_deg)
-    n = (math.sin(first) + math.sin(second)) / 2
-    c = math.cos(first) ** 2 + 2 * n * math.sin(first)
-    rho0 = math.sqrt(c - 2 * n * math.sin(math.radians(s.latitude_deg))) / n
+    n, c, rho0 = equal_area_cone(s)
     sign = math.copysign(1.0, n)
     rho = math.hypot(x, rho0 - y)
     return math.atan2(sign * x, sign * (rho0 - y)) / n, math.asin((c - (rho * n) ** 2) / (2 * n))
@@ -265,9 +276,14 @@ KNOWN = {
 }
 
 
+def states_degrees(keys: Mapping[int, Any]) -> bool:
+    """Whether the coordinates that GeoKeys describe are longitudes and latitudes."""
+    return bool(keys.get(_MODEL_KEY) == _GEOGRAPHIC)
+
+
 def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
     """The projection that GeoKeys state; None for one that is not known here. ``unit_m`` is the unit of lengths."""
-    if keys.get(_MODEL_KEY) == _GEOGRAPHIC:
+    if states_degrees(keys):
         radius = geographic_radius_m(keys)
         return None if radius is None else MapSystem("Equidistant cylindrical", "longitude and latitude", radius)
     code = keys.get(_PROJECTED_KEY)
@@ -342,7 +358,7 @@ _GREENWICH = 8901
 def make_crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
     """The map system that GeoKeys state, as PROJ and GDAL take it: ``EPSG:`` and its number, or a PROJ string in the
     unit of the file; empty if they state none, or one that is not known here."""
-    geographic = keys.get(_MODEL_KEY) == _GEOGRAPHIC
+    geographic = states_degrees(keys)
     code = keys.get(_GEOGRAPHIC_KEY if geographic else _PROJECTED_KEY)
     if isinstance(code, int) and code not in (0, _USER_DEFINED):
         return f"EPSG:{code}"

@@ -15,6 +15,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from ..support.arrays import Array
+from .geokeys import GeoKeys
 
 #: Bytes of a strip before it is compressed, about: readers hold one at a time.
 _STRIP_BYTES = 1 << 18
@@ -38,7 +39,38 @@ class Place:
     notes: Mapping[str, str] = field(default_factory=dict)
 
 
-def encode_tiff(pixels: Array, place: Place | None = None, description: str = "") -> bytes:
+@dataclass(frozen=True)
+class MapPlace:
+    """Where a north-up image lies on a map: the size of a pixel and the outer corner of the north-west one, in the unit
+    of the coordinate system that the GeoKeys state.
+
+    ``unit`` names the unit of the values for GDAL, ``missing`` is the value of pixels without one, and ``notes`` are
+    texts by name that GDAL shows as metadata.
+    """
+
+    pixel: tuple[float, float]
+    west: float
+    north: float
+    geokeys: GeoKeys
+    unit: str = ""
+    missing: str = "nan"
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    def make_tags(self) -> dict[int, tuple[tuple[int, str], list[float] | bytes]]:
+        """The tags that state it."""
+        keys = self.geokeys.for_areas_in_metres()
+        return {
+            33550: (_DOUBLE, [*self.pixel, 0.0]),
+            33922: (_DOUBLE, [0.0, 0.0, 0.0, self.west, self.north, 0.0]),
+            34735: (_SHORT, list(keys.directory)),
+            **({34736: (_DOUBLE, list(keys.doubles))} if keys.doubles else {}),
+            **({34737: (_ASCII, keys.text.encode("ascii", "replace") + b"\0")} if keys.text else {}),
+            42112: (_ASCII, _make_metadata(self.notes, self.unit)),
+            42113: (_ASCII, self.missing.encode("ascii") + b"\0"),
+        }
+
+
+def encode_tiff(pixels: Array, place: Place | MapPlace | None = None, description: str = "") -> bytes:
     """The bytes of a TIFF file of pixels (H, W) or (H, W, bands), top row first: uint8, uint16 or float32.
 
     Values of float images may be NaN, which ``place`` marks as missing. Raises ValueError for another type or shape.
@@ -68,7 +100,9 @@ def encode_tiff(pixels: Array, place: Place | None = None, description: str = ""
         tags[270] = (_ASCII, description.encode("ascii", "replace") + b"\0")
     if extra := bands - (3 if bands >= 3 else 1):
         tags[338] = (_SHORT, [0] * extra)
-    if place is not None:
+    if isinstance(place, MapPlace):
+        tags |= place.make_tags()
+    elif place is not None:
         tags |= _make_place_tags(place, image.dtype.kind == "f")
     return _assemble_file(tags, strips)
 
@@ -95,9 +129,11 @@ def _make_place_tags(place: Place, floats: bool) -> dict[int, tuple[tuple[int, s
     }
 
 
-def _make_metadata(notes: Mapping[str, str]) -> bytes:
-    """GDAL_METADATA (gdal.org/drivers/raster/gtiff.html) with these texts, which GDAL escapes twice."""
+def _make_metadata(notes: Mapping[str, str], unit: str = "") -> bytes:
+    """GDAL_METADATA (gdal.org/drivers/raster/gtiff.html) with these texts, which GDAL escapes twice, and the unit of
+    the first band's values."""
     items = "".join(f"<Item name={quoteattr(name)}>{escape(escape(text))}</Item>" for name, text in notes.items())
+    items += f'<Item name="UNITTYPE" sample="0" role="unittype">{escape(unit)}</Item>' if unit else ""
     return f"<GDALMetadata>{items}</GDALMetadata>".encode() + b"\0"
 
 

@@ -14,7 +14,7 @@ from ..physics.camera import blur
 from ..physics.camera.depth_accuracy import advise_on_rounding
 from ..physics.excavation.jitter import jitter_rig
 from ..physics.excavation.unsupported_rocks import settle_rocks
-from ..physics.light.map_sky import warn_sky_of_other_place
+from ..physics.light.map_sky import find_sky_place, warn_sky_of_other_place
 from ..physics.mesh.fine_relief import advise_on_displacement, nearest_ground_m
 from ..physics.mesh.graded_ground import GradedGround
 from ..physics.mesh.height_surface import Surface
@@ -129,6 +129,8 @@ def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | Non
         ]
     if settings.rocks.coverage > 0:
         scene_checks.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
+    if find_sky_place(settings, own.map_place):
+        return [*own.warnings]
     return [*own.warnings, *warn_sky_of_other_place(settings.light, own.map_place)]
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ..formats.geotiff import describe_map_notes, describe_map_place
 from ..formats.placed_meshes import PlacedMesh, group_by_kind, write_gltf, write_obj, write_ply, write_usd
 from ..formats.tiff_write import Place, encode_tiff
+from ..physics.light.map_sky import find_sky_place
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
@@ -30,11 +31,13 @@ MAPS = {
 _AXES = "x east, y north, z up, metres, right-handed"
 
 
-def describe_frame(settings: Settings) -> str:
-    """The site's frame in a sentence."""
+def describe_frame(settings: Settings, ground: Mapping[str, Any] | None = None) -> str:
+    """The site's frame in a sentence; ``ground`` is its report, with its place on a map."""
     light = settings.light
+    place = find_sky_place(settings, (ground or {}).get("map"))
+    latitude = place.latitude_deg if place else light.latitude_deg
     return (
-        f"Icy Moon site, local frame on {str(light.body).title()} at latitude {light.latitude_deg:g}: {_AXES}, "
+        f"Icy Moon site, local frame on {str(light.body).title()} at latitude {latitude:g}: {_AXES}, "
         "origin at the origin of the site"
     )
 
@@ -48,7 +51,7 @@ def make_frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str,
         else "the plane z = 0 of the ground's settings, not a datum of the body"
     )
     return {
-        "frame": describe_frame(settings),
+        "frame": describe_frame(settings, ground),
         "axes": _AXES,
         "unit": "m",
         "height_zero": zero,
@@ -63,7 +66,9 @@ def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], fo
     """
     extent, notes = made.extent, describe_map_notes(ground)
     for (name, text), values in zip(MAPS.items(), (made.ground_m, made.surface_m, made.albedo), strict=True):
-        place = Place(extent.cell_m, extent.west_m, extent.north_m, describe_frame(settings), values.ndim == 2, notes)
+        place = Place(
+            extent.cell_m, extent.west_m, extent.north_m, describe_frame(settings, ground), values.ndim == 2, notes
+        )
         _write_bytes(folder / name, encode_tiff(np.ascontiguousarray(values, np.float32), place, text))
     return {
         "files": MAPS,

@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..formats.map_frame import describe_cameras
 from ..nodes.light.sun_lamp import read_scene_sun
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
@@ -106,6 +107,8 @@ def make_pair_json(
     """
     settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
     camera, blur = camera_of(settings), find_blur(settings)
+    eyes = {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)) for eye in EYES}
+    on_map = describe_cameras(built.ground, eyes)
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -119,8 +122,9 @@ def make_pair_json(
         "stand_ins": [describe_item(item) for item in list_items(settings)],
         "camera": camera.to_json(),
         "eyes": eyes_json(camera, settings.rig),
-        "poses_camera_to_world": {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
+        "poses_camera_to_world": {eye: pose.tolist() for eye, pose in eyes.items()},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
+        **({"cameras_on_map": on_map} if on_map else {}),
         "blur": blur.to_json() if blur else None,
         "light": light,
         "left_out": _list_omissions(built, settings, indirect),

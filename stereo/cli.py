@@ -308,6 +308,15 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
         action="store_true",
         help="also write the measured surfaces, as point clouds (ply) coloured by signed error",
     )
+    command.add_argument(
+        "--maps",
+        nargs="?",
+        const=0.0,
+        type=float,
+        metavar="CELL_M",
+        help="also write height, height error and what is missing as GeoTIFF in the coordinate system of the ground's "
+        "file, in cells of this size in metres (three pixels or more)",
+    )
     add_json_lines(command)
     command.add_argument(
         "--follow",
@@ -338,7 +347,11 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
     response = _read_response([], parsed.set)
     check_least(parsed, 0, "seed")
     check_least(parsed, 1, "jobs")
+    if parsed.maps is not None and not (math.isfinite(parsed.maps) and parsed.maps >= 0):
+        raise IcyMoonError(f"--maps is {parsed.maps:g}; give the size of a cell in metres, above 0, or no number.")
     if parsed.follow:
+        if parsed.maps is not None:
+            raise IcyMoonError("--maps is for a whole evaluation; run evaluate again without --follow.")
         if len(parsed.path) > 1 or parsed.predictions or parsed.dask or (parsed.jobs or 1) > 1:
             raise IcyMoonError(
                 "--follow measures one data set in one process, without --predictions; give one folder "
@@ -359,6 +372,7 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
             parsed.predictions,
             parsed.jobs,
             parsed.dask,
+            parsed.maps,
         )
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:

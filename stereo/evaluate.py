@@ -27,7 +27,7 @@ from .matchers import list_option_files, plugin_release
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.plug_in import load_plugin_metrics
-from .measure_pair import MeasureRun, MeasureTask, make_failed_row, measure_pair
+from .measure_pair import MeasureRun, MeasureTask, has_maps, make_failed_row, measure_pair
 from .measuring_cluster import measure_on_cluster
 from .measuring_processes import MeasuringProcesses, choose_process_count
 from .report.results import find_facts, write_results
@@ -53,6 +53,7 @@ def evaluate(
     predictions: Sequence[str] = (),
     jobs: int | None = None,
     dask: str | None = None,
+    maps: float | None = None,
 ) -> Report:
     """Evaluate pairs and all pairs of data sets, including data sets in other layouts (see ``datasets.layouts``);
     return the content of ``report.json``.
@@ -62,11 +63,12 @@ def evaluate(
     Dask cluster whose workers measure instead, see ``measuring_cluster``.
     ``response`` overrides settings that need no new render. ``seed`` is the seed of the tests' random sign flips.
     With ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With
-    ``points`` the measured surfaces are written too.
+    ``points`` the measured surfaces are written too, and with ``maps``, the size of a cell in metres or 0 for a
+    suitable one, their heights and errors on the map of the ground, see ``map_results``.
 
     Writes to ``out``: ``results.jsonl`` (each row at once), then ``results.csv``, ``comparisons.csv``, ``report.json``,
     ``summary.json`` (the same without rows and pairs) and ``report.html``; for each pair, in ``pairs/<pair>/``,
-    ``facts.json``, pictures, disparities and points. Rows of an earlier run with the same pair, method, options,
+    ``facts.json``, pictures, disparities, points and maps. Rows of an earlier run with the same pair, method, options,
     response and versions are kept and not computed again.
 
     ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} for
@@ -85,7 +87,7 @@ def evaluate(
     names = [source.name for source in sources]
     check_output_folder(out, names)
     remove_leftovers(out)
-    run = MeasureRun(methods, out, dict(response or {}), points)
+    run = MeasureRun(methods, out, dict(response or {}), points, maps)
     evaluation = Evaluation(sources, run, on_event)
     try:
         evaluation.log_results(
@@ -177,7 +179,9 @@ class Evaluation:
         compared = all(
             row["common"].get(label, {}).get("key") == key for label, key in task.keys.items() if label != row["method"]
         )
-        return compared and (not self._run.points or "points" in row["images"])
+        method = next(each for each in self._run.methods if each.label == row["method"])
+        shown = not self._run.points or "points" in row["images"]
+        return compared and shown and has_maps(row["images"], method, self._run.maps)
 
     def _find_row(self, pair: str, label: str, key: str) -> Row | None:
         row = self.log.find(pair, label, key)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..formats.map_frame import MapFrame
 from ..render.pairs.pair_folder import Pair
 from ..support.arrays import Array
 from ..support.errors import DiskError, describe_error
@@ -19,6 +20,7 @@ from .datasets.foreign_pair import PhotographedPair
 from .datasets.predictions import PREDICTION, read_prediction
 from .export.points import add_points, find_left_pose
 from .images.disparity_files import read_disparity
+from .map_results import find_map_frame, name_maps, write_maps
 from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.search_range import AUTO, SearchRange, find_known_ranges
@@ -40,6 +42,7 @@ class MeasureRun:
     out: Path
     response: Mapping[str, Mapping[str, Any]]
     points: bool
+    maps: float | None = None  # the size of the cells of maps in metres, 0 for a suitable one; None for no maps
 
 
 @dataclass(frozen=True)
@@ -118,13 +121,41 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
             "message": f"{prepared.pair.folder / 'pair.json'} does not contain the position of "
             "the camera, so no points are written; render the pair again.",
         }
-    for label, disparity in disparities.items():
+    frame = find_map_frame(prepared) if run.maps is not None else None
+    if run.maps is not None and frame is None:
+        yield {
+            "type": "warning",
+            "message": f"{prepared.pair.folder / 'pair.json'} states no map with a coordinate system, so no maps are "
+            "written; give the ground as a GeoTIFF that has one, and render the pair again.",
+        }
+    for method in (method for method in run.methods if method.label in disparities):
+        label, disparity = method.label, disparities[method.label]
         beside = {other: numbers | {"key": task.keys[other]} for other, numbers in common[label].items()}
         row = rows[label] | {"common": rows[label]["common"] | beside}
         if points:
             row["images"] = add_points(row["images"], run.out, prepared, disparity)
+        if frame is not None:
+            row["images"] = _add_maps(row["images"], run, prepared, frame, method, disparity)
         if row != rows[label]:
             yield _row_event(row, "update")
+
+
+def _add_maps(
+    images: dict[str, Any], run: MeasureRun, prepared: PreparedPair, frame: MapFrame, method: Method, disparity: Array
+) -> dict[str, Any]:
+    """The ``images`` of a row with its maps; these are written beside its disparity unless they are there."""
+    if has_maps(images, method, run.maps):
+        return images
+    folder = (run.out / images["disparity"]).parent
+    files = {kind: folder / name for kind, name in name_maps(method, run.maps or 0.0).items()}
+    write_maps(prepared, frame, disparity, files, run.maps or 0.0)
+    return images | {kind: path.relative_to(run.out).as_posix() for kind, path in files.items()}
+
+
+def has_maps(images: Mapping[str, str], method: Method, cell_m: float | None) -> bool:
+    """Whether a row has the maps that are asked for; true if none are."""
+    wanted = {} if cell_m is None else name_maps(method, cell_m)
+    return all(kind in images and Path(images[kind]).name == name for kind, name in wanted.items())
 
 
 def find_search_ranges(prepared: PreparedPair, shared: Array) -> dict[str, SearchRange]:

@@ -43,6 +43,7 @@ def measure_on_cluster(
             "out": str(run.out.resolve()),
             "response": run.response,
             "points": run.points,
+            "maps": run.maps,
         }
     )
     with connect_cluster(address) as client:
@@ -87,5 +88,9 @@ def _unpack_setup(setup: str) -> tuple[dict[str, Source], MeasureRun]:
     found = json.loads(setup)
     sources = {source.name: source for source in find_sources([Path(path) for path in found["paths"]])}
     return sources, MeasureRun(
-        [Method(**method) for method in found["methods"]], Path(found["out"]), found["response"], found["points"]
+        [Method(**method) for method in found["methods"]],
+        Path(found["out"]),
+        found["response"],
+        found["points"],
+        found["maps"],
     )

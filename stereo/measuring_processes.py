@@ -58,6 +58,7 @@ class MeasuringProcesses:
             "out": str(run.out),
             "response": run.response,
             "points": run.points,
+            "maps": run.maps,
         }
         self._said: queue.SimpleQueue[tuple[_Process, dict[str, Any] | None]] = queue.SimpleQueue()
 
@@ -174,7 +175,11 @@ def main(arguments: Sequence[str]) -> int:
         setup = json.loads(first)
         sources = {source.name: source for source in find_sources([Path(path) for path in setup["paths"]])}
         run = MeasureRun(
-            [Method(**method) for method in setup["methods"]], Path(setup["out"]), setup["response"], setup["points"]
+            [Method(**method) for method in setup["methods"]],
+            Path(setup["out"]),
+            setup["response"],
+            setup["points"],
+            setup["maps"],
         )
         try:
             for line in lines:

@@ -12,7 +12,8 @@ import bpy
 import numpy as np
 
 from ...formats import gdal_lines, mesh_file, mesh_images
-from ...formats.geotiff import MapPlace, Site
+from ...formats.geotiff import MapPlace
+from ...formats.map_site import make_map_site
 from ...paper_stand_ins.cached_files import find_mesh_file
 from ...physics.mesh import check, height_map, subdivide, texture_coordinates
 from ...physics.mesh.height_map import HeightMap
@@ -371,8 +372,9 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     size_m, radius_m = float(terrain.size_m), float(terrain.body_radius_m)
     by_hand = source.metres_per_pixel > 0  # the file's own size and place then do not count
     missing = None if source.missing in ("", NO_MARK) else float(source.missing)
-    site = None if by_hand else Site(bool(source.centre), _origin_m(source), size_m, radius_m)
-    read = import_heights.read_heights(path, site, missing, radius_m)
+    _refuse_size_by_hand(source)
+    read = import_heights.read_heights(path, None if by_hand else make_map_site(settings), missing, radius_m)
+    _refuse_unplaced_site(path, read, source)
     values, sentences = (read.values, []) if source.missing else height_map.clear_unstated_mark(read.values)
     known = np.isfinite(values)
     if not known.any():
@@ -406,6 +408,23 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
         "Procedural roughness below the pixel size" if source.detail else "Nothing finer than the pixel size",
     )
     return UserGround(positions, faces, surface, report, tuple(warnings), map_place=place)
+
+
+def _refuse_size_by_hand(source: SourceSettings) -> None:
+    """Raise IcyMoonError where the settings replace the map that the site's coordinates are of."""
+    if source.site != "OFFSET" and source.metres_per_pixel > 0:
+        raise IcyMoonError(
+            f"source.metres_per_pixel = {source.metres_per_pixel:g} replaces the map of the file, in which source.site "
+            "states a place; set it to 0, or source.site to OFFSET."
+        )
+
+
+def _refuse_unplaced_site(path: Path, read: import_heights.Heights, source: SourceSettings) -> None:
+    """Raise IcyMoonError where a file has no map in which the stated site could be."""
+    if source.site == "OFFSET" or read.place is not None:
+        return
+    fix = "" if " with: " in read.unplaced else "; set source.site to OFFSET, or give a GeoTIFF with a map."
+    raise IcyMoonError(f"{path}: {read.unplaced}{fix}")
 
 
 def _find_pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings) -> tuple[float, float]:

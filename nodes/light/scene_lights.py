@@ -8,6 +8,8 @@ from typing import Any
 
 import bpy
 
+from ...formats.map_site import read_site_place
+from ...physics.light.map_sky import asks_sky_of_site, find_sky_place
 from ...physics.light.planet_face import face_tint
 from ...physics.light.saturn_rings import make_ring_mesh
 from ...physics.light.sky import Sky, check_body, describe_sky
@@ -19,6 +21,7 @@ from ...physics.rig.focal_length import focal_px
 from ...physics.scene_requirements import planet_gives_light
 from ...physics.terrain.skyline import advise_on_skyline
 from ...settings.topics.scene import Settings
+from ..datablocks.blend_file_paths import find_used_files
 from ..datablocks.fingerprint import NAME, TAG
 from .celestial_meshes import build_planet, build_rings, build_stars
 from .planet_lamp import build_planet_light
@@ -30,16 +33,23 @@ ROLES = ("planet", "planetshine", "rings", "stars")
 
 
 def compute_scene_sky(settings: Settings) -> Sky:
-    """The sky of the settings. Raises IcyMoonError if the date or kernels give no sky, or the sky of another body."""
+    """The sky of the settings. Raises IcyMoonError if the date or kernels give no sky, or the sky of another body, and
+    if it is to be that over the site of a map and the map cannot be read."""
     check_body(settings)
-    return sky_of(settings.light, str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None)
+    folder = str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None
+    place = None
+    if asks_sky_of_site(settings):
+        found = read_site_place(find_used_files(settings)["source.file"], settings)
+        place = find_sky_place(settings, found and found.to_json())
+    return sky_of(settings.light, folder, place)
 
 
 def list_light_settings(settings: Settings) -> list[Any]:
     """The settings on which the lights depend."""
+    of_site = [settings.source] if asks_sky_of_site(settings) else []
     of_stars = [focal_px(settings.rig), settings.dataset.seed] if settings.light.stars else []
     of_planet = [settings.rig.height_m, settings.terrain.body_radius_m] if settings.light.planet else []
-    return [settings.light, *of_stars, *of_planet]
+    return [settings.light, *of_stars, *of_planet, *of_site]
 
 
 def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:

@@ -8,6 +8,8 @@ import bpy
 import numpy as np
 
 from ...formats import mesh_images
+from ...formats.map_frame import map_frame_from_json
+from ...formats.map_site import read_site_place
 from ...formats.mesh_images import MeshImage
 from ...paper_stand_ins.cached_files import find_texture_files
 from ...paper_stand_ins.items import describe_item, list_items
@@ -27,7 +29,7 @@ from ..ground.rocks import label_instances
 from ..ground.terrain_mesh import SPACING
 from ..ground.user_ground import find_ground_file, is_mesh
 from .ice_material import build_material
-from .images import load_maps, measure_brightness, measure_means
+from .images import Map, load_maps, load_placed_map, measure_brightness, measure_means
 from .textures import Textured
 
 #: Share of an image that may reflect more light than it gets before it is told: single pixels are noise.
@@ -114,6 +116,9 @@ def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
     textures = settings.textures
     if textures.set == "NONE":
         return None
+    if textures.mapping == "MAP" and not uses_uv(textures):
+        albedo, placed, _ = _load_placed_albedo(settings)
+        return Textured(textures, {"albedo": albedo}, "MAP", placed=placed)
     if not uses_uv(textures):
         placement = "PATCH" if textures.mapping == "PATCH" else "POSITION"
         return Textured(textures, load_maps(textures, _find_image_files(settings)), placement, settings.terrain.size_m)
@@ -123,6 +128,26 @@ def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
     return Textured(textures, measure_means(mesh, load_maps(textures, _find_image_files(settings))), "UV")
 
 
+def _load_placed_albedo(settings: Settings) -> tuple[Map, tuple[float, float, float, float], list[str]]:
+    """The albedo image that lies by its map coordinates: its map, its edges as in ``Textured.placed``, and sentences on
+    the ground that it lacks. Raises IcyMoonError if the ground is on no map, or the image is on none."""
+    textures, source = settings.textures, settings.source
+    others = [kind for kind in ("roughness", "normal", "transmission", "height") if textures[f"{kind}_file"]]
+    if textures.set != "OWN" or not textures.albedo_file or others:
+        which = f"; leave textures.{others[0]}_file out." if others else " of textures.set OWN, textures.albedo_file."
+        raise IcyMoonError(f"textures.mapping is MAP, which places the albedo image alone{which}")
+    frame = None
+    if source.kind == "HEIGHT_MAP" and not source.metres_per_pixel > 0:
+        place = read_site_place(find_ground_file(settings), settings)
+        frame = map_frame_from_json({"map": place.to_json() | {"height_zero_m": 0.0}}) if place else None
+    if frame is None:
+        raise IcyMoonError(
+            "textures.mapping is MAP, but the ground is on no map; give a GeoTIFF with a coordinate system as "
+            "source.file, with source.kind HEIGHT_MAP and source.metres_per_pixel 0, or set textures.mapping to PATCH."
+        )
+    return load_placed_map(find_used_files(settings)["textures.albedo_file"], frame, float(settings.terrain.size_m))
+
+
 def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
     """A sentence on an albedo image that makes the ground of this mesh reflect more light than it gets; none if it does
     not."""
@@ -130,15 +155,17 @@ def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
     if textured is None or "albedo" not in textured.maps:
         return []
     of = textured.maps["albedo"]
+    lacking = _load_placed_albedo(settings)[2] if textured.placement == "MAP" else []
     values, mean = measure_brightness(of), max(sum(of.mean) / 3, 1e-6)
     reflected = values / mean * clean_albedo(simplify_surface(settings, "surface"), settings.hapke)
     share = 1.0 - float(np.interp(1.0, reflected, np.linspace(0.0, 1.0, len(values)), right=1.0))
     if share < _TOO_BRIGHT:
-        return []
+        return lacking
     return [
+        *lacking,
         f"{show_rounded(100 * share)} % of the albedo image reflect more light than they get, up to "
         f"{show_rounded(reflected[-1])} times, because the albedo of the surface is the mean of the image; an "
-        f"albedo of at most {show_rounded(mean / values[-1])} would not, or an image with less contrast."
+        f"albedo of at most {show_rounded(mean / values[-1])} would not, or an image with less contrast.",
     ]
 
 

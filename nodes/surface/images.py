@@ -6,6 +6,7 @@ An image is loaded or generated once, and found again by its key.
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +15,8 @@ import bpy
 import numpy as np
 
 from ...formats.image_size import check_pixels, count_pixels
+from ...formats.map_frame import MapFrame
+from ...formats.map_image import read_map_image
 from ...formats.mesh_images import MeshImage
 from ...formats.tiff import stores_floats
 from ...physics.mesh import texture_coordinates
@@ -25,6 +28,7 @@ from ...support.foreign_bytes import ForeignBytes, explain_errors, parse_part, r
 from ...support.labels import UV_LAYER
 
 _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # the key of an image, and the mean of its linear values
+_PLACED, _LACKS = "icymoon_placed", "icymoon_lacks"  # the edges of an image on a map, and what it lacks
 _SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # mark of the part on the ground, and the mean of that part
 #: What ``measure_brightness`` found, by the key of the image. It is not stored with the image, because materials whose
 #: images have got another property count as edited.
@@ -71,6 +75,31 @@ def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage])
         )
         for kind, file in files.items()
     }
+
+
+def load_placed_map(
+    path: Path, frame: MapFrame, size_m: float
+) -> tuple[Map, tuple[float, float, float, float], list[str]]:
+    """An image over the ground of a site by its map coordinates: its map with the mean over the ground, its west and
+    south edge, width and height in the frame of the site, and sentences on what it lacks. Raises IcyMoonError if it is
+    missing or not over the ground."""
+    if not path.is_file():
+        raise IcyMoonError(f"{path}: there is no such file; check textures.albedo_file.")
+    state = path.stat()
+    key = f"{path} {state.st_size} {state.st_mtime_ns} {frame} {size_m!r}"
+    if (there := _find_map(key)) is not None:
+        placed, sentences = there.image[_PLACED], json.loads(there.image[_LACKS])
+        return there, (placed[0], placed[1], placed[2], placed[3]), sentences
+    found = read_map_image(path, frame, size_m)
+    rows, columns = found.values.shape
+    image = bpy.data.images.new(path.name, columns, rows, float_buffer=True, is_data=True)
+    pixels = np.ones((rows, columns, 4), np.float32)
+    pixels[..., :3] = np.maximum(found.values[::-1], 0.0)[..., None]
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()  # otherwise it would not be saved with the file
+    placed = (found.west_m, found.south_m, columns * found.pixel_m[0], rows * found.pixel_m[1])
+    image[_PLACED], image[_LACKS] = placed, json.dumps(found.warnings)
+    return _remember_map(key, image, np.full(3, found.mean)), placed, list(found.warnings)
 
 
 def remove_unused_images() -> None:

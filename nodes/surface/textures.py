@@ -31,14 +31,16 @@ _WALL = 0.5
 class Textured:
     """``textures`` settings with their maps, and how these are mapped to a surface.
 
-    ``placement`` is POSITION, UV, PATCH, or MEAN: the mean of each image everywhere, for rocks without UV coordinates.
-    ``patch_m`` is the side of the patch.
+    ``placement`` is POSITION, UV, PATCH, MAP, or MEAN: the mean of each image everywhere, for rocks without UV
+    coordinates. ``patch_m`` is the side of the patch. With the placement MAP, ``placed`` are west and south edge of
+    the image in the frame of the site, and its width and height, in metres.
     """
 
     settings: TexturesSettings
     maps: Mapping[str, Map]
     placement: str = "POSITION"
     patch_m: float = math.nan
+    placed: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
 
     def make_sampler(self, tree: Tree, geometry: Node, offset: tuple[float, float]) -> Sampler:
         """The sampler of the maps in a tree. ``offset``, in image widths, shifts images that are mapped by position."""
@@ -46,6 +48,8 @@ class Textured:
             return ByUV(tree, geometry)
         if self.placement == "PATCH":
             return OverPatch(tree, self.settings, geometry, self.patch_m)
+        if self.placement == "MAP":
+            return OnMap(tree, self.settings, geometry, self.placed)
         return Mean(tree) if self.placement == "MEAN" else Pieces(tree, self.settings, geometry, offset)
 
 
@@ -253,5 +257,23 @@ class OverPatch(Pieces):
         tree = self.tree
         at = tree.scaled("Patch Widths", geometry.outputs["Position"], 1.0 / textures.width_m)
         x, y, _ = tree.separated("Place", tree.vector("ADD", "From Corner", at, (*offset, 0.0)))
+        self.normal, self.is_wall, self.faces_east = geometry.outputs["Normal"], 0.0, 0.0
+        self.plane = tree.combined("From Above", x, y)
+
+
+class OnMap(OverPatch):
+    """One piece: an image that lies on the map of the ground, with its own width and height."""
+
+    def __init__(
+        self, tree: Tree, textures: TexturesSettings, geometry: Node, placed: tuple[float, float, float, float]
+    ) -> None:
+        self._placed = placed
+        super().__init__(tree, textures, geometry, 1.0)
+
+    def _place(self, geometry: Node, textures: TexturesSettings, offset: tuple[float, float]) -> None:
+        tree = self.tree
+        west, south, width, height = self._placed
+        moved = tree.vector("SUBTRACT", "From Corner", geometry.outputs["Position"], (west, south, 0.0))
+        x, y, _ = tree.separated("Place", tree.vector("DIVIDE", "Image Sizes", moved, (width, height, 1.0)))
         self.normal, self.is_wall, self.faces_east = geometry.outputs["Normal"], 0.0, 0.0
         self.plane = tree.combined("From Above", x, y)

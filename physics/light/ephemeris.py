@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,17 @@ class Positions:
     planet_pole_km: float
     planet_axis: Array
     from_j2000: Array  # (3, 3) from the J2000 equatorial frame
+
+    def turned(self, north_deg: float) -> Positions:
+        """The same in axes in which north is this angle, clockwise, from y."""
+        turn = _rotation_about_z(math.radians(north_deg))
+        return replace(
+            self,
+            sun=turn @ self.sun,
+            planet=turn @ self.planet,
+            planet_axis=turn @ self.planet_axis,
+            from_j2000=turn @ self.from_j2000,
+        )
 
 
 #: A date, all but its year optional, and the lead of its clock over UTC.

@@ -1,4 +1,4 @@
-"""Whether the sky of a date or of kernels is the one over the site of a map."""
+"""The sky of a date or of kernels over the site of a map, and whether it is the one over that site."""
 
 from __future__ import annotations
 
@@ -7,12 +7,36 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...settings.topics.light import LightSettings
+from ...settings.topics.scene import Settings
 from .ephemeris import site_frame
+from .sky import SkyPlace
 
 #: Angle on the body between two places, in degrees, by which their skies differ too; less is no other site.
 _APART_DEG = 0.1
 #: Turn of a map from which it is said; a grid's convergence on a map of one zone is less, and shadows hardly move.
 _TURNED_DEG = 1.0
+
+
+def asks_sky_of_site(settings: Settings) -> bool:
+    """Whether the sky is that over the site of a map, which its coordinates state."""
+    light, source = settings.light, settings.source
+    stated = source.kind == "HEIGHT_MAP" and source.site != "OFFSET"
+    return bool(stated and light.directions_from != "ANGLES" and light.place == "SITE")
+
+
+def find_sky_place(settings: Settings, place: Mapping[str, Any] | None) -> SkyPlace | None:
+    """The place on a map (``geotiff.MapPlace.to_json``) whose sky the settings ask for; None if they ask for that of
+    the ``light`` settings, or if the map states no longitude and latitude."""
+    if not asks_sky_of_site(settings) or place is None or place["latitude_deg"] is None:
+        return None
+    source = settings.source
+    latitude, longitude = float(place["latitude_deg"]), float(place["longitude_deg"])
+    if source.site == "DEGREES":  # an ellipsoid's map counts another latitude
+        latitude, longitude = float(source.site_latitude_deg), float(source.site_longitude_deg)
+    north = float(place["north_deg"])
+    if 90.0 - abs(latitude) <= _APART_DEG:  # where the longitude tells which way is north
+        longitude = float(place["longitude_deg"])
+    return SkyPlace(latitude, longitude, north)
 
 
 def warn_sky_of_other_place(light: LightSettings, place: Mapping[str, Any] | None) -> list[str]:

@@ -7,7 +7,7 @@ x east, y north, z up, along the normal of the body's ellipsoid.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,16 @@ from .sunlight import apparent_diameter_deg, sun_diameter_deg, sun_irradiance_wm
 
 
 @dataclass(frozen=True)
+class SkyPlace:
+    """A site of a map whose sky is meant: planetocentric degrees, and the angle, clockwise, from the map's up to
+    north."""
+
+    latitude_deg: float
+    longitude_deg: float
+    north_deg: float = 0.0
+
+
+@dataclass(frozen=True)
 class Sky:
     """The lights of a scene."""
 
@@ -38,6 +48,7 @@ class Sky:
     eclipse: float  # share of the Sun's disc that the planet hides, shown or not
     from_j2000: Array  # (3, 3) from the J2000 equatorial to the local frame
     sun_distance_m: float = 0.0  # of a lamp in its place from the origin of the site; 0 for the real Sun
+    place: SkyPlace | None = None  # the site of a map that it is over; None for the place of the ``light`` settings
 
     @property
     def sun_elevation_deg(self) -> float:
@@ -125,13 +136,14 @@ def check_body(
         )
 
 
-def compute_sky(light: LightSettings, blend_folder: str | None = None) -> Sky:
+def compute_sky(light: LightSettings, blend_folder: str | None = None, place: SkyPlace | None = None) -> Sky:
     """The sky that ``light`` settings describe; ``blend_folder`` is what // means in ``kernels``.
 
-    Raises IcyMoonError if it is to come from a date or from kernels and cannot.
+    With a ``place`` a sky of a date is that over it, turned so that the map's up is y. Raises IcyMoonError if it
+    is to come from a date or from kernels and cannot.
     """
     if light.directions_from != "ANGLES":
-        return _sky_at_date(light, blend_folder)
+        return _sky_at_date(light, blend_folder, place)
     sun = direction_toward(light.sun_azimuth_deg, light.sun_elevation_deg)
     irradiance = float(light.sun_irradiance_wm2)
     planet = (
@@ -177,7 +189,10 @@ def _star_frame_by_angles(light: LightSettings) -> Array:
     return np.stack([culminates, np.cross(pole, culminates), pole], axis=1)
 
 
-def _find_positions(light: LightSettings, blend_folder: str | None) -> Positions:
+def _find_positions(light: LightSettings, blend_folder: str | None, place: SkyPlace | None) -> Positions:
+    if place is not None:
+        there = light | {"latitude_deg": place.latitude_deg, "longitude_deg": place.longitude_deg}
+        return _find_positions(there, blend_folder, None).turned(place.north_deg)
     site = light.date_utc, float(light.latitude_deg), float(light.longitude_deg)
     if light.directions_from == "DATE":
         ephemeris.refuse_unknown_years(light.date_utc)
@@ -187,8 +202,8 @@ def _find_positions(light: LightSettings, blend_folder: str | None) -> Positions
     )
 
 
-def _sky_at_date(light: LightSettings, blend_folder: str | None) -> Sky:
-    at = _find_positions(light, blend_folder)
+def _sky_at_date(light: LightSettings, blend_folder: str | None, place: SkyPlace | None) -> Sky:
+    at = _find_positions(light, blend_folder, place)
     irradiance = sun_irradiance_wm2(at.sun_distance_au)
     planet = Planet(
         at.planet,
@@ -211,6 +226,7 @@ def _sky_at_date(light: LightSettings, blend_folder: str | None) -> Sky:
         planet if light.planet else None,
         compute_hidden_share(planet, diameter),
         at.from_j2000,
+        place=place,
     )
 
 
@@ -228,6 +244,7 @@ def describe_sky(shown: Sky) -> dict[str, Any]:
             "eclipse": shown.eclipse,
             **({"distance_m": shown.sun_distance_m} if shown.sun_distance_m else {}),
         },
+        **({"place": {**asdict(shown.place), "from": "source.site"}} if shown.place else {}),
         "j2000_to_world": shown.from_j2000.tolist(),
         "planet": None
         if planet is None

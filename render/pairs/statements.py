@@ -17,12 +17,13 @@ from ...physics.camera.blur import find_blur
 from ...physics.excavation.jitter import jitter_rig
 from ...physics.light.directions import camera_axes, direction_toward
 from ...physics.light.scene_sun import sun_from_facts, sun_from_json
-from ...physics.light.sky import azimuth_deg, compute_sky, describe_sky, elevation_deg
+from ...physics.light.sky import azimuth_deg, describe_sky, elevation_deg
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import is_number
 from ...support.files import quote
+from .pair_sky import compute_pair_sky
 from .workspace_cells import describe_workspace
 
 #: Settings have eight digits, and a focal length is made of three.
@@ -47,7 +48,7 @@ def find_contradictions(
     yield from _compare_value("camera", data["camera"], camera)
     yield from _compare_value("eyes", data.get("eyes", {}), eyes)
     yield from _compare_poses(data, settings, eyes, by_hand)
-    yield from _compare_light(data.get("light") or {}, settings, by_hand)
+    yield from _compare_light(data.get("light") or {}, settings, data.get("ground"), by_hand)
     indirect = data.get("indirect")
     is_baked = isinstance(indirect, Mapping) and indirect.get("method") == "BAKED"
     yield from _compare_indirect(indirect, data.get("light") or {}, settings)
@@ -110,9 +111,9 @@ def _compare_pose(name: str, stated: Array, wanted: Array, place_m: float) -> It
         )
 
 
-def _compare_light(light: Mapping[str, Any], settings: Settings, by_hand: bool) -> Iterator[str]:
+def _compare_light(light: Mapping[str, Any], settings: Settings, ground: object, by_hand: bool) -> Iterator[str]:
     """Contradictions in the table "light": with the settings, and of angles with directions."""
-    facts = {} if by_hand else _describe_sky(settings)
+    facts = {} if by_hand else _describe_sky(settings, ground)
     sun = sun_from_json(light)
     if sun is not None and (facts or "source" in light["sun"]):
         # A pair of a version that stated no source has the angles of its settings, whatever was turned by hand.
@@ -159,12 +160,12 @@ def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings)
         yield _describe_contradiction("indirect.lights", sorted(lights), wanted)
 
 
-def _describe_sky(settings: Settings) -> dict[str, Any]:
+def _describe_sky(settings: Settings, ground: object) -> dict[str, Any]:
     """The table of ``sky.describe_sky``; nothing where it needs kernels, or settings that are accepted no more."""
     if settings.light.directions_from == "KERNELS":
         return {}
     try:
-        return describe_sky(compute_sky(settings.light))
+        return describe_sky(compute_pair_sky(settings, ground))
     except IcyMoonError:
         return {}
 

@@ -17,6 +17,8 @@ FROM_FILE = ~chosen("source.kind", "PROCEDURAL")
 DETAIL = FROM_FILE & ticked("source.detail")
 MAP = chosen("source.kind", "HEIGHT_MAP")
 RANDOM = PROCEDURAL | DETAIL
+#: A height map whose site is stated by coordinates of one kind.
+IN_DEGREES, ON_MAP = (MAP & chosen("source.site", kind) for kind in ("DEGREES", "MAP"))
 #: Heights above a map, to which landforms and layers of noise can be added; a mesh from a file has none.
 ABOVE_A_MAP = PROCEDURAL | (MAP & ticked("source.detail"))
 NOISE = Section("noise", "Layers of Noise", "Fractal noise that is added to the random surface")
@@ -61,6 +63,25 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
     centre: bool = tick(
         "Centre", True, "Put the origin at the centre of the ground and at its median height. Otherwise the "
         "coordinates of the file are kept", "geometry", shown=FROM_FILE)
+    site: Literal["OFFSET", "DEGREES", "MAP"] = choice(
+        "Site", "OFFSET", "How the place of the site on the map is stated. Origin East and Origin North are distances "
+        "from it", "geometry",
+        ("OFFSET", "Centre or Origin", "The centre of the map, or the origin of its coordinates"),
+        ("DEGREES", "Longitude and Latitude", "By planetocentric longitude and latitude, east and north positive"),
+        ("MAP", "Map Coordinates", "By easting and northing, in the unit of the file's coordinate system"),
+        shown=chosen("kind", "HEIGHT_MAP"), since="0.4")
+    site_longitude_deg: str = text(
+        "Site Longitude", "", "East longitude of the site in degrees, with all of its digits", "geometry", "decimal",
+        shown=IN_DEGREES, since="0.4")
+    site_latitude_deg: str = text(
+        "Site Latitude", "", "Planetocentric latitude of the site in degrees, with all of its digits", "geometry",
+        "decimal", shown=IN_DEGREES, since="0.4")
+    site_easting: str = text(
+        "Site Easting", "", "Easting of the site in the unit of the file's coordinate system; of a map in degrees the "
+        "longitude that it counts", "geometry", "decimal", shown=ON_MAP, since="0.4")
+    site_northing: str = text(
+        "Site Northing", "", "Northing of the site in the unit of the file's coordinate system", "geometry", "decimal",
+        shown=ON_MAP, since="0.4")
     origin_x_m: float = metres(
         "Origin East", 0.0, -1.0e7, 1.0e7, (-100.0, 100.0), "Distance of the origin of the site east of the ground's "
         "centre, or of the file's origin", "geometry", shown=FROM_FILE)

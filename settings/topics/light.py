@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from .declaration import ADVANCED, TOP, Section, Table, choice, degrees, fraction, metres, number, text, tick
+from .ground import MAP
 from .relevance import chosen, ticked
 
 DATED = ~chosen("directions_from", "ANGLES")
@@ -38,6 +39,13 @@ class LightSettings(Table, label="Light"):
     longitude_deg: float = degrees(
         "Longitude", 0.0, -360.0, 360.0, "East longitude of the site; at a pole, of the meridian whose north is north. "
         "The planet is above longitude -4 on Enceladus and -1.5 on Europa", "light", shown=DATED)
+    place: Literal["SITE", "STATED"] = choice(
+        "Sky Over", "SITE", "The place whose sky a date gives, where Site of a height map is stated by coordinates",
+        "light",
+        ("SITE", "Site of the Map", "The site of the height map, with north as on its map; Latitude and Longitude "
+         "have no effect"),
+        ("STATED", "Latitude and Longitude", "The place of Latitude and Longitude, whose north is the map's up"),
+        shown=DATED & MAP & ~chosen("source.site", "OFFSET"), since="0.4")
     kernels: str = text(
         "Kernels", "", "A meta-kernel, or a folder from which all kernels are loaded", "light", "read",
         subtype="FILE_PATH", shown=chosen("directions_from", "KERNELS"))

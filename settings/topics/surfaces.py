@@ -313,7 +313,7 @@ class TexturesSettings(Table, label="Textures", inside="surface"):
     ] = choice("Stand-In", "SNOW_CRYSTALS", "The texture made by code", "material",
         *stand_ins.make_choices(stand_ins.TEXTURES),
         shown=chosen("set", "STAND_IN"), active=~chosen("set", "MESH"), since="0.3")
-    mapping: Literal["OBJECT", "UV", "PATCH"] = choice(
+    mapping: Literal["OBJECT", "UV", "PATCH", "MAP"] = choice(
         "Mapping", "OBJECT", "How the images are mapped. Images from the mesh always use its UV coordinates",
         "material",
         ("OBJECT", "By Position", "Projected from above, and from the side on steep slopes"),
@@ -321,17 +321,19 @@ class TexturesSettings(Table, label="Textures", inside="surface"):
          "no UV coordinates and get the mean of the images"),
         ("PATCH", "Over the Patch", "Once over the square of the patch around the origin, seen from above, with "
          "north up. Image Width and Repeats have no effect"),
+        ("MAP", "By Map Coordinates", "An albedo GeoTIFF lies where its own coordinate system has it on the map of the "
+         "ground. Image Width and Repeats have no effect"),
         shown=~chosen("set", "NONE"), active=~chosen("set", "MESH"))
     width_m: float = metres(
         "Image Width", 0.5, 1.0e-3, 1.0e4, (0.05, 10.0), "Width of an image that is mapped by position", "material",
-        shown=~chosen("set", "NONE"), active=~chosen("mapping", "PATCH") & ~BY_UV)
+        shown=~chosen("set", "NONE"), active=~chosen("mapping", "PATCH", "MAP") & ~BY_UV)
     repeat: Literal["TURNED", "SHIFTED", "PLAIN"] = choice(
         "Repeats", "TURNED", "How an image that is mapped by position continues beyond its edges", "material",
         ("TURNED", "Shifted and Turned", "Hexagons from random places of the image, at random angles. Repeats are "
          "not visible"),
         ("SHIFTED", "Shifted", "Hexagons from random places of the image, for images with a direction"),
         ("PLAIN", "Plain", "The whole image, side by side"),
-        shown=~chosen("set", "NONE"), active=~chosen("mapping", "PATCH") & ~BY_UV)
+        shown=~chosen("set", "NONE"), active=~chosen("mapping", "PATCH", "MAP") & ~BY_UV)
     height_m: float = metres(
         "Relief Height", 5.0e-3, -10.0, 10.0, (-0.05, 0.05), "Height of white above black in the height image. It is "
         "bump, unless Fine Relief of the surface is Displacement", "material", shown=~chosen("set", "NONE"),

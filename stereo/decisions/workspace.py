@@ -77,7 +77,7 @@ def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = 
             f"{prepared.pair.folder} does not state the place of its camera on a site; decisions need a "
             "pair that was rendered here."
         )
-    known = np.where(_find_ground_pixels(prepared), prepared.truth, np.nan)
+    known = np.where(find_ground_pixels(prepared), prepared.truth, np.nan)
     seen_points, _ = back_project_depth(known, pair.camera.rectified, pose)
     if not len(seen_points):
         raise IcyMoonError(f"{pair.folder} shows no ground, so there is nothing to decide; point the camera at some.")
@@ -183,7 +183,7 @@ def compare_beside_lander(
     share of the cells that only they know.
     """
     prepared = workspace.prepared
-    beside = _find_ground_pixels(prepared) & ~_find_pixels_apart_from_lander(prepared)
+    beside = find_ground_pixels(prepared) & ~_find_pixels_apart_from_lander(prepared)
     position, _ = back_project_depth(np.where(beside, depth_m, np.nan), workspace.pair.camera.rectified, pose)
     dem = make_dem(position, workspace.grid)
     truth = workspace.truth.dem
@@ -233,13 +233,14 @@ def _judge_pads(dem: Dem, rules: Rules) -> Array:
     return judge_pads(dem, pad.disc_m, pad.slope_deg, pad.rock_height_m, pad.known_share)
 
 
-def _find_ground_pixels(prepared: PreparedPair) -> Array:
+def find_ground_pixels(prepared: PreparedPair) -> Array:
+    """Boolean (H, W): the left image shows no lander there."""
     return np.asarray(prepared.classes[MATERIAL.key] != _LANDER)
 
 
 def _find_pixels_apart_from_lander(prepared: PreparedPair) -> Array:
     """Ground (H, W) around which a matcher's window sees no lander: a lander knows where its arm is."""
-    lander = (~_find_ground_pixels(prepared)).astype(np.uint8)
+    lander = (~find_ground_pixels(prepared)).astype(np.uint8)
     side = 2 * _SMEARED_PX + 1
     return np.asarray(cv2.dilate(lander, np.ones((side, side), np.uint8)) == 0)
 
@@ -249,7 +250,7 @@ def _find_lit_pixels(workspace: Workspace) -> Array:
     image = workspace.prepared.left
     grey = (image if image.ndim == 2 else image.mean(axis=2)).astype(np.float64)
     level = grey**2 if workspace.prepared.facts["settings"].sensor.encoding == "SQUARE_ROOT" else grey
-    ground = workspace.prepared.known & _find_ground_pixels(workspace.prepared)
+    ground = workspace.prepared.known & find_ground_pixels(workspace.prepared)
     return (level > workspace.rules.site.lit_level * np.median(level[ground])).astype(np.float64)
 
 

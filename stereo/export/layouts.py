@@ -96,7 +96,8 @@ class _PairReader:
                 self.losses.add(pair, write(pair) or ())
                 self.written += 1
                 if place := (pair.pair.data.get("ground") or {}).get("map"):
-                    self._places[pair.pair.folder.name] = place
+                    on_map = pair.pair.data.get("cameras_on_map")
+                    self._places[pair.pair.folder.name] = place | ({"cameras": on_map} if on_map else {})
             except DiskError:
                 raise
             except Exception as error:

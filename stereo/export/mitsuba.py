@@ -22,9 +22,10 @@ import numpy as np
 
 from ...formats.geotiff import describe_map_place
 from ...physics.light.planetshine import VisibleCap, irradiance_wm2
-from ...physics.light.sky import Sky, compute_sky
+from ...physics.light.sky import Sky
 from ...physics.surfaces.hapke import porosity_factor
 from ...render.pairs.pair_folder import EYES, Pair, read_pair
+from ...render.pairs.pair_sky import compute_pair_sky
 from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.process import Message
 from ...settings.topics.scene import Settings
@@ -63,7 +64,7 @@ def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -
     """Write the scenes of the pairs in folders, and warn of what they lack."""
     pairs = [read_pair(folder) for folder in distinct_pairs(folders)]
     for pair in pairs:
-        for sentence in find_left_out(pair.settings, compute_sky(pair.settings.light)):
+        for sentence in find_left_out(pair.settings, compute_pair_sky(pair.settings, pair.data.get("ground"))):
             context.warn(f"pair {pair.id}: {sentence}")
     with context.progress("Starting Blender") as show:
         export_mitsuba(pairs, out, context.blender, show)
@@ -98,7 +99,7 @@ def _refuse_unexportable(pair: Pair) -> None:
 
 def write_scene(pair: Pair, folder: Path) -> Path:
     """Write the scene files of a pair beside its meshes, and return the folder."""
-    settings, shown = pair.settings, compute_sky(pair.settings.light)
+    settings, shown = pair.settings, compute_pair_sky(pair.settings, pair.data.get("ground"))
     left_out = find_left_out(settings, shown)
     meshes = [kind for kind in ("terrain", "rock") if (folder / f"{kind}.ply").is_file()]
     models = {_choose_surface(settings, kind).model for kind in meshes}

@@ -72,7 +72,7 @@ _KNOWN = Maybe(NUMBER, null=True)
 ROW: dict[str, Shape] = {
     "status": TEXT,  # "ok", "suspect" or "failed"
     "error": TEXT,  # why it failed
-    "images": Each(TEXT, TEXT),  # paths of ``depth``, ``error``, ``disparity`` (npz) and ``points`` (ply), if asked for
+    "images": Each(TEXT, TEXT),  # paths of ``depth``, ``error``, ``disparity`` (npz), and if asked for ``points``, maps
     "options": TABLE,  # all of the matcher
     "facts": TABLE,  # on the run of the method, if it states them
     "search": SEARCH,  # the disparities that were searched, and the share of true ones outside

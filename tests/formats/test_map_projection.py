@@ -6,48 +6,7 @@ import math
 
 import pytest
 from icymoon.formats.map_projection import KNOWN, MapSystem, find_local_scale, read_system
-
-EUROPA_M = 1560800.0
-#: Systems on a sphere, as PROJ states them, and a place in metres.
-ON_A_SPHERE = {
-    "+proj=merc +lat_ts=0": (MapSystem("Mercator", "", EUROPA_M), (4e5, 2e6)),
-    "+proj=merc +lat_ts=30 +lon_0=40": (MapSystem("Mercator", "", EUROPA_M, 40.0, parallel_deg=30.0), (-4e5, -1e6)),
-    "+proj=eqc +lat_ts=0": (MapSystem("Equidistant cylindrical", "", EUROPA_M), (5e5, -1.9e6)),
-    "+proj=eqc +lat_ts=45 +lon_0=180": (
-        MapSystem("Equidistant cylindrical", "", EUROPA_M, 180.0, parallel_deg=45.0),
-        (5e5, 1.2e6),
-    ),
-    "+proj=stere +lat_0=90 +lat_ts=90": (MapSystem("Polar stereographic", "", EUROPA_M, 0.0, 90.0, 90.0), (3e5, 5e5)),
-    "+proj=stere +lat_0=-90 +lat_ts=-70 +lon_0=30 +x_0=1000 +y_0=2000": (
-        MapSystem("Polar stereographic", "", EUROPA_M, 30.0, -90.0, -70.0, east_m=1000.0, north_m=2000.0),
-        (3e5, -6e5),
-    ),
-    "+proj=stere +lat_0=20 +lon_0=10": (MapSystem("Stereographic", "", EUROPA_M, 10.0, 20.0), (7e5, -3e5)),
-    "+proj=laea +lat_0=52 +lon_0=10": (MapSystem("Lambert azimuthal equal area", "", EUROPA_M, 10.0, 52.0), (5e5, 4e5)),
-    "+proj=aeqd +lat_0=-15 +lon_0=60": (MapSystem("Azimuthal equidistant", "", EUROPA_M, 60.0, -15.0), (-9e5, 4e5)),
-    "+proj=ortho +lat_0=10 +lon_0=-30": (MapSystem("Orthographic", "", EUROPA_M, -30.0, 10.0), (6e5, 7e5)),
-    "+proj=sinu +lon_0=20": (MapSystem("Sinusoidal", "", EUROPA_M, 20.0), (4e5, 1e6)),
-    "+proj=tmerc +lat_0=10 +lon_0=15 +k=0.9996": (
-        MapSystem("Transverse Mercator", "", EUROPA_M, 15.0, 10.0, scale=0.9996),
-        (2e5, 9e5),
-    ),
-    "+proj=lcc +lat_1=30 +lat_2=60 +lat_0=40 +lon_0=5": (
-        MapSystem("Lambert conformal conic", "", EUROPA_M, 5.0, 40.0, 30.0, 60.0),
-        (3e5, 2e5),
-    ),
-    "+proj=aea +lat_1=30 +lat_2=60 +lat_0=40 +lon_0=5": (
-        MapSystem("Albers equal area", "", EUROPA_M, 5.0, 40.0, 30.0, 60.0),
-        (3e5, 2e5),
-    ),
-    "+proj=aea +lat_1=-30 +lat_2=-60 +lat_0=-40": (
-        MapSystem("Albers equal area", "", EUROPA_M, 0.0, -40.0, -30.0, -60.0),
-        (3e5, -2e5),
-    ),
-    "+proj=lcc +lat_1=-45 +lat_0=-45": (
-        MapSystem("Lambert conformal conic", "", EUROPA_M, 0.0, -45.0, -45.0, -45.0),
-        (-3e5, 2e5),
-    ),
-}
+from map_systems import EUROPA_M, ON_A_SPHERE
 
 
 def by_proj(text: str, points: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -1,0 +1,103 @@
+"""The frame of a site on its map, from the entry ``map`` of a ``pair.json``: points, cameras and cells in map terms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..support.arrays import Array, Numbers
+from ..support.file_shapes import is_number
+from .geokeys import GeoKeys, geokeys_from_json
+from .map_projection import MapSystem, find_local_scale, read_system
+
+#: Horizontal part of a direction below which it points straight up or down.
+_VERTICAL = 1e-6
+
+
+@dataclass(frozen=True)
+class MapFrame:
+    """Where a site is on a map: the map coordinates of its origin in metres, metres of ground per metre of map along x
+    and y, metres per unit of the file, and the height in the file's system at z = 0.
+
+    ``bounds`` are the outer edges of the file (west, south, east, north) in its unit; ``system`` is None for a
+    projection that is not known here.
+    """
+
+    origin: tuple[float, float]
+    scale: tuple[float, float]
+    unit_m: float
+    height_zero_m: float
+    geokeys: GeoKeys
+    bounds: tuple[float, float, float, float]
+    system: MapSystem | None
+
+    def to_map(self, x_m: Numbers, y_m: Numbers) -> tuple[Array, Array]:
+        """Easting and northing, in the unit of the file, of points east and north of the origin in metres."""
+        at = ((self.origin[k] + np.asarray(v) / self.scale[k]) / self.unit_m for k, v in enumerate((x_m, y_m)))
+        east, north = at
+        return east, north
+
+    def to_site(self, easting: Numbers, northing: Numbers) -> tuple[Array, Array]:
+        """The inverse of ``to_map``."""
+        at = ((np.asarray(v) * self.unit_m - self.origin[k]) * self.scale[k] for k, v in enumerate((easting, northing)))
+        x, y = at
+        return x, y
+
+    def describe_camera(self, pose: Array) -> dict[str, Any]:
+        """Place and direction of a camera by the matrix (4, 4) from its OpenCV axes to the site.
+
+        Azimuths are clockwise, of the optical axis, or of the image's upper edge if the camera looks straight up or
+        down. ``azimuth_grid_deg`` is counted from the map's up, on the map; ``azimuth_true_deg`` from north, on the
+        ground; ``convergence_deg`` is the angle, clockwise, from the map's up to north at the camera. The true azimuth
+        is None where the projection is not known.
+        """
+        x, y, z = (float(value) for value in pose[:3, 3])
+        easting, northing = (float(value) for value in self.to_map(x, y))
+        ahead = pose[:3, 2] if math.hypot(*pose[:2, 2]) > _VERTICAL else -pose[:3, 1]
+        local = None
+        if self.system is not None:
+            try:
+                local = find_local_scale(self.system, easting * self.unit_m, northing * self.unit_m)
+            except (ValueError, OverflowError, ZeroDivisionError):
+                local = None
+        on_ground = math.degrees(math.atan2(ahead[0], ahead[1]))
+        return {
+            "easting": easting,
+            "northing": northing,
+            "height_m": z + self.height_zero_m,
+            "longitude_deg": local and local.longitude_deg,
+            "latitude_deg": local and local.latitude_deg,
+            "azimuth_grid_deg": math.degrees(math.atan2(ahead[0] / self.scale[0], ahead[1] / self.scale[1])) % 360.0,
+            "azimuth_true_deg": None if local is None else (on_ground - local.north_deg) % 360.0,
+            "convergence_deg": local and local.north_deg,
+        }
+
+
+def map_frame_from_json(ground: object) -> MapFrame | None:
+    """The frame of the entry ``ground`` of a ``pair.json``; None if it is on no map whose system it states."""
+    place = ground.get("map") if isinstance(ground, Mapping) else None
+    if not isinstance(place, Mapping):
+        return None
+    geokeys = geokeys_from_json(place.get("geokeys"))
+    lists = [place.get(key) for key in ("origin", "scale", "bounds")]
+    numbers = [place.get("unit_m"), place.get("height_zero_m")]
+    numbers += [value for each in lists if isinstance(each, list) for value in each]
+    if geokeys is None or not all(map(is_number, numbers)) or [len(each or ()) for each in lists] != [2, 2, 4]:
+        return None
+    origin, scale, bounds = (tuple(map(float, each)) for each in lists)
+    unit_m = float(place["unit_m"])
+    if not (unit_m > 0 and min(scale) > 0 and all(map(math.isfinite, (*origin, *scale, *bounds, unit_m)))):
+        return None
+    return MapFrame(
+        origin, scale, unit_m, float(place["height_zero_m"]), geokeys, bounds, read_system(geokeys.numbers(), unit_m)
+    )
+
+
+def describe_cameras(ground: object, poses: Mapping[str, Array]) -> dict[str, Any]:
+    """Each camera of a pair in map terms, by its name; empty if the ground is on no map whose system is stated."""
+    frame = map_frame_from_json(ground)
+    return {name: frame.describe_camera(np.asarray(pose, np.float64)) for name, pose in poses.items()} if frame else {}

@@ -1,0 +1,143 @@
+"""A site that is stated by longitude and latitude, or by the coordinates of a map, in the metres of the map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..support.number_text import show_place
+from . import gdal_lines
+from .map_forward import project_point
+from .map_projection import MapSystem, ellipsoid_m, make_crs_text, states_degrees
+from .tiff import UnreadError
+
+_WEB_MERCATOR, _PROJECTED_KEY, _MERIDIAN_KEY = 3857, 3072, 2061
+#: Half axes of WGS 84, for systems of Earth that a file states by number only.
+_WGS84_M = (6378137.0, 6356752.314245)
+#: Relative difference of the half axes of a sphere, as writers round it.
+_SPHERE = 1e-9
+#: Share of a map's size by which a place on its edge may be beyond it.
+_ROUNDED = 1e-8
+
+
+@dataclass(frozen=True)
+class MapPoint:
+    """A place on a map: planetocentric longitude and latitude in degrees (``degrees``), or its easting and northing in
+    the unit of the file."""
+
+    x: float
+    y: float
+    degrees: bool
+
+
+@dataclass(frozen=True)
+class MapExtent:
+    """The outer edges of a map, in its metres, and the file's unit."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+    unit_m: float
+
+    def contains(self, x: float, y: float) -> bool:
+        """Whether a place is on the map, but for rounding."""
+        slack = _ROUNDED * (self.east - self.west + self.north - self.south)
+        west, east, south, north = self.west - slack, self.east + slack, self.south - slack, self.north + slack
+        return west <= x <= east and south <= y <= north
+
+    def in_file_unit(self) -> tuple[float, float, float, float]:
+        """West, south, east and north in the unit of the file."""
+        west, south, east, north = (edge / self.unit_m for edge in (self.west, self.south, self.east, self.north))
+        return west, south, east, north
+
+    def describe(self) -> str:
+        """The extent in the unit of the file, for a sentence."""
+        west, south, east, north = (f"{edge:.10g}" for edge in self.in_file_unit())
+        return f"from {west} to {east} east and from {south} to {north} north"
+
+
+def find_point(
+    point: MapPoint, system: MapSystem | None, keys: Mapping[int, Any], extent: MapExtent, name: str
+) -> tuple[float, float]:
+    """The place of a point in the metres of its map. ``name`` is the file's, for commands.
+
+    Raises UnreadError for a point that is not on the map, and where the longitudes of the map are not known.
+    """
+    if not point.degrees:
+        x, y = point.x * extent.unit_m, point.y * extent.unit_m
+        if extent.contains(x, y):
+            return x, y
+        raise UnreadError(
+            f"does not contain easting {point.x:.10g}, northing {point.y:.10g}, for its coordinates go "
+            f"{extent.describe()}; set source.site_easting and source.site_northing to a place among them."
+        )
+    if system is None:
+        raise UnreadError(
+            "has a map whose longitudes and latitudes are not known here; set source.site to MAP, with "
+            "source.site_easting and source.site_northing."
+        )
+    where = show_place(point.y, point.x, ".9g")
+    latitude = _find_map_latitude(point, keys, extent.unit_m, name)
+    candidates = _list_places(system, point.x - _first_meridian_deg(keys), latitude)
+    for place in candidates:
+        if extent.contains(*place):
+            return place
+    at = ", ".join(f"{value / extent.unit_m:.10g}" for value in candidates[0]) if candidates else "nowhere"
+    raise UnreadError(
+        f"does not contain {where}, which is {at} in its coordinates, for these go {extent.describe()}"
+        f"{_describe_middle(system, extent)}; set source.site_longitude_deg and source.site_latitude_deg to a place "
+        "on it."
+    )
+
+
+def _first_meridian_deg(keys: Mapping[int, Any]) -> float:
+    """East longitude of the meridian from which a file counts, if it states it."""
+    stated = keys.get(_MERIDIAN_KEY, 0.0)
+    return float(stated) if isinstance(stated, int | float) else 0.0
+
+
+def _list_places(system: MapSystem, longitude_deg: float, latitude_deg: float) -> list[tuple[float, float]]:
+    """The places of a longitude and latitude, first that nearest to the map's middle, then a turn to either side."""
+    found = []
+    for turns in (0, -1, 1):
+        try:
+            found.append(project_point(system, longitude_deg, latitude_deg, turns))
+        except (ValueError, OverflowError, ZeroDivisionError):
+            continue
+    return found
+
+
+def _describe_middle(system: MapSystem, extent: MapExtent) -> str:
+    """The middle of a map in degrees, for a sentence; empty where it has none."""
+    try:
+        longitude, latitude = system.to_sphere((extent.west + extent.east) / 2, (extent.south + extent.north) / 2)
+    except (ValueError, OverflowError, ZeroDivisionError):
+        return ""
+    return f", about {show_place(latitude, longitude, '.6g')}"
+
+
+def _find_map_latitude(point: MapPoint, keys: Mapping[int, Any], unit_m: float, name: str) -> float:
+    """The latitude of a point as its map counts it: planetographic on an ellipsoid.
+
+    Raises UnreadError for a projection of an ellipsoid, whose places are known here to its flattening only.
+    """
+    major, minor = ellipsoid_m(keys)
+    code = keys.get(_PROJECTED_KEY)
+    if not major:
+        major, minor = _WGS84_M
+    if abs(major - minor) <= _SPHERE * major:
+        return point.y
+    latitude = math.degrees(
+        math.atan2(major**2 * math.sin(math.radians(point.y)), minor**2 * math.cos(math.radians(point.y)))
+    )
+    if states_degrees(keys) or code == _WEB_MERCATOR:
+        return latitude
+    body = f"+proj=longlat +a={major!r} +b={minor!r} +no_defs"
+    raise UnreadError(
+        "has a map of an ellipsoid, on which a longitude and latitude are found here to its flattening only; set "
+        "source.site to MAP, with the easting and northing that this prints: "
+        + gdal_lines.transform_command(body, make_crs_text(keys, unit_m), (point.x, latitude))
+    )
