@@ -98,11 +98,12 @@ def make_pair_json(
     seconds: dict[str, float],
     denoiser: str,
     indirect: dict[str, Any] | None,
+    head: list[dict[str, Any]],
 ) -> dict[str, Any]:
     """The content of ``pair.json``, except for facts that are known only when it is finished.
 
     ``light`` is from ``make_light_json``, ``denoiser`` is the denoiser that was used, ``indirect`` the statement about
-    baked light, if any.
+    baked light, if any, ``head`` the entries of the cameras beside the pair.
     """
     settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
     camera, blur = camera_of(settings), find_blur(settings)
@@ -121,6 +122,7 @@ def make_pair_json(
         "eyes": eyes_json(camera, settings.rig),
         "poses_camera_to_world": {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
+        **({"head": head} if head else {}),
         "blur": blur.to_json() if blur else None,
         "light": light,
         "left_out": _list_omissions(built, settings, indirect),
