@@ -46,7 +46,7 @@ _LONGEST_NAME = 40
 _MOST_OFF = 0.1
 _ANYWHERE = ("name", "role", "model", "frame", "position_m", "forward", "up", "quaternion_xyzw")
 _SIZE = ("width_px", "height_px")
-#: Where forward and up point if a camera does not state them, by frame: along the axes of the left eye, or north and up.
+#: Where forward and up point if a camera does not state them, by frame: along the left eye's axes, or north and up.
 _AHEAD = {"RIG": ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))} | dict.fromkeys(
     ("GROUND", "ZERO"), ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 )
