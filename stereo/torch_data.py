@@ -22,8 +22,8 @@ from ..settings.table import TOPICS
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
-from .images.head_views import develop_head_view, read_head_view
 from .images.crops import Crop, Crops, read_whole
+from .images.head_views import develop_head_view, read_head_view
 
 
 class Dataset:
@@ -133,8 +133,8 @@ class Cameras:
     A sample is a dictionary of tensors: ``image``, float32 (1, H, W), or (3, H, W) of a colour sensor, from 0 to 1;
     ``distance_m`` along the rays and ``depth_m`` along the optical axis, float32 (H, W), 0 where unknown; ``valid``,
     bool (H, W), where they are known; ``semantic``, int64 (H, W), and ``normal``, float32 (3, H, W) in the world's
-    axes, if the pairs have them; ``pose``, float64 (4, 4), from the camera to the world; and the texts ``camera``, ``role``,
-    ``model``, ``pair`` and ``scene``.
+    axes, if the pairs have them; ``pose``, float64 (4, 4), from the camera to the world; and the texts ``camera``,
+    ``role``, ``model``, ``pair`` and ``scene``.
 
     ``cameras`` and ``roles`` choose by name and by role, all without them. Images of one size alone fit a batch. The
     other parameters are as those of ``Dataset``. Raises IcyMoonError if no camera is left.

@@ -175,7 +175,7 @@ def count_pixels(settings: Settings) -> int:
 
 
 def count_head_pixels(file: str) -> int:
-    """Pixels that are rendered for the cameras of a head; 0 for one that cannot be read, which is reported elsewhere."""
+    """Pixels that are rendered for the cameras of a head; 0 for a head that cannot be read, which others report."""
     try:
         return _count_head_pixels(Path(file), Path(file).stat().st_mtime_ns) if file else 0
     except (OSError, IcyMoonError):
