@@ -17,6 +17,8 @@ from ..support.arrays import Array
 
 #: Blender's camera looks along -z with y up; OpenCV's along +z with y down.
 OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0])
+#: The nearest and the farthest surfaces that cameras see.
+CLIP_M = 1.0e-4, 1.0e6
 
 
 def build_rig(name: str, rig: RigSettings, ground_m: float) -> bpy.types.Object:
@@ -34,7 +36,7 @@ def place_rig(camera: bpy.types.Object, rig: RigSettings, ground_m: float) -> No
     for name, (_, value) in list_lens_values(rig).items():
         setattr(lens, name, value)
     lens.dof.use_dof = False
-    lens.clip_start, lens.clip_end = 1.0e-4, 1.0e6
+    lens.clip_start, lens.clip_end = CLIP_M
     lens.stereo.convergence_mode = "PARALLEL"
     lens.stereo.pivot = "LEFT"
     lens.stereo.interocular_distance = rig.baseline_m

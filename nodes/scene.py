@@ -49,6 +49,7 @@ from .ground.terrain_mesh import (
     sample_patch,
 )
 from .ground.user_ground import is_from_file, is_mesh
+from .head_cameras import ROLES as HEAD_ROLES
 from .keep_references import find_owned_blocks, is_owned_elsewhere, replace_block, set_owned_blocks, update_object
 from .lander.objects import ROLES as LANDER_ROLES
 from .light.scene_lights import ROLES
@@ -84,7 +85,7 @@ __all__ = [
 ]
 
 #: Roles of the objects in a built collection.
-OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES, *LANDER_ROLES.values())
+OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES, *LANDER_ROLES.values(), *HEAD_ROLES)
 
 
 def measure_patch(built: Built) -> Array | None:

@@ -40,6 +40,7 @@ from .ground.terrain_mesh import (
     vertex_spacing_m,
 )
 from .ground.user_ground import UserGround, is_from_file, load_ground
+from .head_cameras import build_head_cameras
 from .lander.contact import find_contact
 from .lander.objects import build_lander
 from .light.scene_lights import advise_on_sky as light_advice
@@ -112,12 +113,14 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
     ]
     terrain = _make_terrain(settings, ground, warnings)
     camera = tag_block(build_rig(f"{NAME} Camera", jitter_rig(settings), site_m), "camera")
+    others = build_head_cameras(settings, camera, terrain)
     lights = build_lights(settings, sky, camera)
     warnings += [*light_advice(sky, settings), *blur.advise_on_blur(settings)]
     made = MadeObjects(
         [terrain, lights[0], camera, *lights[1:]], tag_block(build_sky(f"{NAME} Sky"), "sky"), own, site_m, warnings
     )
     _add_rocks_and_lander(made, settings, ground)
+    made.objects += others
     return made
 
 

@@ -158,7 +158,7 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
         direction = eye.directions(pixels)
         lost = np.isnan(direction).any(axis=1)
         direction[lost] = eye.axes[:, 2]  # any ray; its hit is dropped
-        seen = _find_first_surface(stage, eye.position, direction, near_m, far_m)
+        seen = find_first_surface(stage, eye.position, direction, near_m, far_m)
         for values in (seen.label, seen.number, seen.normal):
             values[lost] = 0
         seen.along[lost] = np.inf
@@ -184,8 +184,8 @@ def list_squares(rows: int, columns: int) -> Iterator[Array]:
         yield part.reshape(part.shape[0] // _TILE, _TILE, -1, _TILE).swapaxes(1, 2).reshape(-1)
 
 
-def _find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: float, far_m: float) -> Surface:
-    """The first surface that rays meet: the ground, else the sky."""
+def find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: float, far_m: float) -> Surface:
+    """The first surface that rays (n, 3) from ``origin``, (3,) or (n, 3), meet: the ground, else the sky."""
     seen = find_surface(
         stage.ground, stage.ground_tracer.intersect(origin, direction, near_m, far_m), origin, direction
     )
@@ -193,9 +193,9 @@ def _find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: f
         return seen
     free = np.flatnonzero(np.isinf(seen.along))
     if len(free):
-        ahead = direction[free]
+        ahead, start = direction[free], origin if origin.ndim == 1 else origin[free]
         beyond = find_surface(
-            stage.sky, intersect_opaque(stage.sky_tracer, stage.sky, origin, ahead, near_m, far_m), origin, ahead
+            stage.sky, intersect_opaque(stage.sky_tracer, stage.sky, start, ahead, near_m, far_m), start, ahead
         )
         for name in ("along", "normal", "label", "number"):
             getattr(seen, name)[free] = getattr(beyond, name)

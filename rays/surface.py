@@ -115,7 +115,8 @@ def _group_by_shape(world: World, hits: Hits) -> Iterator[tuple[int, Array]]:
 
 
 def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Array, near: float, far: float) -> Hits:
-    """The first hits of rays (n, 3) that let at most half of the light pass; see ``Tracer.intersect``."""
+    """The first hits of rays (n, 3) from ``origin``, (3,) or (n, 3), on what lets at most half of the light pass; see
+    ``Tracer.intersect``."""
     hits = tracer.intersect(origin, direction, near, far)
     if all(each.shape.passing is None for each in world.placed):
         return hits
@@ -123,7 +124,8 @@ def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Arr
     for _ in range(_MOST_PASSED):
         if not len(going):
             break
-        start = origin + direction[going] * (hits.along[going, None] * (1 + _BEYOND))
+        first = origin if origin.ndim == 1 else origin[going]
+        start = first + direction[going] * (hits.along[going, None] * (1 + _BEYOND))
         beyond = tracer.intersect(start, direction[going], 0.0, far)
         passed = hits.along[going] * (1 + _BEYOND)
         for name in ("place", "triangle", "u", "v"):

@@ -41,14 +41,9 @@ def make_lander_json(built: Built, settings: Settings, poses: Mapping[str, Array
     camera, contact = StereoCamera.from_settings(settings.rig), find_contact(settings, built.site_m, built.terrain)
     pads_m = read_pad_heights_m(objects[ROLES[BODY]])
     matrix = np.array([[camera.focal_px, 0.0, camera.cx_px], [0.0, camera.focal_px, camera.cy_px], [0.0, 0.0, 1.0]])
-    keypoints = describe_keypoints(
-        settings,
-        pads_m,
-        links,
-        poses,
-        matrix,
-        {eye: _crop_margins(read_depth(_find_truth_file(folder, eye).read_bytes()), camera) for eye in EYES},
-    )
+    seen = EYES if settings.rig.images == "PAIR" else ()
+    depths = {eye: _crop_margins(read_depth(_find_truth_file(folder, eye).read_bytes()), camera) for eye in seen}
+    keypoints = describe_keypoints(settings, pads_m, links, poses, matrix, depths) if seen else []
     return {
         "lander": {
             "links": [

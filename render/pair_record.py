@@ -99,11 +99,12 @@ def make_pair_json(
     seconds: dict[str, float],
     denoiser: str,
     indirect: dict[str, Any] | None,
+    head: list[dict[str, Any]],
 ) -> dict[str, Any]:
     """The content of ``pair.json``, except for facts that are known only when it is finished.
 
     ``light`` is from ``make_light_json``, ``denoiser`` is the denoiser that was used, ``indirect`` the statement about
-    baked light, if any.
+    baked light, if any, ``head`` the entries of the cameras beside the pair.
     """
     settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
     camera, blur = camera_of(settings), find_blur(settings)
@@ -125,6 +126,7 @@ def make_pair_json(
         "poses_camera_to_world": {eye: pose.tolist() for eye, pose in eyes.items()},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         **({"cameras_on_map": on_map} if on_map else {}),
+        **({"head": head} if head else {}),
         "blur": blur.to_json() if blur else None,
         "light": light,
         "left_out": _list_omissions(built, settings, indirect),

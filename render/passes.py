@@ -81,7 +81,8 @@ _TRUTH_PASSES = _FIRST_SAMPLE | {
 
 
 def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> dict[str, Path]:
-    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``.
+    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``; of
+    a camera that is no pair the one file, with an empty name.
 
     ``truth`` is the wanted truth, as in ``quality.truth``. All but FULL comes with the radiance.
     """
@@ -95,7 +96,8 @@ def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> d
         scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
         _enable_passes(layer, "use_pass_combined", *_TRUTH_PASSES[truth])
     scene.render.filepath = str(stem)
-    return {eye: stem.with_name(f"{stem.name}{suffix}.exr") for eye, suffix in _SUFFIX.items()}
+    suffixes = _SUFFIX if scene.render.use_multiview else {"": ""}
+    return {eye: stem.with_name(f"{stem.name}{suffix}.exr") for eye, suffix in suffixes.items()}
 
 
 #: Passes that renders have and nobody needs: those that mean something in the other render only, the colour of the

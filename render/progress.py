@@ -15,12 +15,13 @@ _SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
 class SampleCounter:
     """Fraction of a stereo render that is done, from Cycles' status lines.
 
-    Cycles renders the radiance of both eyes, then ``truths`` times the truth of both; each run counts its samples from
-    0 to its own total. ``seconds`` is the time between these status lines.
+    Cycles renders the radiance of the ``eyes``, then ``truths`` times the truth of both, then the radiance of
+    ``others``, cameras beside the pair; each run counts its samples from 0 to its own total. ``seconds`` is the time
+    between these status lines.
     """
 
-    def __init__(self, samples: int, truths: int = 1) -> None:
-        self._expected = 2 * samples + 2 * truths  # the truth has one sample per eye
+    def __init__(self, samples: int, truths: int = 1, others: int = 0, eyes: int = 2) -> None:
+        self._expected = (eyes + others) * samples + 2 * truths  # the truth has one sample per eye
         self._finished, self._now = 0, 0
         self._since: float | None = None
         self.seconds = 0.0
@@ -46,9 +47,11 @@ class SampleCounter:
 
 
 @contextmanager
-def watch_samples(samples: int, truths: int, report: Callable[[float], None]) -> Iterator[SampleCounter]:
+def watch_samples(
+    samples: int, truths: int, report: Callable[[float], None], others: int = 0, eyes: int = 2
+) -> Iterator[SampleCounter]:
     """Call ``report`` with the fraction done whenever Cycles has finished samples; see SampleCounter."""
-    counter = SampleCounter(samples, truths)
+    counter = SampleCounter(samples, truths, others, eyes)
 
     def listen(*arguments: object) -> None:
         status = str(arguments[0]) if arguments else ""

@@ -14,10 +14,11 @@ import numpy as np
 from ..formats.exr_parts import assemble
 from ..formats.exr_pixels import encode_part
 from ..physics.camera.stereo_camera import StereoCamera
+from ..rays.camera_truth import CameraTruth
 from ..rays.stereo_truth import AnyEye, CalibratedEye, Eye, EyeTruth, Stage, trace_eyes
 from ..support.arrays import Array
 from ..support.files import explain_disk_errors
-from ..support.labels import FIRST_ROCK_INSTANCE, HIDDEN, INSTANCE_AOV, NORMAL_AOV, SKY_DEPTH_M, TRUTH
+from ..support.labels import DISTANCE, FIRST_ROCK_INSTANCE, HIDDEN, INSTANCE_AOV, NORMAL_AOV, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
 
 #: The files of a truth: their stem, and on which pixels it is: those of the parallel eyes, the same turned in, or those
@@ -96,20 +97,32 @@ def trace_beside(
 
 
 #: Passes by ``quality.truth``; all passes for another value.
-_PASSES = {"DEPTH": ("Depth",), "SEMANTIC": ("Depth", "Material Index")}
+_PASSES = {"DEPTH": ("Depth", DISTANCE), "SEMANTIC": ("Depth", DISTANCE, "Material Index")}
 
 
 def encode_truth(truth: EyeTruth, wanted: str = "FULL", rounded: Collection[str] = ()) -> bytes:
     """An EXR file of the truth of an eye that is ``wanted``, with the passes ``rounded`` as 16-bit floats."""
+    return _encode_passes({**_list_passes("Depth", truth.depth_m, truth), HIDDEN: {"X": truth.hidden}}, wanted, rounded)
+
+
+def encode_camera_truth(truth: CameraTruth, wanted: str, rounded: Collection[str]) -> bytes:
+    """The same of a camera beside the pair, with the distance along its rays in place of depth."""
+    return _encode_passes(_list_passes(DISTANCE, truth.distance_m, truth), wanted, rounded)
+
+
+def _list_passes(name: str, far_m: Array, truth: EyeTruth | CameraTruth) -> dict[str, dict[str, Array]]:
+    """The passes that all cameras have, with ``far_m`` as the pass ``name``."""
     rocks = truth.number >= FIRST_ROCK_INSTANCE
-    passes = {
-        "Depth": {"Z": np.where(np.isinf(truth.depth_m), SKY_DEPTH_M, truth.depth_m)},
+    return {
+        name: {"Z": np.where(np.isinf(far_m), SKY_DEPTH_M, far_m)},
         "Object Index": {"X": np.where(rocks, 0, truth.number)},
         "Material Index": {"X": truth.label},
         NORMAL_AOV: dict(zip("RGB", np.moveaxis(truth.normal, -1, 0), strict=True)),
         INSTANCE_AOV: {"X": np.where(rocks, truth.number, 0)},
-        HIDDEN: {"X": truth.hidden},
     }
+
+
+def _encode_passes(passes: dict[str, dict[str, Array]], wanted: str, rounded: Collection[str]) -> bytes:
     return assemble(
         [
             encode_part(f"{TRUTH}.{name}", channels, f"{TRUTH}.{name}" in rounded)

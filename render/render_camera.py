@@ -14,9 +14,12 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..nodes.head_cameras import set_projection
 from ..nodes.rig import OPENCV_FROM_BLENDER
 from ..physics.camera.blur import Blur, find_pose_after
+from ..physics.camera.head_camera import Projection
 from ..physics.camera.stereo_camera import StereoCamera
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 
 #: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
@@ -78,6 +81,23 @@ def set_up_camera(
         item.animation_data_clear()
         item.rotation_mode = "XYZ"
         bpy.data.actions.remove(action)
+
+
+@contextmanager
+def set_up_head_camera(scene: bpy.types.Scene, projection: Projection, pose: Array) -> Iterator[None]:
+    """Let the camera of ``scene``, see ``add_render_camera``, be a single one of a ``projection`` that Cycles has, with
+    a pose (4, 4) in the world in OpenCV's axes."""
+    item, render = scene.camera, scene.render
+    set_projection(item.data, projection)
+    render.resolution_x, render.resolution_y = projection.size_px
+    matrix = pose.copy()
+    matrix[:3, :3] = pose[:3, :3] @ OPENCV_FROM_BLENDER
+    item.matrix_world = Matrix(matrix.tolist())
+    render.use_motion_blur = render.use_multiview = False
+    try:
+        yield
+    finally:
+        render.use_multiview = True
 
 
 def _copy_lens(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct) -> None:

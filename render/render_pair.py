@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, assemble, join_layers, read_pieces
 from ..formats.exr_pixels import compress, drop_passes, round_passes
 from ..nodes.datablocks.fingerprint import find_built_objects
+from ..nodes.head_cameras import read_head_cameras
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
 from ..nodes.light.veil import veil_in
@@ -58,6 +60,7 @@ from .progress import watch_samples
 from .ray_stage import CannotTrace, SceneRays
 from .ray_truth import Wanted, trace_beside
 from .render_camera import add_render_camera, set_up_camera, shift_frame
+from .render_head import render_head
 from .workers.claims import CLAIMS_FOLDER
 
 #: Bytes for a pair's pixel in Blender's own files, which are not compressed: 32-bit floats of all passes of the light,
@@ -226,6 +229,7 @@ class _Rendered:
     light: dict[str, Any]
     engine: dict[str, str]  # the pair's statement about its truth
     seconds: dict[str, float]
+    head: list[dict[str, Any]]  # the entries of the cameras beside the pair
 
 
 def _render_into(
@@ -256,6 +260,7 @@ def _render_into(
             seconds,
             quality.denoiser,
             indirect.to_json(shares, noise_of_image),
+            made.head,
         ),
         **({"truth": made.engine} if made.engine else {}),
         **make_lander_json(built, settings, made.poses, part),
@@ -281,8 +286,9 @@ def _render_takes(
 ) -> _Rendered:
     """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is."""
     settings = planned.settings
-    camera, blur = camera_of(settings), find_blur(settings)
-    takes = _list_camera_setups(camera, blur, _has_full_truth(planned))
+    camera, blur, others = camera_of(settings), find_blur(settings), len(read_head_cameras(settings))
+    has_eyes = settings.rig.images == "PAIR"
+    takes = _list_camera_setups(camera, blur, _has_full_truth(planned)) if has_eyes else []
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
     with turn_about_eye(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
@@ -290,9 +296,10 @@ def _render_takes(
         poses = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         clip_m = built.camera.data.clip_start, built.camera.data.clip_end
         stage, asked, engine = _plan_rays(part, rays, settings, takes, camera)
-        truths = 0 if asked.keys() - {_ON_SENSORS} else _count_truths(takes, planned)
+        head_stage = _stage_of_rays(rays, "of cameras beside the pair", "empty rig.head_file") if others else None
+        truths = 0 if asked.keys() - {_ON_SENSORS} or not has_eyes else _count_truths(takes, planned)
         with (
-            watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
+            watch_samples(len(lights) * int(quality.samples), truths, report, others, 2 * has_eyes) as sampling,
             trace_beside(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded) as traced,
         ):
             for k, take in enumerate(takes):
@@ -301,7 +308,7 @@ def _render_takes(
                     for layer, name in take.images:
                         stem = part / f"{layer}{k}"
                         if layer == BEAUTY:
-                            made = _render_radiance(scene, built, lights, stem, planned)
+                            made = _render_radiance(scene, built, lights, stem, planned, settings.quality.truth)
                         elif k in traced:
                             made = traced[k].result()
                         else:
@@ -309,11 +316,18 @@ def _render_takes(
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
             files |= _files_on_sensors(traced)
+            head: list[dict[str, Any]] = []
+            if head_stage is not None:
+                take = partial(_render_radiance, scene, built, lights, planned=planned, truth="FULL")
+                more, head = render_head(part, built, scene, head_stage, settings, rounded, take)
+                files |= more
         light = make_light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
             _write_workspace(part, rays, built, scene.frame_current)
     seconds = {"render": round(time.perf_counter() - start, 3), "sampling": round(sampling.seconds, 3)}
-    return _Rendered(files, poses, light, engine, seconds)
+    if head_stage is not None and not has_eyes:
+        engine = {"by": head_stage.ground_tracer.name}
+    return _Rendered(files, poses, light, engine, seconds, head)
 
 
 def _prepare_cycles(
@@ -389,9 +403,9 @@ def _plan_rays(
         for k, take in enumerate(takes)
         if stage and TRUTH in dict(take.images)
     }
-    if camera.eyes:
+    if camera.eyes and takes:
         asked[_ON_SENSORS] = part / f"{TRUTH}-sensors", "SENSORS"
-        stage = stage or _stage_of_sensors(rays)
+        stage = stage or _stage_of_rays(rays, "on the sensors of calibrated eyes", "set rig.eyes to ALIKE")
     return stage, asked, engine
 
 
@@ -401,14 +415,13 @@ def _files_on_sensors(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str
     return {RAW_TRUTH_FILE.format(eye): {TRUTH: file} for eye, file in found.items()}
 
 
-def _stage_of_sensors(rays: SceneRays) -> Stage:
-    """The stage for the truth on sensors, which Cycles cannot render. Raises IcyMoonError if rays cannot find it."""
+def _stage_of_rays(rays: SceneRays, whose: str, fix: str) -> Stage:
+    """The stage for a truth that Cycles cannot render. Raises IcyMoonError if rays cannot find it."""
     try:
         return rays.prepare()
     except CannotTrace as reason:
         raise IcyMoonError(
-            f"Rays find the truth on the sensors of calibrated eyes, and here they cannot: {reason}; set rig.eyes to "
-            "ALIKE, or change that."
+            f"Rays find the truth {whose}, and here they cannot: {reason}; {fix}, or change that."
         ) from None
 
 
@@ -425,14 +438,18 @@ def _write_workspace(part: Path, rays: SceneRays, built: Built, frame: int) -> N
 
 
 def _render_radiance(
-    scene: bpy.types.Scene, built: Built, lights: list[separate_lights.LightPass], stem: Path, planned: PlannedPair
+    scene: bpy.types.Scene,
+    built: Built,
+    lights: list[separate_lights.LightPass],
+    stem: Path,
+    planned: PlannedPair,
+    truth: str,
 ) -> dict[str, Path]:
-    """Render radiance into separate files, by eye; lights that need it one after the other, and added up."""
+    """Render radiance into separate files, by eye; lights that need it one after the other, and added up. ``truth`` is
+    the one that comes with it, see ``passes.choose_layer``."""
     files: dict[str, Path] = {}
     for number, light in enumerate(lights):
-        made = passes.choose_layer(
-            scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), planned.settings.quality.truth
-        )
+        made = passes.choose_layer(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), truth)
         veiled = veil_in(scene, planned.settings.veil, int(planned.settings.quality.diffuse_bounces))
         with separate_lights.use_light(built, light), veiled:
             _run_cycles(scene, made, planned)

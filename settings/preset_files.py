@@ -37,6 +37,8 @@ WHOLE = ("scenes", "gallery", "own")
 _HEADER = ("title", "description", "include", "made_with")
 #: Shipped plans of data sets, which ``render.plans`` reads.
 PLANS = PRESETS / "datasets"
+#: Shipped heads of cameras, which ``formats.head_file`` reads.
+HEADS = PRESETS / "heads"
 
 
 def load(path: Path) -> Settings:
@@ -106,7 +108,9 @@ def make_paths_relative_to(folder: Path, settings: Settings) -> Settings:
 def preset_names(kind: str = "") -> list[str]:
     """Names of the shipped presets, all or of one kind, such as ``scenes/europa_rough_ice``."""
     return sorted(
-        p.relative_to(PRESETS).with_suffix("").as_posix() for p in (PRESETS / kind).rglob("*.toml") if p.parent != PLANS
+        p.relative_to(PRESETS).with_suffix("").as_posix()
+        for p in (PRESETS / kind).rglob("*.toml")
+        if p.parent not in (PLANS, HEADS)
     )
 
 

@@ -10,6 +10,7 @@ import hashlib
 from pathlib import Path
 
 from ..formats import mesh_file, mesh_images
+from ..formats.head_file import list_head_files
 from ..paper_stand_ins.items import RECIPE, list_items
 from ..physics.arm.own_arm import arm_files
 from ..physics.light.kernels import list_kernel_files
@@ -41,6 +42,8 @@ def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict
         named["excavation.file"] = str(settings.excavation.file)
     if settings.lander.kind == "OWN":
         named["lander.file"] = str(settings.lander.file)
+    if settings.rig.head_file:
+        named["rig.head_file"] = str(settings.rig.head_file)
     if settings.light.directions_from == "KERNELS":
         named["light.kernels"] = str(settings.light.kernels)
     return {name: absolute_path(text, name, blend_folder) for name, text in named.items()}
@@ -76,12 +79,15 @@ def do_files_exist(settings: Settings, blend_folder: str | None = None) -> bool:
 
 
 def _list_parts(settings: Settings, name: str, path: Path) -> list[Path]:
-    """The files whose content counts: for a mesh also its buffers and, if shown, its images; all files of a folder."""
+    """The files whose content counts: for a mesh also its buffers and, if shown, its images; for a head the
+    calibrations that it names; all files of a folder."""
     if name == "source.file":
         shown = mesh_images.find_images(path).files() if settings.textures.set == "MESH" else []
         return [*mesh_file.find_geometry_files(path), *shown]
     if name == "lander.file":
         return arm_files(path)
+    if name == "rig.head_file":
+        return list_head_files(path)
     return list_kernel_files(path)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..physics.camera.sensor import find_stream
 from ..physics.random_numbers.seeds import make_generator
 from ..render.pairs.pair_folder import EYES, Pair, find_pairs
 from ..render.pairs.scene_splits import check_splits, choose_split, name_scene, read_splits
@@ -22,6 +23,7 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .images.crops import Crop, Crops, read_whole
+from .images.head_views import develop_head_view, read_head_view
 
 
 class Dataset:
@@ -50,24 +52,9 @@ class Dataset:
         crop_px: tuple[int, int] | None = None,
         seed: int = 0,
     ) -> None:
-        stated = None if splits is None else check_splits(splits)
-        roots = [paths] if isinstance(paths, str | Path) else list(paths)
-        found = [pair for root in roots for pair in find_pairs(Path(root))]
-        sets = {pair.folder.parent.parent for pair in found}
-        shares = {dataset: read_splits(dataset) if stated is None else stated for dataset in sets}
-        known = list(dict.fromkeys(name for each in shares.values() for name in each))
-        if split is not None and split not in known:
-            raise IcyMoonError(f"There is no split {split!r}; there are {', '.join(known)}.")
-        self.pairs = [
-            pair
-            for pair in found
-            if split is None or choose_split(name_scene(pair), shares[pair.folder.parent.parent]) == split
-        ]
-        if not self.pairs:
-            raise IcyMoonError(
-                f"None of the {format_count(len(found), 'pair')} is in the split {split}; give more "
-                "scenes, or other splits."
-            )
+        self.pairs = _choose_pairs(paths, split, splits)
+        for pair in self.pairs:
+            pair.image("left")  # raises for a pair that has no eyes
         self._response = merged(*(load_preset(name) for name in presets))
         self._ranges = dict(augment or {})
         self._crop, self._seed, self._epoch = crop_px, seed, 0
@@ -100,19 +87,7 @@ class Dataset:
 
     def __getitem__(self, number: int) -> dict[str, Any]:
         """The sample of this number, the same for the same seed and epoch. Raises IcyMoonError without PyTorch."""
-        try:
-            import torch
-        except ImportError:
-            raise IcyMoonError(
-                'Training samples are tensors of PyTorch, which is not here; pip install "icymoon[networks]".'
-            ) from None
-
-        number = range(len(self.pairs))[number]
-        found = self.arrays(number)
-        return {
-            key: torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
-            for key, value in found.items()
-        }
+        return _to_tensors(self.arrays(range(len(self.pairs))[number]))
 
     def arrays(self, number: int) -> dict[str, Any]:
         """The sample as NumPy arrays."""
@@ -150,6 +125,125 @@ class Dataset:
         left = int(random.integers(pair.camera.width_px - width + 1))
         upper = int(random.integers(pair.camera.height_px - height + 1))
         return slice(upper, upper + height), slice(left, left + width), left, upper
+
+
+class Cameras:
+    """The cameras beside the pairs of data sets, for networks that need one image; ``DataLoader`` works on it.
+
+    A sample is a dictionary of tensors: ``image``, float32 (1, H, W), or (3, H, W) of a colour sensor, from 0 to 1;
+    ``distance_m`` along the rays and ``depth_m`` along the optical axis, float32 (H, W), 0 where unknown; ``valid``,
+    bool (H, W), where they are known; ``semantic``, int64 (H, W), and ``normal``, float32 (3, H, W) in the world's
+    axes, if the pairs have them; ``pose``, float64 (4, 4), from the camera to the world; and the texts ``camera``,
+    ``role``, ``model``, ``pair`` and ``scene``.
+
+    ``cameras`` and ``roles`` choose by name and by role, all without them. Images of one size alone fit a batch. The
+    other parameters are as those of ``Dataset``. Raises IcyMoonError if no camera is left.
+    """
+
+    def __init__(
+        self,
+        paths: str | Path | Sequence[str | Path],
+        split: str | None = None,
+        *,
+        splits: Mapping[str, float] | None = None,
+        cameras: Sequence[str] = (),
+        roles: Sequence[str] = (),
+        presets: Sequence[str] = (),
+        seed: int = 0,
+    ) -> None:
+        found = _choose_pairs(paths, split, splits)
+        self.samples = [
+            (pair, camera)
+            for pair in found
+            for camera in pair.head
+            if (not cameras or camera.name in cameras) and (not roles or camera.role in roles)
+        ]
+        if not self.samples:
+            there = sorted({f"{camera.name} ({camera.role})" for pair in found for camera in pair.head})
+            raise IcyMoonError(
+                f"The pairs have no such camera beside them; there are "
+                f"{', '.join(there) or 'none, so state rig.head_file'}."
+            )
+        self._response = merged(*(load_preset(name) for name in presets))
+        _refuse_renders(self._response)
+        self._seed, self._epoch = seed, 0
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw the noise of another epoch; before a ``DataLoader`` starts its workers for it."""
+        self._epoch = epoch
+
+    def __getitem__(self, number: int) -> dict[str, Any]:
+        """The sample of this number, the same for the same seed and epoch. Raises IcyMoonError without PyTorch."""
+        return _to_tensors(self.arrays(range(len(self.samples))[number]))
+
+    def arrays(self, number: int) -> dict[str, Any]:
+        """The sample as NumPy arrays."""
+        pair, camera = self.samples[number]
+        random = make_generator(self._seed, "training", self._epoch, int(pair.id, 16), find_stream(camera.name))
+        settings = merged(pair.settings, self._response, {"sensor": {"noise_seed": int(random.integers(2**31 - 1))}})
+        view = read_head_view(pair, camera)
+        image = develop_head_view(pair, view, settings)
+        seen = image.grey[None] if image.colour is None else np.moveaxis(image.colour, -1, 0)
+        found: dict[str, Any] = {
+            "image": (seen / (2.0**image.bits - 1)).astype(np.float32),
+            "distance_m": np.nan_to_num(view.distance_m).astype(np.float32),
+            "depth_m": np.nan_to_num(view.depth_m).astype(np.float32),
+            "valid": np.isfinite(view.distance_m),
+            "pose": camera.pose,
+            "camera": camera.name,
+            "role": camera.role,
+            "model": camera.model,
+            "pair": pair.id,
+            "scene": name_scene(pair),
+        }
+        if view.semantic is not None:
+            found["semantic"] = view.semantic.astype(np.int64)
+        if view.normal is not None:
+            found["normal"] = np.moveaxis(view.normal, -1, 0).astype(np.float32)
+        return found
+
+
+def _choose_pairs(
+    paths: str | Path | Sequence[str | Path], split: str | None, splits: Mapping[str, float] | None
+) -> list[Pair]:
+    """The pairs of data sets that are in a split, or all. Raises IcyMoonError for an unknown split, and if no pair is
+    left."""
+    stated = None if splits is None else check_splits(splits)
+    roots = [paths] if isinstance(paths, str | Path) else list(paths)
+    found = [pair for root in roots for pair in find_pairs(Path(root))]
+    sets = {pair.folder.parent.parent for pair in found}
+    shares = {dataset: read_splits(dataset) if stated is None else stated for dataset in sets}
+    known = list(dict.fromkeys(name for each in shares.values() for name in each))
+    if split is not None and split not in known:
+        raise IcyMoonError(f"There is no split {split!r}; there are {', '.join(known)}.")
+    chosen = [
+        pair
+        for pair in found
+        if split is None or choose_split(name_scene(pair), shares[pair.folder.parent.parent]) == split
+    ]
+    if not chosen:
+        raise IcyMoonError(
+            f"None of the {format_count(len(found), 'pair')} is in the split {split}; give more "
+            "scenes, or other splits."
+        )
+    return chosen
+
+
+def _to_tensors(found: Mapping[str, Any]) -> dict[str, Any]:
+    """A sample with its arrays as tensors. Raises IcyMoonError without PyTorch."""
+    try:
+        import torch
+    except ImportError:
+        raise IcyMoonError(
+            'Training samples are tensors of PyTorch, which is not here; pip install "icymoon[networks]".'
+        ) from None
+    return {
+        key: torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
+        for key, value in found.items()
+    }
 
 
 def _make_setting(name: str, value: float) -> Settings:

@@ -21,6 +21,8 @@ from .rotations import from_vector, nearest_rotation, rotation_error, to_vector
 ROTATION_TOLERANCE = 1e-6
 #: Largest focal length, skew and principal point, px, and distance, m.
 _MOST_PX, _MOST_M = 1e8, 1e9
+#: From K with pixels counted from the centre of the first one to K with pixels counted from its corner.
+CORNER = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)

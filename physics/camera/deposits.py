@@ -18,7 +18,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..random_numbers.seeds import make_generator
 from ..rig.focal_length import focal_px
-from .sensor import EYE_STREAMS
+from .sensor import find_stream
 
 #: Most grains that are drawn, and most pixels of the window that the beams cross: some seconds and 2 GB.
 MOST_GRAINS, MOST_PIXELS = 50_000, 32_000_000
@@ -58,7 +58,7 @@ def compute_blocked_share(
             f"{MOST_GRAINS}; make the grains larger or fewer."
         )
     alike = bool(sensor.deposits_alike)
-    random = make_generator(seed, "sensor", _STREAM + int(sensor.deposit_seed), 0 if alike else EYE_STREAMS[eye])
+    random = make_generator(seed, "sensor", _STREAM + int(sensor.deposit_seed), 0 if alike else find_stream(eye))
     count = int(random.poisson(expected))
     places = random.uniform((-wide, -wide), (rows + wide, columns + wide), (count, 2))
     covered = 1.0 - np.exp(-_sum_of_discs(places, grain / 2, (rows, columns)))

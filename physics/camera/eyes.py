@@ -19,7 +19,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from .calibrated_camera import CalibratedCamera
 from .lens_distortion import COEFFICIENTS, read_coefficients
-from .lens_models import Brown, Cahvore, Fisheye, LensModel
+from .lens_models import Brown, Cahvore, Fisheye, LensModel, lens_json
 from .rotations import from_vector, to_vector
 from .stereo_camera import StereoCamera
 
@@ -140,19 +140,6 @@ def eyes_json(camera: StereoCamera, rig: RigSettings) -> dict[str, Any]:
         }
         for (name, facts), eye in zip(found.items(), camera.eyes, strict=True)
     }
-
-
-def lens_json(lens: LensModel) -> dict[str, Any]:
-    """A lens by its name and its numbers, as in ``lens_models``."""
-    if isinstance(lens, Cahvore):
-        return {
-            "model": "CAHVORE",
-            "axis": list(lens.axis),
-            "radial": list(lens.radial),
-            "pupil": list(lens.pupil or (0.0, 0.0, 0.0)),
-            "linearity": lens.linearity,
-        }
-    return {"model": "BROWN" if isinstance(lens, Brown) else "FISHEYE", "coefficients": list(lens.coefficients)}
 
 
 def rays_in_rig(eye: CalibratedCamera, pixels: Array) -> Array:

@@ -8,11 +8,15 @@ directions of length 1. Both give NaN outside the field of the lens: behind it, 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ...support.arrays import Array
+from ...support.file_shapes import is_number
+from ...support.files import quote
 from . import cahvore, lens_distortion
 from .growing import first_root, invert
 
@@ -144,6 +148,35 @@ class Cahvore:
 
 
 LensModel = Brown | Fisheye | Cahvore
+
+
+def lens_json(lens: LensModel) -> dict[str, Any]:
+    """A lens by its name and its numbers, as ``lens_from_json`` reads them."""
+    if isinstance(lens, Cahvore):
+        return {
+            "model": "CAHVORE",
+            "axis": list(lens.axis),
+            "radial": list(lens.radial),
+            "pupil": list(lens.pupil or (0.0, 0.0, 0.0)),
+            "linearity": lens.linearity,
+        }
+    return {"model": "BROWN" if isinstance(lens, Brown) else "FISHEYE", "coefficients": list(lens.coefficients)}
+
+
+def lens_from_json(data: Mapping[str, Any]) -> LensModel:
+    """The lens of a table of ``lens_json``. Raises ValueError for another table."""
+    model = data.get("model")
+    numbers = {
+        key: tuple(value) for key, value in data.items() if isinstance(value, list) and all(map(is_number, value))
+    }
+    try:
+        if model == "CAHVORE":
+            linearity = data["linearity"]
+            pupil = None if linearity == 1.0 and not any(numbers["pupil"]) else numbers["pupil"]
+            return Cahvore(numbers["axis"], numbers["radial"], pupil, float(linearity))
+        return {"BROWN": Brown, "FISHEYE": Fisheye}[str(model)](numbers["coefficients"])
+    except (KeyError, TypeError):
+        raise ValueError(f"there is no lens {quote(model)} with these numbers") from None
 
 
 def _check_numbers(numbers: tuple[float, ...], what: str, *counts: int) -> None:

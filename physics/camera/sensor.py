@@ -20,7 +20,7 @@ from ...settings.topics.camera import SensorSettings
 from ...support.arrays import Array, Numbers
 from ..random_numbers.seeds import make_generator
 
-EYE_STREAMS = {"left": 0, "right": 1}
+_EYE_STREAMS = {"left": 0, "right": 1}
 
 #: Exposure times in seconds between which auto exposure chooses.
 SHORTEST_S, LONGEST_S = 1.0e-6, 1.0e3
@@ -116,9 +116,16 @@ class FixedPattern:
     offset_e: Numbers = 0.0  # electrons added to the dark signal (DSNU)
 
 
+def find_stream(eye: str) -> int:
+    """The number of the random stream of an eye, or of another camera by its name."""
+    if eye in _EYE_STREAMS:
+        return _EYE_STREAMS[eye]
+    return int.from_bytes(hashlib.sha256(eye.encode()).digest()[:8], "big")
+
+
 def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: SensorSettings) -> FixedPattern:
     """The pattern of one eye's sensor: Gaussian, the same in all images of the data set."""
-    random = make_generator(seed, "sensor", EYE_STREAMS[eye])
+    random = make_generator(seed, "sensor", find_stream(eye))
     prnu, dsnu = float(sensor.prnu), float(sensor.dsnu_e)
     response = np.maximum(1 + prnu * random.standard_normal(shape), 0.0) if prnu > 0 else 1.0
     return FixedPattern(response, dsnu * random.standard_normal(shape) if dsnu > 0 else 0.0)
@@ -194,7 +201,7 @@ def make_noise_generator(seed: int, pair_id: str, eye: str, *index: int) -> np.r
     """The random stream of one eye of one pair (and of one of its exposures, ``index``): the same for the
     same data set seed, pair and eye, independent between eyes and between pairs."""
     digest = int.from_bytes(hashlib.sha256(pair_id.encode()).digest()[:8], "big")
-    return make_generator(seed, "sensor", digest, EYE_STREAMS[eye], *index)
+    return make_generator(seed, "sensor", digest, find_stream(eye), *index)
 
 
 def _clear_defects(radiance: Array) -> Array:

@@ -12,7 +12,7 @@ from ...settings.topics.camera import RigSettings
 from ...support.arrays import Array
 from ...support.file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe
 from ..rig.focal_length import focal_px
-from .calibrated_camera import CalibratedCamera
+from .calibrated_camera import CORNER, CalibratedCamera
 
 #: What ``StereoCamera.from_json`` reads of a file, see ``support.file_shapes``.
 CAMERA_SHAPE = {
@@ -27,9 +27,6 @@ CAMERA_SHAPE = {
     "toe_in_deg": Maybe(NUMBER),
     "doffs_px": Maybe(NUMBER),
 }
-
-#: From K with pixels counted from the centre of the first one to K with pixels counted from its corner.
-_CORNER = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -159,7 +156,7 @@ class StereoCamera:
         for eye, along in (("left", 0.0), ("right", self.baseline_m)):
             rotation = self.eye_rotation(eye)
             own = self.own_eye(eye)
-            matrix = self.matrix if own is None else (own.matrix + _CORNER).tolist()
+            matrix = self.matrix if own is None else (own.matrix + CORNER).tolist()
             found[eye] = {"K": matrix, "R": rotation.tolist(), "t": (-along * rotation[:, 0]).tolist()}
         return found
 

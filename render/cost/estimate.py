@@ -11,9 +11,11 @@ import math
 from collections.abc import Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from ...formats.head_file import read_head
 from ...physics.camera.eyes import EYE_TOPICS, is_calibrated
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.scene_requirements import (
@@ -166,9 +168,23 @@ def estimate_work(settings: Settings) -> Work:
 
 
 def count_pixels(settings: Settings) -> int:
-    """Pixels of both eyes, margins included."""
+    """Pixels of both eyes, margins included, and of the cameras beside them."""
     width, height = StereoCamera.from_settings(settings.rig).rendered_px
-    return 2 * width * height
+    eyes = 2 * width * height if settings.rig.images == "PAIR" else 0
+    return eyes + count_head_pixels(str(settings.rig.head_file))
+
+
+def count_head_pixels(file: str) -> int:
+    """Pixels that are rendered for the cameras of a head; 0 for a head that cannot be read, which others report."""
+    try:
+        return _count_head_pixels(Path(file), Path(file).stat().st_mtime_ns) if file else 0
+    except (OSError, IcyMoonError):
+        return 0
+
+
+@lru_cache(maxsize=64)
+def _count_head_pixels(path: Path, _modified_ns: int) -> int:
+    return sum(math.prod(camera.rendered.size_px) for camera in read_head(path).cameras)
 
 
 def estimate_bytes(settings: Settings) -> float:
@@ -191,7 +207,7 @@ def estimate_bytes(settings: Settings) -> float:
     larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
     if is_calibrated(settings.rig):  # and the truth on the sensors
         sensors = sum(settings[topic].width_px * settings[topic].height_px for topic in EYE_TOPICS)
-        copies += sensors / count_pixels(settings)
+        copies += sensors / max(1, count_pixels(settings))
     return count_pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from ...support import system
 from ...support.errors import IcyMoonError
 from ...support.files import is_of_file_manager
+from .head_files import PATTERN
 
 #: Folder of a data set for arrays that a program gave: heights, albedos, rocks.
 INPUTS = "inputs"
@@ -32,7 +33,7 @@ _OUR_NAMES = {
 }
 #: Files of a pair.
 _PAIR_FILES = re.compile(
-    rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth|_raw_truth)?\.exr|workspace(_materials)?\.npy"
+    rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth|_raw_truth)?\.exr|workspace(_materials)?\.npy|{PATTERN}"
 )
 
 

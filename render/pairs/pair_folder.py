@@ -19,6 +19,7 @@ import numpy as np
 
 from ...physics.camera.blur import is_blurred
 from ...physics.camera.eyes import camera_of, eyes_json, eyes_of
+from ...physics.camera.head_camera import HEAD_CAMERA_SHAPE, HeadCamera, camera_from_json, is_plain
 from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
 from ...physics.light.scene_sun import SceneSun, sun_from_json
 from ...settings.changes import select_response
@@ -38,12 +39,14 @@ from ...support.file_shapes import (
     TEXT,
     WHOLE,
     Each,
+    Kind,
     Maybe,
     check_record,
     find_fault,
 )
 from ...support.files import PART, hash_file, quote, read_text, replace_if_unchanged, to_json_text
 from ...support.foreign_bytes import describe_reason, parse_json
+from .head_files import image_file, truth_file
 from .our_files import check_id, check_no_link, is_regular_file, pairs_folder
 from .statements import find_contradictions
 from .workspace_cells import workspace_files
@@ -64,9 +67,20 @@ class Pair:
     settings: Settings  # complete; ``data`` has them as they were written
     camera: StereoCamera
     data: dict[str, Any]  # the whole of pair.json
+    head: tuple[HeadCamera, ...] = ()  # cameras beside the pair, in the world's axes
+
+    @property
+    def has_eyes(self) -> bool:
+        """Whether it has the images of a pair, and not those of the head alone."""
+        return _has_eyes(self.settings)
 
     def image(self, eye: str) -> Path:
-        """Path of ``left.exr`` or ``right.exr``, the light."""
+        """Path of ``left.exr`` or ``right.exr``, the light. Raises IcyMoonError if it has no eyes."""
+        if not self.has_eyes:
+            raise IcyMoonError(
+                f"{self.folder} has no stereo pair, but cameras of a head (rig.images is HEAD); export it as head, "
+                "or render it with rig.images PAIR."
+            )
         return self.folder / f"{eye}.exr"
 
     def truth(self, eye: str) -> Path:
@@ -114,7 +128,10 @@ Restore = Callable[[Mapping[str, Any], str, str], Settings]
 _FIX = "move the folder away and render the pair again"
 #: The settings of a pair, and the version that wrote them.
 _SETTINGS_SHAPE = {"settings": Each(TABLE, TEXT), "versions": Maybe(Each(TEXT, TEXT))}
-_FILES_SHAPE = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME, _IMAGES)}
+_FILES_SHAPE = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME)}
+_PAIR_FILES_SHAPE = {"files": Each(TABLE, FILE_NAME, _IMAGES)}
+#: Settings of a data set without the pair's own images.
+_HEAD_ONLY = {"settings": {"rig": {"images": Kind("HEAD", "HEAD".__eq__)}}}
 _BOTH_EYES = Maybe(dict.fromkeys(EYES, MATRIX))
 _NUMBERS = Maybe(Each(NUMBER, TEXT))
 #: What ``pair.json`` contains, as far as anything here reads it; of the settings see ``settings.check``.
@@ -144,6 +161,7 @@ _SHAPE = {
             "materials": Maybe(FILE_NAME),
         }
     ),
+    "head": Maybe(Each(HEAD_CAMERA_SHAPE)),
     "light": Maybe(TABLE),
     "blur": Maybe(TABLE, null=True),
     "seconds": _NUMBERS,
@@ -188,10 +206,12 @@ def check_pair(folder: Path, data: object, restore: Restore = restore_settings) 
             "use the version that wrote it."
         )
     check_record(data, _SHAPE, path, _FIX)
+    check_record(data, _needed_files(data), path, _FIX)
     settings = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
-    pair = Pair(folder, check_id(data["id"], path), settings, _camera_of(data["camera"], settings, path), data)
+    camera, head = _camera_of(data["camera"], settings, path), _head_of(data.get("head", []), path)
+    pair = Pair(folder, check_id(data["id"], path), settings, camera, data, head)
     _check_statements(pair, path)
-    for eye in EYES:
+    for eye in EYES if pair.has_eyes else ():
         if not pair.image(eye).is_file():
             raise IcyMoonError(f"{pair.image(eye)} is missing; {_FIX}.")
     return pair
@@ -203,6 +223,23 @@ def _camera_of(stated: dict[str, Any], settings: Settings, path: Path) -> Stereo
         return replace(StereoCamera.from_json(stated), eyes=eyes_of(settings))
     except ValueError as error:
         raise IcyMoonError(f"{path}: its settings give no camera ({error}); {_FIX}.") from None
+
+
+def _head_of(stated: list[dict[str, Any]], path: Path) -> tuple[HeadCamera, ...]:
+    """The cameras beside a pair that it states."""
+    try:
+        return tuple(map(camera_from_json, stated))
+    except ValueError as error:
+        raise IcyMoonError(f"{path}: its head gives no camera ({error}); {_FIX}.") from None
+
+
+def _has_eyes(settings: Settings) -> bool:
+    return bool(settings.rig.images == "PAIR")
+
+
+def _needed_files(data: dict[str, Any]) -> Mapping[str, Any]:
+    """The shape of files that the content of a ``pair.json`` must have besides that of all."""
+    return {} if not find_fault(data, _HEAD_ONLY) else _PAIR_FILES_SHAPE
 
 
 def _check_statements(pair: Pair, path: Path) -> None:
@@ -222,7 +259,11 @@ def _find_contradictions(pair: Pair) -> Iterator[str]:
     yield from find_contradictions(
         stated, pair.settings, {**_numbers_of(camera), **camera.to_json()}, eyes_json(camera, pair.settings.rig)
     )
-    wanted, there = _list_file_names(pair.settings, camera), pair.data["files"].keys()
+    if bool(pair.head) != bool(pair.settings.rig.head_file):
+        yield f"head has {len(pair.head)} cameras, and rig.head_file is {quote(pair.settings.rig.head_file)}"
+    if len({each.name.lower() for each in pair.head}) < len(pair.head):
+        yield "head has two cameras of one name"
+    wanted, there = _list_file_names(pair.settings, camera) | _list_head_files(pair), pair.data["files"].keys()
     yield from (f"files has no {name}, and its settings give it" for name in sorted(wanted - there))
     yield from (f"files has {name}, and its settings give no such file" for name in sorted(there - wanted))
 
@@ -239,7 +280,15 @@ def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
         *([TOED_TRUTH_FILE] if camera.toe_in_deg else []),
         *([RAW_TRUTH_FILE] if camera.eyes else []),
     ]
-    return {kind.format(eye) for kind in kinds for eye in EYES} | {*workspace_files(settings.workspace)}
+    seen = {kind.format(eye) for kind in kinds for eye in EYES} if _has_eyes(settings) else set[str]()
+    return seen | {*workspace_files(settings.workspace)}
+
+
+def _list_head_files(pair: Pair) -> set[str]:
+    """The names of the files of the cameras beside a pair, as they must be."""
+    return {image_file(each.name) for each in pair.head} | {
+        truth_file(each.name) for each in pair.head if not is_plain(each.projection)
+    }
 
 
 def is_complete(folder: Path) -> bool:
@@ -285,9 +334,13 @@ def has_stated_files(folder: Path, data: Any) -> bool:
 
     Raises OSError where that cannot be told.
     """
-    return not find_fault(data, _FILES_SHAPE) and all(
-        is_regular_file(folder / name) and (folder / name).stat().st_size == fact["bytes"]
-        for name, fact in data["files"].items()
+    return (
+        not find_fault(data, _FILES_SHAPE)
+        and not find_fault(data, _needed_files(data))
+        and all(
+            is_regular_file(folder / name) and (folder / name).stat().st_size == fact["bytes"]
+            for name, fact in data["files"].items()
+        )
     )
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ...formats.head_file import read_head
 from ...formats.toml_lines import Place
 from ...physics import scene_checks
 from ...physics.camera.blur import describe_blur_identity
@@ -413,3 +414,8 @@ def _check_files(made: _Combination) -> None:
                 ),
                 made.place_of(name),
             )
+    if "rig.head_file" in files:
+        try:
+            read_head(files["rig.head_file"])
+        except IcyMoonError as error:
+            raise _locate_error(error, made.place_of("rig.head_file")) from None

@@ -21,6 +21,7 @@ from ...support.files import hash_file, list_put_there, quote, read_text
 from ...support.foreign_bytes import parse_json
 from ...support.number_text import format_count
 from ..pairs.baked_file import LIGHT, parse_name
+from ..pairs.head_files import image_file, truth_file
 from ..pairs.our_files import (
     INPUTS,
     find_reason_to_keep,
@@ -321,6 +322,9 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
 
 def _wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
     of_sensors = {pair.truth_of_sensor(eye): camera.sensor_px(eye) for eye in EYES}
+    for each in pair.head:
+        of_sensors[pair.folder / image_file(each.name)] = each.rendered.size_px
+        of_sensors[pair.folder / truth_file(each.name)] = each.projection.size_px
     for file in (pair.folder / name for name in pair.data["files"] if name.endswith(".exr")):
         wide, high = of_sensors.get(file, camera.rendered_px)
         sizes = read_sizes(file)

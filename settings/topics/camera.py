@@ -14,6 +14,7 @@ LENS = Section("lens", "Lens and Alignment", "Distortion and focus of the lens, 
 TURN = Section("turn", "Direction", "Rotation vector from the axes of the parallel pair to those of the eye")
 MODEL = Section("model", "Lens Model", "Numbers of the lens, as calibrated")
 MOTION = Section("motion", "Motion", "Motion of the cameras during the exposure")
+HEAD = Section("head", "Cameras beside the Pair", "More cameras of the same scene, from a file")
 OPTICS = Section("optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter")
 DEPOSITS = Section("deposits", "Deposits", "Dust or frost on the windows before the lenses")
 FILTERS = Section(
@@ -116,6 +117,15 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         section=MOTION,
         active=nonzero(
         "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s"))
+    head_file: str = text(
+        "Head", "", "TOML file with cameras beside the pair, each with its model and pose. They are rendered with it. "
+        "Empty for none. // is the folder of the .blend file", "camera", "read", subtype="FILE_PATH", section=HEAD,
+        since="0.4")
+    images: Literal["PAIR", "HEAD"] = choice(
+        "Images", "PAIR", "Which cameras are rendered", "camera",
+        ("PAIR", "Pair", "Both eyes, and the cameras of the head if there is one"),
+        ("HEAD", "Head Only", "The cameras of the head alone. Nothing is matched or evaluated"),
+        section=HEAD, since="0.4")
     x_m: float = metres(
         "Site East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera",
         section=ADVANCED)

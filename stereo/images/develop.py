@@ -168,8 +168,8 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
     light = {eye: channels.at_pixels([optics[eye].on_sensor(plane) for plane in planes[eye]]) for eye in EYES}
     metered = choose_exposure_s(channels.balanced(light["left"]), rate, sensor)
     times = brackets.list_exposure_times(metered, sensor)
-    exposed = {eye: _expose_eye(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
-    bits, detected, full_s = _merged(exposed, times, channels, sensor)
+    exposed = {eye: expose_eye(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
+    bits, detected, full_s = merge_frames(exposed, times, channels, sensor)
     final, colours = _rectify_if_needed(detected, bits, black_dn(sensor) if len(times) == 1 else 0.0, channels, optics)
     saturated = float(np.mean(exposed["left"][-1] == top_dn(sensor)))
     return DevelopedImages(
@@ -233,15 +233,16 @@ class _Optics:
         return None if self.blocked is None else self.rectified(np.rint(self.blocked * 255.0).astype(np.uint8))
 
 
-def _merged(
+def merge_frames(
     exposed: Mapping[str, list[Array]], times: list[float], channels: Channels, sensor: SensorSettings
 ) -> tuple[int, dict[str, Array], float]:
-    """The bits and the digital numbers of each eye, of all exposures; the electrons per second at their top."""
+    """The bits and the digital numbers of each eye, of all exposures; the electrons per second at their top, by the
+    first eye."""
     if len(times) == 1:
-        return int(sensor.bits), {eye: exposed[eye][0] for eye in EYES}, capacity_e(sensor) / times[0]
-    merged = {eye: brackets.merge_exposures(exposed[eye], times, sensor) for eye in EYES}
-    full_s = brackets.find_full_rate(channels.balanced(merged["left"]), times[-1], sensor)
-    return brackets.MERGED_BITS, {eye: brackets.quantise_merged(merged[eye], full_s) for eye in EYES}, full_s
+        return int(sensor.bits), {eye: frames[0] for eye, frames in exposed.items()}, capacity_e(sensor) / times[0]
+    merged = {eye: brackets.merge_exposures(frames, times, sensor) for eye, frames in exposed.items()}
+    full_s = brackets.find_full_rate(channels.balanced(next(iter(merged.values()))), times[-1], sensor)
+    return brackets.MERGED_BITS, {eye: brackets.quantise_merged(rates, full_s) for eye, rates in merged.items()}, full_s
 
 
 def _rectify_if_needed(
@@ -312,7 +313,7 @@ class Channels:
         return seen[0] if len(seen) == 1 else mix_to_grey(np.stack(seen, axis=-1), self._sensor)
 
 
-def _expose_eye(
+def expose_eye(
     light: Array, times: list[float], rate: float, settings: Settings, stream: tuple[int, str, str], pitch_m: float
 ) -> list[Array]:
     """Digital numbers of one eye, exposed for each of ``times``."""

@@ -30,6 +30,7 @@ from ...support.labels import (
     BAKED_ERROR_AOVS,
     BAKED_ERROR_PASSES,
     BEAUTY,
+    DISTANCE,
     GROUP_PASSES,
     HIDDEN,
     IMAGE_PASS,
@@ -103,10 +104,18 @@ def read_depth(path: Path, eye: str | None = None) -> Truth:
     return _make_truth(_read_channels(path, eye, passes), path)
 
 
-def _make_truth(channels: _Channels, path: Path) -> Truth:
-    with_light = (BEAUTY, "Depth", "Z") in channels  # of a pair that has no other truth
+def read_distances(path: Path) -> Truth:
+    """The truth of a camera beside a pair, with the distance along the rays of its pixels in place of depth.
+
+    Raises IcyMoonError if the file is missing, damaged or lacks distances.
+    """
+    return _make_truth(_read_channels(path, None), path, DISTANCE)
+
+
+def _make_truth(channels: _Channels, path: Path, name: str = "Depth") -> Truth:
+    with_light = (BEAUTY, name, "Z") in channels  # of a pair that has no other truth
     with np.errstate(invalid="ignore"):  # NaN stays NaN
-        depth = _find_channel(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
+        depth = _find_channel(channels, BEAUTY if with_light else TRUTH, name, "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
     hidden = channels.get((TRUTH, HIDDEN, "X"))
     return Truth(

@@ -5,6 +5,7 @@ They are detected by feature where possible, otherwise by version number.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,6 +111,35 @@ def draw_linear_texture(texture: gpu.types.GPUTexture, x: float, y: float, width
 
     options = {"is_scene_linear_with_rec709_srgb_target": True} if bpy.app.version >= (5, 0, 0) else {}
     draw_texture_2d(texture, (x, y), width, height, **options)
+
+
+def _panorama_of(lens: bpy.types.Camera) -> bpy.types.bpy_struct:
+    """What has the properties of a panoramic camera: from 5.0 on the camera, before its part of Cycles."""
+    return lens if hasattr(lens, "panorama_type") else lens.cycles
+
+
+def set_panorama(lens: bpy.types.Camera, longitude_rad: float, latitude_rad: float) -> None:
+    """Let a camera take equirectangular images, up to these angles on both sides of the middle."""
+    lens.type = "PANO"
+    panorama = _panorama_of(lens)
+    panorama.panorama_type = "EQUIRECTANGULAR"
+    panorama.longitude_min, panorama.longitude_max = -longitude_rad, longitude_rad
+    panorama.latitude_min, panorama.latitude_max = -latitude_rad, latitude_rad
+
+
+def set_fisheye(lens: bpy.types.Camera, focal_mm: float) -> None:
+    """Let a camera be an equidistant fisheye of a focal length on its sensor that sees all around.
+
+    Blender's own equidistant fisheye has another scale along rows than along columns. Its polynomial one has angles of
+    the opposite sign.
+    """
+    lens.type = "PANO"
+    panorama = _panorama_of(lens)
+    panorama.panorama_type = "FISHEYE_LENS_POLYNOMIAL"
+    panorama.fisheye_fov = 2.0 * math.pi
+    panorama.fisheye_polynomial_k1 = -1.0 / focal_mm
+    for k in (0, 2, 3, 4):
+        setattr(panorama, f"fisheye_polynomial_k{k}", 0.0)
 
 
 def has_cycles() -> bool:

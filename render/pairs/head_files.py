@@ -1,0 +1,16 @@
+"""The files of the cameras beside a pair, in the pair's folder. Imports no Blender."""
+
+from __future__ import annotations
+
+#: Pattern of their names, see ``our_files``. Names of cameras have no full stop.
+PATTERN = r"camera_[A-Za-z0-9_-]{1,40}(\.truth)?\.exr"
+
+
+def image_file(name: str) -> str:
+    """The file with the image of a camera, and with its truth unless that has a file of its own."""
+    return f"camera_{name}.exr"
+
+
+def truth_file(name: str) -> str:
+    """The file with the truth on the pixels of a camera whose image was rendered on others."""
+    return f"camera_{name}.truth.exr"

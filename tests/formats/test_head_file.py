@@ -1,0 +1,140 @@
+"""Files of heads: conventions of poses, calibrations, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from icymoon.formats.head_file import list_head_files, read_head
+from icymoon.physics.camera.calibrated_camera import CalibratedCamera
+from icymoon.support.errors import IcyMoonError
+
+PINHOLE = """
+[[camera]]
+name = "one"
+role = "mast"
+model = "PINHOLE"
+width_px = 64
+height_px = 48
+field_deg = 60
+"""
+CAMCHAIN = """
+cam0:
+  camera_model: pinhole
+  distortion_model: radtan
+  distortion_coeffs: [-0.2, 0.05, 0.001, -0.002]
+  intrinsics: [60.0, 62.0, 30.0, 25.0]
+  resolution: [64, 48]
+cam1:
+  T_cn_cnm1:
+  - [1.0, 0.0, 0.0, -0.3]
+  - [0.0, 1.0, 0.0, 0.1]
+  - [0.0, 0.0, 1.0, 0.0]
+  - [0.0, 0.0, 0.0, 1.0]
+  camera_model: pinhole
+  distortion_model: equidistant
+  distortion_coeffs: [0.01, -0.003, 0.0, 0.0]
+  intrinsics: [30.0, 31.0, 30.0, 25.0]
+  resolution: [64, 48]
+"""
+
+
+def _write(tmp_path, text):
+    path = tmp_path / "head.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def _read(tmp_path, text):
+    return read_head(_write(tmp_path, text)).cameras
+
+
+def test_a_camera_stands_as_the_left_eye_unless_it_states_otherwise(tmp_path):
+    (camera,) = _read(tmp_path, PINHOLE)
+    assert (camera.name, camera.role, camera.model, camera.frame) == ("one", "mast", "PINHOLE", "RIG")
+    np.testing.assert_array_equal(camera.pose, np.eye(4))
+    (beside,) = _read(tmp_path, PINHOLE + "position_m = [0.1, 0.2, 0.3]\nforward = [1, 0, 0]\n")
+    np.testing.assert_array_equal(beside.position_m, [0.1, 0.2, 0.3])
+    # Looking to the right of the rig: its right is the rig's back, its down stays.
+    np.testing.assert_allclose(beside.rotation, [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], atol=1e-15)
+
+
+@pytest.mark.parametrize("frame", ["GROUND", "ZERO"])
+def test_on_the_site_a_camera_looks_north_and_up_is_up(tmp_path, frame):
+    (camera,) = _read(tmp_path, PINHOLE + f'frame = "{frame}"\nposition_m = [1, 2, 3]\n')
+    # Columns: right is east, down is down, ahead is north.
+    np.testing.assert_allclose(camera.rotation, [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)
+
+
+def test_a_quaternion_turns_the_cameras_axes_to_those_of_the_frame(tmp_path):
+    root = np.sqrt(0.5)
+    (camera,) = _read(tmp_path, PINHOLE + f"quaternion_xyzw = [0, 0, {root}, {root}]\n")
+    np.testing.assert_allclose(camera.rotation @ [1, 0, 0], [0, 1, 0], atol=1e-9)
+
+
+def test_a_calibration_gives_lens_and_pose_beside_its_first_camera(tmp_path):
+    (tmp_path / "chain.yaml").write_text(CAMCHAIN, encoding="utf-8")
+    text = PINHOLE.replace('"PINHOLE"', '"CALIBRATED"\ncalibration = "chain.yaml"\ncamera = "cam1"')
+    text = "\n".join(line for line in text.splitlines() if "px" not in line and "field" not in line)
+    path = _write(tmp_path, text)
+    (camera,) = read_head(path).cameras
+    assert isinstance(camera.projection, CalibratedCamera)
+    assert camera.projection.fy_px == 31.0
+    # x1 = x0 + (-0.3, 0.1, 0), so the camera is at the opposite place.
+    np.testing.assert_allclose(camera.position_m, [0.3, -0.1, 0.0], atol=1e-12)
+    assert list_head_files(path) == [path, tmp_path / "chain.yaml"]
+    assert _read(tmp_path, text + "\nposition_m = [1, 2, 3]\n")[0].position_m.tolist() == [1, 2, 3]
+    with pytest.raises(IcyMoonError, match="has the cameras cam0, cam1; choose one by camera"):
+        _read(tmp_path, text.replace('camera = "cam1"', ""))
+    with pytest.raises(IcyMoonError, match=r"line 7 .*no camera 'cam7'"):
+        _read(tmp_path, text.replace("cam1", "cam7"))
+
+
+@pytest.mark.parametrize(
+    ("text", "clause"),
+    [
+        (PINHOLE + PINHOLE.replace('"one"', '"ONE"'), "line 11: .*name of another camera too"),
+        (PINHOLE.replace("PINHOLE", "PINHOL"), "line 5 .*did you mean 'PINHOLE'"),
+        (PINHOLE.replace("= 60", "= 0"), "line 8 .*from 0.1 to 170"),
+        (PINHOLE.replace("= 60", "= 400"), "line 8 .*from 0.1 to 170"),
+        (PINHOLE.replace("PINHOLE", "FISHEYE").replace("= 60", "= 400"), "line 8 .*from 1 to 360"),
+        (
+            PINHOLE.replace("PINHOLE", "EQUIRECTANGULAR").replace("= 60", "= 360"),
+            "more than 180°; state height_px of 32",
+        ),
+        (PINHOLE.replace("= 60", '= "wide"'), "line 8 .*state a number"),
+        (PINHOLE.replace("= 60", "= nan"), "line 8 .*state a number"),
+        (PINHOLE.replace("= 64", "= 64.5"), "line 6 .*state a whole number"),
+        (PINHOLE.replace("field_deg", "width_m"), "has no width_m"),
+        (PINHOLE.replace("field_deg = 60", ""), "field_deg is missing"),
+        (PINHOLE.replace("mast", "tail"), "role is 'tail', known are"),
+        (PINHOLE.replace('"one"', '"../one"'), "no name of a camera"),
+        (PINHOLE.replace('"one"', '"con"'), "no name of a camera"),
+        (PINHOLE.replace('"one"', f'"{41 * "a"}"'), "41 letters"),
+        (PINHOLE.replace('name = "one"', ""), "name is missing"),
+        (PINHOLE + 'frame = "ZERO"\n', "position_m is missing"),
+        (PINHOLE + "position_m = [1, 2]\n", "state 3 numbers"),
+        (PINHOLE + "position_m = [1, 2, 1e9]\n", "farther than 1000 km"),
+        (PINHOLE + "forward = [0, 1, 0]\n", "along one line"),
+        (PINHOLE + "forward = [0, 0, 0]\n", "along one line"),
+        (PINHOLE + "quaternion_xyzw = [0, 0, 0, 0]\n", "not the length 1"),
+        (PINHOLE + "quaternion_xyzw = [0, 0, 0, 1]\nup = [0, 1, 0]\n", "leave up out"),
+        ("", "has no cameras"),
+        ("camera = []\n", "has no cameras"),
+        ("camera = 3\n", "has no cameras"),
+        ("[rig]\nwidth_px = 3\n", "a head has no 'rig'"),
+        ("\x89PNG", "is no TOML file"),
+        (17 * PINHOLE, "16 cameras at most, not 17"),
+    ],
+)
+def test_what_is_no_head_is_refused_by_one_sentence(tmp_path, text, clause):
+    with pytest.raises(IcyMoonError, match=clause) as error:
+        _read(tmp_path, text)
+    assert str(error.value).count("\n") == 0
+    assert "head.toml" in str(error.value)
+
+
+def test_a_file_that_is_not_there_is_refused_and_names_itself_alone(tmp_path):
+    path = tmp_path / "none.toml"
+    with pytest.raises(IcyMoonError, match=r"none\.toml cannot be read"):
+        read_head(path)
+    assert list_head_files(path) == [path]
