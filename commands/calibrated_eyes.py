@@ -147,6 +147,20 @@ def make_rig_table(
     }
 
 
+def complete_eyes(found: Settings) -> Settings:
+    """The settings of a calibration with all that they leave out of a rig and its eyes, for settings that had others:
+    distortion, toe-in, overscan and lens."""
+    unsaid = defaults()
+    keys = [key for key in unsaid.rig if key in _OF_THE_LENS or key.startswith("distortion_")]
+    rig = {**{key: unsaid.rig[key] for key in keys}, **found.rig}
+    eyes = {topic: {**unsaid[topic], **found[topic]} for topic in EYE_TOPICS if topic in found}
+    return check({"rig": rig, **eyes}, "a calibration")
+
+
+#: Settings of a rig, besides distortion, that a calibration determines by leaving them out.
+_OF_THE_LENS = ("eyes", "toe_in_deg", "overscan")
+
+
 @dataclass(frozen=True)
 class _Rectified:
     """The rectified pair of two cameras: the rotations (3, 3) of each into it, its camera, and how far the right eye's

@@ -97,7 +97,7 @@ def add_calibration_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--unit", choices=UNITS, help="the unit of lengths in the files, where they leave it open")
     parser.add_argument(
         "--size",
-        type=_as_sizes,
+        type=parse_sizes,
         default=(),
         metavar="WxH",
         help="width and height of the images in px, for two sizes as WxH,WxH",
@@ -111,8 +111,8 @@ def stated_of(options: argparse.Namespace) -> Stated:
     return Stated(options.unit, options.size, options.lens)
 
 
-def _as_sizes(text: str) -> tuple[tuple[int, int], ...]:
-    """Sizes such as 640x480,1280x960, for argparse."""
+def parse_sizes(text: str) -> tuple[tuple[int, int], ...]:
+    """Sizes such as 640x480,1280x960. Raises ArgumentTypeError."""
     found = []
     for size in text.split(","):
         words = size.strip().lower().split("x")
