@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...physics.camera.eyes import EYE_TOPICS, is_calibrated
+from ...physics.camera.eyes import EYE_TOPICS, find_light_px, is_calibrated
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.scene_requirements import (
     choose_image_quality,
@@ -166,8 +166,8 @@ def estimate_work(settings: Settings) -> Work:
 
 
 def count_pixels(settings: Settings) -> int:
-    """Pixels of both eyes, margins included."""
-    width, height = StereoCamera.from_settings(settings.rig).rendered_px
+    """Pixels of the light of both eyes, margins included."""
+    width, height = find_light_px(settings)
     return 2 * width * height
 
 
