@@ -18,6 +18,7 @@ from ..physics.camera.eyes import (
     EYE_TOPICS,
     camera_of,
     dark_shares,
+    describe_panorama,
     eye_settings,
     overscan_for,
     reasons_of_calibrated_eyes,
@@ -29,7 +30,7 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import explain_errors
-from .calibration_advice import are_chosen_by_name, check_baseline, describe_exchanged
+from .calibration_advice import are_chosen_by_name, check_baseline, check_focal_length, describe_exchanged
 
 #: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
 PARALLEL_RAD, ASIDE = 1e-4, 1e-3
@@ -37,8 +38,6 @@ PARALLEL_RAD, ASIDE = 1e-4, 1e-3
 ALIKE_PX = 0.5
 #: By how much the focal lengths along x and y may differ as a share for pixels that are squares.
 SQUARE = 1e-3
-#: Largest overscan that is proposed: nine times the pixels of the rectified images.
-_MOST_OVERSCAN = 1.0
 
 
 def pair_of(reading: Reading, where: str) -> CalibratedRig:
@@ -98,6 +97,8 @@ def calibrated_settings(
     IcyMoonError for eyes that are swapped, one above the other or at one place, and for a lens that folds the image.
     """
     where = " and ".join(map(str, paths))
+    for camera in rig.cameras:
+        check_focal_length(camera.fx_px, camera.size_px, where)
     with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
         pair = _rectified(rig, paths, kind)
     if pair.along_m > 0:
@@ -114,11 +115,14 @@ def calibrated_settings(
     whole = merged(defaults(), check({"rig": table, **eyes}, where))
     for reason, _ in reasons_of_calibrated_eyes(whole):
         raise IcyMoonError(f"{where}: {reason}")
-    table["overscan"] = math.ceil(min(overscan_for(camera_of(whole)), _MOST_OVERSCAN) * 1000) / 1000
+    panorama = camera_of(whole).panorama
+    if panorama is None:
+        table["overscan"] = math.ceil(overscan_for(camera_of(whole)) * 1000) / 1000
     found = check({"rig": table, **eyes}, where)
     notes = [
         f"Each eye is rendered as it is: {why}. The table rig is their rectified pair, to which truth and rectified "
         "images belong.",
+        *([describe_panorama(panorama)] if panorama else []),
         *doubts,
     ]
     shares = dark_shares(camera_of(merged(defaults(), found)))
@@ -145,6 +149,20 @@ def make_rig_table(
         "principal_y_px": round(cy_px + 0.5 - height / 2, 9) + 0.0,
         "baseline_m": baseline_m,
     }
+
+
+def complete_eyes(found: Settings) -> Settings:
+    """The settings of a calibration with all that they leave out of a rig and its eyes, for settings that had others:
+    distortion, toe-in, overscan and lens."""
+    unsaid = defaults()
+    keys = [key for key in unsaid.rig if key in _OF_THE_LENS or key.startswith("distortion_")]
+    rig = {**{key: unsaid.rig[key] for key in keys}, **found.rig}
+    eyes = {topic: {**unsaid[topic], **found[topic]} for topic in EYE_TOPICS if topic in found}
+    return check({"rig": rig, **eyes}, "a calibration")
+
+
+#: Settings of a rig, besides distortion, that a calibration determines by leaving them out.
+_OF_THE_LENS = ("eyes", "toe_in_deg", "overscan")
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from ..formats.calibrations.options import UNITS, Stated
@@ -12,6 +13,8 @@ from ..support.errors import IcyMoonError
 
 #: Longest baseline of two eyes on one mount, m; NASA's rovers have at most 0.42, cars 1.5.
 _LIKELY_BASELINE_M = 5.0
+#: Shortest baseline of two lenses side by side, m, unless a unit is wrong.
+_SHORT_BASELINE_M = 2e-3
 
 
 def are_chosen_by_name(kind: str, chosen: str | None) -> bool:
@@ -48,6 +51,10 @@ def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, sta
     Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number of the file that is it.
     """
     most = TOPICS["rig"]["baseline_m"].maximum
+    if baseline_m < _SHORT_BASELINE_M:
+        unit = stated.unit or "m"
+        fix = "if it is in metres, state --unit m" if unit != "m" else "if it is in another unit, write metres there"
+        return [f"The eyes are {1000 * baseline_m:g} mm apart, since {stated_in} in {unit}; {fix}."]
     if baseline_m <= _LIKELY_BASELINE_M:
         return []
     likely = [unit for unit in UNITS if baseline_m * UNITS[unit] / UNITS[stated.unit or "m"] <= _LIKELY_BASELINE_M]
@@ -64,3 +71,19 @@ def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, sta
             f"{where}: the eyes are {baseline_m:g} m apart, more than {most:g} m, since {stated_in} in {unit}; {fix}."
         )
     return [f"The eyes are {baseline_m:g} m apart, since {stated_in} in {unit}; {fix}."]
+
+
+def check_focal_length(focal_px: float, size_px: tuple[int, int], where: str) -> None:
+    """Raise IcyMoonError if a focal length is in another unit than pixels: too short for any image of this size, or too
+    long."""
+    focal, width = TOPICS["rig"]["focal_length_mm"], TOPICS["rig"]["sensor_width_mm"].default
+    mm = focal_px / size_px[0] * width
+    if focal.minimum <= mm <= focal.maximum:
+        return
+    fix = "if it is in millimetres, divide it by the pixel pitch in millimetres"
+    if mm > focal.maximum:
+        fix = "give it in pixels, or the images' own size"
+    raise IcyMoonError(
+        f"{where}: the focal length is {focal_px:g} px for images of {size_px[0]} x {size_px[1]} px, a field of "
+        f"{2 * math.degrees(math.atan(size_px[0] / 2 / focal_px)):.3g} degrees; {fix}."
+    )

@@ -38,7 +38,13 @@ from .calibrated_eyes import (
     pair_of,
     why_calibrated,
 )
-from .calibration_advice import are_chosen_by_name, check_baseline, describe_exchanged, doubt_on_order
+from .calibration_advice import (
+    are_chosen_by_name,
+    check_baseline,
+    check_focal_length,
+    describe_exchanged,
+    doubt_on_order,
+)
 from .calibration_text import describe_rig
 
 #: How far two eyes may differ in focal length and distortion, and in principal point, as shares of the focal length
@@ -97,7 +103,7 @@ def add_calibration_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--unit", choices=UNITS, help="the unit of lengths in the files, where they leave it open")
     parser.add_argument(
         "--size",
-        type=_as_sizes,
+        type=parse_sizes,
         default=(),
         metavar="WxH",
         help="width and height of the images in px, for two sizes as WxH,WxH",
@@ -111,8 +117,8 @@ def stated_of(options: argparse.Namespace) -> Stated:
     return Stated(options.unit, options.size, options.lens)
 
 
-def _as_sizes(text: str) -> tuple[tuple[int, int], ...]:
-    """Sizes such as 640x480,1280x960, for argparse."""
+def parse_sizes(text: str) -> tuple[tuple[int, int], ...]:
+    """Sizes such as 640x480,1280x960. Raises ArgumentTypeError."""
     found = []
     for size in text.split(","):
         words = size.strip().lower().split("x")
@@ -200,7 +206,7 @@ def read_eyes(
     rig = pair_of(reading, where)
     why = why_calibrated(rig)
     if not why:
-        return read_rig(*paths, most_px=most_px, stated=stated, kind=kind, names=names)
+        return _read_alike(paths, most_px, stated, kind, names, reading)
     found, notes = calibrated_settings(rig, why, paths, min(kinds), stated, names)
     return found, [*reading.notes, *notes]
 
@@ -219,22 +225,35 @@ def read_rig(
     lacks give the rig of their rectified images. Raises IcyMoonError if camera models of JPL are not parallel and side
     by side, if the lenses differ by more than a twentieth, or if the fitted lens is off by more than ``most_px``.
     """
+    return _read_alike(paths, most_px, stated, kind, names)
+
+
+def _read_alike(
+    paths: tuple[Path, ...],
+    most_px: float,
+    stated: Stated,
+    kind: str | None,
+    names: str | None,
+    reading: Reading | None = None,
+) -> tuple[Settings, list[str]]:
+    """What ``read_rig`` gives, from the cameras that were read already, if they were."""
     where = " and ".join(map(str, paths))
     kinds = {kind or format_of(path) for path in paths}
     stated_in = "the translation is"
     taken: list[str] = []
-    if stated != Stated():
-        read_calibration(paths, stated, kind)  # which refuses what the files state otherwise
-    if kinds == {"cahv"} and len(paths) == 2 and names is None:
+    if reading is None and (stated != Stated() or not _is_read_as_it_is(kinds, paths, names)):
+        # What the files state otherwise is refused here.
+        reading = choose_cameras(read_calibration(paths, stated, kind), names)
+    if kinds == {"cahv"} and _is_read_as_it_is(kinds, paths, names):
         first, second = _read_eye(paths[0], most_px), _read_eye(paths[1], most_px)
         fix, stated_in = _describe_rectification(first, second), "the vector C is"
-    elif kinds == {"ros"} and len(paths) == 2 and names is None:
+    elif reading is None or _is_read_as_it_is(kinds, paths, names):
         cameras = read_ros_camera(paths[0]), read_ros_camera(paths[1])
         first, second, taken = _ros_eyes((paths[0], paths[1]), cameras, "of projection_matrix")
         fix = "calibrate both eyes as a stereo pair"
         stated_in = "the fourth number of projection_matrix is -fx times the baseline"
     else:
-        first, second, taken = _read_any_eyes(paths, where, stated, kind, names)
+        first, second, taken = _find_any_eyes(reading, paths, where, kind, names)
         fix = "rectify their images first"
     _check_one_size(first, second, where)
     _check_parallel(first, second, where, fix)
@@ -312,7 +331,16 @@ def _check_one_size(first: _Eye, second: _Eye, where: str) -> None:
 
 
 def _settings_of(lens: Lens, size_px: tuple[int, int], baseline_m: float, where: str) -> Settings:
-    """The ``rig`` settings of two eyes with this lens."""
+    """The ``rig`` settings of two eyes with this lens. Raises IcyMoonError for a lens that folds the image, and for
+    a focal length that is not in pixels."""
+    check_focal_length(lens.focal_px, size_px, where)
+    camera = CalibratedCamera(*size_px, lens.focal_px, lens.focal_px, lens.cx_px, lens.cy_px, Brown(lens.k))
+    if dark := camera.dark_share():
+        stated = ", ".join(f"{name} = {value:g}" for name, value in zip(COEFFICIENTS, lens.k, strict=True))
+        raise IcyMoonError(
+            f"{where}: the distortion ({stated}) folds the image over itself, so {dark:.1%} of the pixels see nothing; "
+            "calibrate again with points up to the borders of the image, or with fewer coefficients."
+        )
     rig = {
         **make_rig_table(size_px, lens.focal_px, (lens.cx_px, lens.cy_px), baseline_m),
         **{f"distortion_{name}": value for name, value in zip(COEFFICIENTS, lens.k, strict=True)},
@@ -325,11 +353,15 @@ def _read_eye(path: Path, most_px: float) -> _Eye:
     return _Eye(path, find_nearest_lens(model, most_px), model.pinhole()[1], model.c, (model.width_px, model.height_px))
 
 
-def _read_any_eyes(
-    paths: tuple[Path, ...], where: str, stated: Stated, kind: str | None, names: str | None
+def _is_read_as_it_is(kinds: set[str], paths: tuple[Path, ...], names: str | None) -> bool:
+    """Whether two files of JPL or ROS are taken with what only they state: vectors, or a rectified pair."""
+    return kinds in ({"cahv"}, {"ros"}) and len(paths) == 2 and names is None
+
+
+def _find_any_eyes(
+    reading: Reading, paths: tuple[Path, ...], where: str, kind: str | None, names: str | None
 ) -> tuple[_Eye, _Eye, list[str]]:
     """Two cameras of a calibration of any format, as ``_ros_eyes`` gives them."""
-    reading = choose_cameras(read_calibration(paths, stated, kind), names)
     rig = pair_of(reading, where)
     with explain_errors(
         " with ".join(map(str, paths)), "a calibration of two eyes side by side", "calibrate two eyes side by side"

@@ -104,11 +104,7 @@ class ICYMOON_OT_open_plan(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_label = "Open Plan"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: bpy.props.StringProperty(
-        subtype="FILE_PATH",
-        name="File",
-        description="Plan of a data set",
-    )
+    filepath: dialogs.file_property("Plan of a data set")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:

@@ -30,11 +30,7 @@ class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
     bl_label = "Import Ground"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: bpy.props.StringProperty(
-        subtype="FILE_PATH",
-        name="File",
-        description="Mesh or height map to read",
-    )
+    filepath: dialogs.file_property("Mesh or height map to read")
     filter_glob: bpy.props.StringProperty(
         default=";".join(f"*{suffix}" for suffix in (*grounds.SUFFIXES, *gdal_lines.SUFFIXES)), options={"HIDDEN"}
     )

@@ -10,7 +10,6 @@ from ..settings import preset_files, toml_text
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from ..support.files import write_text
-from ..support.printer import show_controls
 from . import dialogs
 from .sidebar_text import format_for_window
 
@@ -22,11 +21,7 @@ class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_label = "Load Settings"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: bpy.props.StringProperty(
-        subtype="FILE_PATH",
-        name="File",
-        description="TOML file to read",
-    )
+    filepath: dialogs.file_property("TOML file to read")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
@@ -39,31 +34,17 @@ class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_save_settings(dialogs.TomlFileDialog, bpy.types.Operator):
+class ICYMOON_OT_save_settings(dialogs.TomlFileDialog, dialogs.SaveDialog, bpy.types.Operator):
     """Save all settings to a TOML file"""
 
     bl_idname = "icymoon.save_settings"
     bl_label = "Save Settings"
+    first_name = "icymoon.toml"
 
-    filepath: bpy.props.StringProperty(
-        subtype="FILE_PATH",
-        name="File",
-        description="TOML file to write",
-    )
+    filepath: dialogs.file_property("TOML file to write")
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        self.filepath = self.filepath or "icymoon.toml"
-        return super().invoke(context, event)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")
-        try:
-            write_text(path, toml_text.to_toml(scene_properties.read_settings(context.scene.icymoon)))
-        except IcyMoonError as error:
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, show_controls(f"Saved {path}"))
-        return {"FINISHED"}
+    def save(self, context: bpy.types.Context, path: Path) -> None:
+        write_text(path, toml_text.to_toml(scene_properties.read_settings(context.scene.icymoon)))
 
 
 CLASSES = (ICYMOON_OT_load_settings, ICYMOON_OT_save_settings)

@@ -9,11 +9,8 @@ import bpy
 
 from ..formats.trajectories import tum_text
 from ..nodes.rig import find_eye_poses
-from ..support.errors import IcyMoonError
 from ..support.files import write_text
-from ..support.printer import show_controls
 from . import dialogs
-from .sidebar_text import format_for_window
 
 
 def _read_poses(scene: bpy.types.Scene) -> str:
@@ -33,17 +30,14 @@ def _read_poses(scene: bpy.types.Scene) -> str:
     return tum_text(stamps, poses, "camera, x right, y down, z forward")
 
 
-class ICYMOON_OT_save_trajectory(dialogs.FileDialog, bpy.types.Operator):
+class ICYMOON_OT_save_trajectory(dialogs.SaveDialog, bpy.types.Operator):
     """Save the poses of the scene's camera, frame by frame, as a text file of TUM's format, for a plan that follows them"""  # noqa: E501
 
     bl_idname = "icymoon.save_trajectory"
     bl_label = "Save Trajectory"
+    first_name = "poses.txt"
 
-    filepath: bpy.props.StringProperty(
-        subtype="FILE_PATH",
-        name="File",
-        description="Text file to write",
-    )
+    filepath: dialogs.file_property("Text file to write")
     filter_glob: bpy.props.StringProperty(default="*.txt", options={"HIDDEN"})
 
     @classmethod
@@ -51,19 +45,8 @@ class ICYMOON_OT_save_trajectory(dialogs.FileDialog, bpy.types.Operator):
         cls.poll_message_set("The scene has no camera; add one, or press Build Scene")
         return context.scene.camera is not None
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        self.filepath = self.filepath or "poses.txt"
-        return super().invoke(context, event)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".txt")
-        try:
-            write_text(path, _read_poses(context.scene))
-        except IcyMoonError as error:
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, show_controls(f"Saved {path}"))
-        return {"FINISHED"}
+    def save(self, context: bpy.types.Context, path: Path) -> None:
+        write_text(path, _read_poses(context.scene))
 
 
 CLASSES = (ICYMOON_OT_save_trajectory,)

@@ -15,17 +15,13 @@ from ..render.pairs.our_files import pairs_folder
 from ..render.plans.frozen_plan import PLAN as FROZEN
 from ..render.plans.frozen_plan import read_frozen_plan
 from ..render.plans.plan_file import parse_plan
-from ..render.plans.vary_scene import (
-    make_plan_text,
-)
+from ..render.plans.vary_scene import make_plan_text
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.files import read_text, write_text
 from ..support.number_text import format_count
-from ..support.printer import show_controls
 from . import dialogs
-from .sidebar_text import format_for_window
 
 #: File of the plan in the folder of its data set.
 PLAN = "plan.toml"
@@ -97,31 +93,17 @@ def find_free_folder(folder: Path, text: str, title: str) -> Path:
     return next((each for each in candidates if not find_folder_fault(each, text)), folder)
 
 
-class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
+class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, dialogs.SaveDialog, bpy.types.Operator):
     """Save the plan of these variations as a TOML file, for icymoon batch in a shell or on another machine"""
 
     bl_idname = "icymoon.save_plan"
     bl_label = "Save Plan"
+    first_name = PLAN
 
-    filepath: bpy.props.StringProperty(
-        subtype="FILE_PATH",
-        name="File",
-        description="TOML file to write",
-    )
+    filepath: dialogs.file_property("TOML file to write")
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        self.filepath = self.filepath or PLAN
-        return super().invoke(context, event)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")
-        try:
-            write_text(path, make_scene_plan_text(context.scene, scene_properties.read_settings(context.scene.icymoon)))
-        except IcyMoonError as error:
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, show_controls(f"Saved {path}"))
-        return {"FINISHED"}
+    def save(self, context: bpy.types.Context, path: Path) -> None:
+        write_text(path, make_scene_plan_text(context.scene, scene_properties.read_settings(context.scene.icymoon)))
 
 
 CLASSES = (ICYMOON_OT_save_plan,)

@@ -172,6 +172,8 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.menu(ICYMOON_MT_settings_files.bl_idname)
         layout.separator()
         layout.operator("icymoon.import_ground", text="Import Ground…")
+        layout.operator("icymoon.read_calibration", text="Read Calibration…")
+        layout.operator("icymoon.write_calibration", text="Write Calibration…")
         layout.operator("icymoon.build_scene")
         layout.operator("icymoon.clear_scene")
         layout.prop(context.scene.icymoon, "live")

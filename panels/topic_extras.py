@@ -29,6 +29,13 @@ def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
 
 
+def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    layout.operator_context = "INVOKE_DEFAULT"
+    row = layout.row(align=True)
+    row.operator("icymoon.read_calibration", text="Read Calibration…", icon="IMPORT")
+    row.operator("icymoon.write_calibration", text="Write Calibration…", icon="EXPORT")
+
+
 def _draw_seed(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     root = context.scene.icymoon
     layout.prop(root.dataset, "seed")
@@ -164,6 +171,7 @@ def _draw_albedos(layout: bpy.types.UILayout, surface: SurfaceSettings, hapke: H
 #: Functions that draw above and below the settings, by topic.
 BEFORE: dict[str, Extra] = {
     "source": _draw_import,
+    "rig": _draw_calibration,
     "terrain": _draw_seed,
     "light": _draw_moons,
     "sensor": _draw_expose,

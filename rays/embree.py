@@ -29,6 +29,8 @@ _NONE = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID
 #: Rays in a packet, and numbers of each in a RTCRayHit16. Their last row exists in newer versions only.
 PACKET, _ROWS = 16, 21
 _ORIGIN, _NEAR, _DIRECTION, _FAR, _MASK, _U, _V, _TRIANGLE, _SHAPE, _PLACE = 0, 3, 4, 8, 9, 15, 16, 17, 18, 19
+#: Least size of a direction's components. Embree divides by them, and packets with a smaller one may meet nothing.
+_LEAST = 1e-12
 #: Packets traced at a time: 44 MB.
 _MOST_PACKETS = 2**15
 
@@ -200,7 +202,8 @@ class EmbreeTracer:
             packets = _make_packets(-(-number // PACKET))
             for k in range(3):
                 _fill_packets(packets[:, _ORIGIN + k], origin[k] if origin.ndim == 1 else origin[part, k])
-                _fill_packets(packets[:, _DIRECTION + k], direction[part, k])
+                along = direction[part, k]
+                _fill_packets(packets[:, _DIRECTION + k], np.where(np.abs(along) < _LEAST, _LEAST, along))
             _fill_packets(packets[:, _FAR], np.broadcast_to(far if far.ndim == 0 else far[part], number))
             packets[:, _NEAR] = near
             whole = packets.view(np.uint32)

@@ -59,6 +59,10 @@ class Eye:
                 & (row <= self.rows + _ROW_SLACK)
             )
 
+    def measure(self, away: Array) -> Array:
+        """How far (n,) points are that are ``away`` (n, 3) from the eye in its axes, as along rays: ahead."""
+        return np.asarray(away[:, 2])
+
     def own_depth(self, direction: Array, depth_m: Array) -> Array:
         """Depths (n,) along the eye's own axis from those along rays (n, 3): the same."""
         return depth_m
@@ -68,7 +72,7 @@ class Eye:
 class CalibratedEye:
     """A calibrated camera at an eye of a parallel rig; the other fields are as in the rig's ``Eye``.
 
-    Its rays are one unit long ahead of the rig, and depths along them are the rig's. ``own`` has its pose in the rig.
+    Its rays are one unit long, since they may lead anywhere. ``own`` has its pose in the rig.
     """
 
     own: CalibratedCamera
@@ -85,7 +89,8 @@ class CalibratedEye:
         return self.own.height_px
 
     def directions(self, pixels: Array) -> Array:
-        """Rays (n, 3) in the world, as ``Eye.directions`` has them; NaN for pixels that see nothing a pinhole shows."""
+        """Rays (n, 3) of length 1 in the world, by pixels as ``Eye.directions`` has them; NaN for pixels that see
+        nothing."""
         row, column = np.divmod(pixels, self.columns)
         return np.asarray(rays_in_rig(self.own, np.stack([column, row], axis=1).astype(np.float64)) @ self.axes.T)
 
@@ -94,13 +99,18 @@ class CalibratedEye:
         where = self.own.show(np.stack([right, down, ahead], axis=-1) @ self.own.rotation.T)
         beyond = np.array(self.own.size_px) - 0.5
         with np.errstate(invalid="ignore"):
-            return np.asarray((ahead > 0) & ((where >= -0.5) & (where <= beyond)).all(axis=-1))
+            return np.asarray(((where >= -0.5) & (where <= beyond)).all(axis=-1))
 
-    def own_depth(self, direction: Array, depth_m: Array) -> Array:
-        """Depths along the eye's own axis from those along the rig's, both (n,), for rays (n, 3)."""
+    def measure(self, away: Array) -> Array:
+        """How far (n,) points are that are ``away`` (n, 3) from the eye, as along rays: their distances."""
+        return np.asarray(np.linalg.norm(away, axis=-1))
+
+    def own_depth(self, direction: Array, distance_m: Array) -> Array:
+        """Depths along the eye's own axis from distances, both (n,), along rays (n, 3); NaN for rays that lead 90
+        degrees or more away from it."""
         ahead = direction @ (self.axes @ self.own.rotation[2])
         with np.errstate(invalid="ignore"):
-            return np.where(ahead > 0, depth_m * ahead, np.nan)
+            return np.where(ahead > 0, distance_m * ahead, np.nan)
 
 
 #: A point in the first or last row of an eye is in that row of the other, but for rounding.
@@ -203,14 +213,15 @@ def find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: fl
 
 
 def _find_hidden(
-    tracer: Tracer, eye: AnyEye, other: AnyEye, direction: Array, depth_m: Array, baseline_m: float, near_m: float
+    tracer: Tracer, eye: AnyEye, other: AnyEye, direction: Array, along_m: Array, baseline_m: float, near_m: float
 ) -> Array:
-    """Whether (n,) the other eye sees something nearer in front of a point, by at least ``NEARER_PX`` of disparity."""
-    hidden = np.zeros(len(depth_m), bool)
-    away = direction * np.where(np.isinf(depth_m), 0.0, depth_m)[:, None] + (eye.position - other.position)
+    """Whether (n,) the other eye sees something nearer in front of a point that is ``along_m`` (n,) along a ray, by at
+    least ``NEARER_PX`` of disparity."""
+    hidden = np.zeros(len(along_m), bool)
+    away = direction * np.where(np.isinf(along_m), 0.0, along_m)[:, None] + (eye.position - other.position)
     right, down, ahead = other.axes.T @ away.T
-    asked = np.flatnonzero(np.isfinite(depth_m) & other.is_seen(right, down, ahead))
-    away, ahead = away[asked], ahead[asked]
-    end = 1.0 / (1.0 / ahead + NEARER_PX / (eye.focal_px * baseline_m))
-    hidden[asked] = tracer.is_blocked(other.position, away / ahead[:, None], near_m, end)
+    asked = np.flatnonzero(np.isfinite(along_m) & other.is_seen(right, down, ahead))
+    reach = other.measure((other.axes.T @ away[asked].T).T)
+    end = 1.0 / (1.0 / reach + NEARER_PX / (eye.focal_px * baseline_m))
+    hidden[asked] = tracer.is_blocked(other.position, away[asked] / reach[:, None], near_m, end)
     return hidden

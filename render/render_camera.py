@@ -20,6 +20,7 @@ from ..physics.camera.blur import Blur, find_pose_after
 from ..physics.camera.head_camera import Projection
 from ..physics.camera.stereo_camera import StereoCamera
 from ..support.arrays import Array
+from ..support.blender import compat
 from ..support.errors import IcyMoonError
 
 #: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
@@ -49,16 +50,22 @@ def add_render_camera(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterat
 
 @contextmanager
 def set_up_camera(
-    scene: bpy.types.Scene, built: bpy.types.Object, camera: StereoCamera, blur: Blur | None, toed: bool
+    scene: bpy.types.Scene,
+    built: bpy.types.Object,
+    camera: StereoCamera,
+    blur: Blur | None,
+    toed: bool,
+    wide: bool = False,
 ) -> Iterator[None]:
     """Let the camera of ``scene``, see ``add_render_camera``, be a copy of the ``built`` one, in its frame.
 
-    With ``toed`` eyes are turned in by the angle of ``camera``, else they are parallel. ``blur`` is given to the
-    copy's lens and movement; the scene's present frame is the middle of the exposure.
+    With ``toed`` eyes are turned in by the angle of ``camera``, else they are parallel; with ``wide`` they have its
+    panorama. ``blur`` is given to the copy's lens and movement; the scene's present frame is the middle of the
+    exposure.
     """
     item, pose, baseline = scene.camera, built.matrix_world.copy(), built.data.stereo.interocular_distance
     _copy_lens(built.data, item.data)
-    _set_frame(scene, item.data, camera)
+    _set_frame(scene, item.data, camera, wide)
     if toed and camera.toe_in_deg:
         # Blender turns both eyes about the middle between them.
         stereo = item.data.stereo
@@ -112,14 +119,17 @@ def _copy_lens(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct) -> No
             setattr(target, name, getattr(source, name))
 
 
-def _set_frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCamera) -> None:
-    """Widen the frame by the overscan, pixels keeping their size and the axis its pixel."""
-    width, height = camera.rendered_px
+def _set_frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCamera, wide: bool) -> None:
+    """Widen the frame by the overscan, pixels keeping their size and the axis its pixel; or give it the panorama."""
+    width, height = camera.light_px if wide else camera.rendered_px
     scene.render.resolution_x, scene.render.resolution_y = width, height
     if (scene.render.resolution_x, scene.render.resolution_y) != (width, height):
-        raise IcyMoonError(
-            f"With its overscan an image is {width} x {height} px, more than Blender renders; lower rig.overscan."
-        )
+        why, fix = ("In its panorama", "shrink the images") if wide else ("With its overscan", "lower rig.overscan")
+        raise IcyMoonError(f"{why} an image is {width} x {height} px, more than Blender renders; {fix}.")
+    if wide and camera.panorama:
+        lens.shift_x = lens.shift_y = 0.0
+        compat.set_equidistant_fisheye(lens, camera.panorama.field_rad)
+        return
     wider = width / camera.width_px
     lens.sensor_width *= wider
     # Shifted by what Cycles' sampling is off the pixel centre, so that truth is exact.

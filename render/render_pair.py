@@ -203,6 +203,7 @@ class _CameraSetup:
     blur: Blur | None
     toed: bool
     images: tuple[tuple[str, str], ...]
+    wide: bool = False
 
 
 def _has_full_truth(planned: PlannedPair) -> bool:
@@ -212,11 +213,12 @@ def _has_full_truth(planned: PlannedPair) -> bool:
 
 def _list_camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[_CameraSetup]:
     """The renders by camera: radiance and truth with one camera, unless truth has another camera than the light."""
-    toed = camera.toe_in_deg != 0
-    if blur is None and not toed:
+    toed, wide = camera.toe_in_deg != 0, camera.panorama is not None
+    if blur is None and not toed and not wide:
         images = ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr")) if full else ((BEAUTY, "{}.exr"),)
         return [_CameraSetup(None, False, images)]
-    takes = [_CameraSetup(blur, toed, ((BEAUTY, "{}.exr"),)), _CameraSetup(None, False, ((TRUTH, TRUTH_FILE),))]
+    light = _CameraSetup(blur, toed, ((BEAUTY, "{}.exr"),), wide)
+    takes = [light, _CameraSetup(None, False, ((TRUTH, TRUTH_FILE),))]
     return [*takes, _CameraSetup(None, True, ((TRUTH, TOED_TRUTH_FILE),))] if toed else takes
 
 
@@ -303,7 +305,7 @@ def _render_takes(
             trace_beside(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded) as traced,
         ):
             for k, take in enumerate(takes):
-                with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
+                with set_up_camera(scene, built.camera, camera, take.blur, take.toed, take.wide):
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
                     for layer, name in take.images:
                         stem = part / f"{layer}{k}"

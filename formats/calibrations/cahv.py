@@ -9,9 +9,10 @@ import numpy as np
 
 from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Cahvore, LensModel
+from ...support.errors import IcyMoonError
 from ...support.files import write_text
 from ...support.foreign_bytes import explain_errors
-from ..cahvor import Cahvor, make_cahvor_text, make_pds_text, read_model
+from ..cahvor import Cahvor, make_cahvor_text, make_pds_text, model_from_pinhole, read_model
 from .options import Reading, Stated, as_cahvore, skew_of
 
 #: The coordinate system that labels name.
@@ -48,11 +49,26 @@ def why_not_cahv(camera: CalibratedCamera) -> str:
 def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     """Write a file for each camera, a PDS3 label where its suffix is .lbl."""
     for camera, path in zip(rig.cameras, paths, strict=True):
-        model = _model(as_cahvore(camera) or camera)
+        model = model_of(camera)
         write_text(path, make_pds_text(model, _FRAME) if path.suffix.lower() == ".lbl" else make_cahvor_text(model))
 
 
-def _model(camera: CalibratedCamera) -> Cahvor:
+def nearest_model(camera: CalibratedCamera) -> Cahvor:
+    """The model that is equal to a camera, or fitted to its lens of Brown and Conrady. Raises IcyMoonError if there is
+    none, or if the fit is off by more than ``FIT_LIMIT_PX``."""
+    lens = camera.lens
+    if isinstance(lens, Brown) and as_cahvore(camera) is None and len(lens.shortened()) <= 5 and not camera.skew_px:
+        return model_from_pinhole(
+            camera.matrix, camera.rotation, camera.centre_m, camera.size_px, lens.coefficients[:5]
+        )
+    if lacks := why_not_cahv(camera):
+        raise IcyMoonError(f"CAHVORE has {lacks} (camera {camera.name}); export raw, which has all lenses.")
+    return model_of(camera)
+
+
+def model_of(camera: CalibratedCamera) -> Cahvor:
+    """The model of a camera whose lens CAHVORE has, see ``why_not_cahv``."""
+    camera = as_cahvore(camera) or camera
     right, down, a = camera.rotation
     h, v = camera.fx_px * right + camera.cx_px * a, camera.fy_px * down + camera.cy_px * a
     plain = (camera.centre_m, a, h, v, camera.width_px, camera.height_px)

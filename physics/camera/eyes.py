@@ -20,6 +20,7 @@ from ...support.arrays import Array
 from .calibrated_camera import CalibratedCamera
 from .lens_distortion import COEFFICIENTS, read_coefficients
 from .lens_models import Brown, Cahvore, Fisheye, LensModel, lens_json
+from .panorama import Panorama, make_panorama
 from .rotations import from_vector, to_vector
 from .stereo_camera import StereoCamera
 
@@ -36,6 +37,8 @@ _USED = {
 }
 #: The topics of the eyes, left first.
 EYE_TOPICS = ("left_eye", "right_eye")
+#: Largest overscan for which eyes are taken from a pinhole's image, of nine times the pixels of the rectified images.
+MOST_OVERSCAN = 1.0
 #: Grid of pixels, columns and rows, from which shares of an image are found.
 _GRID = 65, 49
 
@@ -47,7 +50,22 @@ def is_calibrated(rig: RigSettings) -> bool:
 
 def camera_of(settings: Settings) -> StereoCamera:
     """The rig with its calibrated eyes, if it has such. Raises ValueError for numbers that no lens has."""
-    return replace(StereoCamera.from_settings(settings.rig), eyes=eyes_of(settings))
+    return with_eyes(StereoCamera.from_settings(settings.rig), settings)
+
+
+def with_eyes(camera: StereoCamera, settings: Settings) -> StereoCamera:
+    """A rig with the calibrated eyes of settings, if they have such, and the panorama that those need. Raises
+    ValueError for numbers that no lens has."""
+    found = replace(camera, eyes=eyes_of(settings))
+    return replace(found, panorama=_find_panorama(found)) if found.eyes else found
+
+
+def find_light_px(settings: Settings) -> tuple[int, int]:
+    """Columns and rows of the images of the light of a rig; of the parallel rig where its eyes are no cameras."""
+    try:
+        return camera_of(settings).light_px
+    except ValueError:
+        return StereoCamera.from_settings(settings.rig).rendered_px
 
 
 def eyes_of(settings: Settings) -> tuple[CalibratedCamera, CalibratedCamera] | None:
@@ -135,7 +153,11 @@ def eyes_json(camera: StereoCamera, rig: RigSettings) -> dict[str, Any]:
             "width_px": eye.width_px,
             "height_px": eye.height_px,
             "lens": lens_json(eye.lens),
-            "rendered_as": "PINHOLE",
+            **(
+                {"rendered_as": "PINHOLE"}
+                if camera.panorama is None
+                else {"rendered_as": "FISHEYE", "fisheye": camera.panorama.to_json()}
+            ),
             "pixel_centre": "(u + 0.5, v + 0.5)",
         }
         for (name, facts), eye in zip(found.items(), camera.eyes, strict=True)
@@ -143,11 +165,9 @@ def eyes_json(camera: StereoCamera, rig: RigSettings) -> dict[str, Any]:
 
 
 def rays_in_rig(eye: CalibratedCamera, pixels: Array) -> Array:
-    """Directions (..., 3) that pixels (..., 2) of an eye see, in the axes of the parallel rig and 1 long ahead in them;
-    NaN where they see nothing, or what no pinhole of the rig shows."""
-    rays = eye.unproject(pixels) @ eye.rotation
-    ahead = rays[..., 2:] > _LEAST_AHEAD
-    return np.where(ahead, rays / np.where(ahead, rays[..., 2:], 1.0), np.nan)
+    """Directions (..., 3) of length 1 that pixels (..., 2) of an eye see, in the axes of the parallel rig; NaN where
+    they see nothing."""
+    return np.asarray(eye.unproject(pixels) @ eye.rotation)
 
 
 #: Cosine of the largest angle from the axis of a rig at which a ray counts as seen by a pinhole.
@@ -161,32 +181,73 @@ def _grid_pixels(eye: CalibratedCamera) -> Array:
 
 
 def dark_shares(camera: StereoCamera) -> tuple[float, float]:
-    """The share of the pixels of each calibrated eye that the rendered images do not show, from a grid."""
+    """The share of the pixels of each calibrated eye that the images of the light do not show, from a grid."""
     left, right = (_dark_share(eye, camera) for eye in camera.eyes or ())
     return left, right
 
 
 def _dark_share(eye: CalibratedCamera, camera: StereoCamera) -> float:
-    where = in_rendered(rays_in_rig(eye, _grid_pixels(eye)), camera)
-    size = np.array(camera.rendered_px)
+    where = in_light(rays_in_rig(eye, _grid_pixels(eye)), camera)
+    size = np.array(camera.light_px)
     return float(1.0 - ((where >= 0) & (where <= size - 1)).all(axis=-1).mean())
 
 
-def in_rendered(rays: Array, camera: StereoCamera) -> Array:
-    """Columns and rows (..., 2) of rays (..., 3), 1 long ahead, in the rendered images, counted from the centre of the
-    first pixel."""
+def in_light(rays: Array, camera: StereoCamera) -> Array:
+    """Columns and rows (..., 2) of rays (..., 3) of any length in the images of the light, counted from the centre of
+    the first pixel; NaN where those do not show a ray."""
+    if camera.panorama is not None:
+        return camera.panorama.show(rays)
     middle = np.array([camera.cx_px + camera.margin_x_px, camera.cy_px + camera.margin_y_px]) - 0.5
-    return np.asarray(rays[..., :2] * camera.focal_px + middle)
+    with np.errstate(invalid="ignore"):
+        ahead = rays[..., 2:] > _LEAST_AHEAD * np.linalg.norm(rays, axis=-1, keepdims=True)
+    points = np.where(ahead, rays[..., :2] / np.where(ahead, rays[..., 2:], 1.0), np.nan)
+    return np.asarray(points * camera.focal_px + middle)
+
+
+@lru_cache(maxsize=16)
+def _find_panorama(camera: StereoCamera) -> Panorama | None:
+    """The panorama of calibrated eyes that need one; None if a pinhole of bearable size shows all that they see, or the
+    overscan that is set."""
+    set_px = np.array([camera.margin_x_px, camera.margin_y_px])
+    shown = max(MOST_OVERSCAN, float((set_px / [camera.width_px, camera.height_px]).min()))
+    if overscan_for(camera) <= shown:
+        return None
+    eyes = camera.eyes or ()
+    return make_panorama(max(map(_px_per_rad, eyes)), max(map(_find_widest_rad, eyes)))
+
+
+def _px_per_rad(eye: CalibratedCamera) -> float:
+    """Pixels per radian of an eye: those along its axis, or the median over its image if there are more."""
+    pixels = _grid_pixels(eye)
+    beside = np.stack([pixels + np.array(step) / 2 for step in ((-1, 0), (1, 0), (0, -1), (0, 1))])
+    rays = eye.unproject(beside)
+    turns = np.linalg.norm(rays[[1, 3]] - rays[[0, 2]], axis=-1)  # radians per pixel along rows and columns
+    scale = 1.0 / np.sqrt(turns[0] * turns[1])
+    lens = eye.lens
+    axis = 1 + lens.radial[0] if isinstance(lens, Cahvore) else 1.0
+    return max(axis * max(eye.fx_px, eye.fy_px), float(np.nanmedian(scale)))
+
+
+def _find_widest_rad(eye: CalibratedCamera) -> float:
+    """The largest angle off the axis of the rig at which an eye sees something."""
+    rays = rays_in_rig(eye, _grid_pixels(eye))
+    angles = np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2])
+    if isinstance(eye.lens, Fisheye) and np.isnan(angles).any():  # the circle that it shows is between grid points
+        return eye.lens.widest_rad + math.acos(min(1.0, eye.rotation[2, 2]))
+    behind = eye.show(-eye.rotation[:, 2])
+    if ((behind >= 0) & (behind <= np.array(eye.size_px) - 1)).all():
+        return math.pi
+    return float(np.nanmax(angles))  # at a corner, which the grid has
 
 
 def overscan_for(camera: StereoCamera) -> float:
     """The least ``rig.overscan`` with which the rendered images show all that the calibrated eyes see; infinite if no
     pinhole shows it."""
-    plain, size = camera.rectified, np.array([camera.width_px, camera.height_px])
+    plain, size = camera.rectified, np.array([camera.width_px, camera.height_px])  # a pinhole without overscan
     needed = 0.0
     for eye in camera.eyes or ():
         pixels = _grid_pixels(eye)
-        where = in_rendered(rays_in_rig(eye, pixels), plain)
+        where = in_light(rays_in_rig(eye, pixels), plain)
         if (np.isnan(where) & np.isfinite(eye.unproject(pixels)[..., :2])).any():
             return math.inf
         # The grid may miss the outermost point by less than a pixel.
@@ -216,32 +277,42 @@ def reasons_of_calibrated_eyes(settings: Settings) -> Iterator[tuple[str, str]]:
                 f"{topic}.lens",
             )
             return
-    for topic, share in zip(EYE_TOPICS, dark_shares(camera_of(settings)), strict=True):
+    pinhole = replace(camera_of(settings), panorama=None)
+    for topic, share in zip(EYE_TOPICS, dark_shares(pinhole), strict=True):
         if share == 1.0:
             yield (
                 (
                     f"{topic} looks beside the parallel rig and sees nothing of it; correct {topic}.turn_x_deg, "
-                    f"{topic}.turn_y_deg and {topic}.turn_z_deg, which turn from the rectified axes into the eye's."
+                    f"{topic}.turn_y_deg and {topic}.turn_z_deg, which turn from the rectified axes into the eye's, or "
+                    f"{topic}.cx_px and {topic}.cy_px."
                 ),
                 f"{topic}.turn_y_deg",
             )
 
 
 def calibrated_advice(settings: Settings) -> Iterator[str]:
-    """Sentences on pixels of calibrated eyes that stay dark."""
+    """Sentences on how calibrated eyes are rendered if not by a pinhole, and on pixels of theirs that stay dark."""
     if not is_calibrated(settings.rig):
         return
     camera = camera_of(settings)
+    if camera.panorama:
+        yield f"eyes: {describe_panorama(camera.panorama)}"
     for name, share in zip(("left", "right"), dark_shares(camera), strict=True):
         if share > 0:
             yield f"eyes: {share:.1%} of the pixels of the {name} eye stay dark. {_how_to_light(camera)}"
 
 
+def describe_panorama(panorama: Panorama) -> str:
+    """A sentence on the image from which the eyes' images are taken."""
+    return (
+        "No pinhole shows all that the eyes see, so they are taken from an equidistant fisheye image of "
+        f"{panorama.size_px} x {panorama.size_px} px, {math.degrees(panorama.field_rad):.4g} degrees wide, with "
+        f"{panorama.px_per_rad:.4g} px per radian."
+    )
+
+
 def _how_to_light(camera: StereoCamera) -> str:
-    needed, most = overscan_for(camera), _MOST_OVERSCAN
-    if needed <= most:
-        return f"Set rig.overscan to {math.ceil(needed * 1000) / 1000:g} to light those that the lens lights."
-    return "No pinhole shows all that they see."
-
-
-_MOST_OVERSCAN = 2.0
+    if camera.panorama:
+        return "Their lenses show nothing there."
+    needed = overscan_for(camera)
+    return f"Set rig.overscan to {math.ceil(needed * 1000) / 1000:g} to light those that the lens lights."

@@ -13,6 +13,7 @@ from ...support.arrays import Array
 from ...support.file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe
 from ..rig.focal_length import focal_px
 from .calibrated_camera import CORNER, CalibratedCamera
+from .panorama import Panorama
 
 #: What ``StereoCamera.from_json`` reads of a file, see ``support.file_shapes``.
 CAMERA_SHAPE = {
@@ -38,8 +39,8 @@ class StereoCamera:
 
     Truth and rectified images belong to this rig. Images were taken with eyes that may each be turned in by
     ``toe_in_deg``, and rendered with the margins as extra pixels beyond each border. Calibrated ``eyes``, left first,
-    are cameras of their own at the centres of this rig, with poses in the axes of its left eye; the rendered images are
-    those of the parallel rig then.
+    are cameras of their own at the centres of this rig, with poses in the axes of its left eye; their images are taken
+    from those of the parallel rig then, or from a ``panorama`` of each of its eyes if no pinhole shows their field.
     """
 
     width_px: int
@@ -54,6 +55,7 @@ class StereoCamera:
     #: Column of the right principal point minus the left one's; 0 in our pairs, not in Middlebury's.
     doffs_px: float = 0.0
     eyes: tuple[CalibratedCamera, CalibratedCamera] | None = None
+    panorama: Panorama | None = None
 
     @classmethod
     def from_settings(cls, rig: RigSettings) -> StereoCamera:
@@ -84,7 +86,7 @@ class StereoCamera:
     @property
     def rectified(self) -> StereoCamera:
         """The parallel rig of the pair, without margins, toe-in or eyes of their own."""
-        return replace(self, margin_x_px=0, margin_y_px=0, toe_in_deg=0.0, eyes=None)
+        return replace(self, margin_x_px=0, margin_y_px=0, toe_in_deg=0.0, eyes=None, panorama=None)
 
     @property
     def looks_elsewhere(self) -> bool:
@@ -102,8 +104,13 @@ class StereoCamera:
 
     @property
     def rendered_px(self) -> tuple[int, int]:
-        """Columns and rows of the rendered images, margins included."""
+        """Columns and rows of the rendered images of the parallel rig, margins included."""
         return self.width_px + 2 * self.margin_x_px, self.height_px + 2 * self.margin_y_px
+
+    @property
+    def light_px(self) -> tuple[int, int]:
+        """Columns and rows of the images of the light, from which those of the sensors are taken."""
+        return self.rendered_px if self.panorama is None else (self.panorama.size_px,) * 2
 
     def eye_rotation(self, eye: str) -> Array:
         """Rotation (3, 3) from the axes of the parallel rig into the eye's, which is toed in or calibrated."""

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.head_file import read_head
-from ...physics.camera.eyes import EYE_TOPICS, is_calibrated
+from ...physics.camera.eyes import EYE_TOPICS, find_light_px, is_calibrated
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.scene_requirements import (
     choose_image_quality,
@@ -168,8 +168,8 @@ def estimate_work(settings: Settings) -> Work:
 
 
 def count_pixels(settings: Settings) -> int:
-    """Pixels of both eyes, margins included, and of the cameras beside them."""
-    width, height = StereoCamera.from_settings(settings.rig).rendered_px
+    """Pixels of the light of both eyes, margins included, and of the cameras beside them."""
+    width, height = find_light_px(settings)
     eyes = 2 * width * height if settings.rig.images == "PAIR" else 0
     return eyes + count_head_pixels(str(settings.rig.head_file))
 

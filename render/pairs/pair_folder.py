@@ -1,10 +1,10 @@
 """The pair folder: the contract between rendering and everything that measures.
 
-``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``; if images are blurred or eyes are toed
-in, the truth is in separate files, and so is the truth on the sensors of calibrated eyes. A pair is written as
-``<id>.part`` and renamed when ``pair.json`` is in it, so a folder without the suffix that has a ``pair.json`` is
-complete. Images are linear radiance in W/(m² sr) per band; truth is sampled at pixel centres and never antialiased.
-Imports no Blender.
+``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``; if images are blurred, eyes are toed
+in or a panorama shows them, the truth is in separate files, and so is the truth on the sensors of calibrated eyes. A
+pair is written as ``<id>.part`` and renamed when ``pair.json`` is in it, so a folder without the suffix that has a
+``pair.json`` is complete. Images are linear radiance in W/(m² sr) per band; truth is sampled at pixel centres and never
+antialiased. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera.blur import is_blurred
-from ...physics.camera.eyes import camera_of, eyes_json, eyes_of
+from ...physics.camera.eyes import camera_of, eyes_json, with_eyes
 from ...physics.camera.head_camera import HEAD_CAMERA_SHAPE, HeadCamera, camera_from_json, is_plain
 from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
 from ...physics.light.scene_sun import SceneSun, sun_from_json
@@ -220,7 +220,7 @@ def check_pair(folder: Path, data: object, restore: Restore = restore_settings) 
 def _camera_of(stated: dict[str, Any], settings: Settings, path: Path) -> StereoCamera:
     """The camera that a pair states, with the calibrated eyes of its settings."""
     try:
-        return replace(StereoCamera.from_json(stated), eyes=eyes_of(settings))
+        return with_eyes(StereoCamera.from_json(stated), settings)
     except ValueError as error:
         raise IcyMoonError(f"{path}: its settings give no camera ({error}); {_FIX}.") from None
 
@@ -269,14 +269,14 @@ def _find_contradictions(pair: Pair) -> Iterator[str]:
 
 
 def _numbers_of(camera: StereoCamera) -> dict[str, Any]:
-    return asdict(replace(camera, eyes=None))
+    return asdict(replace(camera, eyes=None, panorama=None))
 
 
 def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
     """The names of the files of a pair with these settings, besides ``pair.json``."""
     kinds = [
         "{}.exr",
-        *([TRUTH_FILE] if camera.toe_in_deg or is_blurred(settings.rig) else []),
+        *([TRUTH_FILE] if camera.toe_in_deg or camera.panorama or is_blurred(settings.rig) else []),
         *([TOED_TRUTH_FILE] if camera.toe_in_deg else []),
         *([RAW_TRUTH_FILE] if camera.eyes else []),
     ]

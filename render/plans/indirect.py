@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...physics.camera.stereo_camera import StereoCamera
+from ...physics.camera.eyes import find_light_px
 from ...physics.light.baked_rocks import POINTS
 from ...physics.mesh.grading import choose_vertex_spacing
 from ...physics.rig.seen_points import is_in_view
@@ -165,6 +165,6 @@ def _count_rocks(settings: Settings) -> float:
 
 
 def _pair_seconds(settings: Settings, quality: QualitySettings) -> float:
-    width, height = StereoCamera.from_settings(settings.rig).rendered_px
+    width, height = find_light_px(settings)
     sample = _DIRECT_S + _BOUNCE_S * quality.diffuse_bounces
     return 2e-6 * width * height * (quality.samples * sample + _DENOISE_S * (quality.denoiser != "NONE"))

@@ -321,12 +321,13 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
 
 
 def _wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
-    of_sensors = {pair.truth_of_sensor(eye): camera.sensor_px(eye) for eye in EYES}
+    apart = {pair.truth_of_sensor(eye): camera.sensor_px(eye) for eye in EYES}
+    apart |= {pair.image(eye): camera.light_px for eye in EYES}
     for each in pair.head:
-        of_sensors[pair.folder / image_file(each.name)] = each.rendered.size_px
-        of_sensors[pair.folder / truth_file(each.name)] = each.projection.size_px
+        apart[pair.folder / image_file(each.name)] = each.rendered.size_px
+        apart[pair.folder / truth_file(each.name)] = each.projection.size_px
     for file in (pair.folder / name for name in pair.data["files"] if name.endswith(".exr")):
-        wide, high = of_sensors.get(file, camera.rendered_px)
+        wide, high = apart.get(file, camera.rendered_px)
         sizes = read_sizes(file)
         if not sizes:
             yield f"{file} is no whole EXR image"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...formats.cahvor import make_cahvor_text, make_pds_text, model_from_pinhole
+from ...formats.calibrations.cahv import nearest_model
 from ...physics.camera.lens_distortion import read_coefficients
 from ...physics.camera.rotations import quaternion
 from ...physics.camera.stereo_camera import StereoCamera
@@ -51,25 +52,25 @@ def pixel_rays(camera: StereoCamera) -> Array:
 def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
     """Write the rectified images of a pair with CAHV models, and the images of the sensors with CAHVOR models.
 
-    In the folder are ``left.png``, ``left.cahvor`` and a PDS3 label, ``left.lbl``; with a lens that distorts or
-    eyes that are toed in also ``left_sensor.png`` and so on. World axes are east, north, up, in metres. Raises
-    IcyMoonError if the lens cannot be represented in CAHVOR.
+    In the folder are ``left.png``, ``left.cahvor`` and a PDS3 label, ``left.lbl``; with a lens that distorts, and eyes
+    that are toed in or calibrated, also ``left_sensor.png`` and so on. World axes are east, north, up, in metres.
+    Raises IcyMoonError if the lens cannot be represented in CAHVOR or CAHVORE.
     """
     camera = pair.pair.camera
     k, images = read_coefficients(pair.settings.rig), pair.images
     for eye in EYES:
         pose = read_pose(pair, eye)
-        named: dict[str, tuple[Array, tuple[float, ...], Array]] = {eye: (images.for_files(eye), (), np.eye(3))}
-        if any(k) or camera.toe_in_deg:
-            named[f"{eye}_sensor"] = (getattr(images, f"detected_{eye}"), k, camera.eye_rotation(eye))
-        for name, (image, distortion, turn) in named.items():
-            model = model_from_pinhole(
-                centre_matrix(camera),
-                turn @ pose[:3, :3].T,
-                pose[:3, 3],
-                (camera.width_px, camera.height_px),
-                distortion,
+        matrix, place, size_px = centre_matrix(camera), pose[:3, 3], (camera.width_px, camera.height_px)
+        named = {eye: (images.for_files(eye), model_from_pinhole(matrix, pose[:3, :3].T, place, size_px))}
+        if any(k) or camera.looks_elsewhere:
+            turn, own = camera.eye_rotation(eye) @ pose[:3, :3].T, camera.own_eye(eye)
+            named[f"{eye}_sensor"] = (
+                getattr(images, f"detected_{eye}"),
+                model_from_pinhole(matrix, turn, place, size_px, k)
+                if own is None
+                else nearest_model(replace(own, name=eye).placed(turn, -turn @ place)),
             )
+        for name, (image, model) in named.items():
             write_png(folder / f"{name}.png", to_8_bit(image, images.bits, images.encoding))
             write_text(folder / f"{name}.cahvor", make_cahvor_text(model))
             write_text(folder / f"{name}.lbl", make_pds_text(model, FRAME))

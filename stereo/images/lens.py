@@ -1,6 +1,7 @@
 """Lens distortion and toe-in, and the rectification that undoes both.
 
-There are three images. The rendered image comes from a pinhole with margins, toed in as the eye is. The image of the
+There are three images. The rendered image comes from a pinhole with margins, toed in as the eye is, or from a panorama
+for calibrated eyes whose field no pinhole shows. The image of the
 sensor is distorted by the lens; the image of a calibrated eye has its own size, and looks where the eye does. The
 rectified image belongs to the parallel rig, as the truth does; matchers get it, made from the numbers of the sensor. By
 an erroneous calibration it belongs to that rig only nearly.
@@ -15,7 +16,7 @@ import numpy as np
 
 from ...physics.camera.calibrated_camera import CalibratedCamera
 from ...physics.camera.calibration_error import make_rectifying_map, moves_pixels
-from ...physics.camera.eyes import in_rendered, rays_in_rig
+from ...physics.camera.eyes import in_light, rays_in_rig
 from ...physics.camera.lens_distortion import distort_points, read_coefficients, refuse_folds, undistort_points
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import CalibrationErrorSettings, RigSettings
@@ -86,7 +87,7 @@ def make_lens(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
     """
     own = camera.own_eye(eye)
     if own is not None:
-        return _make_calibrated_lens(camera.rectified, camera.margin_x_px, camera.margin_y_px, own)
+        return _make_calibrated_lens(replace(camera, toe_in_deg=0.0, eyes=None), own)
     k = read_coefficients(rig)
     return _make_lens(camera, k, eye) if any(k) or camera.toe_in_deg else None
 
@@ -131,21 +132,23 @@ def _make_lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
 
 
 @lru_cache(maxsize=2)
-def _make_calibrated_lens(camera: StereoCamera, margin_x_px: int, margin_y_px: int, own: CalibratedCamera) -> Lens:
-    """The lens of a calibrated eye whose rendered image is the one of the parallel rig with these margins."""
-    rendered = replace(camera, margin_x_px=margin_x_px, margin_y_px=margin_y_px)
-    pixels = _pixel_grid(camera.width_px, camera.height_px)
-    rays = np.concatenate(
-        [(pixels + 0.5 - np.array([camera.cx_px, camera.cy_px])) / camera.focal_px, np.ones_like(pixels[..., :1])],
-        axis=-1,
-    )
+def _make_calibrated_lens(camera: StereoCamera, own: CalibratedCamera) -> Lens:
+    """The lens of a calibrated eye whose rendered image is the one of the parallel rig, or its panorama."""
+    rays = _rectified_rays(camera)
     return Lens(
-        in_rendered(rays_in_rig(own, _pixel_grid(*own.size_px)), rendered).astype(np.float32),
+        in_light(rays_in_rig(own, _pixel_grid(*own.size_px)), camera).astype(np.float32),
         own.show(rays @ own.rotation.T).astype(np.float32),
-        (pixels + np.array([margin_x_px, margin_y_px])).astype(np.float32),
-        rendered.rendered_px,
+        in_light(rays, camera).astype(np.float32),
+        camera.light_px,
         is_calibrated=True,
     )
+
+
+def _rectified_rays(camera: StereoCamera) -> Array:
+    """Directions (H, W, 3) of the pixels of the rectified image, 1 long ahead."""
+    pixels = _pixel_grid(camera.width_px, camera.height_px)
+    points = (pixels + 0.5 - np.array([camera.cx_px, camera.cy_px])) / camera.focal_px
+    return np.concatenate([points, np.ones_like(pixels[..., :1])], axis=-1)
 
 
 def _pixel_grid(width: int, height: int) -> Array:

@@ -34,7 +34,7 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
         return view, _crop_margins(view, pair)
     light = read_light(image, eye, groups=not set(GROUP_PASSES) <= set(without))
     real = read_truth(truth, eye, without)
-    _check_size(image, light.radiance, pair.camera.rendered_px)
+    _check_size(image, light.radiance, pair.camera.light_px)
     _check_size(truth, real.depth, pair.camera.rendered_px)
     real = _crop_margins(real, pair)
     return light, View(
@@ -51,7 +51,7 @@ def read_baked_error(pair: Pair, eye: str) -> dict[str, Array]:
     path = pair.image(eye)
     found = exr.read_baked_error(path, eye)
     for error in found.values():
-        _check_size(path, error, pair.camera.rendered_px)
+        _check_size(path, error, pair.camera.light_px)
     turn = _turn_to_parallel(pair, eye)
     return {group: turn(error) for group, error in found.items()}
 
@@ -88,7 +88,8 @@ def _turn_light_to_parallel(light: Light, pair: Pair, eye: str) -> tuple[Array, 
 def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[Array], Array]:
     """A function that puts an image of an eye's rendered pixels on the parallel rig."""
     plain = RigSettings.from_values({f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")})
-    lens = make_lens(replace(pair.camera, eyes=None), plain, eye)
+    camera = pair.camera if pair.camera.panorama else replace(pair.camera, eyes=None)
+    lens = make_lens(camera, plain, eye)
     return pair.camera.cropped if lens is None else lens.rectify_radiance
 
 

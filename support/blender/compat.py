@@ -102,6 +102,13 @@ def disable_light_factors(light: bpy.types.Light) -> None:
         light.use_temperature = False
 
 
+def set_equidistant_fisheye(lens: bpy.types.Camera, field_rad: float) -> None:
+    """Make a lens Cycles' equidistant fisheye with this field. From 5.0 on, its properties are the lens' own."""
+    lens.type = "PANO"
+    own = lens if hasattr(lens, "panorama_type") else lens.cycles
+    own.panorama_type, own.fisheye_fov = "FISHEYE_EQUIDISTANT", field_rad
+
+
 def draw_linear_texture(texture: gpu.types.GPUTexture, x: float, y: float, width: float, height: float) -> None:
     """Draw a texture of linear light over a 3D View, its lower left corner at (x, y) of the region.
 

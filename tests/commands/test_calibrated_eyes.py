@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from heads import HEADS
+from icymoon.commands import camera
 from icymoon.commands.calibrated_eyes import why_calibrated
 from icymoon.commands.calibration_advice import check_baseline
 from icymoon.commands.camera import read_eyes, read_rig
@@ -130,6 +131,46 @@ def test_a_long_baseline_is_doubted():
     assert check_baseline(0.3, "a.cameramodel", "the translation is", "mrcal", Stated()) == []
     (note,) = check_baseline(30.0, "a.cameramodel", "the translation is", "mrcal", Stated())
     assert "divide it by 1000 in the file" in note
+
+
+def test_a_short_baseline_is_doubted():
+    """Metres read as millimetres: 0.2 mm is no distance of two lenses."""
+    (note,) = check_baseline(2e-4, "a.yaml", "the translation is", "opencv", Stated("mm"))
+    assert note == "The eyes are 0.2 mm apart, since the translation is in mm; if it is in metres, state --unit m."
+    assert check_baseline(0.01, "a.yaml", "the translation is", "opencv", Stated("mm")) == []
+    (note,) = check_baseline(2e-4, "a.yaml", "the translation is", "ros", Stated())
+    assert "if it is in another unit, write metres there" in note
+
+
+@pytest.mark.parametrize(("scale", "words"), [(0.01, "divide it by the pixel pitch"), (1e3, "or the images' own size")])
+@pytest.mark.parametrize("alike", [True, False])
+def test_a_focal_length_that_is_not_in_pixels_is_one_sentence(tmp_path, scale, words, alike):
+    left, right = HEADS["nearly alike"].cameras
+    right = left.placed(np.eye(3), np.array([-0.2, 0.0, 0.0])) if alike else right
+    cameras = [
+        replace(each, fx_px=scale * each.fx_px, fy_px=scale * each.fy_px, lens=Brown()) for each in (left, right)
+    ]
+    with pytest.raises(IcyMoonError, match=rf"the focal length is .* px for images of 96 x 72 px.*{words}"):
+        read_eyes(*files_of(tmp_path, CalibratedRig(tuple(cameras)), "mrcal"))
+
+
+def test_alike_lenses_that_fold_the_image_are_one_sentence(tmp_path):
+    left = replace(HEADS["nearly alike"].cameras[0], lens=Brown((-0.9, 0.0, 0.0, 0.0, 0.0)), fx_px=50.0, fy_px=50.0)
+    rig = CalibratedRig((left, replace(left, name="right").placed(np.eye(3), np.array([-0.2, 0.0, 0.0]))))
+    with pytest.raises(IcyMoonError, match=r"both\.yaml: the distortion \(k1 = -0\.9, .*see nothing; calibrate again"):
+        read_eyes(*files_of(tmp_path, rig, "opencv"))
+
+
+def test_a_calibration_is_read_once(tmp_path, monkeypatch):
+    left, _ = HEADS["nearly alike"].cameras
+    rig = CalibratedRig((left, replace(left, name="right").placed(np.eye(3), np.array([-0.2, 0.0, 0.0]))))
+    paths, read = files_of(tmp_path, rig, "opencv"), []
+    kept = camera.read_calibration
+    monkeypatch.setattr(camera, "read_calibration", lambda *given: read.append(given) or kept(*given))
+    for reader in (read_rig, read_eyes):
+        reader(*paths, stated=Stated(sizes=((96, 72),)))
+        assert len(read) == 1
+        read.clear()
 
 
 @pytest.mark.parametrize(

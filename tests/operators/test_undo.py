@@ -23,6 +23,7 @@ CHANGE_NOTHING = {
     "remove_matcher",
     "save_plan",
     "save_trajectory",
+    "write_calibration",
     "open_manual",
     "wait",
     "make_asset_library",

@@ -39,6 +39,8 @@ SOUGHT = {
     "ice rock": "icymoon.add_block",
     "save settings": "icymoon.save_settings",
     "import ground": "icymoon.import_ground",
+    "read calibration": "icymoon.read_calibration",
+    "write calibration": "icymoon.write_calibration",
     "cheapest quality": "icymoon.auto_quality",
     "compare qualities": "icymoon.trade",
     "asset library": "icymoon.make_asset_library",

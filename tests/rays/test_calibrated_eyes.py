@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from heads import HEADS, head_settings
+from heads import FLOWN, HEADS, head_settings
 from icymoon.physics.camera.eyes import camera_of
 from icymoon.rays.embree import EmbreeTracer, load_library
 from icymoon.rays.shapes import Placed, Shape, World
@@ -70,6 +70,39 @@ def look(scene, turn, origin, rays):
 
 TURN = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
 TURN[:, 0] *= np.linalg.det(TURN)
+
+
+def around():
+    """A rolling shell of 200 x 100 quads about the head, 2.6 to 3.4 m away, which hides nothing of itself."""
+    turn, rise = np.meshgrid(np.linspace(-np.pi, np.pi, 201), np.linspace(-np.pi / 2, np.pi / 2, 101))
+    far = 3.0 + 0.2 * np.sin(3 * turn) * np.cos(rise) + 0.2 * np.sin(4 * rise)
+    points = far[..., None] * np.stack([np.cos(rise) * np.sin(turn), np.sin(rise), np.cos(rise) * np.cos(turn)], -1)
+    corner = (np.arange(100)[:, None] * 201 + np.arange(200)).ravel()
+    triangles = np.concatenate([corner[:, None] + [0, 1, 202], corner[:, None] + [0, 202, 201]]).astype(np.uint32)
+    return points.reshape(-1, 3), triangles
+
+
+@pytest.mark.parametrize("name", FLOWN)
+def test_a_point_of_one_eye_is_where_the_other_one_has_it_in_all_directions(name):
+    """As below for fields that no pinhole shows. A planar depth is the farther from a distance the nearer a ray is to
+    90 degrees off the axis, so there its rounding moves a point along the ray, and no pixel is left out for it."""
+    camera = camera_of(head_settings(name))
+    scene = stage(TURN, around())
+    truth = trace_eyes(scene, eyes_of(camera, TURN), camera.baseline_m, NEAR, FAR)
+    for first, second in ((0, 1), (1, 0)):
+        own, other = camera.eyes[first], camera.eyes[second]
+        depth = truth[("left", "right")[first]].depth_m.astype(np.float64)
+        rays = own.unproject(pixels_of(own))
+        ahead = rays[..., 2] > 1e-9
+        assert np.isfinite(depth[ahead]).all()
+        pixels = pixels_of(own)[ahead]
+        points = points_of(own, pixels, depth[ahead])
+        there = other.project(points)
+        inside = ((there >= 0) & (there <= np.array(other.size_px) - 1)).all(axis=-1)
+        assert inside.mean() > 0.6
+        back = look(scene, TURN, other.centre_m, other.unproject(there[inside]) @ other.rotation)
+        assert np.abs(own.project(back) - pixels[inside]).max() < MOST_PX
+        assert np.abs(other.project(back) - there[inside]).max() < MOST_PX
 
 
 @pytest.mark.parametrize("name", HEADS)
@@ -152,16 +185,17 @@ def test_what_a_block_hides_from_the_other_eye_is_what_its_shadow_covers(name):
         assert np.array_equal(found.hidden, hidden)
 
 
-def test_pixels_that_no_pinhole_shows_have_no_truth():
+def test_depth_ends_90_degrees_off_the_axis_and_labels_do_not():
     settings = head_settings("fisheye and CAHVORE")
     settings.left_eye.fx_px = settings.left_eye.fy_px = 18.0  # 300 degrees wide
     settings.left_eye.update(k1=0.0, k2=0.0, k3=0.0, k4=0.0)
     camera = camera_of(settings)
-    truth = trace_eyes(stage(np.eye(3), hills()), eyes_of(camera, np.eye(3)), camera.baseline_m, NEAR, FAR)["left"]
-    ahead = camera.eyes[0].unproject(pixels_of(camera.eyes[0])) @ camera.eyes[0].rotation
-    behind = ahead[..., 2] <= 0
+    truth = trace_eyes(stage(np.eye(3), around()), eyes_of(camera, np.eye(3)), camera.baseline_m, NEAR, FAR)["left"]
+    ahead = camera.eyes[0].unproject(pixels_of(camera.eyes[0]))
+    behind, blind = ahead[..., 2] <= 0, np.isnan(ahead[..., 2])
     assert 0.2 < behind.mean() < 0.8
     assert not np.isfinite(truth.depth_m[behind]).any()
-    assert not truth.label[behind].any()
-    assert not truth.hidden[behind].any()
-    assert np.isfinite(truth.depth_m[36, 48])
+    assert np.isfinite(truth.depth_m[~behind & ~blind]).all()
+    assert truth.label[~blind].all()
+    assert not truth.label[blind].any()
+    assert not truth.hidden[blind].any()

@@ -238,3 +238,14 @@ def test_a_file_that_is_no_library_is_passed_over(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "embreex", None)
     monkeypatch.setattr(embree.importlib.util, "find_spec", lambda name: None)
     assert load_library((tmp_path, Path("/nowhere"))) is None
+
+
+def test_rays_along_a_plane_of_two_axes_meet_what_is_there(make):
+    """Directions with a component that is next to 0, as in the middle column of a camera: 1 over it overflows."""
+    across, down = np.linspace(-1e-19, 1e-19, 160), np.tile(np.linspace(-0.4, 0.4, 16), 10)
+    corners = np.array([[-5.0, -5.0, 3.0], [5.0, -5.0, 3.0], [0.0, 9.0, 3.0]])
+    world = World([Placed(shape(corners, [[0, 1, 2]]), np.eye(4)[None], np.array([1]))])
+    tracer = make(world)
+    direction = np.stack([across, down, np.ones(160)], axis=1)
+    assert np.isfinite(tracer.intersect(np.zeros(3), direction, 0.0, np.inf).along).all()
+    tracer.close()

@@ -73,15 +73,63 @@ HEADS = {
 }  # fmt: skip
 
 
+#: Heads as flown: a mast's pair of 60 degrees, whose eyes differ a little; two wide cameras near the ground of 120
+#: degrees, verged and rolled; and two fisheyes of 180 degrees, whose circle lies within the images.
+FLOWN = {
+    "60 degrees": CalibratedRig(
+        (
+            CalibratedCamera(128, 96, 110.4, 110.1, 64.7, 46.9, Brown((-0.31, 0.12, 2e-4, -3e-4, -0.02)), name="left"),
+            CalibratedCamera(
+                128,
+                96,
+                110.9,
+                110.7,
+                62.1,
+                48.8,
+                Brown((-0.305, 0.115, -1e-4, 2e-4, -0.018)),
+                **_pose((0.04, -0.11, 0.08), (0.424, 6e-4, -4e-4)),
+                name="right",
+            ),
+        )
+    ),
+    "120 degrees, verged and rolled": CalibratedRig(
+        (
+            CalibratedCamera(128, 96, 61.0, 61.2, 63.1, 48.2, Fisheye((-0.02, 0.004, -1e-3, 1e-4)), name="left"),
+            CalibratedCamera(
+                128,
+                96,
+                60.4,
+                60.6,
+                64.6,
+                47.1,
+                Fisheye((-0.018, 0.003, -1e-3, 1e-4)),
+                **_pose((0.8, 12.0, -4.0), (0.2, 4e-3, 6e-3)),
+                name="right",
+            ),
+        )
+    ),
+    "180 degrees": CalibratedRig(
+        (
+            CalibratedCamera(100, 100, 30.6, 30.6, 49.5, 49.5, Fisheye(), name="left"),
+            CalibratedCamera(
+                104, 100, 31.0, 30.9, 50.9, 49.1, Fisheye((2e-3, -1e-3, 0.0, 0.0)),
+                **_pose((0.4, 1.5, -0.6), (0.1, 1e-3, 0.0)), name="right",
+            ),
+        )
+    ),
+}  # fmt: skip
+
+
 def head_settings(name: str, **rig: Any) -> Settings:
     """Complete settings with the eyes of a head; ``rig`` are more settings of the rig."""
-    found, _ = calibrated_settings(HEADS[name], "they differ", [Path("a.yaml")], "kalibr")
+    found, _ = calibrated_settings({**HEADS, **FLOWN}[name], "they differ", [Path("a.yaml")], "kalibr")
     return merged(defaults(), found, {"rig": rig})
 
 
 def _rays(own: CalibratedCamera) -> Array:
     pixels = np.stack(np.meshgrid(np.arange(own.width_px), np.arange(own.height_px)), axis=-1)
-    return rays_in_rig(own, pixels.astype(np.float64))
+    rays = rays_in_rig(own, pixels.astype(np.float64))
+    return rays / rays[..., 2:]
 
 
 def plane_seen(scene: pairs.Scene, own: CalibratedCamera, focal_px: float) -> tuple[Array, Array, Array]:

@@ -99,4 +99,4 @@ def test_a_fisheye_may_have_pixels_that_see_nothing():
 def test_what_no_pinhole_shows_needs_an_infinite_overscan():
     settings = merged(head_settings("fisheye and CAHVORE"), {"left_eye": {"fx_px": 20.0, "fy_px": 20.0}})
     assert overscan_for(camera_of(settings)) == np.inf
-    assert any("No pinhole shows all" in said for said in advise_on_scene(settings))
+    assert any("No pinhole shows all that the eyes see" in said for said in advise_on_scene(settings))

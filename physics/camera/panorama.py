@@ -1,0 +1,57 @@
+"""The equidistant fisheye image from which eyes are taken whose field no pinhole shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...support.arrays import Array
+
+
+@dataclass(frozen=True)
+class Panorama:
+    """A square image of ``size_px`` columns and rows about the axis of an eye of the parallel rig, in its axes.
+
+    An angle a off the axis is shown at the distance ``px_per_rad`` a from the middle of the image. Beyond the circle
+    that touches its borders the image is black.
+    """
+
+    size_px: int
+    px_per_rad: float
+
+    @property
+    def field_rad(self) -> float:
+        """The angle that the image spans, at most 2 pi."""
+        return self.size_px / self.px_per_rad
+
+    def show(self, directions: Array) -> Array:
+        """Columns and rows (..., 2) of directions (..., 3) of any length, from the centre of the first pixel; NaN where
+        a direction is."""
+        aside = np.hypot(directions[..., 0], directions[..., 1])
+        angle = np.arctan2(aside, directions[..., 2])
+        scale = np.where(aside > 0, self.px_per_rad * angle / np.where(aside > 0, aside, 1.0), 0.0)
+        return np.asarray(scale[..., None] * directions[..., :2] + (self.size_px - 1) / 2)
+
+    def to_json(self) -> dict[str, Any]:
+        """What ``pair.json`` states of it."""
+        return {
+            "projection": "equidistant fisheye",
+            "size_px": self.size_px,
+            "px_per_rad": self.px_per_rad,
+            "field_deg": math.degrees(self.field_rad),
+        }
+
+
+def make_panorama(px_per_rad: float, widest_rad: float) -> Panorama:
+    """The panorama that shows all up to an angle off the axis, with a border for the interpolation beyond it."""
+    widest = min(math.pi, widest_rad)
+    size = 2 * math.ceil(px_per_rad * widest + _BORDER_PX)
+    # As many pixels as the whole sphere has at most, which Cycles spans at most.
+    return Panorama(min(size, 2 * math.floor(px_per_rad * math.pi)), px_per_rad)
+
+
+#: Pixels beyond the outermost ray; splines reach two of them with more than 1 % of their weight.
+_BORDER_PX = 3
