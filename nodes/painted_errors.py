@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.subdivide import halve_edges
+from ..physics.mesh.halve_edges import halve_edges
 from ..render.pairs.pair_folder import Pair
 from ..render.plans.planned_pair import expand_headings
 from ..settings import changes

@@ -15,9 +15,9 @@ from ..physics.camera.depth_accuracy import advise_on_rounding
 from ..physics.excavation.jitter import jitter_rig
 from ..physics.excavation.unsupported_rocks import settle_rocks
 from ..physics.light.map_sky import warn_sky_of_other_place
-from ..physics.mesh.fine_relief import advise_on_displacement, nearest_ground_m
-from ..physics.mesh.graded_ground import GradedGround
-from ..physics.mesh.height_surface import Surface
+from ..physics.mesh.finer_in_view import advise_on_displacement, nearest_ground_m
+from ..physics.mesh.graded_mesh import GradedGround
+from ..physics.mesh.ground_interface import Surface
 from ..physics.rig.focal_length import focal_px
 from ..physics.rocks.beyond_patch import make_view_beyond
 from ..physics.rocks.rocks import scatter_rocks

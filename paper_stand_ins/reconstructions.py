@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..physics.mesh.check import examine_mesh, label_components
+from ..physics.mesh.mesh_faults import examine_mesh, label_components
 from ..physics.random_numbers.seeds import make_generator
 from ..settings.topics.stand_ins import MeshItem, find_mesh_item
 from ..support.arrays import Array

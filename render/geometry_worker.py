@@ -23,7 +23,7 @@ from ..nodes.datablocks.blend_file_paths import hash_content
 from ..nodes.scene import Built, make_extra
 from ..nodes.surface.reflectance_laws import OF_NODES
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.fine_relief import still_spacing_m
+from ..physics.mesh.finer_in_view import still_spacing_m
 from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import digest, merged

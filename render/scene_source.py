@@ -16,7 +16,7 @@ from ..nodes.next_scene import adapt_scene
 from ..nodes.scene import Built
 from ..physics import scene_checks
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.fine_relief import still_spacing_m
+from ..physics.mesh.finer_in_view import still_spacing_m
 from ..settings import changes
 from ..settings.description import digest
 from ..settings.topics.scene import Settings

@@ -10,10 +10,10 @@ from collections.abc import Iterable
 from dataclasses import astuple
 from typing import Any
 
-from ..physics.mesh import fine_relief
-from ..physics.mesh.broken_walls import breaks_walls
-from ..physics.mesh.fine_relief import is_carried_by_grid
-from ..physics.mesh.grading import OF_THE_RIG, find_fine_relief
+from ..physics.mesh import finer_in_view
+from ..physics.mesh.break_walls import breaks_walls
+from ..physics.mesh.finer_in_view import is_carried_by_grid
+from ..physics.mesh.vertex_spacing import OF_THE_RIG, find_fine_relief
 from ..physics.scene_requirements import SURFACES, traces_random_walk
 from .table import TOPICS
 from .topics.declaration import Parts
@@ -100,7 +100,7 @@ def describe_mesh_relief(settings: Settings) -> str:
         for value in (
             *(astuple(relief) if relief else ()),
             *((-1.0,) if walls else ()),
-            *(settings.rig[key] for key in fine_relief.OF_THE_RIG),
+            *(settings.rig[key] for key in finer_in_view.OF_THE_RIG),
         )
     )
 

@@ -19,7 +19,7 @@ from ...physics.excavation import site as sites
 from ...physics.excavation.dig import ExcavationSeries
 from ...physics.excavation.grid import ExcavationGrid
 from ...physics.excavation.paths import JOINTS
-from ...physics.mesh.patch_hole import cut_hole, is_inside_loop, list_grid_rim
+from ...physics.mesh.hole_for_trench import cut_hole, is_inside_loop, list_grid_rim
 from ...physics.rocks.rocks import HeightAt
 from ...physics.terrain.terrain import Terrain
 from ...settings import changes

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.baked_rocks import POINTS
-from ...physics.mesh.grading import choose_vertex_spacing
+from ...physics.mesh.vertex_spacing import choose_vertex_spacing
 from ...physics.rig.seen_points import is_in_view
 from ...physics.rocks.rocks import LEVEL_RANKS
 from ...physics.rocks.size_laws import make_size_law

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...formats import mesh_file
-from ...physics.mesh.grading import choose_vertex_spacing
+from ...physics.mesh.vertex_spacing import choose_vertex_spacing
 from ...physics.terrain.terrain import make_terrain
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import find_mesh_item

@@ -18,7 +18,7 @@ from icymoon.physics.camera.sensor import choose_exposure_s, collect_electrons, 
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.light.photons import electron_rate
 from icymoon.physics.light.sky import compute_sky, describe_sky
-from icymoon.physics.mesh.grading import GradingView
+from icymoon.physics.mesh.vertex_spacing import GradingView
 from icymoon.physics.rocks.size_laws import draw_diameters, make_size_law
 from icymoon.physics.surfaces import hapke, photometry, principled
 from icymoon.physics.terrain.terrain import make_terrain

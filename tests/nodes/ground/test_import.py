@@ -21,7 +21,7 @@ from icymoon.nodes.ground import import_heights
 from icymoon.nodes.ground import user_ground as grounds
 from icymoon.nodes.ground.import_heights import read_heights
 from icymoon.nodes.ground.import_mesh import read_mesh
-from icymoon.physics.mesh.check import examine_mesh
+from icymoon.physics.mesh.mesh_faults import examine_mesh
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings

@@ -188,7 +188,7 @@ def test_ground_from_a_file_takes_longer_to_build():
 def test_the_triangles_are_those_of_the_ground():
     assert count_triangles(described()) == 2 * 128**2
     graded = described({"mesh": {"kind": "GRADED", "error_px": 4, "edge_px": 24}})
-    from icymoon.physics.mesh.graded_ground import grade_ground as make
+    from icymoon.physics.mesh.graded_mesh import grade_ground as make
     from icymoon.physics.terrain.terrain import make_terrain
 
     faces = make(make_terrain(graded, 1), graded).mesh()[1]

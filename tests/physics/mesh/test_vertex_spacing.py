@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.physics.mesh.graded_ground import grade_ground
-from icymoon.physics.mesh.grading import EDGE_OVER_SPACING, make_grading_view
+from icymoon.physics.mesh.graded_mesh import grade_ground
 from icymoon.physics.mesh.horizon import drop_m, horizon_m
 from icymoon.physics.mesh.vertex_rings import VertexRings
+from icymoon.physics.mesh.vertex_spacing import EDGE_OVER_SPACING, make_grading_view
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import check, defaults, merged
 from icymoon.support.arrays import Array

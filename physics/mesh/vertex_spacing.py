@@ -23,7 +23,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ..rig.seen_points import is_in_view
 from ..terrain.terrain import Terrain
-from .fine_relief import FineRelief, find_relief_in_mesh
+from .finer_in_view import FineRelief, find_relief_in_mesh
 from .horizon import horizon_m
 from .vertex_rings import RINGS_APART, VertexRings
 

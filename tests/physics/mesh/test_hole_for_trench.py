@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.mesh.patch_hole import cut_hole
+from icymoon.physics.mesh.hole_for_trench import cut_hole
 
 
 def grid(x, y):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.mesh.cut_lines import cut_along_lines
-from icymoon.physics.mesh.graded_ground import grade_ground
+from icymoon.physics.mesh.cut_along_lines import cut_along_lines
+from icymoon.physics.mesh.graded_mesh import grade_ground
 from icymoon.physics.mesh.vertex_rings import VertexRings
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged

@@ -6,9 +6,9 @@ import itertools
 
 import numpy as np
 import pytest
-from icymoon.physics.mesh import fine_relief
-from icymoon.physics.mesh.graded_ground import grade_ground
-from icymoon.physics.mesh.grading import find_fine_relief, make_grading_view
+from icymoon.physics.mesh import finer_in_view
+from icymoon.physics.mesh.graded_mesh import grade_ground
+from icymoon.physics.mesh.vertex_spacing import find_fine_relief, make_grading_view
 from icymoon.physics.rig.seen_points import is_in_view
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import changes, description
@@ -54,7 +54,7 @@ def test_only_real_relief_of_procedural_ground_is_in_the_mesh(change):
 def test_relief_ends_where_it_is_half_a_pixel_high():
     relief = find_fine_relief(described())
     at = make_grading_view(described().rig)
-    assert fine_relief.relief_height_m(described().surface) * at.pixels_per_radian / relief.to_m == pytest.approx(0.5)
+    assert finer_in_view.relief_height_m(described().surface) * at.pixels_per_radian / relief.to_m == pytest.approx(0.5)
 
 
 def test_the_mesh_is_as_fine_as_the_image_where_the_cameras_see_it():
@@ -163,16 +163,16 @@ def test_a_mesh_may_be_too_large_to_be_finer_and_says_so():
 
 def test_displacement_that_loses_relief_says_how_much():
     settings = described({"surface": {"relief": "DISPLACEMENT"}})
-    assert fine_relief.advise_on_displacement(settings, 0.001) == []
-    (sentence,) = fine_relief.advise_on_displacement(settings, 0.02)
+    assert finer_in_view.advise_on_displacement(settings, 0.001) == []
+    (sentence,) = finer_in_view.advise_on_displacement(settings, 0.02)
     assert "20 mm apart" in sentence
-    assert f"{fine_relief.carried_share(settings.surface, 0.02):.0%}" in sentence
-    assert fine_relief.advise_on_displacement(described(), 0.02) == []
+    assert f"{finer_in_view.carried_share(settings.surface, 0.02):.0%}" in sentence
+    assert finer_in_view.advise_on_displacement(described(), 0.02) == []
 
 
 def test_the_share_that_is_carried_falls_from_all_to_nothing():
     surface = described().surface
-    shares = [fine_relief.carried_share(surface, spacing) for spacing in (0.004, 0.006, 0.01, 0.02, 0.04, 0.05)]
+    shares = [finer_in_view.carried_share(surface, spacing) for spacing in (0.004, 0.006, 0.01, 0.02, 0.04, 0.05)]
     assert shares[0] == 1.0
     assert shares[-1] == 0.0
     assert all(a > b for a, b in itertools.pairwise(shares))

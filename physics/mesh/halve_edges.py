@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...support.arrays import Array
-from .check import face_normals
+from .mesh_faults import face_normals
 
 
 def edge_length_m(positions: Array, faces: Array) -> float:

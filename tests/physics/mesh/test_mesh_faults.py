@@ -8,9 +8,9 @@ import struct
 import numpy as np
 import pytest
 from icymoon.formats import mesh_file
-from icymoon.physics.mesh.check import examine_mesh, face_normals, label_components, repair_mesh
-from icymoon.physics.mesh.mesh_heights import MeshGround
-from icymoon.physics.mesh.subdivide import count_halvings, edge_length_m, halve_edges, vertex_normals
+from icymoon.physics.mesh.halve_edges import count_halvings, edge_length_m, halve_edges, vertex_normals
+from icymoon.physics.mesh.heights_on_mesh import MeshGround
+from icymoon.physics.mesh.mesh_faults import examine_mesh, face_normals, label_components, repair_mesh
 from icymoon.support.errors import IcyMoonError
 from sheets import sheet
 

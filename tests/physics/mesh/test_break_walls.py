@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.mesh.broken_walls import break_walls, scoop_depth, wall_steepness
-from icymoon.physics.mesh.graded_ground import grade_ground
+from icymoon.physics.mesh.break_walls import break_walls, scoop_depth, wall_steepness
+from icymoon.physics.mesh.graded_mesh import grade_ground
 from icymoon.physics.terrain.landforms import Walls
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import changes

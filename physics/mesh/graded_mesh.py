@@ -1,4 +1,4 @@
-"""Procedural ground as the cameras need it: graded in fineness, and round like the body."""
+"""The graded mesh of procedural ground, made in the steps that the docstring of this folder lists; round like the body."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ...support.arrays import Array, Numbers
 from ..rig.seen_points import is_in_view
 from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain
-from .broken_walls import BEFORE, break_walls, breaks_walls
-from .cut_lines import Line, cut_along_lines
-from .fine_relief import PARTS, carried_share, nearest_ground_m
-from .grading import CARRIED, VertexSpacing, choose_vertex_spacing
+from .break_walls import BEFORE, break_walls, breaks_walls
+from .cut_along_lines import Line, cut_along_lines
+from .finer_in_view import PARTS, carried_share, nearest_ground_m
 from .horizon import drop_m
 from .split_triangles import split_triangles
+from .vertex_spacing import CARRIED, VertexSpacing, choose_vertex_spacing
 
 #: Vertices worked on at a time: neighbouring rings, whose noise is then looked up in one small table.
 _BLOCK = 16384
@@ -28,7 +28,7 @@ _UNMOVED_M = 1.0e9
 
 @dataclass(frozen=True)
 class GradedMesh:
-    """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``Graded.mesh``.
+    """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``GradedGround.mesh``.
 
     If the visible part is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite
     for other vertices, and ``fine`` (m,) is whether a triangle is part of a cut one.
