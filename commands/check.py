@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..physics.light.directions import camera_axes
-from ..render.workers.job import Job, render_job
+from ..render.workers.job_commands import Job, render_job
 from ..settings.description import check, defaults, merged
 from ..settings.topics.declaration import Parts
 from ..support.errors import IcyMoonError

@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ..render.cost.abilities import check_abilities
+from ..render.cost.blender_abilities import check_abilities
 from ..render.cost.estimate import estimate_plan, format_duration, format_size
-from ..render.cost.speed import recall_speed
+from ..render.cost.machine_speed import recall_speed
 from ..render.plans.frozen_plan import PLAN, FrozenPlan, freeze_plan
-from ..render.plans.own_files import describe_own_files, find_own_files
+from ..render.plans.stand_in_replacements import describe_own_files, find_own_files
 from ..render.workers.process import report_errors
 from ..settings.description import merged, override
 from ..stereo.environment import packages

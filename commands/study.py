@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..render.cost.abilities import check_abilities
+from ..render.cost.blender_abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.frozen_plan import freeze_plan
-from ..render.plans.order import order_pairs
+from ..render.plans.render_order import order_pairs
 from ..render.workers.process import report_errors
 from ..stereo.study.design import Study, find_study, read_study, study_names
 from ..support import printer

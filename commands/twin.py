@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..formats.calibrations.registry import read_calibration
 from ..physics.camera.calibrated_camera import CalibratedRig
 from ..physics.camera.stereo_camera import StereoCamera
-from ..render.cost.abilities import check_abilities
+from ..render.cost.blender_abilities import check_abilities
 from ..render.plans.frozen_plan import freeze_plan
 from ..render.workers.process import report_errors
 from ..settings import description, preset_files

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Protocol, Self
 
-from ..render.workers.job import Job, blender_command
+from ..render.workers.job_commands import Job, blender_command
 from ..render.workers.process import Message, Process
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError

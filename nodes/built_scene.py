@@ -14,7 +14,7 @@ from ..settings.table import TOPICS
 from ..settings.topics.declaration import LANDFORMS, Parts
 from ..settings.topics.scene import Settings, typed
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import TABLE, TEXT, Each
+from ..support.file_schemas import TABLE, TEXT, Each
 from . import engine
 from .datablocks.blend_file_paths import do_files_exist, find_used_files, hash_content
 from .datablocks.fingerprint import (

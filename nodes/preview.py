@@ -31,7 +31,7 @@ from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import TABLE, TEXT, Each
+from ..support.file_schemas import TABLE, TEXT, Each
 from . import painted_errors
 from . import scene as scenes
 from .datablocks.blend_file_paths import make_paths_absolute

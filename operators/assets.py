@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..formats.asset_library import uninstall_library
-from ..render.workers.job import blender_command
+from ..render.workers.job_commands import blender_command
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from ..support.printer import show_controls

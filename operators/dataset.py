@@ -13,8 +13,8 @@ import bpy
 
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import find_plan, read_plan_header
-from ..render.workers.detached import Detached, find_left_running
-from ..render.workers.job import blender_command
+from ..render.workers.detached_process import Detached, find_left_running
+from ..render.workers.job_commands import blender_command
 from ..render.workers.process import Message, clean_environment
 from ..settings.blender import scene_properties
 from ..settings.preset_files import plan_names

@@ -9,7 +9,7 @@ import bpy
 
 from ..nodes import measured_surface, painted_errors
 from ..nodes import scene as scenes
-from ..render.pairs.our_files import pairs_folder
+from ..render.pairs.file_names_of_ours import pairs_folder
 from ..render.pairs.pair_folder import read_pair
 from ..settings import change_announcements
 from ..settings.blender import scene_properties

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from ..render.pairs.pair_folder import is_complete
-from ..render.workers.job import python_command
+from ..render.workers.job_commands import python_command
 from ..render.workers.process import Message
 from ..settings.blender import scene_properties
 from ..settings.table import list_all_settings

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from ..render.pairs.our_files import folder_of_pair
+from ..render.pairs.file_names_of_ours import folder_of_pair
 from ..render.pairs.pair_folder import is_complete
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..support.cache import own_cache_folder
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import TABLE, read_record
+from ..support.file_schemas import TABLE, read_record
 from ..support.files import hash_file, write_json
 
 #: Maximum number of checksums in the file, the newest last.

@@ -14,7 +14,7 @@ import bpy
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..nodes.ground.dug_ground import mesh_whole_ground
-from ..render.workers.calculation import Calculation
+from ..render.workers.watched_thread import Calculation
 from ..settings import changes
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings

@@ -13,8 +13,8 @@ from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
-from ..render.workers.job import Job as JobFiles
-from ..render.workers.job import absolute_folder, blender_command
+from ..render.workers.job_commands import Job as JobFiles
+from ..render.workers.job_commands import absolute_folder, blender_command
 from ..render.workers.process import Message
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings

@@ -20,7 +20,7 @@ from ..settings.topics.scene import Settings, typed
 from ..stereo.matchers.methods import describe_method
 from ..stereo.report.table_columns import NO_RESULT, RANKING
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
+from ..support.file_schemas import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
 from ..support.files import explain_disk_errors
 from ..support.foreign_bytes import parse_json
 from ..support.number_text import format_count

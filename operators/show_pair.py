@@ -20,8 +20,8 @@ import bpy
 
 from ..formats.png import encode_png
 from ..nodes.datablocks.fingerprint import TAG
-from ..render.pairs.our_files import check_id, folder_of_pair
-from ..render.workers.calculation import Calculation
+from ..render.pairs.file_names_of_ours import check_id, folder_of_pair
+from ..render.workers.watched_thread import Calculation
 from ..settings.blender import scene_properties
 from ..settings.changes import select_response
 from ..settings.topics.scene import typed

@@ -19,7 +19,7 @@ from ..physics.scene_requirements import are_rocks_clear
 from ..render import cycles_settings
 from ..settings import description
 from ..support.blender import compat
-from ..support.file_shapes import TEXT, Each, Kind
+from ..support.file_schemas import TEXT, Each, Kind
 from .view_exposure import TRANSFORM
 
 NOTE = "icymoon_user_render"

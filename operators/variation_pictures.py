@@ -13,8 +13,8 @@ from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..render.plans.planned_pair import expand_headings
 from ..render.plans.vary_scene import make_end_settings
-from ..render.workers.job import Job as JobFiles
-from ..render.workers.job import blender_command
+from ..render.workers.job_commands import Job as JobFiles
+from ..render.workers.job_commands import blender_command
 from ..render.workers.process import Message
 from ..settings import changes
 from ..settings.blender import scene_properties

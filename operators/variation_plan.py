@@ -11,7 +11,7 @@ import bpy
 from ..nodes import scene as scenes
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.datablocks.fingerprint import find_added_objects
-from ..render.pairs.our_files import pairs_folder
+from ..render.pairs.file_names_of_ours import pairs_folder
 from ..render.plans.frozen_plan import PLAN as FROZEN
 from ..render.plans.frozen_plan import read_frozen_plan
 from ..render.plans.plan_file import parse_plan

@@ -20,7 +20,7 @@ from ..settings.topics.stand_ins import MeshItem, TextureItem, find_mesh_item, f
 from ..support.arrays import Array
 from ..support.cache import FOLDER_VARIABLE, own_cache_folder
 from ..support.errors import DiskError, IcyMoonError
-from ..support.file_shapes import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
+from ..support.file_schemas import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
 from ..support.files import PART, explain_disk_errors, hash_file, write_atomically, write_json
 from ..support.system import remove
 from .items import RECIPE

@@ -40,7 +40,7 @@ from ..support.files import explain_disk_errors, hash_file, make_part_path, writ
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
 from ..support.number_text import format_count
-from . import cycles_occlusion, cycles_settings, passes, separate_lights, unlit
+from . import cycles_occlusion, cycles_settings, passes, separate_lights, truth_without_light
 from .baked_light import IndirectLight
 from .cost.estimate import count_bytes_left, count_pixels
 from .cycles_errors import first_line
@@ -49,16 +49,16 @@ from .lander_record import make_lander_json
 from .object_labels import lend_labels
 from .pair_record import make_light_json, make_pair_json
 from .pairs.baked_file import LIGHT
-from .pairs.our_files import check_no_link, pairs_folder
+from .pairs.file_names_of_ours import check_no_link, pairs_folder
 from .pairs.pair_folder import RAW_TRUTH_FILE, TOED_TRUTH_FILE, TRUTH_FILE
-from .pairs.publish import check_place, discard_unfinished, publish_pair
+from .pairs.publish_pair import check_place, discard_unfinished, publish_pair
 from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
-from .ray_stage import CannotTrace, SceneRays
 from .ray_truth import Wanted, trace_beside
 from .render_camera import add_render_camera, set_up_camera, shift_frame
-from .workers.claims import CLAIMS_FOLDER
+from .traced_triangles import CannotTrace, SceneRays
+from .workers.pair_claims import CLAIMS_FOLDER
 
 #: Bytes for a pair's pixel in Blender's own files, which are not compressed: 32-bit floats of all passes of the light,
 #: and of the truth where Cycles renders it.
@@ -141,7 +141,7 @@ def render_pair(
     """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
     ``rays`` are those through that scene. ``indirect`` is what ``baked_light.provide_baked_light`` returned.
-    ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish``. Raises IcyMoonError when the
+    ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish_pair``. Raises IcyMoonError when the
     render or the disk fails; nothing half-written stays.
     """
     folder = planned.folder(dataset)
@@ -454,7 +454,7 @@ def _render_truth(
     the other eye."""
     files = passes.choose_layer(scene, TRUTH, stem, planned.settings.quality.truth)
     between: dict[str, list[Array]] = {eye: [] for eye in files}
-    with separate_lights.disable_osl(scene), unlit.switch_lights_off(scene):
+    with separate_lights.disable_osl(scene), truth_without_light.switch_lights_off(scene):
         _run_cycles(scene, files, planned)
         if toed or not _has_full_truth(planned):
             return files
@@ -480,8 +480,8 @@ def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
     """Render depth that is read once and removed: without surfaces where that saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
-    too_many = kept and _count_triangles(built) > unlit.MOST_TRIANGLES_A_PIXEL * pixels
-    with unlit.take_surfaces_off([] if too_many else built.materials):
+    too_many = kept and _count_triangles(built) > truth_without_light.MOST_TRIANGLES_A_PIXEL * pixels
+    with truth_without_light.take_surfaces_off([] if too_many else built.materials):
         yield
 
 

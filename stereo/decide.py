@@ -19,7 +19,7 @@ from ..physics.light.sky import elevation_deg
 from ..physics.random_numbers.seeds import make_generator
 from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError, describe_error
-from ..support.file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
+from ..support.file_schemas import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..support.files import write_json
 from ..support.version import version
 from .artefacts import check_output_folder, named_files_exist, remove_leftovers

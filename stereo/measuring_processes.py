@@ -19,10 +19,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
-from ..render.workers.job import python_command
+from ..render.workers.job_commands import python_command
 from ..render.workers.process import clean_environment
 from ..support.errors import DiskError, IcyMoonError
-from ..support.file_shapes import TEXT, find_fault
+from ..support.file_schemas import TEXT, find_fault
 from ..support.foreign_bytes import parse_json
 from ..support.system import KEEPS_MEMORY, count_processors, kill_all, start
 from .artefacts import remove_leftovers

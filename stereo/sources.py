@@ -12,7 +12,7 @@ from ..physics.camera.nearest_ground import name_ground
 from ..render.pairs.pair_folder import has_pairs, read_pair
 from ..settings.description import Restorer
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import FILE_NAME
+from ..support.file_schemas import FILE_NAME
 from ..support.files import read_checksum
 from .datasets.foreign_pair import ForeignPair
 from .datasets.layouts import KNOWN, FoundPair, find_foreign_pairs

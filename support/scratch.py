@@ -13,7 +13,7 @@ from typing import Any
 
 from . import system
 from .errors import IcyMoonError
-from .file_shapes import PROCESS, TEXT, read_record
+from .file_schemas import PROCESS, TEXT, read_record
 from .files import explain_disk_errors
 
 _PREFIX = "icymoon-"

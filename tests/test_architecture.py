@@ -171,7 +171,7 @@ def test_imports_go_down(path):
         ("physics.camera.point_spread", {"stereo.trade.measure_variants", "commands.cli"}),
         ("physics.camera.point_spread", {"settings", "settings.table"}),
         ("support.errors", {"settings.table"}),
-        ("render.plans.order", {"render.workers.claims"}),
+        ("render.plans.render_order", {"render.workers.pair_claims"}),
         ("nodes.scene", {"render.worker"}),
         ("stereo.measure.metrics", {"stereo.report.html"}),
         ("physics.light.sky", {"physics.scene_requirements"}),
@@ -184,7 +184,7 @@ def test_an_import_upwards_is_found(module, used):
 @pytest.mark.parametrize(
     ("module", "used"),
     [
-        ("operators.trade", {"render.cost.speed", "commands.doctor"}),
+        ("operators.trade", {"render.cost.machine_speed", "commands.doctor"}),
         ("physics.light.sky", {"physics.light.bodies"}),
         ("support.files", {"support.errors"}),
         ("__main__", {"commands.cli"}),

@@ -27,7 +27,7 @@ from .polar.data_set import (
     View,
     read_terrains,
 )
-from .polar.hand import LabelAgreement, measure_label_agreement
+from .polar.label_agreement import LabelAgreement, measure_label_agreement
 from .polar.lamp import HeightTable, cast_onto_sand, fit_lamps
 from .polar.sand import Sand, assign_outlines, measure_sand
 from .polar.scans import LeftOut, find_left_out

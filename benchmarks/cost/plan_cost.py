@@ -21,7 +21,7 @@ from icymoon.benchmarks.common.renders import open_empty_file, settings_of, star
 from icymoon.nodes.scene import build_scene
 from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand_headings
-from icymoon.render.plans.triangles import count_triangles
+from icymoon.render.plans.triangle_count import count_triangles
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings

@@ -109,7 +109,7 @@ def measure_builds() -> None:
     """Print the processor seconds of builds, one after the other, and their ratios to that without an excavation."""
     # Volumes need no Blender.
     from icymoon.benchmarks.common.renders import settings_of, start_blender
-    from icymoon.nodes.next_scene import open_empty_scene
+    from icymoon.nodes.change_scene import open_empty_scene
 
     start_blender()
     scene = settings_of((BASE,))

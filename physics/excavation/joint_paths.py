@@ -15,7 +15,7 @@ import numpy as np
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import read_number_lines
+from ...support.file_schemas import read_number_lines
 from ...support.files import absolute_path
 from ..arm.kinematics import Arm, Joint, find_joints_beyond_limits, find_tip
 from ..arm.lander_arm import is_users_arm, make_arm

@@ -13,7 +13,7 @@ import numpy as np
 from ...settings.topics.excavation import ExcavationSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import read_number_lines
+from ...support.file_schemas import read_number_lines
 from ...support.files import absolute_path
 from .cut import Pull
 

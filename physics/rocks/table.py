@@ -8,7 +8,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import read_number_lines
+from ...support.file_schemas import read_number_lines
 
 #: Columns that a table must have.
 COLUMNS = ("x_m", "y_m", "diameter_m")

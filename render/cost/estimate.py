@@ -31,11 +31,11 @@ from ...support.labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
 from ...support.number_text import format_count
 from ...support.system import count_processors
 from ..pairs.pair_folder import is_complete, read_pair
-from ..plans.indirect import bake_seconds, light_bytes, make_light_key
-from ..plans.order import MOST_SCENES, choose_worker_count, cut_into_jobs, make_settings_key, order_pairs
+from ..plans.baked_or_traced import bake_seconds, light_bytes, make_light_key
 from ..plans.planned_pair import PlannedPair
-from ..plans.triangles import count_triangles
-from .speed import Speed, to_wall_seconds
+from ..plans.render_order import MOST_SCENES, choose_worker_count, cut_into_jobs, make_settings_key, order_pairs
+from ..plans.triangle_count import count_triangles
+from .machine_speed import Speed, to_wall_seconds
 
 #: Processor seconds, 2-core x86 server, Blender 5.0 (``python benchmarks plan_cost``): of the process that starts
 #: workers, of starting a worker, of building a scene, of building ground from a file, of a pair.

@@ -26,7 +26,7 @@ from ...settings.description import Restorer, merged, restore_settings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import (
+from ...support.file_schemas import (
     COUNT,
     FILE_NAME,
     FLAG,
@@ -44,8 +44,8 @@ from ...support.file_shapes import (
 )
 from ...support.files import PART, hash_file, quote, read_text, replace_if_unchanged, to_json_text
 from ...support.foreign_bytes import describe_reason, parse_json
-from .our_files import check_id, check_no_link, is_regular_file, pairs_folder
-from .statements import find_contradictions
+from .check_pair_record import find_contradictions
+from .file_names_of_ours import check_id, check_no_link, is_regular_file, pairs_folder
 from .workspace_cells import workspace_files
 
 FORMAT = "icymoon-pair"

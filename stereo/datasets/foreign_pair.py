@@ -17,7 +17,7 @@ from ...physics.camera.occlusion import find_matching_column, is_in_frame
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import FILE_NAME
+from ...support.file_schemas import FILE_NAME
 from ...support.files import read_checksum
 from ...support.foreign_bytes import MOST_BYTES, note_on_backslashes
 from ..images import colours

@@ -23,12 +23,12 @@ from typing import Any
 from ...physics.scene_requirements import surface_topics
 from ...render.pairs.pair_folder import Pair, read_pair
 from ...render.plans.planned_pair import PlannedPair
-from ...render.workers.job import Job, blender_command
+from ...render.workers.job_commands import Job, blender_command
 from ...render.workers.process import Message, Process
 from ...settings import changes
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import TEXT, Each, read_record
+from ...support.file_schemas import TEXT, Each, read_record
 from ...support.files import write_json
 from ...support.scratch import open_scratch_folder
 from . import Export

@@ -32,7 +32,7 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support import system
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import is_number
+from ...support.file_schemas import is_number
 from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
 from ...support.scratch import make_scratch_folder

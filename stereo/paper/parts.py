@@ -9,9 +9,9 @@ from functools import cached_property
 from pathlib import Path
 
 from ...render.plans.combine import combine
-from ...render.plans.order import order_pairs
 from ...render.plans.plan_file import Plan, find_plan, parse_plan, read_plan
 from ...render.plans.planned_pair import PlannedPair
+from ...render.plans.render_order import order_pairs
 from ...render.plans.stratified import choose_stratified
 from ...settings.description import changed, defaults, merged
 from ...settings.toml_text import to_toml, to_toml_value

@@ -12,7 +12,7 @@ from typing import Any, TextIO
 
 from ...settings.shared_settings import find_shared, remove_shared
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import read_record
+from ...support.file_schemas import read_record
 from ...support.files import escape_cell, write_atomically, write_json
 from ...support.number_text import format_count
 from ..environment import packages

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...render.pairs.pair_folder import is_complete
 from ...support.arrays import Array
-from ...support.file_shapes import COUNT, NUMBER, TEXT, Each, Maybe, read_record
+from ...support.file_schemas import COUNT, NUMBER, TEXT, Each, Maybe, read_record
 from ...support.files import write_json
 from ..images.develop import average_bands, develop
 from ..matchers import match

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...render.cost.tolerance import Tolerance, all_hold
-from ...render.cost.variants import SHAPES
+from ...render.cost.error_tolerance import Tolerance, all_hold
+from ...render.cost.quality_variants import SHAPES
 from ..matchers.methods import describe_method
 from .decisions import decisions_text
 from .losses import find_pareto_front, number_at

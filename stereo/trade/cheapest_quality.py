@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...render.cost.tolerance import Tolerance, all_hold
-from ...render.cost.variants import Variant, list_candidates, list_leaner_settings, make_reference
+from ...render.cost.error_tolerance import Tolerance, all_hold
+from ...render.cost.quality_variants import Variant, list_candidates, list_leaner_settings, make_reference
 from ...settings.description import changed, merged
 from ...settings.toml_text import to_toml
 from ...support.files import explain_disk_errors, write_text

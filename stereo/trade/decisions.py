@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...render.cost.tolerance import all_hold
+from ...render.cost.error_tolerance import all_hold
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules

@@ -13,9 +13,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...render.cost.abilities import Abilities, ask_abilities, describe_lack
-from ...render.cost.variants import GROUPS, SHAPES, Variant, list_variants, make_reference
-from ...render.workers.job import Job, render_job
+from ...render.cost.blender_abilities import Abilities, ask_abilities, describe_lack
+from ...render.cost.quality_variants import GROUPS, SHAPES, Variant, list_variants, make_reference
+from ...render.workers.job_commands import Job, render_job
 from ...render.workers.process import Message
 from ...settings.description import changed, defaults, merged
 from ...settings.topics.scene import Settings

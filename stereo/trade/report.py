@@ -12,7 +12,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from ...render.cost.variants import SHAPES
+from ...render.cost.quality_variants import SHAPES
 from ...support.files import write_json, write_text
 from ..matchers.methods import describe_method
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic, set_logarithmic_beyond

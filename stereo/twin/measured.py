@@ -20,7 +20,7 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES, read_unchanged_pair
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
-from ...support.file_shapes import COUNT, NUMBER, TEXT, Each, Maybe, read_record
+from ...support.file_schemas import COUNT, NUMBER, TEXT, Each, Maybe, read_record
 from ...support.files import read_checksum, to_json_text, write_json
 from ...support.foreign_bytes import MOST_BYTES
 from ..images.colours import VIRIDIS, Scale, draw_depth

@@ -9,7 +9,7 @@ import bpy
 import pytest
 from icymoon.operators import events, jobs
 from icymoon.operators.session import Session, session
-from icymoon.render.workers.calculation import Calculation
+from icymoon.render.workers.watched_thread import Calculation
 from icymoon.support.errors import IcyMoonError
 from stand_ins import stand_in
 

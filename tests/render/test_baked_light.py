@@ -21,7 +21,7 @@ from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
-from icymoon.render.workers.claims import Claims
+from icymoon.render.workers.pair_claims import Claims
 from icymoon.render.workers.shared_light import SharedLight
 from icymoon.stereo.images.exr import read_baked_error, read_view
 from icymoon.support.arrays import Array

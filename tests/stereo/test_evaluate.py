@@ -24,7 +24,7 @@ from icymoon.stereo.measure.costs import COSTS
 from icymoon.stereo.report import schema
 from icymoon.stereo.report.row_log import RowLog
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.file_shapes import find_fault
+from icymoon.support.file_schemas import find_fault
 
 pytestmark = pytest.mark.filterwarnings("error")
 

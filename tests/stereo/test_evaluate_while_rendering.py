@@ -10,7 +10,7 @@ import time
 import icymoon.stereo.evaluate as evaluating
 import pairs
 import pytest
-from icymoon.render.workers.job import python_command
+from icymoon.render.workers.job_commands import python_command
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.evaluate_while_rendering import measure_completed_pairs
 from icymoon.stereo.matchers.methods import parse_methods

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from icymoon.nodes.change_scene import open_empty_scene
 from icymoon.nodes.ground import dug_ground
 from icymoon.nodes.ground.dug_ground import DEPTH, mesh_whole_ground
-from icymoon.nodes.next_scene import open_empty_scene
 from icymoon.nodes.scene import make_ground
 from icymoon.physics.excavation.jitter import jitter_rig
 from icymoon.settings import description

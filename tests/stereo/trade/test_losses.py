@@ -9,8 +9,8 @@ import pytest
 import workspaces
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.render.cost.tolerance import make_tolerance, parse_fraction
-from icymoon.render.cost.variants import GROUPS, list_variants
+from icymoon.render.cost.error_tolerance import make_tolerance, parse_fraction
+from icymoon.render.cost.quality_variants import GROUPS, list_variants
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.stereo.decisions.rules import read_rules
