@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..formats.tiff_write import encode_tiff
 from ..physics.rocks.table import COLUMNS, TABLE, covered_share
-from ..render.pairs.file_names_of_ours import INPUTS
+from ..render.pairs.dataset_file_names import INPUTS
 from ..settings.description import defaults
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError

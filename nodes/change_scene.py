@@ -13,12 +13,12 @@ from ..settings import changes
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import preview
+from .build_scene import build_scene
 from .built_scene import SETTINGS, Built, find_built
 from .datablocks.blend_file_paths import hash_content
 from .lander.contact import find_contact
 from .light.scene_lights import advise_on_sky as light_advice
 from .light.scene_lights import compute_scene_sky
-from .scene import build_scene
 from .surface import ground_and_rock_materials, reflectance_laws
 
 

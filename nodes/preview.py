@@ -32,8 +32,8 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import TABLE, TEXT, Each
+from . import build_scene as scenes
 from . import painted_errors
-from . import scene as scenes
 from .datablocks.blend_file_paths import make_paths_absolute
 from .datablocks.fingerprint import TAG, find_built_objects, find_instanced_objects
 from .datablocks.stored_json import read_stored

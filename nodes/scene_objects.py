@@ -45,7 +45,7 @@ from .lander.objects import build_lander
 from .light.scene_lights import advise_on_sky as light_advice
 from .light.scene_lights import build_lights, compute_scene_sky
 from .light.sun_lamp import build_sky
-from .remove import remove_unused
+from .remove_objects import remove_unused
 from .rig import build_rig
 from .surface import ground_and_rock_materials, reflectance_laws
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material

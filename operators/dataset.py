@@ -24,14 +24,14 @@ from ..support.files import absolute_path
 from ..support.printer import show_controls
 from ..support.system import find_user_key
 from . import dialogs, evaluate, jobs
-from .events import call_later, make_registration
 from .job_operators import JobOperator
 from .preferences import count_workers, find_evaluator_python, find_extension_folder
 from .render import find_dataset_folder
 from .session import session
 from .show_pair import ShowsPair
 from .sidebar_text import format_for_window
-from .window import push_undo
+from .window_areas import push_undo
+from .window_events import call_later, make_registration
 
 _TITLE = "Render Data Set"
 _LOOK_S = 0.5

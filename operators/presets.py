@@ -10,8 +10,8 @@ import bpy
 
 from ..commands.sources import BY_HAND, DEFAULT, find_origins
 from ..formats.png import encode_png
+from ..nodes import build_scene as scenes
 from ..nodes import preview
-from ..nodes import scene as scenes
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.ground.user_ground import is_from_file
 from ..render.cycles_settings import find_lack
@@ -23,7 +23,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_atomically, write_text
 from ..support.printer import show_controls
 from ..support.system import find_name_fault, remove
-from . import dialogs, live_preview, refine
+from . import dialogs, live_preview, refine_ground
 from .build import build_and_report
 from .evaluate import find_rendered_pairs
 from .preferences import find_extension_folder
@@ -256,7 +256,7 @@ def _show_coarse(operator: bpy.types.Operator, context: bpy.types.Context, pictu
     session.picture.show(scene, picture)
     if preview.awaits_ground(scene, settings) is None:
         session.picture.count(scene)
-    refine.begin_refining()
+    refine_ground.begin_refining()
 
 
 class ICYMOON_OT_add_preset(bpy.types.Operator):

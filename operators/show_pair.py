@@ -20,7 +20,7 @@ import bpy
 
 from ..formats.png import encode_png
 from ..nodes.datablocks.fingerprint import TAG
-from ..render.pairs.file_names_of_ours import check_id, folder_of_pair
+from ..render.pairs.dataset_file_names import check_id, folder_of_pair
 from ..render.workers.watched_thread import Calculation
 from ..settings.blender import scene_properties
 from ..settings.changes import select_response
@@ -33,13 +33,13 @@ from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
 from . import image_editor, live_preview, view_exposure
 from .evaluate import find_rendered_pairs
-from .events import call_later, cancel_call, make_registration
 from .job_operators import WatchingOperator
 from .jobs import INTERVAL_S, Job
 from .render import find_dataset_folder
 from .session import ShownPair, session
 from .sidebar_text import replace_keys_by_labels
-from .window import push_undo, redraw_panels
+from .window_areas import push_undo, redraw_panels
+from .window_events import call_later, cancel_call, make_registration
 
 VIEWS = (
     ("SIDE_BY_SIDE", "Side by Side", "Left image, right image and true depth"),

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import bpy
 
+from ..nodes.build_scene import find_built
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
-from ..nodes.scene import find_built
 from ..render.cost import error_tolerance, machine_speed, measure_speed
 from ..render.workers.job_commands import Job, blender_command, python_command
 from ..render.workers.process import Message
@@ -26,7 +26,7 @@ from .evaluate import make_matcher_arguments
 from .job_operators import DialogJobOperator, JobOperator
 from .preferences import find_evaluator_python
 from .render import find_dataset_folder
-from .window import find_scene
+from .window_areas import find_scene
 
 #: Result of the last measurement or search as lines for the panel, by the name of the scene.
 last_results: dict[str, tuple[str, ...]] = {}

@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from ..nodes import scene as scenes
+from ..nodes import build_scene as scenes
 from ..nodes.datablocks.stored_json import read_stored
 from ..physics.scene_requirements import are_rocks_clear
 from ..render import cycles_settings

@@ -26,9 +26,9 @@ from ..support.blender import compat
 from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
 from . import jobs
-from .events import keep_until_change
 from .job_operators import JobOperator
-from .window import ButtonPictures, redraw_panels
+from .window_areas import ButtonPictures, redraw_panels
+from .window_events import keep_until_change
 
 #: Columns or rows of a picture at most, and light paths per pixel, with a denoiser and without. The sidebar shows a
 #: picture 100 px wide, so that fewer columns leave more paths for each in the same seconds.

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import bpy
 
-from ..nodes import scene as scenes
+from ..nodes import build_scene as scenes
 from ..nodes.datablocks.fingerprint import TAG
 from ..physics.camera.sensor import capacity_e
 from ..physics.light.photons import pixel_pitch_m
@@ -27,7 +27,7 @@ from ..settings.topics.scene import Settings
 from ..stereo.images.develop import Channels
 from ..support.errors import IcyMoonError
 from . import sidebar_text
-from .events import make_registration
+from .window_events import make_registration
 
 #: View transform that shows light as the images of a camera do.
 TRANSFORM = "Raw"

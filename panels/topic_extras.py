@@ -8,8 +8,8 @@ from typing import Any
 
 import bpy
 
+from ..nodes import build_scene as scenes
 from ..nodes import preview
-from ..nodes import scene as scenes
 from ..operators import live_exposure, sidebar_text
 from ..operators.sidebar_text import remember_answers
 from ..paper_stand_ins.items import describe_item, list_items

@@ -21,9 +21,9 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..nodes.build_scene import Built
 from ..nodes.datablocks.fingerprint import find_added_objects
 from ..nodes.rig import turn_about_eye
-from ..nodes.scene import Built
 from ..physics.light import baked_texels
 from ..physics.light.baked_noise import count_samples_needed, find_largest_share, measure_bake_noise
 from ..physics.light.baked_rocks import TERMS, fit_terms

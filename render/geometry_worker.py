@@ -19,8 +19,8 @@ import bpy
 import numpy as np
 
 from ..formats.placed_meshes import PlacedMesh, group_by_kind
+from ..nodes.build_scene import Built, make_extra
 from ..nodes.datablocks.blend_file_paths import hash_content
-from ..nodes.scene import Built, make_extra
 from ..nodes.surface.reflectance_laws import OF_NODES
 from ..physics.camera.blur import describe_blur_identity
 from ..physics.mesh.finer_in_view import still_spacing_m

@@ -16,10 +16,10 @@ import numpy as np
 
 from ..formats.exr_layout import is_whole
 from ..formats.exr_pixels import decode_parts
+from ..nodes.build_scene import Built
 from ..nodes.datablocks.fingerprint import TAG, find_instanced_objects
 from ..nodes.ground.user_ground import is_from_file
 from ..nodes.lander.objects import ROLES as LANDER_ROLES
-from ..nodes.scene import Built
 from ..nodes.surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..rays.shapes import World

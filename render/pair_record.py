@@ -9,8 +9,8 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..nodes.build_scene import Built
 from ..nodes.light.sun_lamp import read_scene_sun
-from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
 from ..paper_stand_ins.items import describe_item, list_items
 from ..physics import scene_checks

@@ -18,12 +18,12 @@ from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights, measure_b
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, assemble, join_layers, read_pieces
 from ..formats.exr_pixels import compress, drop_passes, round_passes
+from ..nodes.build_scene import Built
 from ..nodes.datablocks.fingerprint import find_built_objects
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
 from ..nodes.light.veil import veil_in
 from ..nodes.rig import find_eye_poses, list_lens_values, turn_about_eye
-from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, find_blur
@@ -49,7 +49,7 @@ from .lander_record import make_lander_json
 from .object_labels import lend_labels
 from .pair_record import make_light_json, make_pair_json
 from .pairs.baked_file import LIGHT
-from .pairs.file_names_of_ours import check_no_link, pairs_folder
+from .pairs.dataset_file_names import check_no_link, pairs_folder
 from .pairs.pair_folder import RAW_TRUTH_FILE, TOED_TRUTH_FILE, TRUTH_FILE
 from .pairs.publish_pair import check_place, discard_unfinished, publish_pair
 from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, workspace_files

@@ -11,9 +11,9 @@ from typing import Self
 import bpy
 
 from ..nodes import eyes_above_ground
+from ..nodes.build_scene import Built
 from ..nodes.change_scene import adapt_scene
 from ..nodes.ground.user_ground import warn_of_cost
-from ..nodes.scene import Built
 from ..physics import scene_checks
 from ..physics.camera.blur import describe_blur_identity
 from ..physics.mesh.finer_in_view import still_spacing_m

@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 import bpy
 
 from ..nodes import painted_errors
-from ..nodes.scene import Built, find_built, make_extra, separate_copies
+from ..nodes.build_scene import Built, find_built, make_extra, separate_copies
 from ..settings.blender import scene_properties
 from ..settings.description import check, defaults, merged, overlaid
 from ..settings.topics.scene import Settings

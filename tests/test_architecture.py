@@ -172,7 +172,7 @@ def test_imports_go_down(path):
         ("physics.camera.point_spread", {"settings", "settings.table"}),
         ("support.errors", {"settings.table"}),
         ("render.plans.render_order", {"render.workers.pair_claims"}),
-        ("nodes.scene", {"render.worker"}),
+        ("nodes.build_scene", {"render.worker"}),
         ("stereo.measure.metrics", {"stereo.report.html"}),
         ("physics.light.sky", {"physics.scene_requirements"}),
     ],

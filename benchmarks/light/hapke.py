@@ -47,7 +47,7 @@ MODELS: dict[str, tuple[dict[str, Any], ...]] = {
 def _seconds(surface: dict[str, Any], hapke: dict[str, Any], textures: dict[str, Any] | None = None) -> float:
     """Processor seconds of 63 samples a pixel of an open ground under a low Sun."""
     import bpy
-    from icymoon.nodes.scene import build_scene
+    from icymoon.nodes.build_scene import build_scene
     from icymoon.nodes.surface.sun_inputs import prepare_for_cycles
     from icymoon.render import cycles_settings
     from rendering import complete, empty_scene

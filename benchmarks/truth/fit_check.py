@@ -120,7 +120,7 @@ def judge_visibility(folder: Path, counts: dict[str, Counter[str]]) -> None:
 def render(dataset: Path, grounds: int) -> None:
     """Render sound pairs. A rig whose eye would be in the ground is left out."""
     from icymoon.benchmarks.common import renders
-    from icymoon.nodes.scene import build_scene
+    from icymoon.nodes.build_scene import build_scene
 
     renders.start_blender()
     random = np.random.default_rng(5)

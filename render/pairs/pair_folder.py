@@ -45,7 +45,7 @@ from ...support.file_schemas import (
 from ...support.files import PART, hash_file, quote, read_text, replace_if_unchanged, to_json_text
 from ...support.foreign_bytes import describe_reason, parse_json
 from .check_pair_record import find_contradictions
-from .file_names_of_ours import check_id, check_no_link, is_regular_file, pairs_folder
+from .dataset_file_names import check_id, check_no_link, is_regular_file, pairs_folder
 from .workspace_cells import workspace_files
 
 FORMAT = "icymoon-pair"

@@ -16,7 +16,7 @@ from pathlib import Path
 from ...support.errors import IcyMoonError
 from ...support.files import explain_disk_errors, make_part_path
 from ...support.system import flush, rename
-from .file_names_of_ours import find_reason_to_keep, is_pair_name, remove_ours
+from .dataset_file_names import find_reason_to_keep, is_pair_name, remove_ours
 from .pair_folder import is_whole
 
 

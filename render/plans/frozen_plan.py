@@ -23,7 +23,7 @@ from ...support.files import quote, read_text, write_text
 from ...support.foreign_bytes import describe_reason, parse_json
 from ...support.number_text import format_count
 from ...support.version import version
-from ..pairs.file_names_of_ours import check_id
+from ..pairs.dataset_file_names import check_id
 from ..pairs.pair_folder import is_complete
 from .planned_pair import PlannedPair
 

@@ -39,7 +39,8 @@ def check_overwritten(
     """Raise IcyMoonError if what a sweep varies would be lost, for every pair or for some.
 
     ``base`` is made of ``parts``, those of the plans that are extended first. Over it come ``seeds``, where the plan
-    states them, then the sweeps of settings with their variations, then ``cameras``, in the order of ``pose_sweeps.KINDS``.
+    states them, then the sweeps of settings with their variations, then ``cameras``, in the order of
+    ``pose_sweeps.KINDS``.
     """
     layers = [
         _Layer(sweep.place, sweep.name, _list_named(sweep), [_list_stated(part) for part in variations])

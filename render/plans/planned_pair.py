@@ -9,7 +9,7 @@ from ...physics.camera.blur import describe_blur_identity
 from ...physics.random_numbers.seeds import seed_stream
 from ...settings.description import digest, merged
 from ...settings.topics.scene import Settings
-from ..pairs.file_names_of_ours import folder_of_pair
+from ..pairs.dataset_file_names import folder_of_pair
 from .baked_or_traced import choose_indirect
 
 

@@ -16,7 +16,7 @@ from ...support.files import absolute_path, explain_disk_errors
 from ...support.scratch import make_scratch_folder
 from ...support.system import is_python, remove_folder
 from ...support.version import ROOT
-from ..pairs.file_names_of_ours import check_id
+from ..pairs.dataset_file_names import check_id
 from ..plans.planned_pair import PlannedPair
 from .pair_claims import Claims
 from .process import Message, Process

@@ -23,7 +23,7 @@ from ...support.file_schemas import NUMBER, PROCESS, SHA256, TEXT, Maybe, find_f
 from ...support.files import PART, explain_disk_errors, find_leftover_parts, make_part_path, read_text, write_text
 from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
-from ..pairs.file_names_of_ours import is_claim_name, pairs_folder, remove_ours
+from ..pairs.dataset_file_names import is_claim_name, pairs_folder, remove_ours
 from ..pairs.publish_pair import resolve_leftover
 
 CLAIMS_FOLDER = "claims"

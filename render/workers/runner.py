@@ -19,7 +19,7 @@ from ...support.errors import IcyMoonError
 from ...support.file_schemas import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
 from ...support.number_text import format_count
 from ..pairs.baked_file import LIGHT
-from ..pairs.file_names_of_ours import check_no_link, folder_of_pair, pairs_folder
+from ..pairs.dataset_file_names import check_no_link, folder_of_pair, pairs_folder
 from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response
 from ..plans.planned_pair import PlannedPair
 from ..plans.render_order import MOST_SCENES, cut_into_jobs

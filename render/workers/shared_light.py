@@ -21,7 +21,7 @@ from typing import Any
 from ...support.file_schemas import NUMBER, SHA256, TEXT, Each, Maybe, find_fault
 from ..pairs import baked_file
 from ..pairs.baked_file import LIGHT, BakedLight
-from ..pairs.file_names_of_ours import is_pair_name, is_unfinished_name, pairs_folder
+from ..pairs.dataset_file_names import is_pair_name, is_unfinished_name, pairs_folder
 from ..pairs.pair_folder import has_stated_files, read_whole
 from .pair_claims import Claims
 

@@ -21,7 +21,7 @@ from ...support.files import hash_file, list_put_there, quote, read_text
 from ...support.foreign_bytes import parse_json
 from ...support.number_text import format_count
 from ..pairs.baked_file import LIGHT, parse_name
-from ..pairs.file_names_of_ours import (
+from ..pairs.dataset_file_names import (
     INPUTS,
     find_reason_to_keep,
     folder_of_pair,

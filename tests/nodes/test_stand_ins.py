@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.paper_stand_ins import cached_files
 from icymoon.paper_stand_ins.reconstructions import Reconstruction
 from icymoon.paper_stand_ins.texture_maps import make_maps

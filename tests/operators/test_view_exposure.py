@@ -8,7 +8,7 @@ import math
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.operators import view_exposure
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings import changes

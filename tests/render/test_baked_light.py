@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.physics.light.baked_rocks import TERMS
 from icymoon.render import baked_light
 from icymoon.render.pairs import baked_file

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.physics.camera.occlusion import find_matching_column, is_in_frame
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings

@@ -11,8 +11,8 @@ import extremes
 import numpy as np
 import pytest
 from extremes import SHORT_AND_LONG, SWITCHED_ON_BY, complete, drawn, faults, is_sentence, numbers, rays, shot, story
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
 from icymoon.physics.surfaces.photometry import LOMMEL_SEELIGER_BOND
 from icymoon.render.pairs.pair_folder import EYES

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes.scene import Built, build_scene
+from icymoon.nodes.build_scene import Built, build_scene
 from icymoon.rays import ray_engine
 from icymoon.render import displaced_vertices
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair

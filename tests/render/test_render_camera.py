@@ -8,7 +8,7 @@ import bpy
 import cv2
 import numpy as np
 import pytest
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.operators import sidebar_text
 from icymoon.physics.camera.blur import circle_of_confusion_px, find_blur, motion_blur_px
 from icymoon.physics.camera.lens_distortion import find_overscan

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes.scene import Built, build_scene
+from icymoon.nodes.build_scene import Built, build_scene
 from icymoon.render import render_pair, truth_without_light
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import expand_headings

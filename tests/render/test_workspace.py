@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.formats.exr_pixels import decode_parts
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.render.ground_maps import make_heights, make_materials
 from icymoon.render.pairs.pair_folder import find_changed_files
 from icymoon.render.pairs.workspace_cells import find_workspace_extent

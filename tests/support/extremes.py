@@ -9,8 +9,8 @@ from typing import Any
 
 import bpy
 import numpy as np
+from icymoon.nodes.build_scene import Built, build_scene
 from icymoon.nodes.light.sun_lamp import read_lamp_diameter, read_lamp_irradiance_wm2
-from icymoon.nodes.scene import Built, build_scene
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
 from icymoon.physics.camera.depth_accuracy import coordinate_rounding_m
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair

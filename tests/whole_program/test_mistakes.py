@@ -20,7 +20,7 @@ import icymoon
 import numpy as np
 import pytest
 from icymoon.commands import cli, doctor
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.operators import preferences, presets
 from icymoon.physics.camera.blur import find_blur
 from icymoon.render import cycles_settings, render_pair

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from icymoon.nodes.build_scene import make_ground
 from icymoon.nodes.change_scene import open_empty_scene
 from icymoon.nodes.ground import dug_ground
 from icymoon.nodes.ground.dug_ground import DEPTH, mesh_whole_ground
-from icymoon.nodes.scene import make_ground
 from icymoon.physics.excavation.jitter import jitter_rig
 from icymoon.settings import description
 from icymoon.support.errors import IcyMoonError

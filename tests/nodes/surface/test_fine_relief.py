@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from extremes import rays
 from icymoon.benchmarks.light.furnace import plane, radiance
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.nodes.ground.terrain_mesh import SPACING, leave_unmoved
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.surface.patches_and_grain import add_grain, add_grain_by_fineness

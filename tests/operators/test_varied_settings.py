@@ -10,16 +10,16 @@ from typing import Any
 import bpy
 import pytest
 from evaluations import write_evaluation
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.operators import (
     dataset,
-    events,
     render_variations,
     results,
     show_pair,
     variation_curves,
     variation_plan,
-    vary,
+    varied_settings,
+    window_events,
 )
 from icymoon.operators.variation_plan import find_folder_fault, find_free_folder
 from icymoon.render.pairs.pair_folder import find_pairs
@@ -126,7 +126,7 @@ def test_settings_are_moved_and_removed(tiny):
 
 def test_a_context_menu_knows_the_setting_under_the_mouse(tiny):
     def under(group, key):
-        return vary.find_setting_of_button(
+        return varied_settings.find_setting_of_button(
             SimpleNamespace(button_prop=group.bl_rna.properties[key], button_pointer=group)
         )
 
@@ -134,16 +134,16 @@ def test_a_context_menu_knows_the_setting_under_the_mouse(tiny):
     assert under(tiny.icymoon.rock_surface, "albedo") == "rock_surface.albedo"
     assert under(tiny.icymoon, "live") == under(tiny.render, "resolution_x") == ""
     assert under(tiny.icymoon.variations, "seeds") == ""
-    assert vary.find_setting_of_button(bpy.context) == ""
+    assert varied_settings.find_setting_of_button(bpy.context) == ""
 
 
 def test_the_tooltip_of_vary_tells_what_the_field_tells():
     given = SimpleNamespace(is_property_set=lambda name: True, setting=ELEVATION)
-    told = vary.ICYMOON_OT_vary.description(bpy.context, given)
+    told = varied_settings.ICYMOON_OT_vary.description(bpy.context, given)
     assert told.startswith("Vary Sun Elevation: ")
     assert told.endswith(TOPICS["light"]["sun_elevation_deg"].description)
     none = SimpleNamespace(is_property_set=lambda name: False)
-    assert vary.ICYMOON_OT_vary.description(bpy.context, none) == vary.ICYMOON_OT_vary.__doc__
+    assert varied_settings.ICYMOON_OT_vary.description(bpy.context, none) == varied_settings.ICYMOON_OT_vary.__doc__
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_what_cannot_vary_is_grey_in_the_context_menu(tiny, topic, key, possible
     context = SimpleNamespace(button_prop=group.bl_rna.properties[key], button_pointer=group)
     said = []
     kind = SimpleNamespace(poll_message_set=said.append)
-    poll: Any = vary.ICYMOON_OT_vary.poll
+    poll: Any = varied_settings.ICYMOON_OT_vary.poll
     assert poll.__func__(kind, context) is possible
     assert bool(said) is not possible
 
@@ -189,7 +189,7 @@ def test_undo_brings_the_lines_back(tiny):
     render_variations.list_lines(tiny)
     for handler in bpy.app.handlers.undo_post:
         handler(tiny)
-    assert not events._known
+    assert not window_events._known
 
 
 def test_the_saved_plan_makes_the_scenes_pairs(tiny, tmp_path):

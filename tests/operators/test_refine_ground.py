@@ -8,10 +8,10 @@ import bpy
 import numpy as np
 import pytest
 from built_scenes import positions
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import read_parts
-from icymoon.operators import live_preview, refine, view_exposure
+from icymoon.operators import live_preview, refine_ground, view_exposure
 from icymoon.operators.render import bring_up_to_date
 from icymoon.operators.sidebar_text import replace_keys_by_labels
 from icymoon.panels import previews
@@ -41,8 +41,8 @@ def watched(scene, monkeypatch):
     monkeypatch.setattr(preview, "MOST_VERTICES", 1200)
     monkeypatch.setattr(preview, "MOST_ROCKS", 20)
     yield scene
-    refine.unregister()
-    refine.register()
+    refine_ground.unregister()
+    refine_ground.register()
 
 
 def choose(name: str) -> scenes.Built:
@@ -53,7 +53,7 @@ def choose(name: str) -> scenes.Built:
 
 def look() -> scenes.Built:
     """What the event loop does while the user looks, until no ground follows any more."""
-    while refine._refine_next() is not None:
+    while refine_ground._refine_next() is not None:
         time.sleep(0.01)
     return scenes.find_built(bpy.context.scene)
 
@@ -83,7 +83,7 @@ def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watch
     assert built.rock_count == preview.MOST_ROCKS
     assert np.ptp(positions(built.terrain)[:, 0]) > 10 * settings().terrain.size_m  # out to the horizon
     assert built.settings.light == settings().light
-    assert live_preview.list_lines(watched) == [refine.NOTE]
+    assert live_preview.list_lines(watched) == [refine_ground.NOTE]
     assert not built.edited
     terrain = built.terrain
     built = look()
@@ -95,7 +95,7 @@ def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watch
 
 def test_a_second_choice_before_the_first_is_refined_gives_the_second(watched):
     choose(ROCKS)
-    refine._refine_next()  # the ground of the first is being made
+    refine_ground._refine_next()  # the ground of the first is being made
     built = choose(RIDGES)
     assert built.preview
     assert is_as_built_at_once(look())
@@ -104,7 +104,7 @@ def test_a_second_choice_before_the_first_is_refined_gives_the_second(watched):
 @pytest.mark.heavy
 def test_a_render_before_it_is_refined_is_of_the_full_scene(watched):
     choose(ROCKS)
-    refine._refine_next()
+    refine_ground._refine_next()
     built = bring_up_to_date(watched, settings())
     mark, mesh = read_parts(built.collection), built.terrain.data.vertices[0].as_pointer()
     look()
@@ -128,7 +128,7 @@ def test_the_ground_that_the_user_changes_meanwhile_is_theirs(watched):
 @pytest.mark.heavy
 def test_a_light_that_changes_meanwhile_is_kept(watched):
     choose(RIDGES)
-    refine._refine_next()
+    refine_ground._refine_next()
     watched.icymoon.light.sun_elevation_deg = 33.0
     built = look()
     assert built.preview == {}
@@ -140,7 +140,7 @@ def test_warnings_about_the_fine_ground_stay_in_the_panel_until_a_setting_change
     load = preset_files.load
     monkeypatch.setattr(preset_files, "load", lambda path: description.merged(load(path), {"mesh": {"most": 2000}}))
     choose(RIDGES)
-    assert live_preview.list_lines(watched) == [refine.NOTE]
+    assert live_preview.list_lines(watched) == [refine_ground.NOTE]
     look()
     told = " ".join(live_preview.list_lines(watched))
     reported = scenes.build_scene(bpy.data.scenes.new("Other"), settings()).warnings  # what Build Scene reports

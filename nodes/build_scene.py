@@ -16,7 +16,7 @@ from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from . import engine, eyes_above_ground
+from . import check_cycles, eyes_above_ground
 from .built_scene import (
     CONTENT,
     EXCAVATION,
@@ -52,7 +52,7 @@ from .ground.user_ground import is_from_file, is_mesh
 from .keep_references import find_owned_blocks, is_owned_elsewhere, replace_block, set_owned_blocks, update_object
 from .lander.objects import ROLES as LANDER_ROLES
 from .light.scene_lights import ROLES
-from .remove import find_materials, find_parts, free_names, remove_leftovers, remove_objects
+from .remove_objects import find_materials, find_parts, free_names, remove_leftovers, remove_objects
 from .scene_objects import MadeObjects, find_site_ground_m, make_ground, make_objects, read_stated_ground_m, tag_block
 from .surface import sun_inputs
 
@@ -263,7 +263,7 @@ def build_scene(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround
     ground cannot be used.
     """
     collection = find_collection(scene)
-    engine.require_cycles()
+    check_cycles.require_cycles()
     there = _find_built_blocks(scene, collection)
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
@@ -348,7 +348,7 @@ def clear_scene(scene: bpy.types.Scene) -> bool:
     previous_world, previous_camera = collection.get(PREVIOUS_WORLD), collection.get(PREVIOUS_CAMERA)
     ours = [item for role, item in _find_built_blocks(scene, collection).items() if role in OBJECTS]
     scene.view_settings.exposure, *resolution = collection[PREVIOUS_VIEW]
-    if not engine.why_unavailable():
+    if not check_cycles.why_unavailable():
         scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False))
     scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
     if scene.camera in ours or scene.camera is None:

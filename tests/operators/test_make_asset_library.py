@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import pytest
 from icymoon.formats import asset_library
-from icymoon.operators import assets, preferences
+from icymoon.operators import make_asset_library, preferences
 
 #: Stands in for the Blender that makes the library: installs a file and reports it, as ``render.asset_worker`` does.
 WORKER = """
@@ -32,7 +32,9 @@ def libraries() -> list[tuple[str, str]]:
 def folder(monkeypatch, tmp_path) -> Iterator[Path]:
     """The folder of the asset library of an installed extension."""
     monkeypatch.setattr(preferences, "find_extension_folder", lambda: tmp_path)
-    monkeypatch.setattr(assets, "blender_command", lambda program, verb, *words: [sys.executable, "-c", WORKER, *words])
+    monkeypatch.setattr(
+        make_asset_library, "blender_command", lambda program, verb, *words: [sys.executable, "-c", WORKER, *words]
+    )
     before = libraries()
     yield tmp_path / "assets"
     known = bpy.context.preferences.filepaths.asset_libraries
@@ -73,7 +75,7 @@ def test_a_library_that_the_user_renamed_is_not_listed_again(folder):
 
 def test_a_failed_library_is_not_listed(folder, monkeypatch):
     before = libraries()
-    monkeypatch.setattr(assets, "blender_command", lambda *_: [sys.executable, "-c", "print('no memory')"])
+    monkeypatch.setattr(make_asset_library, "blender_command", lambda *_: [sys.executable, "-c", "print('no memory')"])
     with pytest.raises(RuntimeError, match=r"Make Asset Library ended without a result .*: no memory"):
         bpy.ops.icymoon.make_asset_library()
     assert libraries() == before

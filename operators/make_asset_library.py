@@ -14,7 +14,7 @@ from .job_operators import JobOperator
 from .preferences import find_asset_folder, find_asset_libraries, has_assets
 from .session import session
 from .sidebar_text import format_for_window
-from .window import list_areas, override_area
+from .window_areas import list_areas, override_area
 
 _NAME = "Icy Moon"
 

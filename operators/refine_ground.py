@@ -11,8 +11,8 @@ from functools import partial
 
 import bpy
 
+from ..nodes import build_scene as scenes
 from ..nodes import preview
-from ..nodes import scene as scenes
 from ..nodes.ground.dug_ground import mesh_whole_ground
 from ..render.workers.watched_thread import Calculation
 from ..settings import changes
@@ -21,9 +21,9 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import jobs, view_resolution
 from .build import find_views_through, look_through
-from .events import call_later, make_registration
 from .session import session
-from .window import redraw_panels
+from .window_areas import redraw_panels
+from .window_events import call_later, make_registration
 
 #: Text in the sidebar while the fine ground is computed.
 NOTE = "Coarse ground; the fine one follows"

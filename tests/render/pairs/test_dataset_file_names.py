@@ -10,7 +10,7 @@ from pathlib import Path
 
 import icymoon
 import pytest
-from icymoon.render.pairs.file_names_of_ours import check_id, find_reason_to_keep, remove_ours
+from icymoon.render.pairs.dataset_file_names import check_id, find_reason_to_keep, remove_ours
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.pairs.publish_pair import publish_pair
 from icymoon.render.plans import frozen_plan as datasets
@@ -285,7 +285,7 @@ def test_rows_of_an_evaluation_name_no_folder(tmp_path):
 #: Who else removes something, and why it may: what the same process has made a moment before under a name of its own,
 #: and files that a user asks to replace or delete by name.
 REMOVES = {
-    "render/pairs/file_names_of_ours.py": "the one way",
+    "render/pairs/dataset_file_names.py": "the one way",
     "support/system.py": "how it is done",
     "support/files.py": "its own part",
     "render/workers/job_commands.py": "its own temporary folder",

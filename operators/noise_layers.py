@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..nodes import scene as scenes
+from ..nodes import build_scene as scenes
 from ..nodes.ground.terrain_mesh import make_roughness_table
 from ..settings.table import TOPICS
 from ..support.printer import show_controls

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ..formats import gdal_lines
-from ..nodes import scene as scenes
+from ..nodes import build_scene as scenes
 from ..nodes.ground import user_ground as grounds
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
