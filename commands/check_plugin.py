@@ -39,7 +39,7 @@ def run_checks(plugin: Plugin) -> Iterator[Check]:
     if plugin.kind == "landform":
         yield from check_landform(plugin)
         return
-    from ..stereo.plugin_checks import check_export, check_matcher, check_metric
+    from ..stereo.check_plugin import check_export, check_matcher, check_metric
 
     special: dict[str, Callable[[Plugin], Iterator[Check]]] = {
         "matcher": check_matcher,

@@ -150,8 +150,8 @@ def _measure(
 ) -> Path:
     """Measure the pairs that are new, and write the page; its path."""
     from ..render.pairs.pair_folder import is_complete
+    from ..stereo.twin.compare_twin import read_or_measure
     from ..stereo.twin.limits import list_limits
-    from ..stereo.twin.measured import read_or_measure
     from ..stereo.twin.page import write_page
     from ..stereo.twin.summary import summarise
     from ..support.errors import IcyMoonError

@@ -9,7 +9,7 @@ import bpy
 
 from ..physics import scene_checks
 from ..physics.camera.depth_accuracy import advise_on_rounding
-from ..settings import changes
+from ..settings import rebuilt_parts
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import preview
@@ -37,7 +37,7 @@ def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     if (
         built is None
         or SETTINGS not in built.collection
-        or changes.select_scene(settings) != changes.select_scene(built.settings)
+        or rebuilt_parts.select_scene(settings) != rebuilt_parts.select_scene(built.settings)
     ):
         return open_empty_scene(settings), False
     if hash_content(settings) != built.content:

@@ -25,9 +25,9 @@ from ..physics.mesh.horizon import drop_m
 from ..physics.mesh.vertex_spacing import OF_THE_RIG
 from ..physics.rocks.rocks import LEVEL_RANKS, Rocks, scatter_rocks
 from ..physics.rocks.shapes import RockShape, make_rock_shapes
-from ..settings import changes
-from ..settings.changes import select_geometry
+from ..settings import rebuilt_parts
 from ..settings.description import merged
+from ..settings.rebuilt_parts import select_geometry
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -254,7 +254,7 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
 def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
     """Replace the materials of ground and rocks according to ``settings``; sentences on materials that stay."""
     seeds = settings.dataset.seed, before.dataset.seed
-    if changes.select_look(settings) == changes.select_look(before) and seeds[0] == seeds[1]:
+    if rebuilt_parts.select_look(settings) == rebuilt_parts.select_look(before) and seeds[0] == seeds[1]:
         return []
     rocks = (item for item in built.collection.all_objects if item.get(TAG) == "rock")
     shapes = [shape for item in rocks for shape in find_instanced_objects(item)]
@@ -280,9 +280,9 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
                 messages.append(str(error))
                 break
     remove_unused_images()
-    shown = built.settings if messages else merged(built.settings, changes.select_materials(settings))
+    shown = built.settings if messages else merged(built.settings, rebuilt_parts.select_materials(settings))
     preview = {topic: values for topic, values in built.preview.items() if topic != "surface"}
-    if changes.describe_mesh_relief(shown) != changes.describe_mesh_relief(
+    if rebuilt_parts.describe_mesh_relief(shown) != rebuilt_parts.describe_mesh_relief(
         built.settings
     ):  # the mesh was made for other relief
         preview["surface"] = {key: shown.surface[key] for key in finer_in_view.OF_THE_SURFACE}
@@ -326,7 +326,7 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
 def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_ground: bool) -> list[str]:
     """Move the lander and its arm according to ``settings``, or build it again; a sentence if it stays."""
     there = settings.lander.kind != "NONE"
-    if changes.select_lander(settings) == changes.select_lander(before) and not (new_ground and there):
+    if rebuilt_parts.select_lander(settings) == rebuilt_parts.select_lander(before) and not (new_ground and there):
         return []
     if built.edited_parts("lander"):
         return [_EDITED.format("lander")]
@@ -348,7 +348,7 @@ def _only_joints_differ(settings: Settings, before: Settings) -> bool:
     """Whether the lander keeps its shape and place, and only joints turn."""
     turned = {("arm", f"{joint}{key}") for joint in JOINTS for key in ("_deg", "_offset_deg", "_low_deg", "_high_deg")}
     turned.add(("lander", "joints"))
-    now, then = changes.select_lander(settings), changes.select_lander(before)
+    now, then = rebuilt_parts.select_lander(settings), rebuilt_parts.select_lander(before)
     return all((topic, key) in turned or now[topic][key] == then[topic].get(key) for topic in now for key in now[topic])
 
 
@@ -364,7 +364,9 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
         if moved or ground is not None or preview:
             site_m = scenes.find_site_ground_m(settings, ground or scenes.make_ground(settings))
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
-            of_relief = changes.describe_mesh_relief(settings) != changes.describe_mesh_relief(built.settings)
+            of_relief = rebuilt_parts.describe_mesh_relief(settings) != rebuilt_parts.describe_mesh_relief(
+                built.settings
+            )
             keys = (*OF_THE_RIG, *(finer_in_view.OF_THE_RIG if of_relief else ()))
             other = {key: built_rig[key] for key in keys if built_rig[key] != rig[key]}
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}

@@ -15,7 +15,7 @@ from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.ground.user_ground import is_from_file
 from ..render.cycles_settings import find_lack
-from ..settings import changes, description, preset_files, toml_text
+from ..settings import description, preset_files, rebuilt_parts, toml_text
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
@@ -86,7 +86,7 @@ def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) 
     """Save the left image of the rendered pair of ``settings`` beside a preset; whether there is such a pair."""
     try:
         views = read_pair_views(
-            find_rendered_pairs(context, settings)[0], changes.select_response(settings), PICTURE_PX
+            find_rendered_pairs(context, settings)[0], rebuilt_parts.select_response(settings), PICTURE_PX
         )
     except IcyMoonError:
         return False

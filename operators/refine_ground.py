@@ -15,7 +15,7 @@ from ..nodes import build_scene as scenes
 from ..nodes import preview
 from ..nodes.ground.dug_ground import mesh_whole_ground
 from ..render.workers.watched_thread import Calculation
-from ..settings import changes
+from ..settings import rebuilt_parts
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -70,7 +70,9 @@ def _refine_next() -> float | None:
         return None
     built, settings = found
     job = session.meshing
-    if job is None or changes.select_scene(session.meshed_settings or settings) != changes.select_scene(settings):
+    if job is None or rebuilt_parts.select_scene(session.meshed_settings or settings) != rebuilt_parts.select_scene(
+        settings
+    ):
         work = Calculation(partial(mesh_whole_ground, scenes.make_ground, settings), "the ground")
         session.meshing, session.meshed_settings = jobs.Job("Fine Ground", work), settings
     elif not job.poll() and not _is_busy():

@@ -23,7 +23,7 @@ from ..nodes.datablocks.fingerprint import TAG
 from ..render.pairs.dataset_file_names import check_id, folder_of_pair
 from ..render.workers.watched_thread import Calculation
 from ..settings.blender import scene_properties
-from ..settings.changes import select_response
+from ..settings.rebuilt_parts import select_response
 from ..settings.topics.scene import typed
 from ..stereo.pair_views import read_pair_views
 from ..support.errors import IcyMoonError

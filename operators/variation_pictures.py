@@ -16,7 +16,7 @@ from ..render.plans.vary_scene import make_end_settings
 from ..render.workers.job_commands import Job as JobFiles
 from ..render.workers.job_commands import blender_command
 from ..render.workers.process import Message
-from ..settings import changes
+from ..settings import rebuilt_parts
 from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
@@ -121,7 +121,7 @@ class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
         settings = scene_properties.read_settings(scene.icymoon)
         ends = make_end_settings(make_paths_absolute(settings), scene_properties.read_variations(scene.icymoon))
         pairs = [expand_headings(make_rough_settings(end))[0] for end in ends]
-        self._key, self._response = _picture_key(scene, settings), changes.select_response(settings)
+        self._key, self._response = _picture_key(scene, settings), rebuilt_parts.select_response(settings)
         self._ids, self._found = [pair.id for pair in pairs], dict[str, Array]()
         folder = make_scratch_folder()
         files = JobFiles(folder, pairs=list({pair.id: pair for pair in pairs}.values()))

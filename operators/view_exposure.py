@@ -20,7 +20,7 @@ from ..physics.camera.sensor import capacity_e
 from ..physics.light.photons import pixel_pitch_m
 from ..physics.surfaces import albedos
 from ..render.pairs.pair_folder import read_pair
-from ..settings import changes
+from ..settings import rebuilt_parts
 from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
@@ -79,7 +79,7 @@ def expose_view(scene: bpy.types.Scene, settings: Settings, anew: bool = False) 
     if not (anew or has_own_exposure(scene)):
         _show_planetshine(collection, True)
         return
-    present = changes.select_response(scene_properties.read_unchecked(scene.icymoon))
+    present = rebuilt_parts.select_response(scene_properties.read_unchecked(scene.icymoon))
     stored = collection.get(MEASURED)  # of a file, which anyone may have written
     measured = stored if isinstance(stored, float) and 0 < stored < math.inf else 1.0
     white = estimate_white(merged(settings, present), measured)
@@ -119,7 +119,7 @@ def expose_as_rendered(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[
     built = scenes.find_built(scene)
     if built is None or len(exposures_s) != 1:
         return
-    present = changes.select_response(scene_properties.read_unchecked(scene.icymoon))
+    present = rebuilt_parts.select_response(scene_properties.read_unchecked(scene.icymoon))
     try:
         settings = merged(read_pair(folder).settings, present)
     except IcyMoonError:  # it is gone by now

@@ -30,7 +30,7 @@ from ..physics.light.baked_rocks import TERMS, fit_terms
 from ..physics.random_numbers.seeds import make_generator, seed_stream
 from ..physics.rig.seen_points import find_seen_facets, find_sides_passed
 from ..physics.scene_requirements import why_not_baked
-from ..settings import changes
+from ..settings import rebuilt_parts
 from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
@@ -222,9 +222,9 @@ def make_bake_key(built: Built, settings: Settings, group: str = "Sun", seen: Ar
     parts = [
         _SCHEME,
         compat.find_series(),
-        changes.select_scene(settings),
-        changes.select_look(settings),
-        changes.select_light(settings),
+        rebuilt_parts.select_scene(settings),
+        rebuilt_parts.select_look(settings),
+        rebuilt_parts.select_light(settings),
         quality.diffuse_bounces,
         quality.bake_samples,
         quality.bake_noise,

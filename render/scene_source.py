@@ -17,7 +17,7 @@ from ..nodes.ground.user_ground import warn_of_cost
 from ..physics import scene_checks
 from ..physics.camera.blur import describe_blur_identity
 from ..physics.mesh.finer_in_view import still_spacing_m
-from ..settings import changes
+from ..settings import rebuilt_parts
 from ..settings.description import digest
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -130,7 +130,12 @@ def _same_scene_and_light(one: Settings, other: Settings) -> bool:
     """Whether two descriptions differ in nothing but camera, sampling, response and run."""
     return all(
         part(one) == part(other)
-        for part in (changes.select_scene, changes.select_look, changes.select_light, changes.select_lander)
+        for part in (
+            rebuilt_parts.select_scene,
+            rebuilt_parts.select_look,
+            rebuilt_parts.select_light,
+            rebuilt_parts.select_lander,
+        )
     )
 
 

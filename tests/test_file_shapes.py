@@ -31,9 +31,9 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export.layouts import export, write_truth
 from icymoon.stereo.images import develop as stereo_develop
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import load_pair
+from icymoon.stereo.measure.prepare_pair import load_pair
 from icymoon.stereo.reexpose import reexpose
-from icymoon.stereo.report import results, schema
+from icymoon.stereo.report import schema, write_results
 from icymoon.stereo.report.row_log import RowLog
 from icymoon.support import cache, file_schemas, files, system
 from icymoon.support.errors import IcyMoonError
@@ -227,7 +227,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         "pair": "p",
         "method": "bm",
         "key": "k",
-        **dict.fromkeys(results.NUMBERS),
+        **dict.fromkeys(write_results.NUMBERS),
         "status": "ok",
         "error": "",
         "common": {},
@@ -242,7 +242,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
     }
     rows.write_text(json.dumps(row) + "\n")
     assert RowLog(rows, schema.ROW).find("p", "bm", "k") == row
-    assert results.find_facts(tmp_path, "p") is not None
+    assert write_results.find_facts(tmp_path, "p") is not None
     assert machine.recall_speed("CPU") == speed
     file = machine._speed_file()
     for path, act in (
@@ -251,7 +251,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         (claim, lambda: Claims(tmp_path).describe_holder(PAIRS[0].id)),
         (claim, lambda: claims.is_lost(PAIRS[0].id)),
         (running, lambda: Detached.attach(tmp_path / "run")),
-        (facts, lambda: results.find_facts(tmp_path, "p")),
+        (facts, lambda: write_results.find_facts(tmp_path, "p")),
         (rows, lambda: RowLog(rows, schema.ROW).find("p", "bm", "k")),
     ):
         good, chosen = path.read_text(), random.Random(8)
@@ -318,10 +318,10 @@ def test_an_exception_of_any_kind_costs_one_pair_only(broken_set, tmp_path, monk
         return original(pair, *arguments, **options)
 
     from icymoon.stereo import reexpose as again
-    from icymoon.stereo.measure import prepare
+    from icymoon.stereo.measure import prepare_pair
 
     original = stereo_develop.develop
-    for module in (prepare, again):
+    for module in (prepare_pair, again):
         monkeypatch.setattr(module, "develop", broken)
     report = evaluate([broken_set], parse_methods("bm"), tmp_path / "evaluation")
     assert {failure["pair"] for failure in report["failed"]} == {PAIRS[0].id, PAIRS[1].id}

@@ -18,7 +18,7 @@ from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
 from icymoon.nodes.build_scene import build_scene
 from icymoon.settings import description
-from icymoon.stereo.measure.prepare import load_pair
+from icymoon.stereo.measure.prepare_pair import load_pair
 
 METHODS = ("bm", "sgbm")
 SECONDS = 0.01

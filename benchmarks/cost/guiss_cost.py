@@ -42,7 +42,7 @@ from icymoon.render.cost.quality_variants import make_reference
 from icymoon.render.workers import job_commands
 from icymoon.settings import description
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.trade.losses import read_reference
+from icymoon.stereo.trade.quality_losses import read_reference
 
 METHODS = "sgbm,bm,jplv"
 

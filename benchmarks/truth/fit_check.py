@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.stereo.datasets.visibility import find_better_reading, find_fault_of_right
+from icymoon.stereo.evaluated_pairs import RenderedPair, find_sources
 from icymoon.stereo.images.image_values import to_grey
 from icymoon.stereo.measure.fit_check import KINDS, find_fault, find_misfit, find_places
-from icymoon.stereo.measure.prepare import LoadedPair, PreparedPair, load_pair
-from icymoon.stereo.sources import RenderedPair, find_sources
+from icymoon.stereo.measure.prepare_pair import LoadedPair, PreparedPair, load_pair
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 

@@ -29,7 +29,7 @@ from icymoon.physics.terrain.roughness import statistics
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.measure.metrics import compute_depth_metrics, compute_disparity_metrics, compute_total_metrics
-from icymoon.stereo.trade.losses import find_pareto_front
+from icymoon.stereo.trade.quality_losses import find_pareto_front
 from icymoon.support.version import ROOT
 from matplotlib import rc_context
 from matplotlib.figure import Figure

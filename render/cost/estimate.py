@@ -23,7 +23,7 @@ from ...physics.scene_requirements import (
     simplify_surface,
     surface_topics,
 )
-from ...settings import changes
+from ...settings import rebuilt_parts
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import find_mesh_item
 from ...support.errors import IcyMoonError
@@ -344,7 +344,8 @@ def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, spe
     pairs = order_pairs(pairs)
     keys = [
         tuple(
-            make_settings_key(part, pair) for part in (changes.select_scene, changes.select_look, changes.select_light)
+            make_settings_key(part, pair)
+            for part in (rebuilt_parts.select_scene, rebuilt_parts.select_look, rebuilt_parts.select_light)
         )
         for pair in pairs
     ]
@@ -364,7 +365,7 @@ def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, spe
     return Estimate(
         pairs=len(pairs),
         there=len(there),
-        geometries=len({make_settings_key(changes.select_geometry, pair) for pair in pairs}),
+        geometries=len({make_settings_key(rebuilt_parts.select_geometry, pair) for pair in pairs}),
         scenes=len({k[0] for k in keys}),
         surfaces=len({k[1] for k in keys}),
         lights=len({k[2] for k in keys}),

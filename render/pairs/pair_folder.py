@@ -21,8 +21,8 @@ from ...physics.camera.blur import is_blurred
 from ...physics.camera.eyes import camera_of, eyes_json, eyes_of
 from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
 from ...physics.light.scene_sun import SceneSun, sun_from_json
-from ...settings.changes import select_response
 from ...settings.description import Restorer, merged, restore_settings
+from ...settings.rebuilt_parts import select_response
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError

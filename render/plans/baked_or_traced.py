@@ -23,7 +23,7 @@ from ...physics.rocks.size_laws import make_size_law
 from ...physics.rocks.table import TABLE
 from ...physics.scene_requirements import can_be_baked, count_images_per_bake, make_direct_quality
 from ...physics.terrain.terrain import make_terrain
-from ...settings import changes
+from ...settings import rebuilt_parts
 from ...settings.description import merged
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.rendering import QualitySettings
@@ -77,12 +77,12 @@ def settle_indirect(settings: Settings, images: int) -> Settings:
 def make_light_key(settings: Settings) -> str:
     """A text that is equal for pairs that can share baked light."""
     quality = settings.quality
-    seen = [changes.select_camera(settings)] if quality.bake_area == "VIEW" else []
+    seen = [rebuilt_parts.select_camera(settings)] if quality.bake_area == "VIEW" else []
     return json.dumps(
         [
-            changes.select_scene(settings),
-            changes.select_look(settings),
-            changes.select_light(settings),
+            rebuilt_parts.select_scene(settings),
+            rebuilt_parts.select_look(settings),
+            rebuilt_parts.select_light(settings),
             quality.diffuse_bounces,
             quality.bake_samples,
             quality.bake_noise,

@@ -19,7 +19,7 @@ from ...settings.description import defaults, digest, merged
 from ...settings.pair_ids import make_counter
 from ...settings.preset_files import make_paths_relative_to
 from ...settings.table import TOPICS, list_all_settings
-from ...settings.table_texts import SettingsTexts
+from ...settings.table_cache import SettingsTexts
 from ...settings.topics.scene import Settings
 from ...settings.user_files import find_used_files, hash_content
 from ...support.errors import IcyMoonError

@@ -10,19 +10,19 @@ import json
 from collections.abc import Callable, Sequence
 from itertools import groupby, pairwise
 
-from ...settings import changes
+from ...settings import rebuilt_parts
 from ...settings.topics.declaration import Parts
 from ...settings.topics.scene import Settings
 from ...support.system import count_processors
 from .planned_pair import PlannedPair
 
 _STAGES: tuple[Callable[[Settings], Parts], ...] = (
-    changes.select_scene,
-    changes.select_look,
-    changes.select_light,
-    changes.select_lander,
-    changes.select_camera,
-    changes.select_sampling,
+    rebuilt_parts.select_scene,
+    rebuilt_parts.select_look,
+    rebuilt_parts.select_light,
+    rebuilt_parts.select_lander,
+    rebuilt_parts.select_camera,
+    rebuilt_parts.select_sampling,
 )
 #: Jobs per worker that a data set is cut into, so that the last ones of all workers end at about the same time.
 _JOBS_PER_WORKER = 4
@@ -56,7 +56,7 @@ def order_pairs(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
 
 def split_into_scene_runs(pairs: Sequence[PlannedPair]) -> list[list[PlannedPair]]:
     """Ordered pairs, in runs that share a scene."""
-    return [list(run) for _, run in groupby(pairs, lambda pair: make_settings_key(changes.select_scene, pair))]
+    return [list(run) for _, run in groupby(pairs, lambda pair: make_settings_key(rebuilt_parts.select_scene, pair))]
 
 
 def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list[list[PlannedPair]]:

@@ -27,7 +27,7 @@ from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify_pixels, measure_texture
 from ..measure.fit_check import MatchedPlaces, find_places, is_confirmed, ray_lengths
 from ..measure.metrics import is_usable
-from ..measure.prepare import PreparedPair
+from ..measure.prepare_pair import PreparedPair
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
 from .input_faults import WRONG_SIGN, check_map_size, check_truth, warn_dark_images, warn_unlikely_camera

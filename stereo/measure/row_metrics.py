@@ -25,7 +25,7 @@ from .metrics import (
     is_usable,
     total_metrics_of_errors,
 )
-from .prepare import PreparedPair, none_if_not_finite
+from .prepare_pair import PreparedPair, none_if_not_finite
 
 METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
 #: Prefix of metrics -> the pixels that they are computed over, in words.

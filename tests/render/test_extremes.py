@@ -22,7 +22,7 @@ from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import PLANET, TERRAIN
 from rendering import empty_scene

@@ -22,7 +22,7 @@ from icymoon.stereo.export.layouts import export
 from icymoon.stereo.images.exr import read_light, read_truth
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import load_pair
+from icymoon.stereo.measure.prepare_pair import load_pair
 from icymoon.stereo.reexpose import reexpose
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError

@@ -12,7 +12,7 @@ from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
-from icymoon.stereo.measure.prepare import load_pair
+from icymoon.stereo.measure.prepare_pair import load_pair
 
 PLAN = """[plan]
 title = "Test"

@@ -17,7 +17,7 @@ from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, toml_text
-from icymoon.settings.changes import describe_mesh_relief
+from icymoon.settings.rebuilt_parts import describe_mesh_relief
 from icymoon.settings.table import TOPICS
 from icymoon.settings.topics.declaration import Parts, Setting
 from icymoon.settings.topics.scene import Settings

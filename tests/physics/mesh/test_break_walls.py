@@ -8,7 +8,7 @@ from icymoon.physics.mesh.break_walls import break_walls, scoop_depth, wall_stee
 from icymoon.physics.mesh.graded_mesh import grade_ground
 from icymoon.physics.terrain.landforms import Walls
 from icymoon.physics.terrain.terrain import make_terrain
-from icymoon.settings import changes
+from icymoon.settings import rebuilt_parts
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.declaration import Parts
 
@@ -134,7 +134,7 @@ def test_the_mesh_depends_on_the_heading_only_with_broken_walls(change):
     broken = {"mesh": {"walls": "BROKEN"}}
 
     def scene(*changed):
-        return changes.select_scene(merged(defaults(), PLATES, broken, *changed))
+        return rebuilt_parts.select_scene(merged(defaults(), PLATES, broken, *changed))
 
     turned = {"rig": {"heading_deg": 30.0}}
     assert scene() != scene(turned)

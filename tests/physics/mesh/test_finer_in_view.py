@@ -11,7 +11,7 @@ from icymoon.physics.mesh.graded_mesh import grade_ground
 from icymoon.physics.mesh.vertex_spacing import find_fine_relief, make_grading_view
 from icymoon.physics.rig.seen_points import is_in_view
 from icymoon.physics.terrain.terrain import make_terrain
-from icymoon.settings import changes, description
+from icymoon.settings import description, rebuilt_parts
 
 #: A small camera near rough ice, so that meshes are small.
 NEAR = {
@@ -33,7 +33,7 @@ def test_the_default_scene_has_no_fine_relief_in_its_mesh_and_does_not_pay_for_i
     """Its relief is 1.1 mm high, half a pixel at 1.1 m, and nothing is seen nearer than 1.6 m."""
     default = description.defaults()
     assert find_fine_relief(default) is None
-    assert changes.describe_mesh_relief(default) == ""
+    assert rebuilt_parts.describe_mesh_relief(default) == ""
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_a_camera_that_turns_needs_another_mesh_only_for_real_relief():
         one, other = (
             described({"surface": {"relief": relief}, "rig": {"heading_deg": heading}}) for heading in (0.0, 30.0)
         )
-        assert (changes.select_scene(one) != changes.select_scene(other)) == differs
+        assert (rebuilt_parts.select_scene(one) != rebuilt_parts.select_scene(other)) == differs
 
 
 FINE = {"mesh": {"seen": "FINE"}}
@@ -143,7 +143,7 @@ def test_finer_ground_ends_where_the_cameras_see_nothing():
 
 def test_a_camera_that_turns_needs_another_mesh_where_it_is_finer():
     def scene(*changed):
-        return changes.select_scene(described({"surface": {"relief": "BUMP"}}, *changed))
+        return rebuilt_parts.select_scene(described({"surface": {"relief": "BUMP"}}, *changed))
 
     turned = {"rig": {"heading_deg": 30.0}}
     assert scene(turned) == scene()

@@ -15,7 +15,7 @@ from icymoon.render.plans.render_order import (
     order_pairs,
     split_into_scene_runs,
 )
-from icymoon.settings import changes
+from icymoon.settings import rebuilt_parts
 from plans import grid, planned
 
 PAIRS = grid(seeds=3, elevations=(10.0, 20.0), headings=(0.0, 90.0, 180.0))
@@ -33,8 +33,10 @@ def test_whatever_the_plan_each_scene_is_built_once_and_each_light_once_in_it(rn
     rng.shuffle(shuffled)
     found = order_pairs(shuffled)
     assert sorted(p.id for p in found) == sorted(p.id for p in PAIRS)
-    assert changed(found, changes.select_scene) == 3 - 1
-    assert changed(found, changes.select_light) == 3 * 2 - 1  # two lights in each scene, and each scene begins with one
+    assert changed(found, rebuilt_parts.select_scene) == 3 - 1
+    assert (
+        changed(found, rebuilt_parts.select_light) == 3 * 2 - 1
+    )  # two lights in each scene, and each scene begins with one
     assert found[0].id == shuffled[0].id
 
 
@@ -53,7 +55,12 @@ def test_a_surface_is_dearer_than_a_light_and_a_light_dearer_than_a_camera():
     )
     counts = [
         changed(found, part)
-        for part in (changes.select_scene, changes.select_look, changes.select_light, changes.select_camera)
+        for part in (
+            rebuilt_parts.select_scene,
+            rebuilt_parts.select_look,
+            rebuilt_parts.select_light,
+            rebuilt_parts.select_camera,
+        )
     ]
     assert counts == [0, 1, 3, 7]
 
@@ -148,12 +155,12 @@ def test_shares_are_whole_scenes_if_there_are_as_many(count):
 def test_what_decides_the_order_is_every_setting_but_response_and_run():
     settings = PAIRS[0].settings
     parts = (
-        changes.select_scene,
-        changes.select_look,
-        changes.select_light,
-        changes.select_lander,
-        changes.select_camera,
-        changes.select_sampling,
+        rebuilt_parts.select_scene,
+        rebuilt_parts.select_look,
+        rebuilt_parts.select_light,
+        rebuilt_parts.select_lander,
+        rebuilt_parts.select_camera,
+        rebuilt_parts.select_sampling,
     )
     listed = {(topic, name) for part in parts for topic, values in part(settings).items() for name in values}
     from icymoon.settings.table import list_all_settings

@@ -12,7 +12,7 @@ from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.render.plans import trajectory_sweeps
 from icymoon.render.plans.plan_file import read_plan
-from icymoon.settings import changes
+from icymoon.settings import rebuilt_parts
 from icymoon.support.errors import IcyMoonError
 
 HEAD = '[plan]\ntitle = "Test"\n[mesh]\nkind = "GRID"\n[terrain]\nrms_slope_deg = 5.0\n'
@@ -60,7 +60,7 @@ def test_the_height_above_the_ground_is_derived_and_the_scene_is_one(tmp_path):
     for pair in pairs:
         rig = pair.settings.rig
         assert rig.height_m == pytest.approx(3.0 - float(ground.heights(rig.x_m, rig.y_m)), abs=1e-2)
-    assert changes.select_scene(pairs[0].settings) == changes.select_scene(pairs[1].settings)
+    assert rebuilt_parts.select_scene(pairs[0].settings) == rebuilt_parts.select_scene(pairs[1].settings)
     assert plan.describe_trajectories() == ["poses.txt: 2 poses in 1 s on a path of 1 m."]
 
 

@@ -6,7 +6,7 @@ from icymoon.render.cost.error_tolerance import make_tolerance
 from icymoon.render.cost.estimate import estimate_work
 from icymoon.settings import description, preset_files
 from icymoon.stereo.trade import cheapest_quality as search
-from icymoon.stereo.trade import losses as measuring
+from icymoon.stereo.trade import quality_losses as measuring
 from icymoon.stereo.trade.measure_variants import TradeBench
 from icymoon.support.errors import IcyMoonError
 

@@ -31,8 +31,8 @@ from ..matchers.methods import Method
 from ..matchers.search_range import find_known_ranges
 from ..measure.jackknife import jackknife, sum_over_tiles
 from ..measure.metrics import is_usable
-from ..measure.prepare import LoadedPair, load_pair, none_if_not_finite
-from .decisions import DecisionReference, MatchedRender, open_decision_reference
+from ..measure.prepare_pair import LoadedPair, load_pair, none_if_not_finite
+from .same_decisions import DecisionReference, MatchedRender, open_decision_reference
 
 #: The numbers of a matcher, over pixels that both eyes see: the share that is measured; of the measured ones the mean
 #: disparity error, px, and the share wrong by more than 1 px; the share that is missing or wrong by more than 1 px.

@@ -18,7 +18,8 @@ from ...support.arrays import Array
 from ...support.number_text import format_count
 from ..images.image_files import write_png
 from ..matchers.methods import describe_method
-from .change import (
+from .dem import Grid, read_cells
+from .dug_volume import (
     FEWEST_NULLS,
     Change,
     VolumeNoise,
@@ -27,7 +28,6 @@ from .change import (
     find_volume_noise,
     measure_change,
 )
-from .dem import Grid, read_cells
 from .pictures import draw_changes
 
 #: Settings by which the pairs of a series differ besides light and cameras: which state it is.
@@ -67,7 +67,7 @@ def find_progress(
     """For each series of states and each method the ``steps`` and the errors of a volume by null pairs.
 
     A step has ``state``, ``true_m3``, ``found_m3``, ``error_m3``, ``depth_m`` and ``known``; ``level_m``, ``noticed``
-    and ``false_alarm`` of its cells (see ``change.Detection``), with the errors of a disc of ``disc_m``; and the path
+    and ``false_alarm`` of its cells (see ``dug_volume.Detection``), with the errors of a disc of ``disc_m``; and the path
     ``map`` of a picture of the cells, which this writes. Null pairs give ``bias_m3``, ``sigma_m3``, ``smallest_m3``
     (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences that say which numbers are missing, and
     why.

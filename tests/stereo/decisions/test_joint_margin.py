@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from icymoon.settings.description import defaults, merged
-from icymoon.stereo.decisions.reach import find_joint_margins_deg, has_arm
+from icymoon.stereo.decisions.joint_margin import find_joint_margins_deg, has_arm
 
 EAST, NORTH = np.meshgrid(np.linspace(-4, 4, 81), np.linspace(4, -4, 81))
 ARM = merged(defaults(), {"lander": {"kind": "PARAMETRIC"}})

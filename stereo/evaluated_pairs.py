@@ -14,9 +14,9 @@ from ..settings.description import Restorer
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import FILE_NAME
 from ..support.files import read_checksum
+from .datasets.dataset_layouts import KNOWN, FoundPair, find_foreign_pairs
 from .datasets.foreign_pair import ForeignPair
-from .datasets.layouts import KNOWN, FoundPair, find_foreign_pairs
-from .measure.prepare import PreparedPair, distinct_pairs, prepare_pair
+from .measure.prepare_pair import PreparedPair, distinct_pairs, prepare_pair
 from .measure.sequences import in_time_order
 
 
@@ -54,7 +54,7 @@ class RenderedPair:
         return [read_checksum(self.folder / "pair.json")]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """See ``prepare.prepare_pair``."""
+        """See ``measure.prepare_pair``."""
         return prepare_pair(self.folder, response)
 
 

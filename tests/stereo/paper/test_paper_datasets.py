@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 from icymoon.render.plans.plan_file import find_plan, read_plan
-from icymoon.stereo.paper import parts
-from icymoon.stereo.paper.parts import SETS, _make_part, make_parts
+from icymoon.stereo.paper import paper_datasets
+from icymoon.stereo.paper.paper_datasets import SETS, _make_part, make_parts
 
 
 def test_at_full_size_they_are_the_pairs_of_the_shipped_plan():
@@ -31,7 +31,7 @@ def test_settings_and_files_of_the_user_are_over_those_of_the_plan(tmp_path):
 
 @pytest.mark.slow
 def test_the_sets_are_the_papers_and_a_part_keeps_their_shares(monkeypatch):
-    monkeypatch.setattr(parts, "_CHECKED_GROUNDS", 1)
+    monkeypatch.setattr(paper_datasets, "_CHECKED_GROUNDS", 1)
     data = make_parts(502, 1.0, {})["data"]
     assert tuple(data.sets) == SETS
     assert {name: len(pairs) for name, pairs in data.sets.items()} == {

@@ -18,9 +18,8 @@ from icymoon.stereo.images.image_files import write_png
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.search_range import SearchRange
-from icymoon.stereo.twin import measured
-from icymoon.stereo.twin.limits import list_limits
-from icymoon.stereo.twin.measured import (
+from icymoon.stereo.twin import compare_twin
+from icymoon.stereo.twin.compare_twin import (
     GRADIENTS,
     LEVELS,
     choose_search_range,
@@ -29,6 +28,7 @@ from icymoon.stereo.twin.measured import (
     measure_matcher,
     read_or_measure,
 )
+from icymoon.stereo.twin.limits import list_limits
 from icymoon.stereo.twin.page import write_page
 from icymoon.stereo.twin.photographs import Photographs, make_rectification
 from icymoon.stereo.twin.plan import Described, Twin
@@ -157,8 +157,8 @@ def test_numbers_are_measured_once_and_again_when_something_changes(tmp_path, mo
     given = photographs, rectification(), twin, settings_of(twin)
     first = read_or_measure(*given, METHODS, tmp_path / "out")
     calls = []
-    original = measured.measure_matcher
-    monkeypatch.setattr(measured, "measure_matcher", lambda *a: calls.append(1) or original(*a))
+    original = compare_twin.measure_matcher
+    monkeypatch.setattr(compare_twin, "measure_matcher", lambda *a: calls.append(1) or original(*a))
     assert read_or_measure(*given, METHODS, tmp_path / "out") == json.loads(json.dumps(first))
     assert not calls
     read_or_measure(*given, parse_methods("bm:window=9"), tmp_path / "out")
@@ -183,7 +183,7 @@ def test_what_was_cut_off_is_measured_again(tmp_path, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(measured, "draw_depth", stop)
+    monkeypatch.setattr(compare_twin, "draw_depth", stop)
     with pytest.raises(KeyboardInterrupt):
         read_or_measure(*given)
     assert not (tmp_path / "out" / "p0.json").exists(), "numbers are written when the pictures are there"

@@ -19,11 +19,11 @@ from ...render.cost.error_tolerance import all_hold
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
+from ..decisions.safe_sites import Sites
 from ..decisions.scores import score_sites
-from ..decisions.sites import Sites
 from ..decisions.workspace import Workspace, decide_from_depth, open_workspace
 from ..measure.jackknife import jackknife, sum_over_tiles
-from ..measure.prepare import none_if_not_finite, prepare_pair
+from ..measure.prepare_pair import none_if_not_finite, prepare_pair
 from ..measure.row_metrics import disparity_to_depth
 
 #: Decisions are the same if at most so many of the cells in reach are decided otherwise, if those that are unsafe but

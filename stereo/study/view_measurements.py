@@ -24,9 +24,9 @@ from ..matchers.methods import Method
 from ..matchers.search_range import find_known_ranges
 from ..measure.by_pixel_class import find_shadow
 from ..measure.metrics import is_usable
-from ..measure.prepare import LoadedPair, compute_noise_free_level, find_baked_error_level, load_pair
+from ..measure.prepare_pair import LoadedPair, compute_noise_free_level, find_baked_error_level, load_pair
 from ..measure.render_noise import judge_render_noise, measure_hidden_share
-from ..trade.losses import average_light, read_bake_seconds
+from ..trade.quality_losses import average_light, read_bake_seconds
 from .design import CONVERGED, Study, StudyView
 
 #: Of the measured numbers; files of another version are measured again.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.stereo.decisions.dem import Dem, Grid
 from icymoon.stereo.decisions.rules import read_rules
-from icymoon.stereo.decisions.sites import (
+from icymoon.stereo.decisions.safe_sites import (
     SAFE,
     choose_site,
     find_lit_cells,

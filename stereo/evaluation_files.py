@@ -13,7 +13,7 @@ from ..support.system import open_regular
 from .images import colours
 from .images.image_files import write_disparity, write_png
 from .matchers.methods import Method
-from .measure.prepare import PreparedPair
+from .measure.prepare_pair import PreparedPair
 from .measure.row_metrics import disparity_to_depth
 
 #: The files that an evaluation writes into its folder, beside ``pairs/``, and how each begins.

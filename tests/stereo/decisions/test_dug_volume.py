@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.stereo.decisions.change import (
+from icymoon.stereo.decisions.dem import Grid
+from icymoon.stereo.decisions.dug_volume import (
     FEWEST_NULLS,
     detect_change,
     find_detection_level,
@@ -15,7 +16,6 @@ from icymoon.stereo.decisions.change import (
     measure_change,
     measure_local_sigma,
 )
-from icymoon.stereo.decisions.dem import Grid
 
 GRID = Grid(0.01, 100, 120, -0.6, 0.5)
 EAST, NORTH = GRID.centres()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from icymoon.stereo.inference.rank_order import kendall_tau_b
+from icymoon.stereo.inference.kendall_tau import kendall_tau_b
 
 
 def test_one_order_its_opposite_and_one_swap():

@@ -18,7 +18,7 @@ from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.jackknife import jackknife, sum_over_tiles
 from icymoon.stereo.trade import measure_variants
 from icymoon.stereo.trade.advice import decision_advice, find_distinct_steps, find_pareto_fronts, variant_advice
-from icymoon.stereo.trade.losses import find_pareto_front, measure_variant, number_at, read_reference
+from icymoon.stereo.trade.quality_losses import find_pareto_front, measure_variant, number_at, read_reference
 from icymoon.stereo.trade.report import write_trade
 from icymoon.support.errors import IcyMoonError
 
@@ -311,7 +311,7 @@ def test_the_stated_doubt_is_the_spread_that_noise_causes(truth, tmp_path):
 
 def test_numbers_are_those_of_the_metrics(truth):
     from icymoon.stereo.measure.metrics import compute_disparity_metrics
-    from icymoon.stereo.trade.losses import stereo_numbers, tally_errors
+    from icymoon.stereo.trade.quality_losses import stereo_numbers, tally_errors
 
     random = np.random.default_rng(1)
     true = np.where(random.random((37, 53)) < 0.2, np.nan, 20.0)

@@ -5,7 +5,7 @@ from typing import Any
 
 from icymoon.settings import pair_ids
 from icymoon.settings.description import check, defaults, digest, merged
-from icymoon.settings.table_texts import SettingsTexts, TableCache
+from icymoon.settings.table_cache import SettingsTexts, TableCache
 
 
 def test_of_a_table_something_is_made_once_and_of_an_equal_one_again():
