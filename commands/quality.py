@@ -13,7 +13,7 @@ from ..render.workers.process import report_errors
 from ..settings import description, toml_text
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.scratch import open_scratch_folder
+from ..support.temporary_folders import open_scratch_folder
 from ..support.terminal import (
     add_json_lines,
     add_own_matchers,

@@ -88,7 +88,7 @@ def evaluate(
     packages.require_modules(*packages.PACKAGES)
     from ..stereo.evaluate import evaluate as evaluate_folders
     from ..stereo.matchers.methods import parse_methods
-    from ..support.scratch import open_scratch_folder
+    from ..support.temporary_folders import open_scratch_folder
 
     folders = [
         each.folder if isinstance(each, RenderedPair) else Path(each)

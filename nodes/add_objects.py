@@ -7,7 +7,7 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ..physics.rocks.shapes import make_rock_shapes
+from ..physics.rocks.rock_shapes import make_rock_shapes
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError

@@ -16,15 +16,15 @@ import bpy
 import numpy as np
 
 from ..physics import scene_checks
-from ..physics.arm.parametric import JOINTS
-from ..physics.excavation.jitter import jitter_rig
+from ..physics.arm.parametric_arm import JOINTS
+from ..physics.excavation.camera_jitter import jitter_rig
 from ..physics.mesh import finer_in_view
 from ..physics.mesh.ground_interface import Surface
 from ..physics.mesh.height_map import HeightMap
 from ..physics.mesh.horizon import drop_m
 from ..physics.mesh.vertex_spacing import OF_THE_RIG
-from ..physics.rocks.rocks import LEVEL_RANKS, Rocks, scatter_rocks
-from ..physics.rocks.shapes import RockShape, make_rock_shapes
+from ..physics.rocks.place_rocks import LEVEL_RANKS, Rocks, scatter_rocks
+from ..physics.rocks.rock_shapes import RockShape, make_rock_shapes
 from ..settings import rebuilt_parts
 from ..settings.description import merged
 from ..settings.rebuilt_parts import select_geometry

@@ -12,17 +12,17 @@ import bpy
 from ..physics import scene_checks
 from ..physics.camera import blur
 from ..physics.camera.depth_accuracy import advise_on_rounding
-from ..physics.excavation.jitter import jitter_rig
+from ..physics.excavation.camera_jitter import jitter_rig
 from ..physics.excavation.unsupported_rocks import settle_rocks
-from ..physics.light.map_sky import warn_sky_of_other_place
+from ..physics.light.sky_over_map import warn_sky_of_other_place
 from ..physics.mesh.finer_in_view import advise_on_displacement, nearest_ground_m
 from ..physics.mesh.graded_mesh import GradedGround
 from ..physics.mesh.ground_interface import Surface
 from ..physics.rig.focal_length import focal_px
 from ..physics.rocks.beyond_patch import make_view_beyond
-from ..physics.rocks.rocks import scatter_rocks
-from ..physics.rocks.shapes import make_rock_shapes
-from ..physics.rocks.table import TABLE, read_rock_table
+from ..physics.rocks.place_rocks import scatter_rocks
+from ..physics.rocks.rock_shapes import make_rock_shapes
+from ..physics.rocks.rock_table import TABLE, read_rock_table
 from ..physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
 from ..settings.topics.camera import RigSettings
 from ..settings.topics.scene import Settings

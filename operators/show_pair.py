@@ -29,8 +29,8 @@ from ..stereo.pair_views import read_pair_views
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors
 from ..support.printer import show_controls
-from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
+from ..support.temporary_folders import make_scratch_folder
 from . import image_editor, live_preview, view_exposure
 from .evaluate import find_rendered_pairs
 from .job_operators import WatchingOperator

@@ -19,8 +19,8 @@ from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.files import write_text
 from ..support.printer import show_controls
-from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
+from ..support.temporary_folders import make_scratch_folder
 from . import jobs, sidebar_text
 from .evaluate import make_matcher_arguments
 from .job_operators import DialogJobOperator, JobOperator

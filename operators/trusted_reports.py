@@ -9,7 +9,7 @@ from __future__ import annotations
 from contextlib import suppress
 from pathlib import Path
 
-from ..support.cache import own_cache_folder
+from ..support.cache_folder import own_cache_folder
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import TABLE, read_record
 from ..support.files import hash_file, write_json

@@ -23,8 +23,8 @@ from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
 from ..support.arrays import Array
 from ..support.blender import compat
-from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
+from ..support.temporary_folders import make_scratch_folder
 from . import jobs
 from .job_operators import JobOperator
 from .window_areas import ButtonPictures, redraw_panels

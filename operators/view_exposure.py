@@ -18,7 +18,7 @@ from ..nodes import build_scene as scenes
 from ..nodes.datablocks.fingerprint import TAG
 from ..physics.camera.sensor import capacity_e
 from ..physics.light.photons import pixel_pitch_m
-from ..physics.surfaces import albedos
+from ..physics.surfaces import surface_law
 from ..render.pairs.pair_folder import read_pair
 from ..settings import rebuilt_parts
 from ..settings.blender import scene_properties
@@ -64,7 +64,7 @@ def _estimate_brightest(settings: Settings) -> float:
 
 
 def _find_albedo(settings: Settings) -> float:
-    found = albedos.find_albedos(settings.surface, settings.hapke)
+    found = surface_law.find_albedos(settings.surface, settings.hapke)
     return max(found.bond if found else settings.surface.albedo, 0.02)
 
 

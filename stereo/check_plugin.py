@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from ..plugins.check import Check, check_call, check_fault, check_making
+from ..plugins.common_checks import Check, check_call, check_fault, check_making
 from ..plugins.installed import Plugin
 from ..settings.description import defaults
 from ..support.arrays import Array
 from ..support.files import hash_file
-from ..support.scratch import open_scratch_folder
+from ..support.temporary_folders import open_scratch_folder
 from .export.plug_in import ExportedPair, PluginExport
 from .matchers.plug_in import PluginMatcher
 from .measure.plug_in import MeasuredMap, PluginMetric

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..physics.excavation import reach
+from ..physics.excavation import arm_reach
 from ..physics.light.sky import elevation_deg
 from ..physics.random_numbers.seeds import make_generator
 from ..support.arrays import Array
@@ -240,7 +240,7 @@ def _read_excavation_facts(workspace: Workspace) -> dict[str, Any] | None:
     return (
         {
             **{key: stated[key] for key in wanted},
-            "advice": [*reach.advise_on_reach(workspace.pair.settings), *stated.get("advice", [])],
+            "advice": [*arm_reach.advise_on_reach(workspace.pair.settings), *stated.get("advice", [])],
         }
         if stated
         else None

@@ -54,7 +54,7 @@ def evaluate(
     jobs: int | None = None,
     dask: str | None = None,
 ) -> Report:
-    """Evaluate pairs and all pairs of data sets, including data sets in other layouts (see ``datasets.dataset_layouts``);
+    """Evaluate pairs and all pairs of data sets, including data sets in other layouts (``datasets.dataset_layouts``);
     return the content of ``report.json``.
 
     ``predictions`` are further methods, see ``datasets.predictions``. ``jobs`` is the number of processes that measure,

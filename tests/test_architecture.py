@@ -86,7 +86,7 @@ BLENDERS = {"bpy", "mathutils", "bmesh", "gpu", "bl_ui", "idprop", "_cycles", "_
 
 
 def room_of(module: str) -> str:
-    """The room that a module such as ``physics.rocks.shapes`` is in, as its folder's path."""
+    """The room that a module such as ``physics.rocks.rock_shapes`` is in, as its folder's path."""
     path = ROOT.joinpath(*module.split(".")) if module else ROOT
     parts = module.split(".") if path.is_dir() else module.split(".")[:-1]
     return "/".join(parts) or module or "__init__"

@@ -35,7 +35,7 @@ from icymoon.stereo.measure.prepare_pair import load_pair
 from icymoon.stereo.reexpose import reexpose
 from icymoon.stereo.report import schema, write_results
 from icymoon.stereo.report.row_log import RowLog
-from icymoon.support import cache, file_schemas, files, system
+from icymoon.support import cache_folder, file_schemas, files, system
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import quote
 from pairs import Scene, camera, write_pair
@@ -194,7 +194,7 @@ def test_a_damaged_job_is_read_or_told_in_a_sentence(tmp_path):
 
 def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkeypatch):
     """The speed of the machine, a claim, what runs, an evaluation's facts and rows: none of them is worth a failure."""
-    monkeypatch.setenv(cache.FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(cache_folder.FOLDER_VARIABLE, str(tmp_path))
     speed = machine.Speed(2.0, "CPU", "5.0.1", system.count_processors(), "2026-01-01T00:00+00:00")
     machine.remember_speed(speed)
     claims = Claims(tmp_path)
@@ -430,10 +430,10 @@ def test_a_fault_names_the_file_the_key_what_is_expected_and_the_fix():
 
 
 def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path, monkeypatch):
-    from icymoon.support import scratch
+    from icymoon.support import temporary_folders
 
-    monkeypatch.setattr(scratch.tempfile, "tempdir", str(tmp_path))
-    with scratch.open_scratch_folder() as mine:
+    monkeypatch.setattr(temporary_folders.tempfile, "tempdir", str(tmp_path))
+    with temporary_folders.open_scratch_folder() as mine:
         assert mine.parent == tmp_path
     assert not mine.exists()
     owner = {"pid": os.getpid(), "place": system.find_process_scope(), "computer": system.computer_name()}
@@ -455,8 +455,8 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
     victim = tmp_path / "victim"
     shutil.copytree(tmp_path / "icymoon-dead", victim)
     (tmp_path / "icymoon-link").symlink_to(victim)
-    scratch._remove_abandoned.cache_clear()
-    with scratch.open_scratch_folder():
+    temporary_folders._remove_abandoned.cache_clear()
+    with temporary_folders.open_scratch_folder():
         there = {path.name for path in tmp_path.iterdir()}
         assert {name for name, (_, kept) in cases.items() if kept} == {
             name.removeprefix("icymoon-") for name in there if name.removeprefix("icymoon-") in cases

@@ -513,7 +513,7 @@ ALLOWED: dict[str, str] = {
     "operators/manual.py": "json.loads, re.search, read_text: shipped with the program",
     "operators/results.py": "bpy.data.images.load: pictures of our evaluation, in the user's folder",
     "operators/show_pair.py": "bpy.data.images.load: a picture that this process has just written to its own folder",
-    "physics/excavation/site.py": "json.loads: keys of its cache, which it has written itself",
+    "physics/excavation/dig_site.py": "json.loads: keys of its cache, which it has written itself",
     "physics/light/spice.py": "furnsh: kernels that physics/light/kernels.py has looked at",
     "physics/light/stars.py": "csv.DictReader, open: shipped with the program",
     "physics/surfaces/principled.py": "json.loads, read_text: shipped with the program",

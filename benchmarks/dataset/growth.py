@@ -22,7 +22,7 @@ from typing import Any
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.processor import seconds_of_all
 from icymoon.physics.camera.stereo_camera import StereoCamera
-from icymoon.physics.excavation.jitter import jitter_rig
+from icymoon.physics.excavation.camera_jitter import jitter_rig
 from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.render.plans.frozen_plan import freeze_plan

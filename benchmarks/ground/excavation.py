@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from icymoon.benchmarks.common.processor import Stopwatch, seconds_of
 from icymoon.physics.excavation.dig import ExcavationSeries
-from icymoon.physics.excavation.grid import make_covering_grid
+from icymoon.physics.excavation.dig_grid import make_covering_grid
+from icymoon.physics.excavation.dig_site import make_site
 from icymoon.physics.excavation.heap import cone_size_m
-from icymoon.physics.excavation.relax import GroundLayers, relax_slopes
-from icymoon.physics.excavation.site import make_site
+from icymoon.physics.excavation.slide_to_repose import GroundLayers, relax_slopes
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
 

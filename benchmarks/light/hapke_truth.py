@@ -172,7 +172,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> None:
     """Print the ratios."""
     from icymoon.benchmarks.common.renders import start_blender
-    from icymoon.physics.surfaces.albedos import find_albedos
+    from icymoon.physics.surfaces.surface_law import find_albedos
     from rendering import complete
 
     start_blender()

@@ -15,12 +15,12 @@ import bpy
 import numpy as np
 from mathutils import geometry
 
-from ...physics.excavation import site as sites
+from ...physics.excavation import dig_site as sites
 from ...physics.excavation.dig import ExcavationSeries
-from ...physics.excavation.grid import ExcavationGrid
-from ...physics.excavation.paths import JOINTS
+from ...physics.excavation.dig_grid import ExcavationGrid
+from ...physics.excavation.scoop_paths import JOINTS
 from ...physics.mesh.hole_for_trench import cut_hole, is_inside_loop, list_grid_rim
-from ...physics.rocks.rocks import HeightAt
+from ...physics.rocks.place_rocks import HeightAt
 from ...physics.terrain.terrain import Terrain
 from ...settings import rebuilt_parts
 from ...settings.topics.scene import Settings

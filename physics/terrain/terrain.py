@@ -20,7 +20,7 @@ from ...support.arrays import Array, Numbers
 from ..random_numbers.seeds import make_ground_generator
 from .hills import make_hills
 from .landforms import MAKERS, Landform, make_plugin_landforms
-from .layers import NoiseLayer, make_layer
+from .noise_layers import NoiseLayer, make_layer
 from .roughness.roughness import (
     LAW_FROM,
     LAW_TO,

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...support.cache import own_cache_folder
+from ...support.cache_folder import own_cache_folder
 from ...support.errors import IcyMoonError
 from ...support.file_schemas import COUNT, POSITIVE, TABLE, TEXT, find_fault, read_record
 from ...support.files import write_json

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera.blur import find_blur
-from ...physics.excavation.jitter import jitter_rig
+from ...physics.excavation.camera_jitter import jitter_rig
 from ...physics.light.directions import camera_axes, direction_toward
 from ...physics.light.scene_sun import sun_from_facts, sun_from_json
 from ...physics.light.sky import azimuth_deg, compute_sky, describe_sky, elevation_deg

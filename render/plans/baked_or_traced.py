@@ -18,9 +18,9 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.baked_rocks import POINTS
 from ...physics.mesh.vertex_spacing import choose_vertex_spacing
 from ...physics.rig.seen_points import is_in_view
-from ...physics.rocks.rocks import LEVEL_RANKS
+from ...physics.rocks.place_rocks import LEVEL_RANKS
+from ...physics.rocks.rock_table import TABLE
 from ...physics.rocks.size_laws import make_size_law
-from ...physics.rocks.table import TABLE
 from ...physics.scene_requirements import can_be_baked, count_images_per_bake, make_direct_quality
 from ...physics.terrain.terrain import make_terrain
 from ...settings import rebuilt_parts

@@ -14,7 +14,7 @@ from ...physics import scene_checks
 from ...physics.camera.blur import describe_blur_identity
 from ...physics.random_numbers.seeds import make_generator, seed_stream
 from ...physics.scene_checks import Reason
-from ...physics.terrain.sites import RockyGround, make_rocky_ground
+from ...physics.terrain.standing_places import RockyGround, make_rocky_ground
 from ...settings.description import defaults, digest, merged
 from ...settings.pair_ids import make_counter
 from ...settings.preset_files import make_paths_relative_to

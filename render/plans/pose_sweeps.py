@@ -15,7 +15,7 @@ import numpy as np
 from ...formats.toml_lines import Place
 from ...physics.light.directions import direction_toward
 from ...physics.scene_checks import LOWEST_M
-from ...physics.terrain.sites import RockyGround
+from ...physics.terrain.standing_places import RockyGround
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...formats import mesh_images
 from ...formats.mesh_file import FORMATS
-from ...paper_stand_ins.items import list_items
+from ...paper_stand_ins.shown_items import list_items
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import MeshItem, TextureItem
 from ...support.errors import IcyMoonError

@@ -13,7 +13,7 @@ from ...formats.trajectories import KINDS, Trajectory, read_trajectory
 from ...physics.camera.pose_sequence import CAMERA_IN, WORLD_IN, PoseSequence
 from ...physics.light.directions import camera_angles, camera_axes
 from ...physics.scene_checks import LOWEST_M
-from ...physics.terrain.sites import RockyGround
+from ...physics.terrain.standing_places import RockyGround
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError

@@ -13,8 +13,8 @@ from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
 from ...support.file_schemas import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
 from ...support.files import absolute_path, explain_disk_errors
-from ...support.scratch import make_scratch_folder
 from ...support.system import is_python, remove_folder
+from ...support.temporary_folders import make_scratch_folder
 from ...support.version import ROOT
 from ..pairs.dataset_file_names import check_id
 from ..plans.planned_pair import PlannedPair

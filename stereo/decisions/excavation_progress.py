@@ -67,8 +67,8 @@ def find_progress(
     """For each series of states and each method the ``steps`` and the errors of a volume by null pairs.
 
     A step has ``state``, ``true_m3``, ``found_m3``, ``error_m3``, ``depth_m`` and ``known``; ``level_m``, ``noticed``
-    and ``false_alarm`` of its cells (see ``dug_volume.Detection``), with the errors of a disc of ``disc_m``; and the path
-    ``map`` of a picture of the cells, which this writes. Null pairs give ``bias_m3``, ``sigma_m3``, ``smallest_m3``
+    and ``false_alarm`` of its cells (see ``dug_volume.Detection``), with the errors of a disc of ``disc_m``; and the
+    path ``map`` of a picture of the cells, which this writes. Null pairs give ``bias_m3``, ``sigma_m3``, ``smallest_m3``
     (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences that say which numbers are missing, and
     why.
 

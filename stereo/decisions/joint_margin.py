@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...physics.arm.parametric import find_joint_margin, make_parametric_arm
+from ...physics.arm.parametric_arm import find_joint_margin, make_parametric_arm
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...physics.arm.kinematics import forward_kinematics
 from ...physics.arm.lander_solids import make_arm_solids
-from ...physics.arm.parametric import JOINTS, find_real_angles_rad, make_parametric_arm, read_commanded_rad
+from ...physics.arm.parametric_arm import JOINTS, find_real_angles_rad, make_parametric_arm, read_commanded_rad
 from ...render.pairs.pair_folder import Pair
 from ...support.arrays import Array
 from ..images.exr import NORMAL_PASSES, read_truth

@@ -30,7 +30,7 @@ from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
 from ...support.file_schemas import TEXT, Each, read_record
 from ...support.files import write_json
-from ...support.scratch import open_scratch_folder
+from ...support.temporary_folders import open_scratch_folder
 from . import Export
 from .plug_in import FoldersContext
 

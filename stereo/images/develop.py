@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.camera import brackets
+from ...physics.camera import exposure_brackets
 from ...physics.camera.blur import warn_on_blur_mismatch
 from ...physics.camera.calibration_error import describe_errors
 from ...physics.camera.colour import (
@@ -167,7 +167,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
     }
     light = {eye: channels.at_pixels([optics[eye].on_sensor(plane) for plane in planes[eye]]) for eye in EYES}
     metered = choose_exposure_s(channels.balanced(light["left"]), rate, sensor)
-    times = brackets.list_exposure_times(metered, sensor)
+    times = exposure_brackets.list_exposure_times(metered, sensor)
     exposed = {eye: _expose_eye(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
     bits, detected, full_s = _merged(exposed, times, channels, sensor)
     final, colours = _rectify_if_needed(detected, bits, black_dn(sensor) if len(times) == 1 else 0.0, channels, optics)
@@ -239,9 +239,13 @@ def _merged(
     """The bits and the digital numbers of each eye, of all exposures; the electrons per second at their top."""
     if len(times) == 1:
         return int(sensor.bits), {eye: exposed[eye][0] for eye in EYES}, capacity_e(sensor) / times[0]
-    merged = {eye: brackets.merge_exposures(exposed[eye], times, sensor) for eye in EYES}
-    full_s = brackets.find_full_rate(channels.balanced(merged["left"]), times[-1], sensor)
-    return brackets.MERGED_BITS, {eye: brackets.quantise_merged(merged[eye], full_s) for eye in EYES}, full_s
+    merged = {eye: exposure_brackets.merge_exposures(exposed[eye], times, sensor) for eye in EYES}
+    full_s = exposure_brackets.find_full_rate(channels.balanced(merged["left"]), times[-1], sensor)
+    return (
+        exposure_brackets.MERGED_BITS,
+        {eye: exposure_brackets.quantise_merged(merged[eye], full_s) for eye in EYES},
+        full_s,
+    )
 
 
 def _rectify_if_needed(

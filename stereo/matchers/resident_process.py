@@ -35,7 +35,7 @@ from ...support.errors import IcyMoonError
 from ...support.file_schemas import is_number
 from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
-from ...support.scratch import make_scratch_folder
+from ...support.temporary_folders import make_scratch_folder
 from ..adapters.icymoon_serve import PROTOCOL, to_disparity_map
 from ..measure.costs import COSTS
 from .result import Result

@@ -73,8 +73,8 @@ def write_trade(
     """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return the content of the JSON.
 
     ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and the result of
-    ``quality_losses.measure_variant``. ``references``: per reference ``name``, ``noise``, ``cpu_s``, ``stereo``, ``own``,
-    ``own_decisions`` and ``undecided``. ``groups``: a description of each group of variants, by its key.
+    ``quality_losses.measure_variant``. ``references``: per reference ``name``, ``noise``, ``cpu_s``, ``stereo``,
+    ``own``, ``own_decisions`` and ``undecided``. ``groups``: a description of each group of variants, by its key.
     """
     best = find_pareto_fronts(rows, methods)
     report = {

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.arm.parametric import choose_inverse_solution, make_parametric_arm
-from icymoon.physics.excavation import site as sites
+from icymoon.physics.arm.parametric_arm import choose_inverse_solution, make_parametric_arm
+from icymoon.physics.excavation import dig_site as sites
 from icymoon.physics.excavation.dig import ExcavationSeries
 from icymoon.physics.excavation.joint_paths import make_joint_pulls
 from icymoon.settings import description, rebuilt_parts

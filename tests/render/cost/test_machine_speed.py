@@ -12,7 +12,7 @@ from icymoon.render.cost.quality_presets import list_qualities, pair_seconds
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.plans.triangle_count import count_triangles
 from icymoon.settings import description
-from icymoon.support import cache as folders
+from icymoon.support import cache_folder as folders
 from icymoon.support import system
 from icymoon.support.errors import IcyMoonError
 

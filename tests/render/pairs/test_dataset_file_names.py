@@ -298,7 +298,7 @@ REMOVES = {
     "stereo/reexpose.py": "what it writes again",
     "formats/asset_library.py": "the files that its record lists, when a user asks for it",
     "operators/trade.py": "its own temporary folder",
-    "support/scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",
+    "support/temporary_folders.py": "its own temporary folder, and those marked by ended processes of this user",
     "operators/presets.py": "the preset that a user removes, with its picture",
     "operators/install_evaluator.py": "the environment that it has made, when a user asks for it",
     "operators/show_pair.py": "its own temporary folder",

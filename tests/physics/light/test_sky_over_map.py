@@ -7,7 +7,7 @@ import re
 import pytest
 from icymoon.formats.geotiff import MapPlace
 from icymoon.formats.map_projection import MapSystem, find_local_scale
-from icymoon.physics.light.map_sky import warn_sky_of_other_place
+from icymoon.physics.light.sky_over_map import warn_sky_of_other_place
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.topics.light import LightSettings
 from icymoon.settings.topics.scene import typed

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.excavation.cut import Pull, cut_heights, fit_plane
-from icymoon.physics.excavation.grid import ExcavationGrid, make_covering_grid
-from icymoon.physics.excavation.paths import make_pulls
+from icymoon.physics.excavation.dig_grid import ExcavationGrid, make_covering_grid
+from icymoon.physics.excavation.scoop_cut import Pull, cut_heights, fit_plane
+from icymoon.physics.excavation.scoop_paths import make_pulls
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
 

@@ -10,8 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as budget
 from hypothesis import strategies as st
-from icymoon.physics.rocks.rocks import draw_places, euler_xyz, scatter_rocks
-from icymoon.physics.rocks.shapes import FAMILIES, LEVELS, find_polyhedron_corners, make_icosphere, make_rock_shapes
+from icymoon.physics.rocks.place_rocks import draw_places, euler_xyz, scatter_rocks
+from icymoon.physics.rocks.rock_shapes import (
+    FAMILIES,
+    LEVELS,
+    find_polyhedron_corners,
+    make_icosphere,
+    make_rock_shapes,
+)
 from icymoon.physics.rocks.size_laws import GolombekLaw, PowerLaw, draw_diameters, make_size_law
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.rocks import RocksSettings

@@ -14,7 +14,7 @@ from icymoon.physics.arm.kinematics import (
     forward_kinematics,
     rigid_transform,
 )
-from icymoon.physics.arm.parametric import (
+from icymoon.physics.arm.parametric_arm import (
     JOINTS,
     choose_inverse_solution,
     find_joint_margin,

@@ -10,10 +10,10 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ..arm.kinematics import Arm
 from ..arm.lander_arm import is_users_arm, make_arm
-from ..arm.parametric import find_joint_margin
-from .cut import Pull
-from .paths import JOINTS, RECORDED
-from .site import is_dug, make_site
+from ..arm.parametric_arm import find_joint_margin
+from .dig_site import is_dug, make_site
+from .scoop_cut import Pull
+from .scoop_paths import JOINTS, RECORDED
 
 #: Places along a pull that are looked at, steps in metres of a trench that is moved, and how far it is, at most.
 _PLACES, _STEP_M, _FARTHEST_M = 9, 0.02, 3.0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.rocks.rocks import scatter_rocks
-from icymoon.physics.rocks.shapes import make_rock_shapes
-from icymoon.physics.rocks.table import covered_share, read_rock_table
+from icymoon.physics.rocks.place_rocks import scatter_rocks
+from icymoon.physics.rocks.rock_shapes import make_rock_shapes
+from icymoon.physics.rocks.rock_table import covered_share, read_rock_table
 from icymoon.settings.description import defaults
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError

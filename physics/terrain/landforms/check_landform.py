@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ....plugins.check import Check, check_call, check_fault, check_making
+from ....plugins.common_checks import Check, check_call, check_fault, check_making
 from ....plugins.installed import Plugin
 from ....plugins.landforms import PluginLandform, read_landform
 from ....support.arrays import Array

@@ -15,7 +15,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_schemas import read_number_lines
 from ...support.files import absolute_path
-from .cut import Pull
+from .scoop_cut import Pull
 
 NONE, LINE, ARC, RECORDED, JOINTS = "NONE", "LINE", "ARC", "RECORDED", "JOINTS"
 #: Columns that a recorded path must have.

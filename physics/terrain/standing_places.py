@@ -16,8 +16,8 @@ import numpy as np
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ..rocks.beyond_patch import make_view_beyond
-from ..rocks.rocks import Rocks, euler_matrices, scatter_rocks
-from ..rocks.shapes import RockShape, make_rock_shapes
+from ..rocks.place_rocks import Rocks, euler_matrices, scatter_rocks
+from ..rocks.rock_shapes import RockShape, make_rock_shapes
 from .terrain import Terrain, make_terrain
 
 #: Places tried for each that is asked for, before too few are returned.

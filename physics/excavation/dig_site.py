@@ -12,11 +12,11 @@ from ...settings.topics.scene import Settings, typed
 from ...support.errors import IcyMoonError
 from ...support.files import absolute_path
 from ..arm.lander_arm import is_users_arm
-from .cut import Pull, find_bounds_m
-from .grid import ExcavationGrid, make_covering_grid
+from .dig_grid import ExcavationGrid, make_covering_grid
 from .heap import SpoilHeap, ridge_height_m
 from .joint_paths import make_joint_pulls
-from .paths import ARC, JOINTS, LINE, NONE, RECORDED, make_pulls
+from .scoop_cut import Pull, find_bounds_m
+from .scoop_paths import ARC, JOINTS, LINE, NONE, RECORDED, make_pulls
 from .strength import GRAVITY_M_S2, critical_height_m
 
 #: Vertices along a side of the grid at most, and its margin round trench and heap.

@@ -17,9 +17,9 @@ from ...support.arrays import Array
 from ...support.files import absolute_path
 from ..random_numbers.seeds import make_generator
 from .beyond_patch import ViewBeyond, draw_beyond
-from .shapes import RockShape
+from .rock_shapes import RockShape
+from .rock_table import TABLE, read_rock_table
 from .size_laws import draw_diameters, make_size_law
-from .table import TABLE, read_rock_table
 
 #: Height of the ground in metres at arrays of east and north coordinates; NaN where there is no ground.
 HeightAt = Callable[[Array, Array], Array]

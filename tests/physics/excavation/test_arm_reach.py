@@ -4,9 +4,9 @@ import re
 
 import numpy as np
 import pytest
-from icymoon.physics.arm.parametric import choose_inverse_solution, make_parametric_arm
-from icymoon.physics.excavation.reach import advise_on_reach, compute_share_in_reach
-from icymoon.physics.excavation.site import make_site
+from icymoon.physics.arm.parametric_arm import choose_inverse_solution, make_parametric_arm
+from icymoon.physics.excavation.arm_reach import advise_on_reach, compute_share_in_reach
+from icymoon.physics.excavation.dig_site import make_site
 from icymoon.physics.scene_checks import advise_on_scene
 from icymoon.settings import description
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
 from ..random_numbers.seeds import make_generator
-from .site import is_dug
+from .dig_site import is_dug
 
 
 def jitter_rig(settings: Settings) -> RigSettings:

@@ -2,7 +2,8 @@
 
 A height field cannot represent an undercut, so ground that would overhang the blade is taken away too. A cell is cut
 where the blade was over it. Blades end inside cells, so each cell is the mean of 4 x 4 places: a prism of 8 x 30 cm
-on cells of 2.5 mm is then within 0.01 % of its volume, and 2 % without (``tests/physics/excavation/test_cut.py``).
+on cells of 2.5 mm is then within 0.01 % of its volume, and 2 % without
+(``tests/physics/excavation/test_scoop_cut.py``).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array, Numbers
-from .grid import ExcavationGrid
+from .dig_grid import ExcavationGrid
 
 #: Places in a cell along each axis.
 SUBSAMPLES = 4
