@@ -27,11 +27,10 @@ from ..rays.stereo_truth import list_squares
 from ..rays.surface import Tracer, find_surface
 from ..support import system
 from ..support.arrays import Array
-from ..support.errors import IcyMoonError
+from ..support.errors import IcyMoonError, first_line
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import ALBEDO_AOV, ROCK, SALT_AOV, SKY_DEPTH_M, TERRAIN, TRUTH
 from . import cycles_settings, passes, separate_lights
-from .cycles_errors import first_line
 from .pairs.workspace_cells import MOST_CELLS, PLACES, Extent
 from .render_camera import SAMPLE_OFFSET_PX
 from .traced_triangles import SceneRays

@@ -35,7 +35,7 @@ from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support import system
 from ..support.arrays import Array
-from ..support.errors import DiskError, IcyMoonError
+from ..support.errors import DiskError, IcyMoonError, first_line
 from ..support.files import explain_disk_errors, hash_file, make_part_path, write_json
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
@@ -43,7 +43,6 @@ from ..support.number_text import format_count
 from . import cycles_occlusion, cycles_settings, passes, separate_lights, truth_without_light
 from .baked_light import IndirectLight
 from .cost.estimate import count_bytes_left, count_pixels
-from .cycles_errors import first_line
 from .ground_maps import make_heights, make_materials
 from .lander_record import make_lander_json
 from .object_labels import lend_labels

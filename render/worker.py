@@ -24,11 +24,10 @@ from ..nodes.build_scene import Built, find_built, make_extra, separate_copies
 from ..settings.blender import scene_properties
 from ..settings.description import check, defaults, merged, overlaid
 from ..settings.topics.scene import Settings
-from ..support.errors import DiskError, IcyMoonError
+from ..support.errors import DiskError, IcyMoonError, first_line
 from ..support.printer import emit
 from ..support.system import end_at_interrupt
 from . import baked_light
-from .cycles_errors import first_line
 from .pairs.pair_folder import is_complete
 from .plans.planned_pair import PlannedPair, expand_headings
 from .render_pair import check_space, render_pair

@@ -30,9 +30,16 @@ from ..measure.metrics import is_usable
 from ..measure.prepare_pair import PreparedPair
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
-from .input_faults import WRONG_SIGN, check_map_size, check_truth, warn_dark_images, warn_unlikely_camera
+from .input_faults import (
+    WRONG_SIGN,
+    check_map_size,
+    check_truth,
+    find_turned,
+    refuse_turned,
+    warn_dark_images,
+    warn_unlikely_camera,
+)
 from .markers import find_markers, is_possible
-from .turned_images import find_turned, refuse_turned
 from .visibility import Mask, check_right_truth, make_right_camera, read_mask
 
 #: Share of the width that matchers search where a data set states no range.

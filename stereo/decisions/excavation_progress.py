@@ -68,9 +68,9 @@ def find_progress(
 
     A step has ``state``, ``true_m3``, ``found_m3``, ``error_m3``, ``depth_m`` and ``known``; ``level_m``, ``noticed``
     and ``false_alarm`` of its cells (see ``dug_volume.Detection``), with the errors of a disc of ``disc_m``; and the
-    path ``map`` of a picture of the cells, which this writes. Null pairs give ``bias_m3``, ``sigma_m3``, ``smallest_m3``
-    (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences that say which numbers are missing, and
-    why.
+    path ``map`` of a picture of the cells, which this writes. Null pairs give ``bias_m3``, ``sigma_m3``,
+    ``smallest_m3`` (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences that say which numbers are
+    missing, and why.
 
     A series starts with its state of the least number. All states in which something is dug are compared with it.
     """

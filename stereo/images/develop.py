@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.camera import exposure_brackets
+from ...physics.camera import colour, exposure_brackets
 from ...physics.camera.blur import warn_on_blur_mismatch
 from ...physics.camera.calibration_error import describe_errors
 from ...physics.camera.colour import (
@@ -45,9 +45,11 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
-from .demosaic import demosaic
 from .exr import Light
 from .lens import Lens, make_lens, make_rectification, rectify
+
+#: OpenCV names a mosaic by the second and third pixel of its second row.
+_OPENCV = {"RGGB": "BG", "BGGR": "RG", "GRBG": "GB", "GBRG": "GR"}
 
 
 @dataclass(frozen=True)
@@ -363,3 +365,15 @@ def to_8_bit(numbers: Array, bits: int, encoding: str = "LINEAR") -> Array:
         return numbers.astype(np.uint8)
     level = numbers / (2.0**bits - 1)
     return np.rint(255.0 * (np.sqrt(level) if encoding == "SQUARE_ROOT" else level)).astype(np.uint8)
+
+
+def demosaic(numbers: Array, bits: int, pattern: str, method: str) -> Array:
+    """R, G and B, float64 (H, W, 3) from 0 to the top of ``bits`` bits, of digital numbers (H, W), uint16, of a
+    mosaic."""
+    if method == "EDGE_AWARE":
+        import cv2  # here, for Blender has no OpenCV and shows pairs with another method
+
+        code = getattr(cv2, f"COLOR_Bayer{_OPENCV[pattern]}2RGB_EA")
+        finer = 2 ** (16 - bits)  # OpenCV rounds each of its means
+        return np.asarray(cv2.demosaicing(numbers * np.uint16(finer), code) / finer)
+    return np.clip(colour.demosaic(numbers, pattern, method), 0.0, 2.0**bits - 1)

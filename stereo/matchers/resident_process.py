@@ -37,9 +37,9 @@ from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
 from ...support.temporary_folders import make_scratch_folder
 from ..adapters.icymoon_serve import PROTOCOL, to_disparity_map
-from ..measure.costs import COSTS
+from ..measure.row_metrics import COSTS
 from .result import Result
-from .written_arrays import read_array, read_last_line
+from .user_programs import read_array, read_last_line
 
 #: Where a program finds ``icymoon_serve``.
 ADAPTERS = Path(__file__).parents[1] / "adapters"

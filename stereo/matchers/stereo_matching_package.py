@@ -15,11 +15,11 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import parse_path
-from .command_lines import require_program
 from .options import Option
 from .resident import LIMITS
 from .resident_process import ADAPTERS, Program, ask_resident, start_resident
 from .result import Result
+from .user_programs import require_program
 
 SET_UP = (3, "python", "stereo-matching", "A network of the package stereo-matching from PyPI")
 COLOUR = True

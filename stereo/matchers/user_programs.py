@@ -1,13 +1,16 @@
-"""The output of the user's programs: arrays of a known size, and their last words."""
+"""The user's programs: their command lines, the arrays that they write, and their last words."""
 
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path
 
 from ...support.arrays import Array
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import parse_npy, parse_part, read_end, read_regular
 from ...support.printer import show_controls
+from ...support.system import split_command
 
 #: Bytes that a file may have beside its numbers, and that each number may take.
 _BESIDE, _EACH = 2**20, 16
@@ -37,3 +40,20 @@ def read_last_line(path: Path) -> str:
     except OSError:
         return ""
     return next((show_controls(line.strip()[:_SHOWN]) for line in reversed(lines) if line.strip()), "")
+
+
+def split_arguments(option: str, command: str, example: str) -> list[str]:
+    """The arguments of a command. Raises IcyMoonError, naming the ``option``, if it has none."""
+    try:
+        arguments = split_command(command)
+    except ValueError as error:
+        raise IcyMoonError(f"{option} cannot be split into arguments ({error}); close its quotes.") from None
+    if not arguments:
+        raise IcyMoonError(f"{option} is empty; write it as {example}.")
+    return arguments
+
+
+def require_program(option: str, name: str) -> None:
+    """Raise IcyMoonError unless there is a program of this name or path on this machine."""
+    if shutil.which(name) is None:
+        raise IcyMoonError(f"{option} starts with {name}, which is not a program on this machine; give its whole path.")
