@@ -60,7 +60,7 @@ test-ends: $(VENV)/bin/python
 	done
 
 # Makes small defects in the modules that matter and lists those that no test notices. One module: `make mutants
-# OF=render.workers.claims`.
+# OF=render.workers.pair_claims`.
 mutants: $(VENV)/.mutants
 	$(RUN) tests/mutants.py $(OF)
 

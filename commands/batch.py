@@ -11,18 +11,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..render.cost.abilities import check_abilities
+from ..render.cost.blender_abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
-from ..render.plans.order import MOST_SCENES, choose_shard, choose_worker_count, order_pairs
 from ..render.plans.planned_pair import PlannedPair
-from ..render.workers.cards import choose_cards
-from ..render.workers.job import python_command
+from ..render.plans.render_order import MOST_SCENES, choose_shard, choose_worker_count, order_pairs
+from ..render.workers.assign_cards import choose_cards
+from ..render.workers.job_commands import python_command
 from ..render.workers.manifest import write_manifest
 from ..render.workers.process import clean_environment, report_errors
 from ..render.workers.runner import Runner, WorkerOptions
 from ..render.workers.slurm_scripts import SlurmRequest, write_script
-from ..render.workers.verify import Findings, verify_data_set
+from ..render.workers.verify_dataset import Findings, verify_data_set
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.files import remove_leftover_parts, shorten

@@ -22,7 +22,7 @@ from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import PIXELS
+from ..support.file_schemas import PIXELS
 from ..support.files import quote
 from ..support.foreign_bytes import explain_errors
 from ..support.printer import say

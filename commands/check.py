@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from ..physics.light.directions import camera_axes
-from ..render.workers.job import Job, render_job
+from ..render.workers.job_commands import Job, render_job
 from ..settings.description import check, defaults, merged
 from ..settings.topics.declaration import Parts
 from ..support.errors import IcyMoonError
 from ..support.printer import say
-from ..support.scratch import open_scratch_folder
+from ..support.temporary_folders import open_scratch_folder
 from ..support.terminal import show_progress
 from .renderer_options import add_blender_option
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Collection, Iterator
 
-from ..physics.terrain.landforms.check_plugin import check_landform
-from ..plugins.check import Check, check_package
+from ..physics.terrain.landforms.check_landform import check_landform
+from ..plugins.common_checks import Check, check_package
 from ..plugins.installed import GROUPS, Found, Plugin, find_installed
 from ..stereo.environment import packages
 from ..support.errors import IcyMoonError
@@ -39,7 +39,7 @@ def run_checks(plugin: Plugin) -> Iterator[Check]:
     if plugin.kind == "landform":
         yield from check_landform(plugin)
         return
-    from ..stereo.plugin_checks import check_export, check_matcher, check_metric
+    from ..stereo.check_plugin import check_export, check_matcher, check_metric
 
     special: dict[str, Callable[[Plugin], Iterator[Check]]] = {
         "matcher": check_matcher,

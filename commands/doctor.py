@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ..plugins.landforms import load_landform_plugins
-from ..render.cost.abilities import probe_blender
-from ..render.workers.job import python_command
+from ..render.cost.blender_abilities import probe_blender
+from ..render.workers.job_commands import python_command
 from ..render.workers.process import clean_environment
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import parse_json

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from ..physics.camera.depth_accuracy import advise_on_principal_point
 from ..physics.scene_requirements import advise_on_bake
-from ..render.cost.abilities import find_lack, needs_full_build
+from ..render.cost.blender_abilities import find_lack, needs_full_build
 from ..render.cost.estimate import estimate_plan
-from ..render.cost.speed import recall_speed
+from ..render.cost.machine_speed import recall_speed
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from ..render.plans.planned_pair import PlannedPair

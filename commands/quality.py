@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ..render.cost.abilities import Abilities, ask_abilities
-from ..render.cost.tolerance import PX, make_tolerance, parse_fraction
+from ..render.cost.blender_abilities import Abilities, ask_abilities
+from ..render.cost.error_tolerance import PX, make_tolerance, parse_fraction
 from ..render.workers.process import report_errors
 from ..settings import description, toml_text
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.scratch import open_scratch_folder
+from ..support.temporary_folders import open_scratch_folder
 from ..support.terminal import (
     add_json_lines,
     add_own_matchers,
@@ -103,10 +103,10 @@ def _add_bench_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_quality(options: argparse.Namespace) -> int:
+    from ..render.cost.machine_speed import recall_speed
     from ..render.cost.measure_speed import measure_speed
     from ..render.cost.quality_presets import list_qualities
-    from ..render.cost.speed import recall_speed
-    from ..render.plans.triangles import count_triangles
+    from ..render.plans.triangle_count import count_triangles
 
     with report_errors(options.json):
         settings = read_settings(options)

@@ -6,9 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from ..render.cost.abilities import check_abilities
-from ..render.workers.cards import choose_cards
-from ..render.workers.job import Job, absolute_folder, render_job
+from ..render.cost.blender_abilities import check_abilities
+from ..render.workers.assign_cards import choose_cards
+from ..render.workers.job_commands import Job, absolute_folder, render_job
 from ..settings import description, preset_files
 from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings

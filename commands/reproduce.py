@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ..render.cost.abilities import check_abilities
+from ..render.cost.blender_abilities import check_abilities
 from ..render.cost.estimate import estimate_plan, format_duration, format_size
-from ..render.cost.speed import recall_speed
+from ..render.cost.machine_speed import recall_speed
 from ..render.plans.frozen_plan import PLAN, FrozenPlan, freeze_plan
-from ..render.plans.own_files import describe_own_files, find_own_files
+from ..render.plans.stand_in_replacements import describe_own_files, find_own_files
 from ..render.workers.process import report_errors
 from ..settings.description import merged, override
 from ..stereo.environment import packages
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from ..render.plans.planned_pair import PlannedPair
     from ..stereo.matchers.methods import Method
-    from ..stereo.paper.parts import Part
+    from ..stereo.paper.paper_datasets import Part
 
 Event = Callable[[dict[str, Any]], None]
 #: The papers that can be reproduced.
@@ -79,7 +79,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def _run_reproduce(options: argparse.Namespace) -> int:
     packages.require_modules(*packages.PACKAGES)
     from ..stereo.paper.methods import find_methods
-    from ..stereo.paper.parts import QUICK, make_parts
+    from ..stereo.paper.paper_datasets import QUICK, make_parts
     from ..stereo.paper.printed import GROUPS
 
     check_least(options, 1, "pairs")
@@ -162,7 +162,7 @@ def _write_paper(
     """Match the pairs, and write tables and figures; the path of the page."""
     from ..stereo.evaluate import evaluate
     from ..stereo.paper.page import write_paper
-    from ..stereo.paper.parts import EVALUATIONS
+    from ..stereo.paper.paper_datasets import EVALUATIONS
     from ..stereo.paper.results import read_measured
 
     out = options.out.absolute()
@@ -219,14 +219,14 @@ def _open_output(as_json: bool) -> Iterator[Event]:
 
 def _list_matched_pairs(parts: dict[str, Part]) -> list[PlannedPair]:
     """The pairs of each evaluation; the figures are only shown."""
-    from ..stereo.paper.parts import EVALUATIONS
+    from ..stereo.paper.paper_datasets import EVALUATIONS
 
     return [pair for part, _, _ in EVALUATIONS.values() for pair in parts[part].pairs]
 
 
 def _print_estimate(parts: dict[str, Part], options: argparse.Namespace) -> int:
     """Print what the parts will take, and all together."""
-    from ..stereo.paper.parts import EVALUATIONS
+    from ..stereo.paper.paper_datasets import EVALUATIONS
 
     lines, hours, seconds, space = [], 0.0, 0.0, 0.0
     for name, part in parts.items():

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..formats.map_site import read_site_place
 from ..physics.light.ephemeris import format_date, parse_date
-from ..physics.light.map_sky import asks_sky_of_site, find_sky_place
 from ..physics.light.scene_sun import sun_from_facts
 from ..physics.light.sky import SkyPlace, check_body, compute_sky, describe_sky
+from ..physics.light.sky_over_map import asks_sky_of_site, find_sky_place
 from ..settings.description import check, merged
 from ..settings.preset_files import preset_names
 from ..settings.topics.scene import Settings

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..paper_stand_ins.items import describe_item, list_items
+from ..paper_stand_ins.shown_items import describe_item, list_items
 from ..render.pairs.pair_folder import find_pair_folders, read_pair
 from ..settings import description, preset_files, toml_text
 from ..settings.table import TOPICS, list_all_settings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ..paper_stand_ins.cached_files import make_files, read_relief_m
-from ..paper_stand_ins.items import MESH_PIXELS, PIXELS
+from ..paper_stand_ins.shown_items import MESH_PIXELS, PIXELS
 from ..settings.topics.stand_ins import MESHES, TEXTURES, MeshItem, TextureItem
 from ..support.errors import IcyMoonError
 from ..support.printer import say

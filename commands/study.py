@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..render.cost.abilities import check_abilities
+from ..render.cost.blender_abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.frozen_plan import freeze_plan
-from ..render.plans.order import order_pairs
+from ..render.plans.render_order import order_pairs
 from ..render.workers.process import report_errors
 from ..stereo.study.design import Study, find_study, read_study, study_names
 from ..support import printer
@@ -75,9 +75,9 @@ def _make_teller(show: Callable[[dict[str, Any]], None]) -> Say:
 def _measure_views(study: Study, out: Path, options: argparse.Namespace) -> Path:
     """Measure the views that have new pairs, and write all tables; the path of the page."""
     from ..stereo.matchers.methods import parse_methods
-    from ..stereo.study.cells import read_or_measure_cell
     from ..stereo.study.conclusions import draw_conclusions
     from ..stereo.study.tables import put_between_marks, write_study
+    from ..stereo.study.view_measurements import read_or_measure_cell
 
     methods = parse_methods(options.methods or study.methods)
     cells = []

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..formats.calibrations.registry import read_calibration
 from ..physics.camera.calibrated_camera import CalibratedRig
 from ..physics.camera.stereo_camera import StereoCamera
-from ..render.cost.abilities import check_abilities
+from ..render.cost.blender_abilities import check_abilities
 from ..render.plans.frozen_plan import freeze_plan
 from ..render.workers.process import report_errors
 from ..settings import description, preset_files
@@ -150,8 +150,8 @@ def _measure(
 ) -> Path:
     """Measure the pairs that are new, and write the page; its path."""
     from ..render.pairs.pair_folder import is_complete
+    from ..stereo.twin.compare_twin import read_or_measure
     from ..stereo.twin.limits import list_limits
-    from ..stereo.twin.measured import read_or_measure
     from ..stereo.twin.page import write_page
     from ..stereo.twin.summary import summarise
     from ..support.errors import IcyMoonError

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import TEXT, Each, read_record
+from ..support.file_schemas import TEXT, Each, read_record
 from ..support.files import explain_disk_errors, write_atomically, write_json, write_text
 from ..support.system import remove
 from ..support.version import version

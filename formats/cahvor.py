@@ -20,7 +20,7 @@ from ..physics.camera.cahvore import bend
 from ..physics.camera.lens_distortion import distort_points
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import PIXELS
+from ..support.file_schemas import PIXELS
 from ..support.files import shorten
 from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 from ..support.number_text import format_count

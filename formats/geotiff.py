@@ -21,8 +21,7 @@ from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, parse_xml
 from ..support.foreign_bytes import read as read_foreign
 from ..support.number_text import show_place
-from . import files_beside, gdal_lines
-from .files_beside import NO_SIZE
+from . import gdal_lines, sidecar_files
 from .geokeys import VERTICAL, GeoKeys, make_geokeys, read_numbers
 from .map_point import MapExtent, MapPoint, find_point
 from .map_projection import (
@@ -39,6 +38,7 @@ from .map_projection import (
     make_datum_text,
     read_system,
 )
+from .sidecar_files import NO_SIZE
 from .tiff import (
     FIX,
     KIND,
@@ -262,11 +262,11 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
     """
     found = read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
     if found.unplaced != NO_SIZE:
-        return replace(found, warnings=(*found.warnings, *files_beside.describe_gdal_notes(path)))
+        return replace(found, warnings=(*found.warnings, *sidecar_files.describe_gdal_notes(path)))
     return replace(
         found,
-        unplaced=files_beside.why_unplaced(path),
-        warnings=(*found.warnings, *files_beside.describe_world_file(path), *files_beside.describe_gdal_notes(path)),
+        unplaced=sidecar_files.why_unplaced(path),
+        warnings=(*found.warnings, *sidecar_files.describe_world_file(path), *sidecar_files.describe_gdal_notes(path)),
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 from urllib.parse import unquote
 
-from ..support.file_shapes import COUNT
+from ..support.file_schemas import COUNT
 from ..support.files import quote, shorten
 from ..support.foreign_bytes import ForeignBytes, OverBudgetError, parse_json, read
 from .ply import MOST_MESH

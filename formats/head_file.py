@@ -26,7 +26,7 @@ from ..physics.camera.head_camera import (
 from ..physics.camera.rotations import from_quaternion
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import is_number
+from ..support.file_schemas import is_number
 from ..support.files import parse_path, quote
 from ..support.foreign_bytes import ForeignBytes, parse_toml, read
 from ..support.suggestions import suggest_nearest

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..support.arrays import Array, Numbers
-from ..support.file_shapes import is_number
+from ..support.file_schemas import is_number
 from .geokeys import GeoKeys, geokeys_from_json
 from .map_projection import MapSystem, find_local_scale, read_system
 

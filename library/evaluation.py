@@ -88,7 +88,7 @@ def evaluate(
     packages.require_modules(*packages.PACKAGES)
     from ..stereo.evaluate import evaluate as evaluate_folders
     from ..stereo.matchers.methods import parse_methods
-    from ..support.scratch import open_scratch_folder
+    from ..support.temporary_folders import open_scratch_folder
 
     folders = [
         each.folder if isinstance(each, RenderedPair) else Path(each)
@@ -147,7 +147,7 @@ def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response
     """Run a function on all pairs; the folder with a disparity map for each. Raises IcyMoonError."""
     from ..stereo.images.image_files import write_npy
     from ..stereo.matchers.search_range import MOST_PX, find_rig_range
-    from ..stereo.measure.prepare import distinct_pairs, prepare_pair
+    from ..stereo.measure.prepare_pair import distinct_pairs, prepare_pair
 
     asked = [key for key in _ASKED if key in inspect.signature(function).parameters]
     found = scratch / name

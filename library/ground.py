@@ -10,8 +10,8 @@ from ..render.plans.planned_pair import expand_headings
 from ..settings import user_files
 from ..stereo.export import ground
 from ..support.errors import IcyMoonError
-from ..support.scratch import open_scratch_folder
 from ..support.suggestions import suggest_nearest
+from ..support.temporary_folders import open_scratch_folder
 from .rendered_pair import RenderedPair, open_pairs
 from .renderers import this_blender
 from .scene import Scene

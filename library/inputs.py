@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..formats.tiff_write import encode_tiff
-from ..physics.rocks.table import COLUMNS, TABLE, covered_share
-from ..render.pairs.our_files import INPUTS
+from ..physics.rocks.rock_table import COLUMNS, TABLE, covered_share
+from ..render.pairs.dataset_file_names import INPUTS
 from ..settings.description import defaults
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError

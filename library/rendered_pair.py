@@ -151,7 +151,7 @@ class RenderedPair:
     def visible(self) -> Array:
         """Whether the right camera sees the point of a left pixel too, bool (H, W)."""
         if self._pair.camera.looks_elsewhere:
-            from ..stereo.measure.prepare import make_check_eyes
+            from ..stereo.measure.prepare_pair import make_check_eyes
             from ..stereo.measure.self_check import find_visibility
 
             views = {eye.name: eye._read_once[1] for eye in (self.left, self.right)}

@@ -12,15 +12,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Protocol, Self
 
-from ..render.workers.job import Job, blender_command
+from ..render.workers.job_commands import Job, blender_command
 from ..render.workers.process import Message, Process
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.files import write_text
 from ..support.number_text import format_count
 from ..support.printer import show_controls
-from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
+from ..support.temporary_folders import make_scratch_folder
 
 #: Receives the messages of a render: ``progress`` (``fraction``, ``message``), ``pair``, ``warning``.
 Hear = Callable[[Message], None]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..render.pairs.pair_folder import is_complete, read_unchanged_pair
 from ..render.plans.planned_pair import expand_headings
-from ..render.workers.job import absolute_folder
+from ..render.workers.job_commands import absolute_folder
 from ..settings import description, user_files
 from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings

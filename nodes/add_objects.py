@@ -7,11 +7,11 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ..physics.rocks.shapes import make_rock_shapes
+from ..physics.rocks.rock_shapes import make_rock_shapes
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
-from . import engine
+from . import check_cycles
 from .ground.terrain_mesh import build_mesh, build_mesh_from_arrays
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.patches_and_grain import mark_elevation
@@ -22,7 +22,7 @@ def build_terrain_object(settings: Settings) -> bpy.types.Object:
 
     Raises IcyMoonError if Cycles is off or a texture of its material is not available.
     """
-    engine.require_cycles()
+    check_cycles.require_cycles()
     mesh = build_mesh("Icy Terrain", settings.terrain, make_terrain(settings, int(settings.dataset.seed)))
     mark_elevation(mesh, settings.surface)
     return _build_object(mesh, lambda: build_ground_material(settings, mesh))
@@ -34,7 +34,7 @@ def build_rock_object(settings: Settings, diameter_m: float) -> bpy.types.Object
     ``diameter_m`` is the diameter in metres of a circle of the same area, seen from above. Raises IcyMoonError if
     Cycles is off or a texture of its material is not available.
     """
-    engine.require_cycles()
+    check_cycles.require_cycles()
     rocks = settings.rocks
     shape = make_rock_shapes(rocks.family, rocks.angularity, int(settings.dataset.seed))[0][0]
     long = float(np.sqrt(max(rocks.elongation, 1.0)))

@@ -19,12 +19,12 @@ from ..settings import description, preset_files
 from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
 from ..support.blender import compat
+from .build_scene import NAME
+from .change_scene import open_empty_scene
 from .datablocks.fingerprint import TAG
 from .light.scene_lights import build_lights, compute_scene_sky
 from .light.sun_lamp import build_sky
-from .next_scene import open_empty_scene
 from .rig import build_rig
-from .scene import NAME
 from .surface.ground_and_rock_materials import build_ground_material
 
 AUTHOR, LICENSE = "Icy Moon developers", "GPL-3.0-or-later"

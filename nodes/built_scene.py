@@ -14,8 +14,8 @@ from ..settings.table import TOPICS
 from ..settings.topics.declaration import LANDFORMS, Parts
 from ..settings.topics.scene import Settings, typed
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import TABLE, TEXT, Each
-from . import engine
+from ..support.file_schemas import TABLE, TEXT, Each
+from . import check_cycles
 from .datablocks.blend_file_paths import do_files_exist, find_used_files, hash_content
 from .datablocks.fingerprint import (
     MAKER,
@@ -31,7 +31,7 @@ from .datablocks.fingerprint import (
 from .datablocks.marks import hash_marks
 from .datablocks.stored_json import parse_stored, read_stored
 from .light.scene_lights import ROLES, SKY
-from .remove import find_materials, find_parts
+from .remove_objects import find_materials, find_parts
 from .surface import reflectance_laws
 
 # Properties of the built collection.
@@ -129,7 +129,7 @@ class Built:
     @property
     def outdated(self) -> str:
         """Why Icy Moon cannot detect edits by hand, in a sentence; empty if it can."""
-        if why := engine.why_unavailable():  # marks include the settings of Cycles
+        if why := check_cycles.why_unavailable():  # marks include the settings of Cycles
             return why
         if read_stored(self.collection, FINGERPRINT, _MARKS).get(MAKER) == describe_maker():
             return ""

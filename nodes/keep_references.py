@@ -13,7 +13,7 @@ import bpy
 from ..support.blender import compat
 from .datablocks.fingerprint import OWN, TAG
 from .datablocks.stored_properties import stored_properties
-from .remove import find_leftovers, remove_if_unused
+from .remove_objects import find_leftovers, remove_if_unused
 
 #: Properties that ``_copy_properties`` does not copy: they are set, or made by Blender, separately. Blender 5.2 makes
 #: the ``properties`` of a modifier from its node group, and crashes when it quits if a script has written them.

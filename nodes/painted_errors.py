@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.subdivide import halve_edges
+from ..physics.mesh.halve_edges import halve_edges
 from ..render.pairs.pair_folder import Pair
 from ..render.plans.planned_pair import expand_headings
-from ..settings import changes
+from ..settings import rebuilt_parts
 from ..settings.description import digest, merged
 from ..stereo.ground_errors import (
     COARSE,
@@ -67,14 +67,14 @@ def why_not_shown(built: Built, headings: int, pair: Pair) -> str:
     cannot be detected.
     """
     now, then = built.settings, pair.settings
-    if names := _list_differing(changes.select_geometry(now), changes.select_geometry(then)):
+    if names := _list_differing(rebuilt_parts.select_geometry(now), rebuilt_parts.select_geometry(then)):
         return (
             f"The evaluated pair {pair.id} has another ground than the one that is built: {_describe_differing(names)}."
         )
     if then.source.kind != "PROCEDURAL" and built.content != pair.data.get("own_files_sha256", ""):
         return f"The file of the ground has changed since the evaluated pair {pair.id} was rendered."
     views = (planned.settings for planned in expand_headings(merged(now, {"dataset": {"headings": headings}})))
-    cameras = [_list_differing(changes.select_camera(view), changes.select_camera(then)) for view in views]
+    cameras = [_list_differing(rebuilt_parts.select_camera(view), rebuilt_parts.select_camera(then)) for view in views]
     if all(cameras):
         differing = _describe_differing(cameras[0])
         return f"The evaluated pair {pair.id} has another camera than the one that is built: {differing}."

@@ -16,24 +16,24 @@ import bpy
 import numpy as np
 
 from ..physics import scene_checks
-from ..physics.arm.parametric import JOINTS
-from ..physics.excavation.jitter import jitter_rig
-from ..physics.mesh import fine_relief
-from ..physics.mesh.grading import OF_THE_RIG
+from ..physics.arm.parametric_arm import JOINTS
+from ..physics.excavation.camera_jitter import jitter_rig
+from ..physics.mesh import finer_in_view
+from ..physics.mesh.ground_interface import Surface
 from ..physics.mesh.height_map import HeightMap
-from ..physics.mesh.height_surface import Surface
 from ..physics.mesh.horizon import drop_m
-from ..physics.rocks.rocks import LEVEL_RANKS, Rocks, scatter_rocks
-from ..physics.rocks.shapes import RockShape, make_rock_shapes
-from ..settings import changes
-from ..settings.changes import select_geometry
+from ..physics.mesh.vertex_spacing import OF_THE_RIG
+from ..physics.rocks.place_rocks import LEVEL_RANKS, Rocks, scatter_rocks
+from ..physics.rocks.rock_shapes import RockShape, make_rock_shapes
+from ..settings import rebuilt_parts
 from ..settings.description import merged
+from ..settings.rebuilt_parts import select_geometry
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import TABLE, TEXT, Each
+from ..support.file_schemas import TABLE, TEXT, Each
+from . import build_scene as scenes
 from . import painted_errors
-from . import scene as scenes
 from .datablocks.blend_file_paths import make_paths_absolute
 from .datablocks.fingerprint import TAG, find_built_objects, find_instanced_objects
 from .datablocks.stored_json import read_stored
@@ -69,7 +69,7 @@ def read_notes(scene: bpy.types.Scene) -> list[str]:
     previewed = read_stored(collection, scenes.PREVIEW, Each(TABLE, TEXT))
     if not previewed or sentences:
         return sentences
-    turned = set(previewed) == {"rig"} and not set(previewed["rig"]).isdisjoint(fine_relief.OF_THE_RIG)
+    turned = set(previewed) == {"rig"} and not set(previewed["rig"]).isdisjoint(finer_in_view.OF_THE_RIG)
     # ``build_coarse`` digs, but the ground that follows a slider is too coarse for a trench.
     undug = previewed.get("excavation", {}).get("path", "NONE") != "NONE" and collection.get(
         scenes.REFINED
@@ -254,7 +254,7 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
 def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
     """Replace the materials of ground and rocks according to ``settings``; sentences on materials that stay."""
     seeds = settings.dataset.seed, before.dataset.seed
-    if changes.select_look(settings) == changes.select_look(before) and seeds[0] == seeds[1]:
+    if rebuilt_parts.select_look(settings) == rebuilt_parts.select_look(before) and seeds[0] == seeds[1]:
         return []
     rocks = (item for item in built.collection.all_objects if item.get(TAG) == "rock")
     shapes = [shape for item in rocks for shape in find_instanced_objects(item)]
@@ -280,13 +280,13 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
                 messages.append(str(error))
                 break
     remove_unused_images()
-    shown = built.settings if messages else merged(built.settings, changes.select_materials(settings))
+    shown = built.settings if messages else merged(built.settings, rebuilt_parts.select_materials(settings))
     preview = {topic: values for topic, values in built.preview.items() if topic != "surface"}
-    if changes.describe_mesh_relief(shown) != changes.describe_mesh_relief(
+    if rebuilt_parts.describe_mesh_relief(shown) != rebuilt_parts.describe_mesh_relief(
         built.settings
     ):  # the mesh was made for other relief
-        preview["surface"] = {key: shown.surface[key] for key in fine_relief.OF_THE_SURFACE}
-        shown = merged(shown, {"surface": {key: built.settings.surface[key] for key in fine_relief.OF_THE_SURFACE}})
+        preview["surface"] = {key: shown.surface[key] for key in finer_in_view.OF_THE_SURFACE}
+        shown = merged(shown, {"surface": {key: built.settings.surface[key] for key in finer_in_view.OF_THE_SURFACE}})
     built.remember(shown, preview, *changed)
     return messages
 
@@ -326,7 +326,7 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
 def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_ground: bool) -> list[str]:
     """Move the lander and its arm according to ``settings``, or build it again; a sentence if it stays."""
     there = settings.lander.kind != "NONE"
-    if changes.select_lander(settings) == changes.select_lander(before) and not (new_ground and there):
+    if rebuilt_parts.select_lander(settings) == rebuilt_parts.select_lander(before) and not (new_ground and there):
         return []
     if built.edited_parts("lander"):
         return [_EDITED.format("lander")]
@@ -348,7 +348,7 @@ def _only_joints_differ(settings: Settings, before: Settings) -> bool:
     """Whether the lander keeps its shape and place, and only joints turn."""
     turned = {("arm", f"{joint}{key}") for joint in JOINTS for key in ("_deg", "_offset_deg", "_low_deg", "_high_deg")}
     turned.add(("lander", "joints"))
-    now, then = changes.select_lander(settings), changes.select_lander(before)
+    now, then = rebuilt_parts.select_lander(settings), rebuilt_parts.select_lander(before)
     return all((topic, key) in turned or now[topic][key] == then[topic].get(key) for topic in now for key in now[topic])
 
 
@@ -364,8 +364,10 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
         if moved or ground is not None or preview:
             site_m = scenes.find_site_ground_m(settings, ground or scenes.make_ground(settings))
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
-            of_relief = changes.describe_mesh_relief(settings) != changes.describe_mesh_relief(built.settings)
-            keys = (*OF_THE_RIG, *(fine_relief.OF_THE_RIG if of_relief else ()))
+            of_relief = rebuilt_parts.describe_mesh_relief(settings) != rebuilt_parts.describe_mesh_relief(
+                built.settings
+            )
+            keys = (*OF_THE_RIG, *(finer_in_view.OF_THE_RIG if of_relief else ()))
             other = {key: built_rig[key] for key in keys if built_rig[key] != rig[key]}
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}
             settings = merged(settings, {"rig": other})

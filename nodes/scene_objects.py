@@ -12,17 +12,17 @@ import bpy
 from ..physics import scene_checks
 from ..physics.camera import blur
 from ..physics.camera.depth_accuracy import advise_on_rounding
-from ..physics.excavation.jitter import jitter_rig
+from ..physics.excavation.camera_jitter import jitter_rig
 from ..physics.excavation.unsupported_rocks import settle_rocks
-from ..physics.light.map_sky import find_sky_place, warn_sky_of_other_place
-from ..physics.mesh.fine_relief import advise_on_displacement, nearest_ground_m
-from ..physics.mesh.graded_ground import GradedGround
-from ..physics.mesh.height_surface import Surface
+from ..physics.light.sky_over_map import find_sky_place, warn_sky_of_other_place
+from ..physics.mesh.finer_in_view import advise_on_displacement, nearest_ground_m
+from ..physics.mesh.graded_mesh import GradedGround
+from ..physics.mesh.ground_interface import Surface
 from ..physics.rig.focal_length import focal_px
 from ..physics.rocks.beyond_patch import make_view_beyond
-from ..physics.rocks.rocks import scatter_rocks
-from ..physics.rocks.shapes import make_rock_shapes
-from ..physics.rocks.table import TABLE, read_rock_table
+from ..physics.rocks.place_rocks import scatter_rocks
+from ..physics.rocks.rock_shapes import make_rock_shapes
+from ..physics.rocks.rock_table import TABLE, read_rock_table
 from ..physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
 from ..settings.topics.camera import RigSettings
 from ..settings.topics.scene import Settings
@@ -46,7 +46,7 @@ from .lander.objects import build_lander
 from .light.scene_lights import advise_on_sky as light_advice
 from .light.scene_lights import build_lights, compute_scene_sky
 from .light.sun_lamp import build_sky
-from .remove import remove_unused
+from .remove_objects import remove_unused
 from .rig import build_rig
 from .surface import ground_and_rock_materials, reflectance_laws
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material

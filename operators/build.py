@@ -6,8 +6,8 @@ from typing import Any
 
 import bpy
 
+from ..nodes import build_scene as scenes
 from ..nodes import preview
-from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import warn_of_cost
 from ..nodes.measured_surface import find_points
 from ..settings.blender import scene_properties
@@ -16,11 +16,11 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from . import view_exposure, view_resolution
 from .coloured_views import hide_errors
-from .events import call_later, make_registration
 from .session import session
 from .sidebar_text import format_for_window
 from .user_render import prepare_render, restore_render
-from .window import list_areas, override_area
+from .window_areas import list_areas, override_area
+from .window_events import call_later, make_registration
 
 
 def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Settings | None = None) -> None:

@@ -13,9 +13,9 @@ from typing import Any
 import bpy
 
 from ..nodes import measured_surface, painted_errors
-from .events import call_later, make_registration
 from .session import session
-from .window import list_areas
+from .window_areas import list_areas
+from .window_events import call_later, make_registration
 
 #: Custom property of a scene: the shading of its view before the colours.
 KEPT = "icymoon_view_before_colours"

@@ -13,8 +13,8 @@ import bpy
 
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import find_plan, read_plan_header
-from ..render.workers.detached import Detached, find_left_running
-from ..render.workers.job import blender_command
+from ..render.workers.detached_process import Detached, find_left_running
+from ..render.workers.job_commands import blender_command
 from ..render.workers.process import Message, clean_environment
 from ..settings.blender import scene_properties
 from ..settings.preset_files import plan_names
@@ -24,14 +24,14 @@ from ..support.files import absolute_path
 from ..support.printer import show_controls
 from ..support.system import find_user_key
 from . import dialogs, evaluate, jobs
-from .events import call_later, make_registration
 from .job_operators import JobOperator
 from .preferences import count_workers, find_evaluator_python, find_extension_folder
 from .render import find_dataset_folder
 from .session import session
 from .show_pair import ShowsPair
 from .sidebar_text import format_for_window
-from .window import push_undo
+from .window_areas import push_undo
+from .window_events import call_later, make_registration
 
 _TITLE = "Render Data Set"
 _LOOK_S = 0.5

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import bpy
 
-from ..render.workers.job import python_command
+from ..render.workers.job_commands import python_command
 from ..settings.blender import scene_properties
 from ..support.printer import show_controls
-from . import jobs, own_reports
+from . import jobs, trusted_reports
 from .evaluate import make_matcher_arguments, make_response_arguments
 from .job_operators import JobOperator
 from .preferences import find_evaluator_python
@@ -41,7 +41,7 @@ class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
         return jobs.Job.start("Decide", command)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        own_reports.remember_report(self._page)
+        trusted_reports.remember_report(self._page)
         for sentence in self._job.result["head"]:
             self.report({"INFO"}, show_controls(sentence))
         if not bpy.app.background:

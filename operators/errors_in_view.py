@@ -7,9 +7,9 @@ from pathlib import Path
 
 import bpy
 
+from ..nodes import build_scene as scenes
 from ..nodes import measured_surface, painted_errors
-from ..nodes import scene as scenes
-from ..render.pairs.our_files import pairs_folder
+from ..render.pairs.dataset_file_names import pairs_folder
 from ..render.pairs.pair_folder import read_pair
 from ..settings import change_announcements
 from ..settings.blender import scene_properties
@@ -21,7 +21,6 @@ from ..support.number_text import format_count
 from ..support.printer import show_controls
 from .build import leave_edit_mode
 from .coloured_views import hide_errors, is_shown, show_colours
-from .events import make_registration
 from .render import find_dataset_folder, plan_pairs
 from .results import (
     ResultOperator,
@@ -31,6 +30,7 @@ from .results import (
     list_methods_with_points,
 )
 from .sidebar_text import format_for_window
+from .window_events import make_registration
 
 
 class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from ..render.pairs.pair_folder import is_complete
-from ..render.workers.job import python_command
+from ..render.workers.job_commands import python_command
 from ..render.workers.process import Message
 from ..settings.blender import scene_properties
 from ..settings.table import list_all_settings
@@ -19,11 +19,11 @@ from ..stereo.matchers.methods import toggle_method
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
 from ..support.printer import show_controls
-from . import jobs, own_reports, results
+from . import jobs, results, trusted_reports
 from .job_operators import JobOperator
 from .preferences import find_evaluator_python, is_evaluator_missing, list_plugin_matchers, make_own_matcher_arguments
 from .render import find_dataset_folder, plan_pairs
-from .window import find_scene, push_undo
+from .window_areas import find_scene, push_undo
 
 
 def find_rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]:
@@ -176,7 +176,7 @@ class ICYMOON_OT_evaluate_folder(JobOperator, bpy.types.Operator):
         return jobs.Job.start("Evaluate", command)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        own_reports.remember_report(self._page)
+        trusted_reports.remember_report(self._page)
         for sentence in results.describe_results(self._job.result["rows"]):
             self.report({"INFO"}, show_controls(sentence))
         if not bpy.app.background:

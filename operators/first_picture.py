@@ -16,9 +16,9 @@ import gpu
 import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
-from ..nodes import scene as scenes
+from ..nodes import build_scene as scenes
 from ..support.blender import compat
-from .window import redraw
+from .window_areas import redraw
 
 #: How often the view is drawn with the ground at full resolution before the picture goes: once for a light path of each
 #: pixel, or more often where the mouse moves.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .window import list_areas, override_area
+from .window_areas import list_areas, override_area
 
 
 def find_showing(image: bpy.types.Image) -> list[bpy.types.Area]:

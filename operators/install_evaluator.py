@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from ..commands.doctor import Finding
-from ..render.workers.job import python_command
+from ..render.workers.job_commands import python_command
 from ..render.workers.process import clean_environment
 from ..stereo.environment.install import DISK_MB
 from ..support.errors import IcyMoonError

@@ -9,7 +9,7 @@ from . import jobs
 from .operator_type import OperatorMixin
 from .session import session
 from .sidebar_text import format_for_window
-from .window import redraw_panels
+from .window_areas import redraw_panels
 
 
 class WatchingOperator(OperatorMixin):

@@ -12,10 +12,10 @@ from typing import Self
 import bpy
 
 from ..render.graphics_cards import find_ticked_cards
-from ..render.workers.calculation import Calculation
-from ..render.workers.cards import ENVIRONMENT, add_cards
-from ..render.workers.detached import Detached
+from ..render.workers.assign_cards import ENVIRONMENT, add_cards
+from ..render.workers.detached_process import Detached
 from ..render.workers.process import Message, Process, clean_environment
+from ..render.workers.watched_thread import Calculation
 from ..support.errors import IcyMoonError
 
 #: Seconds between two looks at a job.

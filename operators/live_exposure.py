@@ -10,17 +10,17 @@ from pathlib import Path
 
 import bpy
 
-from ..render.pairs.our_files import folder_of_pair
+from ..render.pairs.dataset_file_names import folder_of_pair
 from ..render.pairs.pair_folder import is_complete
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from . import jobs, live_preview
-from .events import call_later, cancel_call, make_registration
-from .expose import start_developing
 from .render import find_dataset_folder
 from .session import session
+from .show_camera_image import start_developing
 from .sidebar_text import replace_keys_by_labels
-from .window import list_areas, redraw, redraw_panels
+from .window_areas import list_areas, redraw, redraw_panels
+from .window_events import call_later, cancel_call, make_registration
 
 #: Seconds without a change of settings before an image is developed.
 REST_S = 0.3

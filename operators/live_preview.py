@@ -11,19 +11,19 @@ import time
 
 import bpy
 
+from ..nodes import build_scene as scenes
 from ..nodes import preview
-from ..nodes import scene as scenes
 from ..settings import description
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
-from . import refine, view_resolution
+from . import refine_ground, view_resolution
 from .build import frame_and_expose
 from .coloured_views import give_back_views
-from .events import call_later, make_registration
 from .session import SIDES, session
 from .sidebar_text import find_sky_fault, replace_keys_by_labels
-from .window import push_undo
+from .window_areas import push_undo
+from .window_events import call_later, make_registration
 
 #: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
 BUDGET_S = 0.08
@@ -105,7 +105,7 @@ def list_lines(scene: bpy.types.Scene) -> list[str]:
     """
     if scenes.find_collection(scene) is None:
         return []
-    follows = refine.describe_refining(scene)
+    follows = refine_ground.describe_refining(scene)
     sentences = [follows] if follows else preview.read_notes(scene) or ["Ground in full detail"]
     fault = find_sky_fault(scene_properties.read_for_display(scene.icymoon).light)
     return [_NO_SKY if sentence == fault else replace_keys_by_labels(sentence) for sentence in sentences]

@@ -16,7 +16,7 @@ from ..settings.table import TOPICS
 from ..settings.topics.declaration import LANDFORMS
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_text
-from ..support.scratch import make_scratch_folder
+from ..support.temporary_folders import make_scratch_folder
 from ..support.version import ROOT, version
 from .sidebar_text import format_for_window
 

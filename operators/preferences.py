@@ -15,7 +15,7 @@ from ..settings import change_announcements
 from ..settings.topics import trust_boundary
 from ..stereo.environment.packages import PACKAGES
 from ..stereo.matchers import list_set_ups
-from ..support import bundled_wheels, cache
+from ..support import bundled_wheels, cache_folder
 from ..support.errors import IcyMoonError
 from ..support.files import parse_path
 from ..support.system import find_venv_python
@@ -210,7 +210,7 @@ def _make_matcher_texts(item: bpy.types.PropertyGroup) -> list[str]:
 
 
 def _choose_cache(preferences: bpy.types.AddonPreferences, context: bpy.types.Context) -> None:
-    cache.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
+    cache_folder.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
 
 
 #: Matchers of plug-ins that the last Check found, where there are no preferences to keep them.
@@ -380,7 +380,7 @@ def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 def unregister() -> None:
     """Unregister the preferences."""
     change_announcements.listeners.remove(_give_kernels)
-    cache.choose_folder("")
+    cache_folder.choose_folder("")
     findings.clear()
     _found_matchers.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)

@@ -10,12 +10,12 @@ import bpy
 
 from ..commands.sources import BY_HAND, DEFAULT, find_origins
 from ..formats.png import encode_png
+from ..nodes import build_scene as scenes
 from ..nodes import preview
-from ..nodes import scene as scenes
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.ground.user_ground import is_from_file
 from ..render.cycles_settings import find_lack
-from ..settings import changes, description, preset_files, toml_text
+from ..settings import description, preset_files, rebuilt_parts, toml_text
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
@@ -23,7 +23,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_atomically, write_text
 from ..support.printer import show_controls
 from ..support.system import find_name_fault, remove
-from . import dialogs, live_preview, refine
+from . import dialogs, live_preview, refine_ground
 from .build import build_and_report
 from .evaluate import find_rendered_pairs
 from .preferences import find_extension_folder
@@ -86,7 +86,7 @@ def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) 
     """Save the left image of the rendered pair of ``settings`` beside a preset; whether there is such a pair."""
     try:
         views = read_pair_views(
-            find_rendered_pairs(context, settings)[0], changes.select_response(settings), PICTURE_PX
+            find_rendered_pairs(context, settings)[0], rebuilt_parts.select_response(settings), PICTURE_PX
         )
     except IcyMoonError:
         return False
@@ -256,7 +256,7 @@ def _show_coarse(operator: bpy.types.Operator, context: bpy.types.Context, pictu
     session.picture.show(scene, picture)
     if preview.awaits_ground(scene, settings) is None:
         session.picture.count(scene)
-    refine.begin_refining()
+    refine_ground.begin_refining()
 
 
 class ICYMOON_OT_add_preset(bpy.types.Operator):

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import bpy
 
-from ..nodes import scene as scenes
+from ..nodes import build_scene as scenes
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
-from ..render.workers.job import Job as JobFiles
-from ..render.workers.job import absolute_folder, blender_command
+from ..render.workers.job_commands import Job as JobFiles
+from ..render.workers.job_commands import absolute_folder, blender_command
 from ..render.workers.process import Message
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
@@ -25,7 +25,7 @@ from .build import find_views_through, frame_and_expose, leave_edit_mode, look_t
 from .job_operators import JobOperator
 from .sidebar_text import format_for_window
 from .user_render import prepare_render
-from .window import find_scene, push_undo
+from .window_areas import find_scene, push_undo
 
 
 def find_dataset_folder(settings: Settings) -> Path:

@@ -23,10 +23,10 @@ from ..support.errors import IcyMoonError
 from ..support.files import absolute_path, write_text
 from ..support.printer import show_controls
 from . import dataset, jobs, variation_curves, variation_pictures, variation_plan
-from .events import keep_until_change
 from .render import find_dataset_folder
 from .sidebar_text import recall_known_speed, replace_keys_by_labels
-from .window import push_undo
+from .window_areas import push_undo
+from .window_events import keep_until_change
 
 #: Rendered pairs whose pictures the sidebar offers, and characters of a line of the dialog.
 _PICTURES, _DIALOG_LINE = 24, 60

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ..render.workers.job import python_command
+from ..render.workers.job_commands import python_command
 from ..settings.blender import scene_properties
 from ..stereo.paper import PAGE
 from ..support.printer import show_controls

@@ -20,15 +20,15 @@ from ..settings.topics.scene import Settings, typed
 from ..stereo.matchers.methods import describe_method
 from ..stereo.report.table_columns import NO_RESULT, RANKING
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
+from ..support.file_schemas import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
 from ..support.files import explain_disk_errors
 from ..support.foreign_bytes import parse_json
 from ..support.number_text import format_count
-from . import image_editor, own_reports
+from . import image_editor, trusted_reports
 from .operator_type import OperatorMixin
 from .render import find_dataset_folder
 from .sidebar_text import describe_place, format_for_window
-from .window import push_undo
+from .window_areas import push_undo
 
 #: Columns of a matcher's row in a report that the scene keeps.
 METRICS = ("total_bad_1", "coverage", "l1_m", "l1_rate_10", "si_rmse", "dod")
@@ -93,7 +93,7 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
     """
     folder = find_evaluation_folder(settings, scope)
     report = _read_report(folder)
-    own_reports.remember_report(folder / "report.html")
+    trusted_reports.remember_report(folder / "report.html")
     for name, value in report.get("provenance", {}).get("response_overrides", {}).items():  # the response that was used
         topic, _, key = name.partition(".")
         settings = description.merged(settings, description.check({topic: {key: value}}, "report.json"))
@@ -452,7 +452,7 @@ class ICYMOON_OT_open_report(ResultOperator, bpy.types.Operator):
             if not page.is_file():
                 raise IcyMoonError("The report does not exist any more; press Evaluate again.")
             with explain_disk_errors("read", page):
-                if not own_reports.is_own_report(page):
+                if not trusted_reports.is_own_report(page):
                     raise IcyMoonError(
                         f"{page} was not made by you on this machine, and a web page can run unknown "
                         "scripts; press Evaluate to make it again."

@@ -9,10 +9,10 @@ from typing import Any
 
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import PairViews
-from .events import make_registration
 from .first_picture import FirstPicture
 from .jobs import Job
-from .window import redraw_panels
+from .window_areas import redraw_panels
+from .window_events import make_registration
 
 #: Vertices per side of the ground that follows a slider.
 SIDES: tuple[int, ...] = (129, 193, 257)

@@ -20,26 +20,26 @@ import bpy
 
 from ..formats.png import encode_png
 from ..nodes.datablocks.fingerprint import TAG
-from ..render.pairs.our_files import check_id, folder_of_pair
-from ..render.workers.calculation import Calculation
+from ..render.pairs.dataset_file_names import check_id, folder_of_pair
+from ..render.workers.watched_thread import Calculation
 from ..settings.blender import scene_properties
-from ..settings.changes import select_response
+from ..settings.rebuilt_parts import select_response
 from ..settings.topics.scene import typed
 from ..stereo.pair_views import read_pair_views
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors
 from ..support.printer import show_controls
-from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
+from ..support.temporary_folders import make_scratch_folder
 from . import image_editor, live_preview, view_exposure
 from .evaluate import find_rendered_pairs
-from .events import call_later, cancel_call, make_registration
 from .job_operators import WatchingOperator
 from .jobs import INTERVAL_S, Job
 from .render import find_dataset_folder
 from .session import ShownPair, session
 from .sidebar_text import replace_keys_by_labels
-from .window import push_undo, redraw_panels
+from .window_areas import push_undo, redraw_panels
+from .window_events import call_later, cancel_call, make_registration
 
 VIEWS = (
     ("SIDE_BY_SIDE", "Side by Side", "Left image, right image and true depth"),

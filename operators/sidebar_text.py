@@ -19,9 +19,9 @@ from ..physics.light.scene_sun import sun_from_facts
 from ..physics.light.sky import compute_sky, describe_sky
 from ..physics.rig.focal_length import focal_px
 from ..physics.scene_requirements import find_left_out
-from ..render.cost.abilities import Abilities
+from ..render.cost.blender_abilities import Abilities
+from ..render.cost.machine_speed import Speed, recall_speed
 from ..render.cost.quality_presets import QualityPreset, list_qualities
-from ..render.cost.speed import Speed, recall_speed
 from ..settings.table import TOPICS
 from ..settings.topics.camera import RigSettings, SensorSettings
 from ..settings.topics.declaration import Setting

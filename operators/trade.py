@@ -7,10 +7,10 @@ from pathlib import Path
 
 import bpy
 
+from ..nodes.build_scene import find_built
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
-from ..nodes.scene import find_built
-from ..render.cost import measure_speed, speed, tolerance
-from ..render.workers.job import Job, blender_command, python_command
+from ..render.cost import error_tolerance, machine_speed, measure_speed
+from ..render.workers.job_commands import Job, blender_command, python_command
 from ..render.workers.process import Message
 from ..settings import toml_text
 from ..settings.blender import scene_properties
@@ -19,14 +19,14 @@ from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.files import write_text
 from ..support.printer import show_controls
-from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
+from ..support.temporary_folders import make_scratch_folder
 from . import jobs, sidebar_text
 from .evaluate import make_matcher_arguments
 from .job_operators import DialogJobOperator, JobOperator
 from .preferences import find_evaluator_python
 from .render import find_dataset_folder
-from .window import find_scene
+from .window_areas import find_scene
 
 #: Result of the last measurement or search as lines for the panel, by the name of the scene.
 last_results: dict[str, tuple[str, ...]] = {}
@@ -127,17 +127,17 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, bpy.types.Operator):
     )
     tolerance_px: bpy.props.FloatProperty(
         name="Added Error (px)",
-        default=tolerance.PX,
-        min=tolerance.PX_LEAST,
-        max=tolerance.PX_MOST,
+        default=error_tolerance.PX,
+        min=error_tolerance.PX_LEAST,
+        max=error_tolerance.PX_MOST,
         precision=3,
         description="Tolerance: mean disparity error above that of a noise-free image",
     )
     tolerance_bad_1: bpy.props.FloatProperty(
         name="Added Bad-1 (%)",
-        default=100 * tolerance.BAD_1,
-        min=100 * tolerance.BAD_1_LEAST,
-        max=100 * tolerance.BAD_1_MOST,
+        default=100 * error_tolerance.BAD_1,
+        min=100 * error_tolerance.BAD_1_LEAST,
+        max=100 * error_tolerance.BAD_1_MOST,
         precision=2,
         description="Tolerance: per cent of wrong pixels above that of a noise-free image",
     )
@@ -196,14 +196,14 @@ class ICYMOON_OT_measure_machine(JobOperator, bpy.types.Operator):
         return jobs.Job.start(self.bl_label, command, hear, clean, device=self._device)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        speed.remember_speed(self._speed)
+        machine_speed.remember_speed(self._speed)
         sidebar_text.forget_speed()
         self.report(
             {"INFO"}, f"This machine takes {self._speed.factor:.2g} times as long as the machine of the estimates"
         )
 
     _device: str = "CPU"
-    _speed: speed.Speed
+    _speed: machine_speed.Speed
 
 
 CLASSES = (ICYMOON_OT_trade, ICYMOON_OT_auto_quality, ICYMOON_OT_measure_machine)

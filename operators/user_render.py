@@ -13,13 +13,13 @@ from typing import Any
 
 import bpy
 
-from ..nodes import scene as scenes
+from ..nodes import build_scene as scenes
 from ..nodes.datablocks.stored_json import read_stored
 from ..physics.scene_requirements import are_rocks_clear
 from ..render import cycles_settings
 from ..settings import description
 from ..support.blender import compat
-from ..support.file_shapes import TEXT, Each, Kind
+from ..support.file_schemas import TEXT, Each, Kind
 from .view_exposure import TRANSFORM
 
 NOTE = "icymoon_user_render"

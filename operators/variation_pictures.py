@@ -13,22 +13,22 @@ from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..render.plans.planned_pair import expand_headings
 from ..render.plans.vary_scene import make_end_settings
-from ..render.workers.job import Job as JobFiles
-from ..render.workers.job import blender_command
+from ..render.workers.job_commands import Job as JobFiles
+from ..render.workers.job_commands import blender_command
 from ..render.workers.process import Message
-from ..settings import changes
+from ..settings import rebuilt_parts
 from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
 from ..support.arrays import Array
 from ..support.blender import compat
-from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
+from ..support.temporary_folders import make_scratch_folder
 from . import jobs
-from .events import keep_until_change
 from .job_operators import JobOperator
-from .window import ButtonPictures, redraw_panels
+from .window_areas import ButtonPictures, redraw_panels
+from .window_events import keep_until_change
 
 #: Columns or rows of a picture at most, and light paths per pixel, with a denoiser and without. The sidebar shows a
 #: picture 100 px wide, so that fewer columns leave more paths for each in the same seconds.
@@ -121,7 +121,7 @@ class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
         settings = scene_properties.read_settings(scene.icymoon)
         ends = make_end_settings(make_paths_absolute(settings), scene_properties.read_variations(scene.icymoon))
         pairs = [expand_headings(make_rough_settings(end))[0] for end in ends]
-        self._key, self._response = _picture_key(scene, settings), changes.select_response(settings)
+        self._key, self._response = _picture_key(scene, settings), rebuilt_parts.select_response(settings)
         self._ids, self._found = [pair.id for pair in pairs], dict[str, Array]()
         folder = make_scratch_folder()
         files = JobFiles(folder, pairs=list({pair.id: pair for pair in pairs}.values()))

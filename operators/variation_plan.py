@@ -8,10 +8,10 @@ from pathlib import Path
 
 import bpy
 
-from ..nodes import scene as scenes
+from ..nodes import build_scene as scenes
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.datablocks.fingerprint import find_added_objects
-from ..render.pairs.our_files import pairs_folder
+from ..render.pairs.dataset_file_names import pairs_folder
 from ..render.plans.frozen_plan import PLAN as FROZEN
 from ..render.plans.frozen_plan import read_frozen_plan
 from ..render.plans.plan_file import parse_plan

@@ -14,20 +14,20 @@ from pathlib import Path
 
 import bpy
 
-from ..nodes import scene as scenes
+from ..nodes import build_scene as scenes
 from ..nodes.datablocks.fingerprint import TAG
 from ..physics.camera.sensor import capacity_e
 from ..physics.light.photons import pixel_pitch_m
-from ..physics.surfaces import albedos
+from ..physics.surfaces import surface_law
 from ..render.pairs.pair_folder import read_pair
-from ..settings import changes
+from ..settings import rebuilt_parts
 from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..stereo.images.develop import Channels
 from ..support.errors import IcyMoonError
 from . import sidebar_text
-from .events import make_registration
+from .window_events import make_registration
 
 #: View transform that shows light as the images of a camera do.
 TRANSFORM = "Raw"
@@ -64,7 +64,7 @@ def _estimate_brightest(settings: Settings) -> float:
 
 
 def _find_albedo(settings: Settings) -> float:
-    found = albedos.find_albedos(settings.surface, settings.hapke)
+    found = surface_law.find_albedos(settings.surface, settings.hapke)
     return max(found.bond if found else settings.surface.albedo, 0.02)
 
 
@@ -79,7 +79,7 @@ def expose_view(scene: bpy.types.Scene, settings: Settings, anew: bool = False) 
     if not (anew or has_own_exposure(scene)):
         _show_planetshine(collection, True)
         return
-    present = changes.select_response(scene_properties.read_unchecked(scene.icymoon))
+    present = rebuilt_parts.select_response(scene_properties.read_unchecked(scene.icymoon))
     stored = collection.get(MEASURED)  # of a file, which anyone may have written
     measured = stored if isinstance(stored, float) and 0 < stored < math.inf else 1.0
     white = estimate_white(merged(settings, present), measured)
@@ -119,7 +119,7 @@ def expose_as_rendered(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[
     built = scenes.find_built(scene)
     if built is None or len(exposures_s) != 1:
         return
-    present = changes.select_response(scene_properties.read_unchecked(scene.icymoon))
+    present = rebuilt_parts.select_response(scene_properties.read_unchecked(scene.icymoon))
     try:
         settings = merged(read_pair(folder).settings, present)
     except IcyMoonError:  # it is gone by now

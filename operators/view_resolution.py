@@ -12,10 +12,10 @@ from contextlib import suppress
 
 import bpy
 
-from ..nodes import scene as scenes
-from .events import call_later, make_registration
+from ..nodes import build_scene as scenes
 from .session import session
-from .window import list_areas
+from .window_areas import list_areas
+from .window_events import call_later, make_registration
 
 #: Pixels of the screen, across, for one of the view.
 _LARGE = "2"

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from ..operators.presets import OWN, find_picture, is_changed, list_preset_items
-from ..operators.window import ButtonPictures
+from ..operators.window_areas import ButtonPictures
 from ..settings.preset_files import find_preview, is_whole_scene
 
 #: Property of the window manager, which is not saved: the scene preset whose picture the sidebar shows.

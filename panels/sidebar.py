@@ -7,10 +7,10 @@ import bpy
 from ..nodes import measured_surface, painted_errors
 from ..operators import (
     dataset,
-    ground,
-    layers,
+    import_ground,
     live_preview,
     manual,
+    noise_layers,
     presets,
     results,
     sidebar_text,
@@ -259,7 +259,7 @@ class ICYMOON_UL_layers(bpy.types.UIList):
         active_data: bpy.types.bpy_struct,
         active_property: str,
     ) -> None:
-        layout.label(text=layers.describe_layer(item), icon="RNDCURVE")
+        layout.label(text=noise_layers.describe_layer(item), icon="RNDCURVE")
 
 
 class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
@@ -301,10 +301,10 @@ class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(ground.list_report_lines(context.scene))
+        return bool(import_ground.list_report_lines(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(self.layout, ground.list_report_lines(context.scene), hang="   ")
+        draw_lines(self.layout, import_ground.list_report_lines(context.scene), hang="   ")
 
 
 CLASSES = (ICYMOON_UL_layers, ICYMOON_PT_main, ICYMOON_PT_results, ICYMOON_PT_evaluation)

@@ -8,12 +8,12 @@ from typing import Any
 
 import bpy
 
+from ..nodes import build_scene as scenes
 from ..nodes import preview
-from ..nodes import scene as scenes
 from ..operators import live_exposure, sidebar_text
 from ..operators.sidebar_text import remember_answers
-from ..paper_stand_ins.items import describe_item, list_items
-from ..physics.surfaces import albedos, principled
+from ..paper_stand_ins.shown_items import describe_item, list_items
+from ..physics.surfaces import principled, surface_law
 from ..settings.blender import scene_properties
 from ..settings.preset_files import find_preset, load, preset_names, read_preset_header
 from ..settings.table import TOPICS
@@ -21,7 +21,7 @@ from ..settings.topics.stand_ins import MeshItem, TextureItem
 from ..settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 
-_albedo_advice, _albedos = remember_answers(principled.advise_on_albedo), remember_answers(albedos.find_albedos)
+_albedo_advice, _albedos = remember_answers(principled.advise_on_albedo), remember_answers(surface_law.find_albedos)
 Extra = Callable[[Any, bpy.types.Context], None]
 
 

@@ -11,7 +11,7 @@ from ..operators import (
     variation_curves,
     variation_pictures,
     variation_plan,
-    vary,
+    varied_settings,
 )
 from ..render.plans.vary_scene import find_label, names_that_vary
 from ..settings.blender import scene_properties
@@ -39,7 +39,7 @@ class ICYMOON_UL_variations(bpy.types.UIList):
         active_data: bpy.types.bpy_struct,
         active_property: str,
     ) -> None:
-        layout.label(text=vary.describe_varied(scene_properties.read_item(item)), icon="DRIVER_DISTANCE")
+        layout.label(text=varied_settings.describe_varied(scene_properties.read_item(item)), icon="DRIVER_DISTANCE")
 
 
 class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
@@ -112,8 +112,10 @@ def _draw_varied(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, item
         return
     topic, _, key = item.setting.partition(".")
     draw_sentence(layout, f"{TOPICS[topic].label} ▸ {find_label(item.setting)}")
-    vary.draw_values(layout, item, item.setting)
-    if root.variations.combine != "SOBOL" and (values := vary.describe_values(scene_properties.read_item(item))):
+    varied_settings.draw_values(layout, item, item.setting)
+    if root.variations.combine != "SOBOL" and (
+        values := varied_settings.describe_values(scene_properties.read_item(item))
+    ):
         draw_sentence(layout, values)
     labels = {choice[0]: choice[1] for choice in TOPICS[topic][key].choices}
     column = layout.column(align=True)
@@ -136,7 +138,7 @@ def _draw_curves(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
 
 def _draw_context_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     """Vary… in the context menu of a setting."""
-    name = vary.find_setting_of_button(context)
+    name = varied_settings.find_setting_of_button(context)
     if not name:
         return
     self.layout.separator()

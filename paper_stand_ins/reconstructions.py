@@ -15,14 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..physics.mesh.check import examine_mesh, label_components
+from ..physics.mesh.mesh_faults import examine_mesh, label_components
 from ..physics.random_numbers.seeds import make_generator
 from ..settings.topics.stand_ins import MeshItem, find_mesh_item
 from ..support.arrays import Array
-from . import fields
-from .fields import FieldGenerator
+from . import periodic_fields
 from .ice_colours import ice_albedo, snow_albedo
-from .items import MESH_PIXELS
+from .periodic_fields import FieldGenerator
+from .shown_items import MESH_PIXELS
 from .texture_maps import DIRT, SEED, make_bend, mix_colours
 from .triangulation import triangulate
 
@@ -69,11 +69,13 @@ def reconstruct(key: str, seed: int = SEED) -> Reconstruction:
     edge_m = 2 * pixel_m * (_GROUND / 2) / math.sqrt(len(places))
     uv = places / (_GROUND / 2)
     xy = (uv - 0.5) * item.size_m
-    height = fields.sample_wrapped(fields.blur(coarse, 0.7), places[:, 1], places[:, 0]) * 2 * pixel_m
+    height = periodic_fields.sample_wrapped(periodic_fields.blur(coarse, 0.7), places[:, 1], places[:, 0]) * 2 * pixel_m
     keep = _find_within_rim(random, xy[faces].mean(axis=1), item)
     keep = _find_largest_sheet(places, faces, keep)
     if item.holes:
-        openness = fields.sample_wrapped(fields.estimate_openness(coarse, 24.0), places[:, 1], places[:, 0])
+        openness = periodic_fields.sample_wrapped(
+            periodic_fields.estimate_openness(coarse, 24.0), places[:, 1], places[:, 0]
+        )
         keep = _cut_holes(random, xy, faces, keep, openness, item)
     positions: Array = np.column_stack([xy, height])
     if item.holes:
@@ -184,15 +186,15 @@ def _add_zero_heights(xy: Array) -> Array:
 def _photograph(draw: FieldGenerator, ground: _Ground, pixel_m: float, surveyed: bool) -> Array:
     """The image of a mesh: the colour in the light of its day, put together from photographs."""
     n = len(ground.height_m)
-    lit = fields.light_relief(ground.height_m / pixel_m, ground.sun_deg, sky=0.5)
+    lit = periodic_fields.light_relief(ground.height_m / pixel_m, ground.sun_deg, sky=0.5)
     picture = ground.colour * lit[..., None]
     if surveyed:
         shift = (0.2 * draw.waves(4.0, 1 / 20, 1 / 3), 0.2 * draw.waves(4.0, 1 / 20, 1 / 3))
         cells = draw.cells(4, shift, 0.4)
         exposure = np.exp(0.05 * draw.draw_normal_per_cell(cells))
-        picture = picture * fields.blur(exposure, 4.0)[..., None]
+        picture = picture * periodic_fields.blur(exposure, 4.0)[..., None]
     large = np.repeat(np.repeat(picture, MESH_PIXELS // n, axis=0), MESH_PIXELS // n, axis=1)
-    large = np.stack([fields.blur(large[..., k], 0.9) for k in range(3)], axis=-1)
+    large = np.stack([periodic_fields.blur(large[..., k], 0.9) for k in range(3)], axis=-1)
     fine = FieldGenerator(draw.random, MESH_PIXELS).waves(1.6, 2.5 / MESH_PIXELS, 1 / 60)
     large = large * np.exp(0.06 * fine)[..., None]
     return np.asarray(np.clip(large * (0.5 / large[..., 1].mean()), 0.0, 1.0))
@@ -205,7 +207,7 @@ def _weight_away_from_sites(n: int, item: MeshItem) -> Array:
     """0 where a camera can stand, 1 from some metres away."""
     metres = ((np.arange(n) + 0.5) / n - 0.5) * item.size_m
     apart = [np.hypot(metres[None, :] - x, metres[:, None] - y) for x, y in item.sites]
-    return fields.smooth_step(np.minimum.reduce(apart), 2.0, 4.5)
+    return periodic_fields.smooth_step(np.minimum.reduce(apart), 2.0, 4.5)
 
 
 def _uniform_colour(colour: Array, n: int) -> Array:
@@ -235,7 +237,9 @@ def _make_channels(draw: FieldGenerator, count: int, turns: int, width_px: float
     phase = (count * np.arange(n)[:, None] + turns * np.arange(n)[None, :]) / n
     bend = 0.3 * draw.waves(4.4, 1 / 4, 1.0) + 0.05 * draw.waves(3.6, 1 / 16, 1 / 5)
     apart = np.abs((phase + bend) % 1.0 - 0.5) * n / count
-    return 1.0 - fields.smooth_step(apart * (1.0 + 0.4 * draw.waves(3.0, 1 / 12, 1 / 3)), 0.2 * width_px, width_px)
+    return 1.0 - periodic_fields.smooth_step(
+        apart * (1.0 + 0.4 * draw.waves(3.0, 1 / 12, 1 / 3)), 0.2 * width_px, width_px
+    )
 
 
 def _make_athabasca(draw: FieldGenerator, item: MeshItem) -> _Ground:
@@ -251,7 +255,7 @@ def _make_athabasca(draw: FieldGenerator, item: MeshItem) -> _Ground:
         + 0.04 * bumps
         + 0.02 * foliation
         - 0.16 * runnel
-        - 0.08 * fields.blur(holes, 1.5)
+        - 0.08 * periodic_fields.blur(holes, 1.5)
     )
     share = 0.012 * np.exp(0.7 * foliation) * (1.0 - 0.6 * runnel)
     dust = np.clip(0.20 + 0.14 * bumps + 0.08 * foliation + 0.1 * draw.waves(1.8, 1 / 300, 1 / 10), 0, 1)
@@ -268,12 +272,12 @@ def _make_glacier_42m(draw: FieldGenerator, item: MeshItem) -> _Ground:
     lane = phase + bend
     apart = np.abs(lane % 1.0 - 0.5) * w / 7.0
     gape = 0.75 * np.clip(draw.waves(3.6, 1 / 8, 1 / 2) + 0.1, 0.0, 2.0) * _weight_away_from_sites(n, item)
-    wall = fields.smooth_step(gape - apart, 0.0, 0.35)
+    wall = periodic_fields.smooth_step(gape - apart, 0.0, 0.35)
     swell = 0.9 * draw.waves(4.4, 1 / 6, 1.0)
     bumps = draw.waves(3.2, 1 / 160, 1 / 10)
     height = swell + 0.07 * bumps - 4.2 * wall * np.minimum(gape, 1.0) - 0.25 * np.exp(-((apart / 1.2) ** 2))
     layer = draw.waves(2.6, 1 / 200, 1 / 6, 6.0, 0.2)
-    snow = fields.smooth_step(draw.waves(3.2, 1 / 60, 1 / 3), -0.7, 0.9) * (1.0 - wall)
+    snow = periodic_fields.smooth_step(draw.waves(3.2, 1 / 60, 1 / 3), -0.7, 0.9) * (1.0 - wall)
     colour = mix_colours(ice_albedo(0.006 * np.exp(0.6 * layer)), snow_albedo(draw.make_uniform(0.0006)), snow)
     dirt = np.clip(0.12 + 0.12 * layer + 0.10 * bumps, 0.0, 0.8) * (1.0 - snow)
     return _Ground(height, mix_colours(colour, _uniform_colour(1.5 * DIRT, n), dirt), (60.0, 40.0))
@@ -285,7 +289,9 @@ def _make_bloodfalls(draw: FieldGenerator, item: MeshItem) -> _Ground:
     across, along = np.broadcast_to(np.arange(n)[:, None] / n, (n, n)), np.arange(n)[None, :] / n
     line = 0.40 + 0.04 * draw.waves(4.4, 1 / 5, 1.0)[n // 2][None, :]
     behind = line - across + 0.006 * draw.waves(3.0, 1 / 40, 1 / 8, 3.0, math.pi / 2)
-    cliff = fields.smooth_step(behind, 0.0, 0.07) * fields.smooth_step(across, 0.0, 0.06)  # the square's edges meet
+    cliff = periodic_fields.smooth_step(behind, 0.0, 0.07) * periodic_fields.smooth_step(
+        across, 0.0, 0.06
+    )  # the square's edges meet
     low = 1.0 - cliff
     stones = (_make_boulders(draw, 46, 0.3) + 0.6 * _make_boulders(draw, 90, 0.35)) * low
     height = (
@@ -295,12 +301,18 @@ def _make_bloodfalls(draw: FieldGenerator, item: MeshItem) -> _Ground:
         + item.size_m * 0.5 * stones
     )
     below = across - line
-    run = fields.smooth_step(draw.waves(3.0, 1 / 80, 1 / 5, 5.0, math.pi / 2), -0.7, 0.9)
+    run = periodic_fields.smooth_step(draw.waves(3.0, 1 / 80, 1 / 5, 5.0, math.pi / 2), -0.7, 0.9)
     fan = np.exp(-(((along - 0.5) / (0.06 + 0.35 * np.maximum(below + 0.1, 0.0))) ** 2))
-    stain = 0.9 * run * fan * fields.smooth_step(below, -0.10, -0.04) * (1.0 - fields.smooth_step(below, 0.15, 0.5))
+    stain = (
+        0.9
+        * run
+        * fan
+        * periodic_fields.smooth_step(below, -0.10, -0.04)
+        * (1.0 - periodic_fields.smooth_step(below, 0.15, 0.5))
+    )
     ice = ice_albedo(0.02 * np.exp(0.5 * draw.waves(2.6, 1 / 120, 1 / 6, 5.0, 0.0)))
     soil = 1.9 * DIRT * np.exp(0.3 * draw.waves(1.6, 1 / 300, 1 / 10))[..., None]
-    bare = low * fields.smooth_step(draw.waves(3.0, 1 / 40, 1 / 3) + 60 * stones, -0.4, 0.6)
+    bare = low * periodic_fields.smooth_step(draw.waves(3.0, 1 / 40, 1 / 3) + 60 * stones, -0.4, 0.6)
     colour = mix_colours(mix_colours(ice, soil, bare), _uniform_colour(np.array([0.36, 0.15, 0.06]), n), stain)
     return _Ground(height, colour, (250.0, 34.0))
 
@@ -311,15 +323,15 @@ def _make_seaice(draw: FieldGenerator, item: MeshItem) -> _Ground:
     cells = draw.cells(4, make_bend(draw, 0.16))
     edge = cells.second - cells.first
     level = 0.12 * draw.draw_per_cell(cells)
-    pressed = np.exp(-((edge / 0.10) ** 2)) * fields.smooth_step(draw.waves(3.4, 1 / 10, 1 / 2), -0.5, 1.0)
+    pressed = np.exp(-((edge / 0.10) ** 2)) * periodic_fields.smooth_step(draw.waves(3.4, 1 / 10, 1 / 2), -0.5, 1.0)
     blocks = np.maximum(_make_boulders(draw, 56, 0.75), 0.7 * _make_boulders(draw, 100, 0.7))
     dunes = np.maximum(draw.waves(3.4, 1 / 60, 1 / 6, 3.5, 0.2), -0.4)
     fine = draw.waves(2.8, 1 / 250, 1 / 30, 3.0, 0.2)
-    snow = fields.smooth_step(dunes, -0.35, 0.5)
+    snow = periodic_fields.smooth_step(dunes, -0.35, 0.5)
     height = (
         level + 0.09 * dunes + 0.008 * fine + pressed * (0.55 + w * 1.3 * blocks) + 0.05 * draw.waves(4.0, 1 / 8, 1.0)
     )
-    pond = fields.smooth_step(-draw.waves(3.6, 1 / 16, 1 / 3), 0.9, 1.3) * (1.0 - pressed)
+    pond = periodic_fields.smooth_step(-draw.waves(3.6, 1 / 16, 1 / 3), 0.9, 1.3) * (1.0 - pressed)
     grey = mix_colours(ice_albedo(draw.make_uniform(0.015)), ice_albedo(draw.make_uniform(0.002)) * 0.6, pond)
     colour = mix_colours(grey, snow_albedo(draw.make_uniform(0.0004)), snow * (1.0 - pond))
     colour = mix_colours(
@@ -336,8 +348,8 @@ def _make_matanuska_a1(draw: FieldGenerator, item: MeshItem) -> _Ground:
     stones = np.maximum(_make_boulders(draw, 40, 0.5), 0.8 * _make_boulders(draw, 100, 0.7))
     fine = draw.waves(2.4, 1 / 300, 1 / 30)
     height = 0.9 * hummock + 0.015 * fine
-    x, y = fields.find_gradients(fields.blur(height, 3.0) * n / w)
-    bare = fields.smooth_step(np.hypot(x, y) + 0.12 * draw.waves(2.6, 1 / 100, 1 / 12), 0.42, 0.62)
+    x, y = periodic_fields.find_gradients(periodic_fields.blur(height, 3.0) * n / w)
+    bare = periodic_fields.smooth_step(np.hypot(x, y) + 0.12 * draw.waves(2.6, 1 / 100, 1 / 12), 0.42, 0.62)
     height = height + w * 0.8 * stones * (1.0 - bare)
     tint = np.exp(0.3 * fine + 0.3 * draw.waves(1.6, 1 / 400, 1 / 60))
     layer = draw.waves(2.6, 1 / 160, 1 / 8, 7.0, 1.1)
@@ -357,11 +369,15 @@ def _make_matanuska_c1(draw: FieldGenerator, item: MeshItem) -> _Ground:
     there = draw.waves(3.2, 1 / 20, 1 / 2)
     stones = np.maximum(_make_boulders(draw, 14, 0.16, there), 0.9 * _make_boulders(draw, 34, 0.16, there))
     height = (
-        0.5 * draw.waves(4.4, 1 / 6, 1.0) + 0.02 * layer + 0.02 * crust - 0.4 * fields.blur(cracks, 1.5) + w * stones
+        0.5 * draw.waves(4.4, 1 / 6, 1.0)
+        + 0.02 * layer
+        + 0.02 * crust
+        - 0.4 * periodic_fields.blur(cracks, 1.5)
+        + w * stones
     )
-    grit = np.clip(fields.smooth_step(layer + 0.4 * draw.waves(1.6, 1 / 300, 1 / 30), 0.7, 1.9), 0, 0.9)
+    grit = np.clip(periodic_fields.smooth_step(layer + 0.4 * draw.waves(1.6, 1 / 300, 1 / 30), 0.7, 1.9), 0, 0.9)
     ice = mix_colours(ice_albedo(0.03 * np.exp(0.5 * crust)), _uniform_colour(1.4 * DIRT, n), np.maximum(grit, 0.06))
-    rock = fields.smooth_step(stones * w, 0.0, 0.02)
+    rock = periodic_fields.smooth_step(stones * w, 0.0, 0.02)
     tint = np.exp(0.25 * draw.waves(1.8, 1 / 400, 1 / 20))
     return _Ground(height, mix_colours(ice, 1.7 * DIRT * tint[..., None], rock), (120.0, 40.0))
 
@@ -374,15 +390,15 @@ def _make_svalbard(draw: FieldGenerator, item: MeshItem) -> _Ground:
     stream = _make_channels(draw, 2, 1, 44.0)
     stones = np.maximum(_make_boulders(draw, 70, 0.45), _make_boulders(draw, 120, 0.5))
     soil = 2.2 * ridge + 0.03 * draw.waves(2.8, 1 / 250, 1 / 20) + w * 0.6 * stones - 0.5 * stream
-    cover = fields.blur(soil, 26.0) + 0.28 + 0.3 * draw.waves(4.0, 1 / 16, 1 / 2) - 0.6 * stream
-    snow = fields.smooth_step(cover - soil, -0.02, 0.04)
+    cover = periodic_fields.blur(soil, 26.0) + 0.28 + 0.3 * draw.waves(4.0, 1 / 16, 1 / 2) - 0.6 * stream
+    snow = periodic_fields.smooth_step(cover - soil, -0.02, 0.04)
     ripple = 0.012 * draw.waves(3.0, 1 / 160, 1 / 20, 3.0, 0.2)
     height = np.maximum(soil, cover + ripple)
     tint = np.exp(0.35 * draw.waves(1.7, 1 / 400, 1 / 10))
-    pink = 0.07 * fields.smooth_step(draw.waves(3.0, 1 / 40, 1 / 3), 0.3, 1.6)  # algae
+    pink = 0.07 * periodic_fields.smooth_step(draw.waves(3.0, 1 / 40, 1 / 3), 0.3, 1.6)  # algae
     white = snow_albedo(draw.make_uniform(0.0008)) * (1.0 - pink[..., None] * np.array([0.0, 0.9, 0.6]))
     water = stream * (1.0 - snow)
-    wet = 0.8 * fields.smooth_step(water, 0.5, 0.9)
+    wet = 0.8 * periodic_fields.smooth_step(water, 0.5, 0.9)
     ground = mix_colours(2.1 * DIRT * tint[..., None], _uniform_colour(np.array([0.09, 0.16, 0.19]), n), wet)
     return _Ground(height, mix_colours(ground, white, snow), (220.0, 28.0))
 
@@ -398,7 +414,9 @@ def _make_gaea_ridgy(draw: FieldGenerator, item: MeshItem) -> _Ground:
     fine = draw.waves(2.8, 1 / 200, 1 / 24)
     height = 1.2 * np.asarray(ridges) + 0.012 * fine
     return _make_gaea(
-        draw, height, fields.smooth_step(np.hypot(*fields.find_gradients(height * n / item.size_m)), 0.5, 0.9)
+        draw,
+        height,
+        periodic_fields.smooth_step(np.hypot(*periodic_fields.find_gradients(height * n / item.size_m)), 0.5, 0.9),
     )
 
 
@@ -406,7 +424,7 @@ def _make_gaea_rocky_perlin(draw: FieldGenerator, item: MeshItem) -> _Ground:
     swell = 1.0 * draw.waves(4.0, 1 / 20, 1 / 2)
     stones = np.maximum(_make_boulders(draw, 24, 0.3), _make_boulders(draw, 60, 0.4))
     height = swell + 0.03 * draw.waves(2.8, 1 / 200, 1 / 20) + 0.8 * item.size_m * stones
-    return _make_gaea(draw, height, fields.smooth_step(item.size_m * stones, 0.0, 0.03))
+    return _make_gaea(draw, height, periodic_fields.smooth_step(item.size_m * stones, 0.0, 0.03))
 
 
 def _make_gaea_rocky(draw: FieldGenerator, item: MeshItem) -> _Ground:
@@ -417,10 +435,12 @@ def _make_gaea_rocky(draw: FieldGenerator, item: MeshItem) -> _Ground:
         level = draw.draw_per_cell(cells)
         tilt = draw.random.standard_normal((across**2, 2))[cells.number]
         slab = level + 0.5 * (tilt[..., 0] * cells.x + tilt[..., 1] * cells.y)
-        height = height + rise * slab * fields.smooth_step(cells.second - cells.first, 0.0, 0.10)
-    height = fields.blur(height, 1.2)
+        height = height + rise * slab * periodic_fields.smooth_step(cells.second - cells.first, 0.0, 0.10)
+    height = periodic_fields.blur(height, 1.2)
     return _make_gaea(
-        draw, height, fields.smooth_step(np.hypot(*fields.find_gradients(height * n / item.size_m)), 0.5, 1.0)
+        draw,
+        height,
+        periodic_fields.smooth_step(np.hypot(*periodic_fields.find_gradients(height * n / item.size_m)), 0.5, 1.0),
     )
 
 
@@ -432,7 +452,11 @@ def _make_matanuska_playground(draw: FieldGenerator, item: MeshItem) -> _Ground:
     crust = draw.waves(2.9, 1 / 250, 1 / 14)
     layer = draw.waves(2.8, 1 / 120, 1 / 5, 6.0, 1.4)
     height = (
-        0.7 * draw.waves(4.4, 1 / 6, 1.0) + 0.03 * crust + 0.03 * layer - 0.6 * channel - 0.25 * fields.blur(pots, 3.0)
+        0.7 * draw.waves(4.4, 1 / 6, 1.0)
+        + 0.03 * crust
+        + 0.03 * layer
+        - 0.6 * channel
+        - 0.25 * periodic_fields.blur(pots, 3.0)
     )
     blue = np.clip(channel + pots, 0.0, 1.0)
     ice = mix_colours(ice_albedo(0.04 * np.exp(0.4 * crust)), ice_albedo(draw.make_uniform(0.004)), blue)

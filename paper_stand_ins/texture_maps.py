@@ -16,10 +16,10 @@ import numpy as np
 from ..physics.random_numbers.seeds import make_generator
 from ..settings.topics.stand_ins import TextureItem, find_texture_item
 from ..support.arrays import Array
-from . import fields
-from .fields import FieldGenerator
+from . import periodic_fields
 from .ice_colours import ice_albedo, snow_albedo
-from .items import PIXELS
+from .periodic_fields import FieldGenerator
+from .shown_items import PIXELS
 
 #: The stand-ins are the same in every data set, so that their pairs can be compared.
 SEED = 0
@@ -65,10 +65,10 @@ def make_maps(key: str, seed: int = SEED, size: int = PIXELS) -> Maps:
     relief = height_m / pixel_m
     picture = made.colour
     if made.sun_deg is not None:
-        lit = fields.light_relief(relief, made.sun_deg, scatter_px=made.scatter_m / pixel_m)
+        lit = periodic_fields.light_relief(relief, made.sun_deg, scatter_px=made.scatter_m / pixel_m)
         picture = picture * lit[..., None]
     elif item.occluded:
-        picture = picture * (fields.estimate_openness(relief, 48.0) ** 1.5)[..., None]
+        picture = picture * (periodic_fields.estimate_openness(relief, 48.0) ** 1.5)[..., None]
     if made.glint is not None:
         picture = picture + made.glint[..., None]
     transmission = made.transmission if "transmission" in item.kinds else None
@@ -76,7 +76,7 @@ def make_maps(key: str, seed: int = SEED, size: int = PIXELS) -> Maps:
         _scale_to_mean(picture, item.mean),
         np.clip(made.roughness, 0.05, 1.0),
         height_m,
-        fields.find_normals(relief),
+        periodic_fields.find_normals(relief),
         None if transmission is None else np.clip(transmission, 0.0, 1.0),
     )
 
@@ -109,7 +109,7 @@ def _make_snow_crystals(draw: FieldGenerator, item: TextureItem) -> _Made:
     plates = np.maximum(draw.facets(40, 1.0), 0.7 * draw.facets(64, 1.2) + 0.15)
     heap = draw.waves(3.4, 1 / 16, 1 / 2)
     height = 0.0024 * np.clip(plates, -0.2, 1.6) + 0.004 * heap + 0.00003 * _make_grain(draw)
-    x, y = fields.find_gradients(height * n / item.width_m)
+    x, y = periodic_fields.find_gradients(height * n / item.width_m)
     # A facet mirrors the Sun where it is tilted right: some crystals in a hundred are bright as a whole.
     glint = 1.1 * np.exp(-((x + 0.42) ** 2 + (y - 0.15) ** 2) / 0.006)
     tone = snow_albedo(0.0004 * np.exp(0.4 * draw.waves(2.0, 1 / 64, 1 / 3)))
@@ -118,7 +118,7 @@ def _make_snow_crystals(draw: FieldGenerator, item: TextureItem) -> _Made:
         tone,
         0.45 - 0.12 * np.clip(plates, 0, 1),
         sun_deg=(160.0, 38.0),
-        glint=fields.blur(glint, 0.8),
+        glint=periodic_fields.blur(glint, 0.8),
         scatter_m=0.0006,
     )
 
@@ -136,15 +136,15 @@ def _make_hoar_frost(draw: FieldGenerator, item: TextureItem) -> _Made:
     )
     along = np.cos(turn) * x + np.sin(turn) * y
     barb = (along + 1.1 * spread * quill) / 0.0125 + 0.18 * draw.waves(2.4, 6 / n, 1 / 20)
-    blades = (0.5 + 0.5 * np.cos(2 * math.pi * barb)) ** 1.5 * fields.smooth_step(
+    blades = (0.5 + 0.5 * np.cos(2 * math.pi * barb)) ** 1.5 * periodic_fields.smooth_step(
         draw.waves(2.0, 8 / n, 1 / 16), -1.4, 0.6
     )
-    stem, tip = 1.0 - fields.smooth_step(quill, 0.0, 0.06), 1.0 - fields.smooth_step(quill, 0.28, 0.5)
+    stem, tip = 1.0 - periodic_fields.smooth_step(quill, 0.0, 0.06), 1.0 - periodic_fields.smooth_step(quill, 0.28, 0.5)
     body = np.maximum(0.8 * blades * (0.25 + 0.75 * tip), stem)
     height = 0.0019 * body + 0.0016 * tip + 0.004 * draw.waves(3.8, 1 / 12, 1 / 2) + 0.00005 * _make_grain(draw)
-    thick = fields.smooth_step(0.9 * body + 0.6 * tip + 0.5 * draw.waves(3.2, 1 / 30, 1 / 2), -0.3, 1.2)
+    thick = periodic_fields.smooth_step(0.9 * body + 0.6 * tip + 0.5 * draw.waves(3.2, 1 / 30, 1 / 2), -0.3, 1.2)
     colour = mix_colours(0.7 * ice_albedo(draw.make_uniform(0.006)), snow_albedo(draw.make_uniform(0.0002)), thick)
-    return _Made(fields.blur(height, 0.8), colour, 0.75 - 0.2 * body, sun_deg=(35.0, 34.0), scatter_m=0.001)
+    return _Made(periodic_fields.blur(height, 0.8), colour, 0.75 - 0.2 * body, sun_deg=(35.0, 34.0), scatter_m=0.001)
 
 
 def _make_snow_drift(draw: FieldGenerator, item: TextureItem) -> _Made:
@@ -153,10 +153,14 @@ def _make_snow_drift(draw: FieldGenerator, item: TextureItem) -> _Made:
     drift = draw.waves(4.4, 1 / 6, 1.0)
     bend = 0.9 * draw.waves(4.0, 1 / 4, 1.0) + 0.07 * draw.waves(3.2, 1 / 30, 1 / 5)
     saw = (14.0 * np.arange(n)[None, :] / n + bend) % 1.0
-    ripple = np.where(saw < 0.72, fields.smooth_step(saw, 0.0, 0.72), 1.0 - fields.smooth_step(saw, 0.72, 1.0))
-    strength = fields.smooth_step(draw.waves(3.6, 1 / 6, 1 / 2), -1.4, 1.0)
+    ripple = np.where(
+        saw < 0.72, periodic_fields.smooth_step(saw, 0.0, 0.72), 1.0 - periodic_fields.smooth_step(saw, 0.72, 1.0)
+    )
+    strength = periodic_fields.smooth_step(draw.waves(3.6, 1 / 6, 1 / 2), -1.4, 1.0)
     fine = draw.waves(2.6, 4 / n, 1 / 30, 3.0, math.pi / 2)
-    height = 0.07 * drift + 0.016 * strength * fields.blur(ripple, 4.0) + 0.0008 * fine + 0.0003 * _make_grain(draw)
+    height = (
+        0.07 * drift + 0.016 * strength * periodic_fields.blur(ripple, 4.0) + 0.0008 * fine + 0.0003 * _make_grain(draw)
+    )
     return _Made(
         height, snow_albedo(draw.make_uniform(0.0002)), draw.make_uniform(0.7), sun_deg=(180.0, 22.0), scatter_m=0.006
     )
@@ -167,20 +171,20 @@ def _make_crusted_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
     # A wind crust, broken: smooth plates at several levels over a rough layer of lumps.
     cells = draw.cells(7, make_bend(draw, 0.22))
     level = draw.draw_per_cell(cells)
-    lumps = draw.waves(2.6, 5 / n, 1 / 20) + 0.5 * fields.normalise(draw.facets(40, 0.6).clip(-0.2))
+    lumps = draw.waves(2.6, 5 / n, 1 / 20) + 0.5 * periodic_fields.normalise(draw.facets(40, 0.6).clip(-0.2))
     ragged = 0.10 * draw.waves(2.6, 5 / n, 1 / 8)
-    plate = fields.smooth_step(level + ragged, 0.40, 0.43)
-    crack = fields.smooth_step(cells.second - cells.first + 0.25 * ragged, 0.0, 0.06)
+    plate = periodic_fields.smooth_step(level + ragged, 0.40, 0.43)
+    crack = periodic_fields.smooth_step(cells.second - cells.first + 0.25 * ragged, 0.0, 0.06)
     crust = 0.005 + 0.010 * level + 0.0022 * draw.waves(3.6, 1 / 40, 1 / 4)
     whole = plate * crack
     height = (
         whole * crust
-        + (1 - whole) * 0.0028 * fields.normalise(lumps)
+        + (1 - whole) * 0.0028 * periodic_fields.normalise(lumps)
         + 0.014 * draw.waves(4.4, 1 / 8, 1.0)
         + 0.00022 * _make_grain(draw)
     )
     tone = snow_albedo(np.where(whole > 0.5, 0.0003, 0.0008))
-    return _Made(fields.blur(height, 1.0), tone, 0.7 - 0.25 * whole, sun_deg=(120.0, 28.0), scatter_m=0.005)
+    return _Made(periodic_fields.blur(height, 1.0), tone, 0.7 - 0.25 * whole, sun_deg=(120.0, 28.0), scatter_m=0.005)
 
 
 def _make_cracked_ice(draw: FieldGenerator, item: TextureItem) -> _Made:
@@ -192,13 +196,18 @@ def _make_cracked_ice(draw: FieldGenerator, item: TextureItem) -> _Made:
     sheet = np.zeros((n, n))
     for k in range(1, 22):
         sheet = np.maximum(sheet, np.roll(long, (k, k // 2), (0, 1)) * (1.0 - k / 22))
-    patch = fields.smooth_step(draw.waves(3.0, 1 / 30, 1 / 3), 0.6, 2.2)
+    patch = periodic_fields.smooth_step(draw.waves(3.0, 1 / 30, 1 / 3), 0.6, 2.2)
     bubbles = draw.discs(3200, 1.2, 10.0, 0.04 + patch)
     share = 0.0012 * np.exp(0.55 * draw.waves(3.6, 1 / 30, 1.0))
     streaks = draw.waves(2.2, 4 / n, 1 / 4, 3.0, 0.4)
-    dust = fields.smooth_step(streaks, 0.9, 2.4) * (0.6 + 0.4 * fields.smooth_step(_make_grain(draw), -1, 1))
+    dust = periodic_fields.smooth_step(streaks, 0.9, 2.4) * (
+        0.6 + 0.4 * periodic_fields.smooth_step(_make_grain(draw), -1, 1)
+    )
     white = np.clip(
-        0.9 * lines + 0.28 * sheet * (0.7 + 0.3 * fields.smooth_step(streaks, -1, 1)) + 0.5 * bubbles + 0.75 * dust,
+        0.9 * lines
+        + 0.28 * sheet * (0.7 + 0.3 * periodic_fields.smooth_step(streaks, -1, 1))
+        + 0.5 * bubbles
+        + 0.75 * dust,
         0.0,
         1.0,
     )
@@ -217,7 +226,7 @@ def _make_powder_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
     # Powder that has just fallen: soft swells, small clots that fell off a branch, and grain.
     swells = draw.waves(4.4, 1 / 40, 1.0)
     clots = np.maximum(draw.waves(3.0, 6 / n, 1 / 40), 0.0)
-    scattered = fields.smooth_step(draw.waves(3.2, 1 / 20, 1 / 3), -0.2, 1.8)
+    scattered = periodic_fields.smooth_step(draw.waves(3.2, 1 / 20, 1 / 3), -0.2, 1.8)
     height = (
         0.016 * swells
         + 0.0008 * draw.waves(3.0, 4 / n, 1 / 16)
@@ -236,12 +245,12 @@ def _make_ground_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
     big = draw.draw_per_cell(cells) ** 3
     stones = np.sqrt(np.clip(0.32 - cells.first**2, 0.0, 1.0)) * big
     soil = 0.02 * draw.waves(3.4, 1 / 60, 1 / 2) + 0.03 * stones + 0.0008 * draw.waves(2.0, 4 / n, 1 / 40)
-    cover = fields.blur(soil, 14.0) + 0.004 + 0.006 * draw.waves(3.4, 1 / 40, 1 / 3)
-    snow = fields.smooth_step(cover - soil, -0.0015, 0.0015)
+    cover = periodic_fields.blur(soil, 14.0) + 0.004 + 0.006 * draw.waves(3.4, 1 / 40, 1 / 3)
+    snow = periodic_fields.smooth_step(cover - soil, -0.0015, 0.0015)
     height = np.maximum(soil, cover + 0.0006 * draw.waves(2.4, 4 / n, 1 / 30))
     tint = np.exp(0.35 * draw.waves(1.6, 3 / n, 1 / 8) + 0.6 * (draw.draw_per_cell(cells) - 0.5))
     return _Made(
-        fields.blur(height, 0.7),
+        periodic_fields.blur(height, 0.7),
         mix_colours(1.6 * DIRT * tint[..., None], snow_albedo(draw.make_uniform(0.0003)), snow),
         0.85 - 0.2 * snow,
         0.25 * snow,
@@ -257,7 +266,7 @@ def _make_lumpy_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
         size = draw.draw_per_cell(cells) ** 2.2
         lump = np.sqrt(np.clip((0.6 * size) ** 2 - cells.first**2, 0.0, None))
         height = height + share * item.width_m / across * lump
-    height = fields.blur(height, 2.5) + 0.0007 * draw.waves(2.8, 5 / n, 1 / 20) + 0.0002 * _make_grain(draw)
+    height = periodic_fields.blur(height, 2.5) + 0.0007 * draw.waves(2.8, 5 / n, 1 / 20) + 0.0002 * _make_grain(draw)
     return _Made(height, snow_albedo(draw.make_uniform(0.0003)), draw.make_uniform(0.75))
 
 
@@ -266,28 +275,30 @@ def _make_firn(draw: FieldGenerator, item: TextureItem) -> _Made:
     cells = draw.cells(64)
     small = draw.cells(128).first
     grains = np.sqrt(np.clip(0.6 - cells.first**2, 0.0, 1.0)) * (0.6 + 0.6 * draw.draw_per_cell(cells))
-    pits = fields.smooth_step(draw.waves(3.4, 1 / 24, 1 / 5), 0.7, 2.4)
+    pits = periodic_fields.smooth_step(draw.waves(3.4, 1 / 24, 1 / 5), 0.7, 2.4)
     height = (
         0.0026 * grains * (1.0 - 0.5 * pits) - 0.0006 * small - 0.011 * pits + 0.006 * draw.waves(3.4, 1 / 24, 1 / 2)
     )
     radius = 0.0012 * np.exp(0.5 * (draw.draw_per_cell(cells) - 0.5))
-    wet = fields.smooth_step(cells.second - cells.first, 0.0, 0.2)
-    return _Made(fields.blur(height, 1.0), snow_albedo(radius) * (0.88 + 0.12 * wet)[..., None], 0.5 - 0.2 * wet)
+    wet = periodic_fields.smooth_step(cells.second - cells.first, 0.0, 0.2)
+    return _Made(
+        periodic_fields.blur(height, 1.0), snow_albedo(radius) * (0.88 + 0.12 * wet)[..., None], 0.5 - 0.2 * wet
+    )
 
 
 def _make_glacier_ice(draw: FieldGenerator, item: TextureItem) -> _Made:
     n = draw.n
     # Bare glacier ice, scalloped by melt: crystals the size of a hand, foliation of bubbles, healed cracks, grit.
     cells = draw.cells(15, make_bend(draw, 0.2))
-    edge = fields.smooth_step(cells.second - cells.first, 0.02, 0.08)
+    edge = periodic_fields.smooth_step(cells.second - cells.first, 0.02, 0.08)
     healed = draw.lines(5, 0.8, 4.0, 0.25, 2)
     foliation = draw.waves(2.6, 1 / 80, 1 / 3, 8.0, 0.5)
-    band = fields.smooth_step(foliation, -0.4, 1.6)
+    band = periodic_fields.smooth_step(foliation, -0.4, 1.6)
     scallop = draw.cells(6, make_bend(draw, 0.2), 0.2).first
     height = (
         0.05 * np.minimum(scallop, 0.9) ** 2
         + 0.0016 * edge
-        + 0.0012 * fields.blur(healed, 1.0)
+        + 0.0012 * periodic_fields.blur(healed, 1.0)
         + 0.008 * draw.waves(3.8, 1 / 30, 1 / 2)
         + 0.0012 * foliation
         + 0.0007 * draw.waves(2.6, 5 / n, 1 / 20)
@@ -295,10 +306,10 @@ def _make_glacier_ice(draw: FieldGenerator, item: TextureItem) -> _Made:
     share = 0.004 * np.exp(0.5 * (draw.draw_per_cell(cells) - 0.5)) + 0.03 * band**2
     white = np.clip(0.8 * healed + 0.3 * (1 - edge) * (0.4 + band) + 0.18 * band, 0.0, 1.0)
     colour = mix_colours(ice_albedo(share), snow_albedo(draw.make_uniform(0.0005)), white)
-    low = fields.smooth_step(0.35 - scallop, 0.0, 0.35)  # grit gathers in the bowls
-    grit = low * fields.smooth_step(draw.waves(1.2, 4 / n, 1 / 60), 1.2, 2.2)
+    low = periodic_fields.smooth_step(0.35 - scallop, 0.0, 0.35)  # grit gathers in the bowls
+    grit = low * periodic_fields.smooth_step(draw.waves(1.2, 4 / n, 1 / 60), 1.2, 2.2)
     colour = mix_colours(colour, np.broadcast_to(DIRT, colour.shape), 0.8 * grit)
-    return _Made(fields.blur(height, 1.0), colour, 0.22 + 0.35 * white + 0.2 * band)
+    return _Made(periodic_fields.blur(height, 1.0), colour, 0.22 + 0.35 * white + 0.2 * band)
 
 
 def _make_mixed_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
@@ -319,16 +330,16 @@ def _make_mixed_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
         chip = np.minimum(grown, 0.16 + 0.25 * (np.cos(turn) * cells.x + np.sin(turn) * cells.y))
         chip = np.where((chance < kept + 0.12 * there) & (cells.first < 0.6), chip, -1.0) * item.width_m / across
         chip = np.minimum(chip, (cells.second - cells.first) * 0.5 * item.width_m / across)
-        shown = fields.smooth_step(chip, 0.0, 0.0015)
+        shown = periodic_fields.smooth_step(chip, 0.0, 0.0015)
         height = height + 0.55 * np.maximum(chip, 0.0)
         share = 0.006 * np.exp(0.8 * tilt[..., 1])
         colour = mix_colours(colour, ice_albedo(share), 0.8 * shown)
         rough, clear = rough - 0.5 * shown * rough, np.maximum(clear, 0.6 * shown)
-    grit = fields.smooth_step(draw.waves(1.0, 4 / n, 1 / 90), 2.2, 2.8) * fields.smooth_step(
+    grit = periodic_fields.smooth_step(draw.waves(1.0, 4 / n, 1 / 90), 2.2, 2.8) * periodic_fields.smooth_step(
         draw.waves(3.0, 1 / 20, 1 / 2), -0.5, 1.0
     )
     return _Made(
-        fields.blur(height, 0.7) + 0.0005 * grit,
+        periodic_fields.blur(height, 0.7) + 0.0005 * grit,
         mix_colours(colour, np.broadcast_to(1.3 * DIRT, colour.shape), 0.85 * grit),
         rough,
         clear,
@@ -355,13 +366,13 @@ def _make_suncups(draw: FieldGenerator, item: TextureItem) -> _Made:
     cells = draw.cells(8, make_bend(draw, 0.1), 0.3)
     depth = 0.15 + 0.09 * draw.draw_per_cell(cells)
     height = (
-        fields.blur(np.minimum(cells.first, 0.85) ** 2 * depth, 3.0)
+        periodic_fields.blur(np.minimum(cells.first, 0.85) ** 2 * depth, 3.0)
         + 0.006 * draw.waves(4.0, 1 / 24, 1 / 4)
         + 0.0008 * draw.waves(3.0, 5 / n, 1 / 24)
         + 0.00015 * _make_grain(draw)
     )
-    rim = 1.0 - fields.smooth_step(cells.second - cells.first, 0.0, 0.16)
-    dust = rim * fields.smooth_step(draw.waves(2.0, 4 / n, 1 / 12), -0.6, 1.6)
+    rim = 1.0 - periodic_fields.smooth_step(cells.second - cells.first, 0.0, 0.16)
+    dust = rim * periodic_fields.smooth_step(draw.waves(2.0, 4 / n, 1 / 12), -0.6, 1.6)
     colour = mix_colours(snow_albedo(draw.make_uniform(0.0007)), np.broadcast_to(3.5 * DIRT, (n, n, 3)), 0.12 * dust)
     return _Made(height, colour, 0.65 + 0.1 * rim, 0.3 - 0.1 * rim)
 
@@ -374,11 +385,11 @@ def _make_sastrugi(draw: FieldGenerator, item: TextureItem) -> _Made:
     # The windward side, to the left, is cut back: steps are pulled toward what lies behind them.
     layers = np.zeros((n, n))
     for k, threshold in enumerate((-1.0, 0.0, 0.9)):
-        edge = fields.warp_field(shape + 0.12 * fine, 0.0 * shape, 4.0 * fine)
-        layers += (1.0 + 0.3 * (k % 2)) * fields.smooth_step(edge, threshold, threshold + 0.6)
+        edge = periodic_fields.warp_field(shape + 0.12 * fine, 0.0 * shape, 4.0 * fine)
+        layers += (1.0 + 0.3 * (k % 2)) * periodic_fields.smooth_step(edge, threshold, threshold + 0.6)
     height = 0.016 * layers + 0.020 * shape + 0.0008 * fine + 0.0002 * _make_grain(draw)
     return _Made(
-        fields.blur(height, 1.2),
+        periodic_fields.blur(height, 1.2),
         snow_albedo(draw.make_uniform(0.0002)),
         draw.make_uniform(0.72),
         draw.make_uniform(0.2),

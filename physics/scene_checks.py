@@ -22,19 +22,19 @@ from ..support.errors import IcyMoonError
 from .arm.collisions import find_link_around
 from .arm.kinematics import Joint, find_joints_beyond_limits
 from .arm.lander_arm import is_users_arm, joint_values, make_arm
-from .arm.parametric import JOINTS
+from .arm.parametric_arm import JOINTS
 from .camera.depth_accuracy import advise_on_coarse_triangles, advise_on_principal_point, measure_ground_row
 from .camera.eyes import calibrated_advice, reasons_of_calibrated_eyes
-from .excavation import reach
-from .excavation import site as excavation
+from .excavation import arm_reach
+from .excavation import dig_site as excavation
 from .light.directions import camera_axes
 from .light.sky import check_body, compute_sky
+from .rocks.rock_table import TABLE
 from .rocks.size_laws import make_size_law
-from .rocks.table import TABLE
 from .scene_requirements import advise_on_bake, surface_topics
 from .surfaces.hapke import HapkeParameters, bidirectional_reflectance, hapke_from_settings
 from .surfaces.photometry import hemispherical_albedo
-from .terrain.sites import RockyGround, make_rocky_ground
+from .terrain.standing_places import RockyGround, make_rocky_ground
 
 #: Least height of an eye above the ground in metres: ten times the distance at which the lens clips.
 LOWEST_M = 1e-3
@@ -107,7 +107,7 @@ def advise_on_scene(settings: Settings) -> list[str]:
     said += advise_on_bake(settings)
     said += calibrated_advice(settings)
     dug = excavation.advise_on_excavation(settings)
-    return said + dug + (reach.advise_on_reach(settings) if not excavation.find_refusals(settings) else [])
+    return said + dug + (arm_reach.advise_on_reach(settings) if not excavation.find_refusals(settings) else [])
 
 
 def find_returned_share(parameters: HapkeParameters) -> tuple[float, float]:

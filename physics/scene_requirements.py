@@ -12,7 +12,7 @@ from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..settings.topics.surfaces import SurfaceSettings
 from .light.sky import Sky
-from .mesh.fine_relief import nearest_ground_m
+from .mesh.finer_in_view import nearest_ground_m
 from .rig.focal_length import focal_px
 from .surfaces.principled import lets_light_through
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..formats.asset_library import install_library
 from ..nodes.assets import list_asset_names, write_asset
 from ..support.printer import emit
-from ..support.scratch import open_scratch_folder
+from ..support.temporary_folders import open_scratch_folder
 from .worker import run_to_exit
 
 _NO_MEMORY = "There is not enough memory to make the asset library; close other programs and make it again."

@@ -21,16 +21,16 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..nodes.build_scene import Built
 from ..nodes.datablocks.fingerprint import find_added_objects
 from ..nodes.rig import turn_about_eye
-from ..nodes.scene import Built
 from ..physics.light import baked_texels
 from ..physics.light.baked_noise import count_samples_needed, find_largest_share, measure_bake_noise
 from ..physics.light.baked_rocks import TERMS, fit_terms
 from ..physics.random_numbers.seeds import make_generator, seed_stream
 from ..physics.rig.seen_points import find_seen_facets, find_sides_passed
 from ..physics.scene_requirements import why_not_baked
-from ..settings import changes
+from ..settings import rebuilt_parts
 from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
@@ -222,9 +222,9 @@ def make_bake_key(built: Built, settings: Settings, group: str = "Sun", seen: Ar
     parts = [
         _SCHEME,
         compat.find_series(),
-        changes.select_scene(settings),
-        changes.select_look(settings),
-        changes.select_light(settings),
+        rebuilt_parts.select_scene(settings),
+        rebuilt_parts.select_look(settings),
+        rebuilt_parts.select_light(settings),
         quality.diffuse_bounces,
         quality.bake_samples,
         quality.bake_noise,

@@ -17,7 +17,7 @@ from ..nodes.ground.rocks import ROTATION, SCALE, SHAPE, find_rock_parts
 from ..nodes.ground.terrain_mesh import build_mesh_from_arrays
 from ..physics.light import baked_rocks
 from ..physics.light.baked_rocks import RockPoints
-from ..physics.rocks.rocks import LEVEL_RANKS, euler_matrices
+from ..physics.rocks.place_rocks import LEVEL_RANKS, euler_matrices
 from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.labels import BAKED_ATTRIBUTES

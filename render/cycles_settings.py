@@ -10,7 +10,7 @@ from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
-from .cost.abilities import Abilities, describe_lack, describe_lack_for_quality
+from .cost.blender_abilities import Abilities, describe_lack, describe_lack_for_quality
 from .graphics_cards import select_cards
 
 _GLOSSY_BOUNCES = 2

@@ -19,11 +19,11 @@ import bpy
 import numpy as np
 
 from ..formats.placed_meshes import PlacedMesh, group_by_kind
+from ..nodes.build_scene import Built, make_extra
 from ..nodes.datablocks.blend_file_paths import hash_content
-from ..nodes.scene import Built, make_extra
 from ..nodes.surface.reflectance_laws import OF_NODES
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.fine_relief import still_spacing_m
+from ..physics.mesh.finer_in_view import still_spacing_m
 from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import digest, merged
@@ -33,6 +33,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_json
 from ..support.labels import PLANET, SEMANTIC
 from ..support.printer import emit
+from .displaced_vertices import is_moved, open_rendered_mesh
 from .ground_files import make_frame_facts, refuse_too_many, write_map, write_meshes
 from .ground_maps import make_ground_map
 from .mesh_arrays import (
@@ -43,11 +44,10 @@ from .mesh_arrays import (
     read_vertex_normals,
     read_vertices,
 )
-from .moved_vertices import is_moved, open_rendered_mesh
 from .plans.planned_pair import PlannedPair
 from .scene_source import ScenesFromSettings
 from .worker import list_job_pairs, run_to_exit
-from .workers.job import read_job
+from .workers.job_commands import read_job
 
 #: Positions and normals (n, 3) and triangles (m, 3) of a mesh.
 Triangles = tuple[Array, Array, Array]

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from .workers.cards import BACKENDS, Cards, choose_card_numbers, read_chosen_cards
+from .workers.assign_cards import BACKENDS, Cards, choose_card_numbers, read_chosen_cards
 
 
 def select_cards() -> list[str]:

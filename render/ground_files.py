@@ -11,7 +11,7 @@ import numpy as np
 from ..formats.geotiff import describe_map_notes, describe_map_place
 from ..formats.placed_meshes import PlacedMesh, group_by_kind, write_gltf, write_obj, write_ply, write_usd
 from ..formats.tiff_write import Place, encode_tiff
-from ..physics.light.map_sky import find_sky_place
+from ..physics.light.sky_over_map import find_sky_place
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically

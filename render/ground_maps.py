@@ -16,10 +16,10 @@ import numpy as np
 
 from ..formats.exr_layout import is_whole
 from ..formats.exr_pixels import decode_parts
+from ..nodes.build_scene import Built
 from ..nodes.datablocks.fingerprint import TAG, find_instanced_objects
 from ..nodes.ground.user_ground import is_from_file
 from ..nodes.lander.objects import ROLES as LANDER_ROLES
-from ..nodes.scene import Built
 from ..nodes.surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..rays.shapes import World
@@ -27,14 +27,13 @@ from ..rays.stereo_truth import list_squares
 from ..rays.surface import Tracer, find_surface
 from ..support import system
 from ..support.arrays import Array
-from ..support.errors import IcyMoonError
+from ..support.errors import IcyMoonError, first_line
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import ALBEDO_AOV, ROCK, SALT_AOV, SKY_DEPTH_M, TERRAIN, TRUTH
 from . import cycles_settings, passes, separate_lights
-from .cycles_errors import first_line
 from .pairs.workspace_cells import MOST_CELLS, PLACES, Extent
-from .ray_stage import SceneRays
 from .render_camera import SAMPLE_OFFSET_PX
+from .traced_triangles import SceneRays
 
 #: Cells along the longer side if none are asked for.
 CELLS = 1024

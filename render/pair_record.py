@@ -10,10 +10,10 @@ import bpy
 import numpy as np
 
 from ..formats.map_frame import describe_cameras
+from ..nodes.build_scene import Built
 from ..nodes.light.sun_lamp import read_scene_sun
-from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
-from ..paper_stand_ins.items import describe_item, list_items
+from ..paper_stand_ins.shown_items import describe_item, list_items
 from ..physics import scene_checks
 from ..physics.camera.blur import find_blur
 from ..physics.camera.eyes import camera_of, eyes_json

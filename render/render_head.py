@@ -8,8 +8,8 @@ from typing import Any
 
 import bpy
 
+from ..nodes.build_scene import Built
 from ..nodes.head_cameras import find_head_poses, read_head_cameras
-from ..nodes.scene import Built
 from ..physics.camera.head_camera import HeadCamera, camera_json, is_plain
 from ..rays.camera_truth import trace_camera
 from ..rays.stereo_truth import Stage

@@ -19,13 +19,13 @@ from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights, measure_b
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, assemble, join_layers, read_pieces
 from ..formats.exr_pixels import compress, drop_passes, round_passes
+from ..nodes.build_scene import Built
 from ..nodes.datablocks.fingerprint import find_built_objects
 from ..nodes.head_cameras import read_head_cameras
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
 from ..nodes.light.veil import veil_in
 from ..nodes.rig import find_eye_poses, list_lens_values, turn_about_eye
-from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, find_blur
@@ -37,31 +37,30 @@ from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support import system
 from ..support.arrays import Array
-from ..support.errors import DiskError, IcyMoonError
+from ..support.errors import DiskError, IcyMoonError, first_line
 from ..support.files import explain_disk_errors, hash_file, make_part_path, write_json
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
 from ..support.number_text import format_count
-from . import cycles_occlusion, cycles_settings, passes, separate_lights, unlit
+from . import cycles_occlusion, cycles_settings, passes, separate_lights, truth_without_light
 from .baked_light import IndirectLight
 from .cost.estimate import count_bytes_left, count_pixels
-from .cycles_errors import first_line
 from .ground_maps import make_heights, make_materials
 from .lander_record import make_lander_json
 from .object_labels import lend_labels
 from .pair_record import make_light_json, make_pair_json
 from .pairs.baked_file import LIGHT
-from .pairs.our_files import check_no_link, pairs_folder
+from .pairs.dataset_file_names import check_no_link, pairs_folder
 from .pairs.pair_folder import RAW_TRUTH_FILE, TOED_TRUTH_FILE, TRUTH_FILE
-from .pairs.publish import check_place, discard_unfinished, publish_pair
+from .pairs.publish_pair import check_place, discard_unfinished, publish_pair
 from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
-from .ray_stage import CannotTrace, SceneRays
 from .ray_truth import Wanted, trace_beside
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .render_head import render_head
-from .workers.claims import CLAIMS_FOLDER
+from .traced_triangles import CannotTrace, SceneRays
+from .workers.pair_claims import CLAIMS_FOLDER
 
 #: Bytes for a pair's pixel in Blender's own files, which are not compressed: 32-bit floats of all passes of the light,
 #: and of the truth where Cycles renders it.
@@ -144,7 +143,7 @@ def render_pair(
     """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
     ``rays`` are those through that scene. ``indirect`` is what ``baked_light.provide_baked_light`` returned.
-    ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish``. Raises IcyMoonError when the
+    ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish_pair``. Raises IcyMoonError when the
     render or the disk fails; nothing half-written stays.
     """
     folder = planned.folder(dataset)
@@ -473,7 +472,7 @@ def _render_truth(
     the other eye."""
     files = passes.choose_layer(scene, TRUTH, stem, planned.settings.quality.truth)
     between: dict[str, list[Array]] = {eye: [] for eye in files}
-    with separate_lights.disable_osl(scene), unlit.switch_lights_off(scene):
+    with separate_lights.disable_osl(scene), truth_without_light.switch_lights_off(scene):
         _run_cycles(scene, files, planned)
         if toed or not _has_full_truth(planned):
             return files
@@ -499,8 +498,8 @@ def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
     """Render depth that is read once and removed: without surfaces where that saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
-    too_many = kept and _count_triangles(built) > unlit.MOST_TRIANGLES_A_PIXEL * pixels
-    with unlit.take_surfaces_off([] if too_many else built.materials):
+    too_many = kept and _count_triangles(built) > truth_without_light.MOST_TRIANGLES_A_PIXEL * pixels
+    with truth_without_light.take_surfaces_off([] if too_many else built.materials):
         yield
 
 

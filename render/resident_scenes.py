@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from ..nodes.scene import make_extra
+from ..nodes.build_scene import make_extra
 from ..settings.blender import scene_properties
 from ..settings.description import check, defaults, merged
 from ..settings.topics.scene import Settings

@@ -18,8 +18,8 @@ from ..support.files import read_text
 from ..support.printer import emit
 from .resident_scenes import ResidentScenes
 from .worker import run_to_exit
-from .workers.job import read_job
-from .workers.memory import describe_shortage
+from .workers.job_commands import read_job
+from .workers.out_of_memory import describe_shortage
 
 _LOOK_S = 0.02
 

@@ -11,20 +11,20 @@ from typing import Self
 import bpy
 
 from ..nodes import eyes_above_ground
+from ..nodes.build_scene import Built
+from ..nodes.change_scene import adapt_scene
 from ..nodes.ground.user_ground import warn_of_cost
-from ..nodes.next_scene import adapt_scene
-from ..nodes.scene import Built
 from ..physics import scene_checks
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.fine_relief import still_spacing_m
-from ..settings import changes
+from ..physics.mesh.finer_in_view import still_spacing_m
+from ..settings import rebuilt_parts
 from ..settings.description import digest
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import cycles_settings
 from .plans.planned_pair import PlannedPair
-from .ray_stage import SceneRays
 from .render_pair import check_camera, open_render_scene
+from .traced_triangles import SceneRays
 
 #: The scene of a pair: the built objects, the scene to render, the seconds that building took.
 PreparedScene = tuple[Built, bpy.types.Scene, float]
@@ -130,7 +130,12 @@ def _same_scene_and_light(one: Settings, other: Settings) -> bool:
     """Whether two descriptions differ in nothing but camera, sampling, response and run."""
     return all(
         part(one) == part(other)
-        for part in (changes.select_scene, changes.select_look, changes.select_light, changes.select_lander)
+        for part in (
+            rebuilt_parts.select_scene,
+            rebuilt_parts.select_look,
+            rebuilt_parts.select_light,
+            rebuilt_parts.select_lander,
+        )
     )
 
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 
 import bpy
 
+from ..nodes.build_scene import Built
 from ..nodes.datablocks.fingerprint import TAG, find_instanced_objects
 from ..nodes.light.scene_lights import ROLES
-from ..nodes.scene import Built
 from ..nodes.surface import sun_inputs
 
 

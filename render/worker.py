@@ -1,6 +1,6 @@
 """The headless worker: builds scenes, renders their pairs, reports progress in JSON lines.
 
-The window, the command line and a scheduler all run this. A job is a JSON file, see ``job.Job``: the
+The window, the command line and a scheduler all run this. A job is a JSON file, see ``job_commands.Job``: the
 pairs of some settings, of a scene in a .blend file as the user left it, or of a list.
 """
 
@@ -20,23 +20,22 @@ from typing import Any, NoReturn
 import bpy
 
 from ..nodes import painted_errors
-from ..nodes.scene import Built, find_built, make_extra, separate_copies
+from ..nodes.build_scene import Built, find_built, make_extra, separate_copies
 from ..settings.blender import scene_properties
 from ..settings.description import check, defaults, merged, overlaid
 from ..settings.topics.scene import Settings
-from ..support.errors import DiskError, IcyMoonError
+from ..support.errors import DiskError, IcyMoonError, first_line
 from ..support.printer import emit
 from ..support.system import end_at_interrupt
 from . import baked_light
-from .cycles_errors import first_line
 from .pairs.pair_folder import is_complete
 from .plans.planned_pair import PlannedPair, expand_headings
 from .render_pair import check_space, render_pair
 from .scene_source import FixedScene, ScenesFromSettings
-from .workers.claims import Claims
 from .workers.first_use_of_card import tell_while_compiling
-from .workers.job import read_job, read_planned_pairs
-from .workers.memory import describe_shortage
+from .workers.job_commands import read_job, read_planned_pairs
+from .workers.out_of_memory import describe_shortage
+from .workers.pair_claims import Claims
 from .workers.shared_light import SharedLight
 
 Send = Callable[..., None]
@@ -169,7 +168,7 @@ def _repeat_text(job: dict[str, Any]) -> str:
 
 
 def run_job(job: dict[str, Any], send: Send = emit) -> None:
-    """Do a job, see ``job.read_job``. Raises IcyMoonError for what a user can fix."""
+    """Do a job, see ``job_commands.read_job``. Raises IcyMoonError for what a user can fix."""
     dataset, again = Path(job["dataset"]), bool(job.get("again"))
     send("progress", fraction=0.0, message="Building the scene")
     if job.get("blend"):

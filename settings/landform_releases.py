@@ -12,7 +12,7 @@ from typing import Any
 
 from ..plugins.landforms import PREFIX, RELEASE, describe_missing_landform
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import is_number
+from ..support.file_schemas import is_number
 from .table import TOPICS
 from .topics.declaration import Table
 from .topics.scene import Settings

@@ -13,10 +13,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from .changes import describe_mesh_relief
 from .landform_releases import list_counted_landforms
+from .rebuilt_parts import describe_mesh_relief
 from .table import TOPICS, list_all_settings
-from .table_texts import TableCache
+from .table_cache import TableCache
 from .topics.declaration import Setting, Value
 from .topics.scene import Settings, typed
 

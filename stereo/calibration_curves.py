@@ -27,7 +27,7 @@ from .matchers import match_checked
 from .matchers.methods import Method
 from .matchers.search_range import SearchRange
 from .measure.metrics import is_usable
-from .measure.prepare import LoadedPair, PreparedPair, distinct_pairs, load_pair, prepare_loaded
+from .measure.prepare_pair import LoadedPair, PreparedPair, distinct_pairs, load_pair, prepare_loaded
 from .measure.row_metrics import disparity_to_depth
 from .measure_pair import find_search_ranges
 from .report.charts import COLOURS, MARKS, STYLE, add_legend, make_figure

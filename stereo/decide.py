@@ -14,22 +14,21 @@ from typing import Any
 
 import numpy as np
 
-from ..physics.excavation import reach
+from ..physics.excavation import arm_reach
 from ..physics.light.sky import elevation_deg
 from ..physics.random_numbers.seeds import make_generator
 from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError, describe_error
-from ..support.file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
+from ..support.file_schemas import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..support.files import write_json
 from ..support.version import version
-from .artefacts import check_output_folder, named_files_exist, remove_leftovers
 from .decisions import pictures
-from .decisions.arm import Scoop, find_scoop, locate_scoop, read_stated_joints
+from .decisions.excavation_progress import find_progress, name_series, name_site
 from .decisions.joint_faults import find_joint_faults
-from .decisions.progress import find_progress, name_series, name_site
-from .decisions.reach import has_arm
+from .decisions.joint_margin import has_arm
 from .decisions.report import OPENINGS, write_decisions
 from .decisions.rules import Rules
+from .decisions.scoop_of_pair import Scoop, find_scoop, locate_scoop, read_stated_joints
 from .decisions.stored_maps import TRUE_DEPTH
 from .decisions.workspace import (
     DecisionMaps,
@@ -42,15 +41,16 @@ from .decisions.workspace import (
     read_sun_direction,
 )
 from .evaluate import digest_json, list_method_inputs
+from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
+from .evaluation_files import check_output_folder, named_files_exist, remove_leftovers
 from .images.image_files import write_bytes, write_png
 from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
-from .measure.prepare import PreparedPair
+from .measure.prepare_pair import PreparedPair
 from .measure.row_metrics import disparity_to_depth
 from .measure_pair import find_search_ranges
 from .report.row_log import Row, RowLog
-from .sources import Source, check_response, find_sources, sort_by_ground
 
 Event = Callable[[dict[str, Any]], None]
 
@@ -240,7 +240,7 @@ def _read_excavation_facts(workspace: Workspace) -> dict[str, Any] | None:
     return (
         {
             **{key: stated[key] for key in wanted},
-            "advice": [*reach.advise_on_reach(workspace.pair.settings), *stated.get("advice", [])],
+            "advice": [*arm_reach.advise_on_reach(workspace.pair.settings), *stated.get("advice", [])],
         }
         if stated
         else None

@@ -20,9 +20,10 @@ from typing import Any
 from ..support.errors import IcyMoonError
 from ..support.files import read_checksum
 from ..support.version import version
-from .artefacts import check_output_folder, named_files_exist, remove_leftovers
 from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
 from .environment import packages
+from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
+from .evaluation_files import check_output_folder, named_files_exist, remove_leftovers
 from .matchers import list_option_files, plugin_release
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
@@ -30,10 +31,9 @@ from .measure.plug_in import load_plugin_metrics
 from .measure_pair import MeasureRun, MeasureTask, has_maps, make_failed_row, measure_pair
 from .measuring_cluster import measure_on_cluster
 from .measuring_processes import MeasuringProcesses, choose_process_count
-from .report.results import find_facts, write_results
 from .report.row_log import Row, RowLog
 from .report.schema import ROW, Failure, Report
-from .sources import Source, check_response, find_sources, sort_by_ground
+from .report.write_results import find_facts, write_results
 
 Event = Callable[[dict[str, Any]], None]
 
@@ -55,7 +55,7 @@ def evaluate(
     dask: str | None = None,
     maps: float | None = None,
 ) -> Report:
-    """Evaluate pairs and all pairs of data sets, including data sets in other layouts (see ``datasets.layouts``);
+    """Evaluate pairs and all pairs of data sets, including data sets in other layouts (``datasets.dataset_layouts``);
     return the content of ``report.json``.
 
     ``predictions`` are further methods, see ``datasets.predictions``. ``jobs`` is the number of processes that measure,

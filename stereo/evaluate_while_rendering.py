@@ -17,12 +17,12 @@ from typing import Any
 from ..render.pairs.pair_folder import find_pair_folders, has_pairs
 from ..support.errors import IcyMoonError
 from ..support.system import lower_priority
-from .artefacts import check_output_folder, remove_leftovers
 from .evaluate import Evaluation
+from .evaluated_pairs import Source, find_sources
+from .evaluation_files import check_output_folder, remove_leftovers
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import MeasureRun, MeasureTask, measure_pair
-from .sources import Source, find_sources
 
 #: How long to wait for another pair.
 _WAIT_S = 1.0

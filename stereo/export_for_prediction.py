@@ -9,9 +9,9 @@ from typing import Any
 from ..support.errors import DiskError, describe_error
 from ..support.files import write_text
 from .evaluate import Event
+from .evaluated_pairs import check_response, find_sources
 from .export.layouts import middlebury_camera_text
 from .images.image_files import write_png
-from .sources import check_response, find_sources
 
 _README = """\
 A folder for each pair: im0.png is the left image, im1.png the right one, calib.txt their camera as Middlebury has it.

@@ -22,7 +22,7 @@ from .decisions.dem import Grid, back_project_depth, make_dem, mean_by_cell
 from .decisions.workspace import find_ground_pixels
 from .images.image_files import write_bytes
 from .matchers.methods import Method
-from .measure.prepare import PreparedPair
+from .measure.prepare_pair import PreparedPair
 from .measure.row_metrics import disparity_to_depth
 
 #: Classes of cells, and their values in the file.

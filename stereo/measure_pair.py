@@ -15,9 +15,10 @@ from ..render.pairs.pair_folder import Pair
 from ..support.arrays import Array
 from ..support.errors import DiskError, describe_error
 from ..support.files import write_json
-from .artefacts import write_method_pictures, write_pair_pictures
 from .datasets.foreign_pair import PhotographedPair
 from .datasets.predictions import PREDICTION, read_prediction
+from .evaluated_pairs import Source
+from .evaluation_files import write_method_pictures, write_pair_pictures
 from .export.points import add_points, find_left_pose
 from .images.disparity_files import read_disparity
 from .map_results import find_map_frame, name_maps, write_maps
@@ -25,13 +26,11 @@ from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.search_range import AUTO, SearchRange, find_known_ranges
 from .measure.common_pixels import measure_common_pixels
-from .measure.costs import COSTS
 from .measure.plug_in import measure_plugin_metrics
-from .measure.prepare import PreparedPair
-from .measure.row_metrics import NUMBERS, measure_row_numbers
+from .measure.prepare_pair import PreparedPair
+from .measure.row_metrics import COSTS, NUMBERS, measure_row_numbers
 from .report.row_log import Row
 from .report.schema import Failure
-from .sources import Source
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,10 @@ from typing import Any
 from ..render.workers.dask_cluster import connect_cluster
 from ..render.workers.runner import MOST_CRASHES
 from ..support.errors import DiskError
+from .evaluated_pairs import Source, find_sources
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import MeasureRun, MeasureTask, measure_pair
-from .sources import Source, find_sources
 
 #: Tasks that a worker has at once: one that it does, and the next.
 _EACH = 2

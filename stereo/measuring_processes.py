@@ -19,19 +19,19 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
-from ..render.workers.job import python_command
+from ..render.workers.job_commands import python_command
 from ..render.workers.process import clean_environment
 from ..support.errors import DiskError, IcyMoonError
-from ..support.file_shapes import TEXT, find_fault
+from ..support.file_schemas import TEXT, find_fault
 from ..support.foreign_bytes import parse_json
 from ..support.system import KEEPS_MEMORY, count_processors, kill_all, start
-from .artefacts import remove_leftovers
 from .datasets.predictions import PREDICTION
+from .evaluated_pairs import find_sources
+from .evaluation_files import remove_leftovers
 from .matchers import uses_one_processor
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import MeasureRun, MeasureTask, measure_pair
-from .sources import find_sources
 
 #: Least number of pairs for each process: its start costs as much as measuring one or two.
 _PAIRS_EACH = 4

@@ -1,4 +1,4 @@
-"""The one exception that the user is meant to read."""
+"""The one exception that the user is meant to read, and errors as sentences."""
 
 from __future__ import annotations
 
@@ -22,3 +22,9 @@ def describe_error(error: Exception, where: object) -> str:
 
 class DiskError(IcyMoonError):
     """Nothing can be written to this disk or folder."""
+
+
+def first_line(error: Exception) -> str:
+    """Why an operator of Blender failed, in one line."""
+    lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0] if lines else type(error).__name__

@@ -50,7 +50,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     empty: dict[str, list[str]] = {name: [] for name in CHARTS}
     monkeypatch.setattr("icymoon.stereo.report.html.draw_charts", lambda *_: empty)
     monkeypatch.setattr("icymoon.stereo.report.html.draw_sweeps", lambda *_: [])
-    monkeypatch.setattr("icymoon.stereo.report.results.write_curves", lambda *_: {})
+    monkeypatch.setattr("icymoon.stereo.report.write_results.write_curves", lambda *_: {})
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

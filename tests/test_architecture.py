@@ -86,7 +86,7 @@ BLENDERS = {"bpy", "mathutils", "bmesh", "gpu", "bl_ui", "idprop", "_cycles", "_
 
 
 def room_of(module: str) -> str:
-    """The room that a module such as ``physics.rocks.shapes`` is in, as its folder's path."""
+    """The room that a module such as ``physics.rocks.rock_shapes`` is in, as its folder's path."""
     path = ROOT.joinpath(*module.split(".")) if module else ROOT
     parts = module.split(".") if path.is_dir() else module.split(".")[:-1]
     return "/".join(parts) or module or "__init__"
@@ -180,8 +180,8 @@ def test_imports_go_down(path):
         ("physics.camera.point_spread", {"stereo.trade.measure_variants", "commands.cli"}),
         ("physics.camera.point_spread", {"settings", "settings.table"}),
         ("support.errors", {"settings.table"}),
-        ("render.plans.order", {"render.workers.claims"}),
-        ("nodes.scene", {"render.worker"}),
+        ("render.plans.render_order", {"render.workers.pair_claims"}),
+        ("nodes.build_scene", {"render.worker"}),
         ("stereo.measure.metrics", {"stereo.report.html"}),
         ("physics.light.sky", {"physics.scene_requirements"}),
     ],
@@ -193,7 +193,7 @@ def test_an_import_upwards_is_found(module, used):
 @pytest.mark.parametrize(
     ("module", "used"),
     [
-        ("operators.trade", {"render.cost.speed", "commands.doctor"}),
+        ("operators.trade", {"render.cost.machine_speed", "commands.doctor"}),
         ("physics.light.sky", {"physics.light.bodies"}),
         ("support.files", {"support.errors"}),
         ("__main__", {"commands.cli"}),

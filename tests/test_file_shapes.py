@@ -17,25 +17,25 @@ from typing import IO
 import pytest
 from icymoon.commands.sources import read_pair_settings
 from icymoon.render.cost import estimate
-from icymoon.render.cost import speed as machine
+from icymoon.render.cost import machine_speed as machine
 from icymoon.render.pairs.pair_folder import is_complete, read_pair, update_response
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.workers.claims import CLAIMS_FOLDER, Claims
-from icymoon.render.workers.detached import Detached
-from icymoon.render.workers.job import Job, read_job, read_planned_pairs
+from icymoon.render.workers.detached_process import Detached
+from icymoon.render.workers.job_commands import Job, read_job, read_planned_pairs
 from icymoon.render.workers.manifest import write_manifest
+from icymoon.render.workers.pair_claims import CLAIMS_FOLDER, Claims
 from icymoon.render.workers.runner import Runner, WorkerOptions
-from icymoon.render.workers.verify import verify_data_set
+from icymoon.render.workers.verify_dataset import verify_data_set
 from icymoon.settings.description import check
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export.layouts import export, write_truth
 from icymoon.stereo.images import develop as stereo_develop
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import load_pair
+from icymoon.stereo.measure.prepare_pair import load_pair
 from icymoon.stereo.reexpose import reexpose
-from icymoon.stereo.report import results, schema
+from icymoon.stereo.report import schema, write_results
 from icymoon.stereo.report.row_log import RowLog
-from icymoon.support import cache, file_shapes, files, system
+from icymoon.support import cache_folder, file_schemas, files, system
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import quote
 from pairs import Scene, camera, write_pair
@@ -194,7 +194,7 @@ def test_a_damaged_job_is_read_or_told_in_a_sentence(tmp_path):
 
 def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkeypatch):
     """The speed of the machine, a claim, what runs, an evaluation's facts and rows: none of them is worth a failure."""
-    monkeypatch.setenv(cache.FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(cache_folder.FOLDER_VARIABLE, str(tmp_path))
     speed = machine.Speed(2.0, "CPU", "5.0.1", system.count_processors(), "2026-01-01T00:00+00:00")
     machine.remember_speed(speed)
     claims = Claims(tmp_path)
@@ -227,7 +227,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         "pair": "p",
         "method": "bm",
         "key": "k",
-        **dict.fromkeys(results.NUMBERS),
+        **dict.fromkeys(write_results.NUMBERS),
         "status": "ok",
         "error": "",
         "common": {},
@@ -242,7 +242,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
     }
     rows.write_text(json.dumps(row) + "\n")
     assert RowLog(rows, schema.ROW).find("p", "bm", "k") == row
-    assert results.find_facts(tmp_path, "p") is not None
+    assert write_results.find_facts(tmp_path, "p") is not None
     assert machine.recall_speed("CPU") == speed
     file = machine._speed_file()
     for path, act in (
@@ -251,7 +251,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         (claim, lambda: Claims(tmp_path).describe_holder(PAIRS[0].id)),
         (claim, lambda: claims.is_lost(PAIRS[0].id)),
         (running, lambda: Detached.attach(tmp_path / "run")),
-        (facts, lambda: results.find_facts(tmp_path, "p")),
+        (facts, lambda: write_results.find_facts(tmp_path, "p")),
         (rows, lambda: RowLog(rows, schema.ROW).find("p", "bm", "k")),
     ):
         good, chosen = path.read_text(), random.Random(8)
@@ -318,10 +318,10 @@ def test_an_exception_of_any_kind_costs_one_pair_only(broken_set, tmp_path, monk
         return original(pair, *arguments, **options)
 
     from icymoon.stereo import reexpose as again
-    from icymoon.stereo.measure import prepare
+    from icymoon.stereo.measure import prepare_pair
 
     original = stereo_develop.develop
-    for module in (prepare, again):
+    for module in (prepare_pair, again):
         monkeypatch.setattr(module, "develop", broken)
     report = evaluate([broken_set], parse_methods("bm"), tmp_path / "evaluation")
     assert {failure["pair"] for failure in report["failed"]} == {PAIRS[0].id, PAIRS[1].id}
@@ -395,45 +395,45 @@ def test_a_pair_on_a_share_that_is_away_for_a_moment_is_there(tmp_path, monkeypa
 @pytest.mark.parametrize(
     ("shape", "good", "bad"),
     [
-        (file_shapes.TEXT, ["", "é"], [1, None, "\ud800", b"x"]),
-        (file_shapes.FLAG, [True], [0, 1, None]),
-        (file_shapes.NUMBER, [0, -1.5, 1e300], [True, "1", float("nan"), float("inf"), 10**400, None]),
-        (file_shapes.POSITIVE, [1e-300, 3], [0, -1, True]),
-        (file_shapes.COUNT, [0, 7], [-1, 1.0, True, 2**70]),
-        (file_shapes.FILE_NAME, ["left.exr", "a b"], ["", ".", "..", "a/b", "a\\b", "C:", "a\nb", "x ", "nul", 7]),
-        (file_shapes.SHA256, ["0" * 64], ["0" * 63, "G" * 64, "A" * 64, 0]),
-        (file_shapes.Maybe(file_shapes.FLAG), [True], [None]),
-        (file_shapes.Maybe(file_shapes.FLAG, null=True), [None, False], [1]),
-        (file_shapes.Each(file_shapes.FLAG), [[], [True]], [{}, [1], None]),
+        (file_schemas.TEXT, ["", "é"], [1, None, "\ud800", b"x"]),
+        (file_schemas.FLAG, [True], [0, 1, None]),
+        (file_schemas.NUMBER, [0, -1.5, 1e300], [True, "1", float("nan"), float("inf"), 10**400, None]),
+        (file_schemas.POSITIVE, [1e-300, 3], [0, -1, True]),
+        (file_schemas.COUNT, [0, 7], [-1, 1.0, True, 2**70]),
+        (file_schemas.FILE_NAME, ["left.exr", "a b"], ["", ".", "..", "a/b", "a\\b", "C:", "a\nb", "x ", "nul", 7]),
+        (file_schemas.SHA256, ["0" * 64], ["0" * 63, "G" * 64, "A" * 64, 0]),
+        (file_schemas.Maybe(file_schemas.FLAG), [True], [None]),
+        (file_schemas.Maybe(file_schemas.FLAG, null=True), [None, False], [1]),
+        (file_schemas.Each(file_schemas.FLAG), [[], [True]], [{}, [1], None]),
         (
-            file_shapes.Each(file_shapes.FLAG, file_shapes.FILE_NAME, ("a",)),
+            file_schemas.Each(file_schemas.FLAG, file_schemas.FILE_NAME, ("a",)),
             [{"a": True}],
             [{}, {"a": 1}, {"a": True, "../b": True}, []],
         ),
         (
-            {"a": file_shapes.FLAG, "b": file_shapes.Maybe(file_shapes.TEXT)},
+            {"a": file_schemas.FLAG, "b": file_schemas.Maybe(file_schemas.TEXT)},
             [{"a": True}, {"a": False, "b": "", "c": 1}],
             [{}, {"a": True, "b": 1}, [], None],
         ),
     ],
 )
 def test_shapes(shape, good, bad):
-    assert [value for value in good if file_shapes.find_fault(value, shape)] == []
-    assert [value for value in bad if not file_shapes.find_fault(value, shape)] == []
+    assert [value for value in good if file_schemas.find_fault(value, shape)] == []
+    assert [value for value in bad if not file_schemas.find_fault(value, shape)] == []
 
 
 def test_a_fault_names_the_file_the_key_what_is_expected_and_the_fix():
-    shape = {"files": file_shapes.Each({"bytes": file_shapes.COUNT}, file_shapes.FILE_NAME)}
+    shape = {"files": file_schemas.Each({"bytes": file_schemas.COUNT}, file_schemas.FILE_NAME)}
     with pytest.raises(IcyMoonError) as caught:
-        file_shapes.check_record({"files": {"left.exr": {"bytes": "x"}}}, shape, "a/pair.json", "fix it")
+        file_schemas.check_record({"files": {"left.exr": {"bytes": "x"}}}, shape, "a/pair.json", "fix it")
     assert str(caught.value) == ("a/pair.json: files.left.exr.bytes is 'x', not a whole number of 0 or more; fix it.")
 
 
 def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path, monkeypatch):
-    from icymoon.support import scratch
+    from icymoon.support import temporary_folders
 
-    monkeypatch.setattr(scratch.tempfile, "tempdir", str(tmp_path))
-    with scratch.open_scratch_folder() as mine:
+    monkeypatch.setattr(temporary_folders.tempfile, "tempdir", str(tmp_path))
+    with temporary_folders.open_scratch_folder() as mine:
         assert mine.parent == tmp_path
     assert not mine.exists()
     owner = {"pid": os.getpid(), "place": system.find_process_scope(), "computer": system.computer_name()}
@@ -455,8 +455,8 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
     victim = tmp_path / "victim"
     shutil.copytree(tmp_path / "icymoon-dead", victim)
     (tmp_path / "icymoon-link").symlink_to(victim)
-    scratch._remove_abandoned.cache_clear()
-    with scratch.open_scratch_folder():
+    temporary_folders._remove_abandoned.cache_clear()
+    with temporary_folders.open_scratch_folder():
         there = {path.name for path in tmp_path.iterdir()}
         assert {name for name, (_, kept) in cases.items() if kept} == {
             name.removeprefix("icymoon-") for name in there if name.removeprefix("icymoon-") in cases
@@ -468,7 +468,7 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
 def test_numbers_of_a_table_are_those_of_its_lines(tmp_path):
     for text in ("a,b,c\n1,x,2\n\n 3 ,, 4e1 \n", "\ufeffa,b,c\r\n1,\xe9,2\r\n\r\n3,,40\r\n", "a,b,c\r1,,2\r\r3,,40"):
         (tmp_path / "a.csv").write_bytes(text.encode())
-        assert file_shapes.read_number_lines(tmp_path / "a.csv", ("c", "a"), "rocks.file") == [
+        assert file_schemas.read_number_lines(tmp_path / "a.csv", ("c", "a"), "rocks.file") == [
             (2, [2.0, 1.0]),
             (4, [40.0, 3.0]),
         ]
@@ -477,7 +477,7 @@ def test_numbers_of_a_table_are_those_of_its_lines(tmp_path):
 @pytest.mark.parametrize("line", ["1", "", ",", "x,1", "1,x", "1_0,1", "'1',1", "1,\x1b[31m", "0x1,1", "1,-"])
 def test_a_line_without_numbers_is_none(tmp_path, line):
     (tmp_path / "a.csv").write_text(f"a,b\n1,2\n{line}\n", encoding="utf-8")
-    found = file_shapes.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
+    found = file_schemas.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
     assert found == [(2, [1.0, 2.0]), *([(3, None)] if line else [])]
 
 
@@ -505,7 +505,7 @@ def test_a_line_without_numbers_is_none(tmp_path, line):
 def test_a_table_that_is_none_is_a_sentence(tmp_path, content):
     (tmp_path / "a.csv").write_bytes(content)
     with pytest.raises(IcyMoonError) as caught:
-        file_shapes.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
+        file_schemas.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
     assert str(caught.value).startswith(f"{tmp_path / 'a.csv'}")
 
 
@@ -513,7 +513,7 @@ def test_a_table_that_is_no_file_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path, tmp_path / "absent"):
         with pytest.raises(IcyMoonError, match=r"cannot be read.*check rocks\.file"):
-            file_shapes.read_number_lines(path, ("a",), "rocks.file")
+            file_schemas.read_number_lines(path, ("a",), "rocks.file")
 
 
 @pytest.mark.parametrize(
@@ -553,6 +553,6 @@ def test_a_value_is_quoted_plainly(value, shown):
 def test_a_fault_of_a_table_is_named_with_its_line(tmp_path, data, text):
     (tmp_path / "a.csv").write_bytes(data)
     with pytest.raises(IcyMoonError) as caught:
-        file_shapes.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
+        file_schemas.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
     assert text in str(caught.value)
     assert len(str(caught.value)) < 300

@@ -13,14 +13,14 @@ from pathlib import Path, PureWindowsPath
 import pairs
 import pytest
 from icymoon.render.pairs.pair_folder import is_complete
-from icymoon.render.pairs.publish import publish_pair
+from icymoon.render.pairs.publish_pair import publish_pair
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import runner as running
-from icymoon.render.workers.claims import Claims
-from icymoon.render.workers.detached import Detached, find_left_running
+from icymoon.render.workers.detached_process import Detached, find_left_running
+from icymoon.render.workers.pair_claims import Claims
 from icymoon.render.workers.process import Process
 from icymoon.render.workers.runner import Runner, WorkerOptions
-from icymoon.render.workers.verify import verify_data_set
+from icymoon.render.workers.verify_dataset import verify_data_set
 from icymoon.support import files, system
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
@@ -452,7 +452,7 @@ def test_a_batch_that_is_stopped_leaves_nothing_but_pairs_and_the_next_one_goes_
 def test_the_claim_of_a_process_that_was_ended_is_given_to_the_next_at_once(drive):
     program = (
         f"import sys; sys.path[:0] = {sys.path!r}\nfrom pathlib import Path\n"
-        f"from icymoon.render.workers.claims import Claims\n"
+        f"from icymoon.render.workers.pair_claims import Claims\n"
         f"Claims(Path({str(drive / 'set')!r})).take({PAIRS[0].id!r})\n"
         "print(flush=True); import time; time.sleep(600)"
     )

@@ -22,7 +22,7 @@ from typing import Any
 from ..formats.png import encode_png
 from ..render.pairs.pair_folder import Pair, is_complete, read_pair
 from ..render.plans.planned_pair import expand_headings
-from ..render.workers.job import Job, render_job
+from ..render.workers.job_commands import Job, render_job
 from ..settings.topics.scene import Settings
 from ..settings.user_files import hash_content
 from ..support.arrays import Array

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..physics.surfaces import photometry
-from ..physics.surfaces.albedos import make_law
+from ..physics.surfaces.surface_law import make_law
 from ..settings.description import defaults, merged
 from ..settings.preset_files import load_preset
 from .comparison import Bench, Comparison, Row

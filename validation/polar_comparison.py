@@ -27,12 +27,11 @@ from .polar.data_set import (
     View,
     read_terrains,
 )
-from .polar.hand import LabelAgreement, measure_label_agreement
+from .polar.label_agreement import LabelAgreement, measure_label_agreement
 from .polar.lamp import HeightTable, cast_onto_sand, fit_lamps
 from .polar.sand import Sand, assign_outlines, measure_sand
 from .polar.scans import LeftOut, find_left_out
-from .polar.scene import Frame, describe_scene, find_frame, read_twin, write_ground
-from .polar.twins import Masks
+from .polar.scene import Frame, Masks, describe_scene, find_frame, read_twin, write_ground
 from .polar_stereo import judge_stereo
 
 #: Columns of the renders.

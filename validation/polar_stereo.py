@@ -27,8 +27,7 @@ from ..support.number_text import format_count
 from .comparison import Row
 from .polar.camera import Calibration
 from .polar.data_set import EYES, HEIGHT_PX, WIDTH_PX, Terrain, View
-from .polar.scene import Frame
-from .polar.twins import Masks
+from .polar.scene import Frame, Masks
 
 METHODS = ("bm", "sgbm")
 #: Largest difference of the shares of wrong or missing pixels, of the twin and of the photograph.

@@ -16,9 +16,9 @@ from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.matcher_errors import heads, measure_errors
 from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.settings import description
-from icymoon.stereo.measure.prepare import load_pair
+from icymoon.stereo.measure.prepare_pair import load_pair
 
 METHODS = ("bm", "sgbm")
 SECONDS = 0.01

@@ -123,8 +123,8 @@ def errors(folder: Path, methods: Sequence[Method]) -> Errors:
     """Of a rendered pair, on images as its own camera exposes and reads them."""
     from icymoon.stereo.matchers import match
     from icymoon.stereo.measure.metrics import is_usable
-    from icymoon.stereo.measure.prepare import load_pair
-    from icymoon.stereo.trade.losses import tally_errors
+    from icymoon.stereo.measure.prepare_pair import load_pair
+    from icymoon.stereo.trade.quality_losses import tally_errors
 
     pair = load_pair(folder, {})
     camera = pair.pair.camera
@@ -161,7 +161,7 @@ def measured(
     pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first: Sequence[Errors], best: Any
 ) -> dict[str, Any]:
     """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
-    from icymoon.stereo.trade.losses import STEREO, measure_variant, stereo_numbers
+    from icymoon.stereo.trade.quality_losses import STEREO, measure_variant, stereo_numbers
 
     costs = [pair["pair"] for pair in pairs]
     bake = pairs[0]["bake"]

@@ -12,7 +12,7 @@ import bpy
 import icymoon
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.processor import seconds_of
-from icymoon.nodes.scene import Built, build_scene
+from icymoon.nodes.build_scene import Built, build_scene
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from, render_pairs

@@ -40,7 +40,7 @@ from icymoon.benchmarks.common.own_process import command
 from icymoon.formats.exr_parts import read_pieces
 from icymoon.formats.exr_pixels import Pixels
 from icymoon.render.plans.planned_pair import expand_headings
-from icymoon.render.workers.cards import BACKENDS, ENVIRONMENT
+from icymoon.render.workers.assign_cards import BACKENDS, ENVIRONMENT
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.rendering import QualitySettings

@@ -38,11 +38,11 @@ from typing import Any
 from icymoon.benchmarks.common.arguments import add_out, add_scale, is_asked, out_folder
 from icymoon.benchmarks.common.guiss_rows import Errors, errors, head, measured, rendered, shown
 from icymoon.benchmarks.common.guiss_scene import GROUNDS, LAMBERT, Rung, ladder, snow, with_quality
-from icymoon.render.cost.variants import make_reference
-from icymoon.render.workers import job
+from icymoon.render.cost.quality_variants import make_reference
+from icymoon.render.workers import job_commands
 from icymoon.settings import description
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.trade.losses import read_reference
+from icymoon.stereo.trade.quality_losses import read_reference
 
 METHODS = "sgbm,bm,jplv"
 
@@ -94,7 +94,9 @@ def print_table(options: argparse.Namespace, out: Path) -> None:
     if options.reference_samples:
         many = make_reference(scene, options.reference_samples)
         folders = [
-            job.render_job(job.Job(out / "many", many.settings, repeat=k), sys.executable, lambda message: None)[0]
+            job_commands.render_job(
+                job_commands.Job(out / "many", many.settings, repeat=k), sys.executable, lambda message: None
+            )[0]
             for k in range(many.repeats)
         ]
         best = read_reference(folders, methods, {})

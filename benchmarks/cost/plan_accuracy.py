@@ -21,8 +21,8 @@ from icymoon.benchmarks.common.own_process import work
 from icymoon.render.cost.estimate import estimate_plan
 from icymoon.render.cost.measure_speed import measure_speed
 from icymoon.render.plans import frozen_plan
-from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.plan_file import parse_plan
+from icymoon.render.plans.render_order import order_pairs
 from icymoon.support.system import count_processors
 
 _RIG = "[rig]\nwidth_px = {}\nheight_px = {}\n"

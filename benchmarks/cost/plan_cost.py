@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from icymoon.benchmarks.common.arguments import is_asked, scratch
 from icymoon.benchmarks.common.renders import open_empty_file, settings_of, start_blender
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand_headings
-from icymoon.render.plans.triangles import count_triangles
+from icymoon.render.plans.triangle_count import count_triangles
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings

@@ -25,14 +25,14 @@ from typing import Any
 
 import numpy as np
 from icymoon.benchmarks.common.arguments import add_out, add_scale, out_folder
-from icymoon.render.cost.variants import make_reference
+from icymoon.render.cost.quality_variants import make_reference
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.render.workers.job import Job, render_job
+from icymoon.render.workers.job_commands import Job, render_job
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.matchers.methods import Method, parse_methods
-from icymoon.stereo.trade.losses import Reference, measure_variant, read_reference
 from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.stereo.trade.quality_losses import Reference, measure_variant, read_reference
 
 SCENE = "scenes/europa_rough_ice"
 #: What makes its light such that it can be baked.

@@ -24,8 +24,8 @@ from icymoon.benchmarks.common.own_process import call, work
 from icymoon.benchmarks.common.processor import resident_mib
 from icymoon.benchmarks.common.renders import render_planned, start_blender
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.render.plans.render_order import order_pairs
 from icymoon.settings import description
 
 SCENES, WARM_UP = 50, 5

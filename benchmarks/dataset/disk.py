@@ -21,7 +21,7 @@ import numpy as np
 from icymoon.benchmarks.common.arguments import is_asked, scratch
 from icymoon.benchmarks.common.renders import open_empty_file, render, start_blender
 from icymoon.formats.exr_parts import read_pieces
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.render.cost import estimate
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings

@@ -22,14 +22,14 @@ from typing import Any
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.processor import seconds_of_all
 from icymoon.physics.camera.stereo_camera import StereoCamera
-from icymoon.physics.excavation.jitter import jitter_rig
+from icymoon.physics.excavation.camera_jitter import jitter_rig
 from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.render.plans.frozen_plan import freeze_plan
-from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import PlannedPair
-from icymoon.render.workers.job import Job, read_job, read_planned_pairs
+from icymoon.render.plans.render_order import order_pairs
+from icymoon.render.workers.job_commands import Job, read_job, read_planned_pairs
 from icymoon.support.files import to_json_text
 from pairs import Scene, write_pair
 

@@ -25,10 +25,10 @@ from pathlib import Path
 from typing import Any
 
 from icymoon.render.plans import frozen_plan
-from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
-from icymoon.render.workers.claims import CLAIMS_FOLDER, STALE_S
-from icymoon.render.workers.verify import verify_data_set
+from icymoon.render.plans.render_order import order_pairs
+from icymoon.render.workers.pair_claims import CLAIMS_FOLDER, STALE_S
+from icymoon.render.workers.verify_dataset import verify_data_set
 from icymoon.settings import description
 
 #: Rough Lambert ground in small images, baked with few samples.

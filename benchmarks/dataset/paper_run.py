@@ -28,12 +28,12 @@ import numpy as np
 from icymoon.benchmarks.common.arguments import add_scale
 from icymoon.benchmarks.common.own_process import work
 from icymoon.render.cost.estimate import estimate_plan
-from icymoon.render.cost.speed import recall_speed
+from icymoon.render.cost.machine_speed import recall_speed
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.indirect import make_light_key
-from icymoon.render.plans.order import order_pairs
+from icymoon.render.plans.baked_or_traced import make_light_key
 from icymoon.render.plans.plan_file import parse_plan
 from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.render.plans.render_order import order_pairs
 from icymoon.settings import description
 
 SETS = ("reconstructions", "textures", "landforms", "generative", "terrains", "rocks", "snow")

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from icymoon.benchmarks.common.processor import Stopwatch, seconds_of
 from icymoon.physics.excavation.dig import ExcavationSeries
-from icymoon.physics.excavation.grid import make_covering_grid
+from icymoon.physics.excavation.dig_grid import make_covering_grid
+from icymoon.physics.excavation.dig_site import make_site
 from icymoon.physics.excavation.heap import cone_size_m
-from icymoon.physics.excavation.relax import GroundLayers, relax_slopes
-from icymoon.physics.excavation.site import make_site
+from icymoon.physics.excavation.slide_to_repose import GroundLayers, relax_slopes
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
 
@@ -109,7 +109,7 @@ def measure_builds() -> None:
     """Print the processor seconds of builds, one after the other, and their ratios to that without an excavation."""
     # Volumes need no Blender.
     from icymoon.benchmarks.common.renders import settings_of, start_blender
-    from icymoon.nodes.next_scene import open_empty_scene
+    from icymoon.nodes.change_scene import open_empty_scene
 
     start_blender()
     scene = settings_of((BASE,))

@@ -18,7 +18,7 @@ from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.own_process import call
 from icymoon.benchmarks.common.processor import Stopwatch, peak_mib
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.settings.topics.declaration import Parts
 
 WIDTH_PX, HEIGHT_PX = 480, 320

@@ -23,8 +23,8 @@ from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.own_process import call
 from icymoon.benchmarks.common.processor import Stopwatch, peak_mib
 from icymoon.benchmarks.common.renders import open_empty_file, render, settings_of, start_blender
-from icymoon.nodes.next_scene import adapt_scene
-from icymoon.physics.mesh.fine_relief import nearest_ground_m
+from icymoon.nodes.change_scene import adapt_scene
+from icymoon.physics.mesh.finer_in_view import nearest_ground_m
 from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.settings import description
 from icymoon.stereo.evaluate import evaluate

@@ -22,8 +22,8 @@ from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.own_process import call
 from icymoon.benchmarks.common.processor import Stopwatch, peak_mib
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
-from icymoon.nodes import scene as scenes
-from icymoon.physics.mesh.height_surface import Surface
+from icymoon.nodes import build_scene as scenes
+from icymoon.physics.mesh.ground_interface import Surface
 from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.arrays import Array

@@ -14,7 +14,7 @@ import math
 import numpy as np
 from icymoon.benchmarks.common.renders import seconds_of_render, settings_of, start_blender
 from icymoon.physics.arm.kinematics import find_tip
-from icymoon.physics.arm.parametric import make_parametric_arm
+from icymoon.physics.arm.parametric_arm import make_parametric_arm
 from icymoon.settings import description
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings

@@ -18,7 +18,7 @@ from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.own_process import call
 from icymoon.benchmarks.common.processor import peak_mib
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 
 NUMBERS = (0, 100, 1000, 10_000, 100_000)
 

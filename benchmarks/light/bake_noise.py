@@ -27,9 +27,9 @@ from icymoon.benchmarks.common.guiss_rows import errors
 from icymoon.benchmarks.common.guiss_scene import lambert_snow, planned
 from icymoon.benchmarks.common.renders import render_planned, start_blender
 from icymoon.stereo.images.develop import average_bands
-from icymoon.stereo.inference.rank_order import kendall_tau_b
+from icymoon.stereo.inference.kendall_tau import kendall_tau_b
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import compute_noise_free_level, find_baked_error_level, load_pair
+from icymoon.stereo.measure.prepare_pair import compute_noise_free_level, find_baked_error_level, load_pair
 from icymoon.stereo.measure.render_noise import judge_render_noise, measure_hidden_share
 
 #: Matchers whose errors are compared.

@@ -47,7 +47,7 @@ MODELS: dict[str, tuple[dict[str, Any], ...]] = {
 def _seconds(surface: dict[str, Any], hapke: dict[str, Any], textures: dict[str, Any] | None = None) -> float:
     """Processor seconds of 63 samples a pixel of an open ground under a low Sun."""
     import bpy
-    from icymoon.nodes.scene import build_scene
+    from icymoon.nodes.build_scene import build_scene
     from icymoon.nodes.surface.sun_inputs import prepare_for_cycles
     from icymoon.render import cycles_settings
     from rendering import complete, empty_scene
@@ -124,7 +124,7 @@ def error() -> None:
 def planet() -> None:
     """Print the errors of few directions."""
     from icymoon.physics.light.planetshine import Planet, make_light_rays
-    from icymoon.physics.surfaces import albedos
+    from icymoon.physics.surfaces import surface_law
     from icymoon.settings import description, preset_files
     from test_hapke_render import angles
 
@@ -135,7 +135,7 @@ def planet() -> None:
         ("Saturn", "surfaces/hapke_enceladus_global", 29.33, 0.098),
     ):
         shown = description.merged(description.defaults(), preset_files.load_preset(preset))
-        law = albedos.make_law(shown.surface, shown.hapke)
+        law = surface_law.make_law(shown.surface, shown.hapke)
         assert law is not None
         errors: dict[int, list[float]] = {}
         for _ in range(100):
@@ -171,7 +171,7 @@ def planet() -> None:
 
 def curve(path: Path) -> None:
     """Draw brightness over phase angle, the last degrees before opposition apart."""
-    from icymoon.physics.surfaces import albedos, photometry
+    from icymoon.physics.surfaces import photometry, surface_law
     from icymoon.settings import description, preset_files
 
     presets = [name for name in preset_files.preset_names("surfaces") if "hapke" in name]
@@ -209,7 +209,7 @@ def curve(path: Path) -> None:
         phase = np.radians(last) * np.linspace(0, 1, 121) ** 2
         for name, colour in zip(presets, colours, strict=True):
             shown = description.merged(description.defaults(), preset_files.load_preset(name))
-            law = albedos.make_law(shown.surface, shown.hapke)
+            law = surface_law.make_law(shown.surface, shown.hapke)
             assert law is not None
             bright = photometry.disc_brightness(law, phase)
             points = " ".join(

@@ -27,7 +27,7 @@ import numpy as np
 from icymoon.support.arrays import Array
 
 if TYPE_CHECKING:
-    from icymoon.nodes.scene import Built
+    from icymoon.nodes.build_scene import Built
 
 SAMPLES, DEPTH = 256, 12
 SETS = {
@@ -94,7 +94,7 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> A
     """Radiance of the left eye; leaves the scene's description in ``folder``."""
     import bpy
     from icymoon.benchmarks.common.renders import render
-    from icymoon.nodes.scene import build_scene
+    from icymoon.nodes.build_scene import build_scene
     from icymoon.physics.surfaces.hapke import hapke_from_settings
     from icymoon.stereo.images.exr import read_view
     from rendering import complete, empty_scene
@@ -172,7 +172,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> None:
     """Print the ratios."""
     from icymoon.benchmarks.common.renders import start_blender
-    from icymoon.physics.surfaces.albedos import find_albedos
+    from icymoon.physics.surfaces.surface_law import find_albedos
     from rendering import complete
 
     start_blender()

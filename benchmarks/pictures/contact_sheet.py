@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.renders import open_empty_file, render, settings_of, start_blender
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.settings import preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.stereo.images.develop import average_bands

@@ -22,7 +22,7 @@ from icymoon.settings.description import defaults, merged
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.workspace import Workspace, compare_with_truth, decide_from_depth, open_workspace
 from icymoon.stereo.matchers import match
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.stereo.measure.row_metrics import disparity_to_depth
 from icymoon.support.arrays import Array
 from icymoon.support.files import hash_file

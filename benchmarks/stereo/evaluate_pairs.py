@@ -23,15 +23,15 @@ from icymoon.stereo.matchers.methods import parse_methods
 
 #: Functions whose cumulative time is printed: part of the module's path, name.
 PARTS = (
-    ("measure/prepare.py", "prepare"),
-    ("measure/prepare.py", "load"),
+    ("measure/prepare_pair.py", "prepare"),
+    ("measure/prepare_pair.py", "load"),
     ("matchers/__init__.py", "match"),
     ("measure/row_metrics.py", "own_numbers"),
     ("measure/row_metrics.py", "common_numbers"),
-    ("stereo/artefacts.py", "write_method_pictures"),
-    ("stereo/artefacts.py", "write_pair_pictures"),
+    ("stereo/evaluation_files.py", "write_method_pictures"),
+    ("stereo/evaluation_files.py", "write_pair_pictures"),
     ("report/row_log.py", "append"),
-    ("report/results.py", "write_results"),
+    ("report/write_results.py", "write_results"),
 )
 
 

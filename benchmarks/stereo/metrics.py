@@ -33,7 +33,7 @@ from icymoon.stereo.measure.metrics import (
     compute_total_metrics,
     sort_by_confidence,
 )
-from icymoon.stereo.measure.prepare import load_pair, prepare_pair
+from icymoon.stereo.measure.prepare_pair import load_pair, prepare_pair
 from icymoon.stereo.measure.row_metrics import disparity_to_depth, measure_row_numbers
 
 

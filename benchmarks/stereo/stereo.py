@@ -18,7 +18,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.depth_order import depth_order_disagreement
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 
 
 def main(options: argparse.Namespace) -> None:

@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.stereo.datasets.visibility import find_better_reading, find_fault_of_right
+from icymoon.stereo.evaluated_pairs import RenderedPair, find_sources
 from icymoon.stereo.images.image_values import to_grey
 from icymoon.stereo.measure.fit_check import KINDS, find_fault, find_misfit, find_places
-from icymoon.stereo.measure.prepare import LoadedPair, PreparedPair, load_pair
-from icymoon.stereo.sources import RenderedPair, find_sources
+from icymoon.stereo.measure.prepare_pair import LoadedPair, PreparedPair, load_pair
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
@@ -120,7 +120,7 @@ def judge_visibility(folder: Path, counts: dict[str, Counter[str]]) -> None:
 def render(dataset: Path, grounds: int) -> None:
     """Render sound pairs. A rig whose eye would be in the ground is left out."""
     from icymoon.benchmarks.common import renders
-    from icymoon.nodes.scene import build_scene
+    from icymoon.nodes.build_scene import build_scene
 
     renders.start_blender()
     random = np.random.default_rng(5)

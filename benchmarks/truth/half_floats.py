@@ -33,7 +33,7 @@ from icymoon.stereo.images import exr
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import Method, parse_methods
 from icymoon.stereo.measure.metrics import is_usable
-from icymoon.stereo.measure.prepare import load_pair
+from icymoon.stereo.measure.prepare_pair import load_pair
 from icymoon.support.arrays import Array
 from icymoon.support.labels import IMAGE_PASS, rounded_passes
 

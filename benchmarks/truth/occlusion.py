@@ -24,7 +24,7 @@ import numpy as np
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.processor import Stopwatch, seconds_of
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
-from icymoon.nodes.scene import Built, build_scene
+from icymoon.nodes.build_scene import Built, build_scene
 from icymoon.physics.camera import occlusion as columns
 from icymoon.physics.camera.occlusion import find_hidden, find_matching_column, is_in_frame, sample_at_columns
 from icymoon.render import cycles_occlusion, render_pair

@@ -24,7 +24,7 @@ from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.pairs.pair_folder import EYES, find_pair_folders, read_pair, read_unchanged_pair
 from icymoon.settings.topics.camera import RigSettings
 from icymoon.stereo.images.views import read_eye
-from icymoon.stereo.measure.prepare import make_check_eyes
+from icymoon.stereo.measure.prepare_pair import make_check_eyes
 from icymoon.stereo.measure.self_check import Eye, find_visibility, run_self_check
 from icymoon.support.arrays import Array
 

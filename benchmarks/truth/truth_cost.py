@@ -5,7 +5,7 @@ only depth is wanted.
 
 Each row is a process that renders as many pairs of a scene preset, or of the ``paper``'s snow (``guiss_cost``), with
 one sample of radiance. The first has depth alone, which comes with the radiance; the others have the whole truth. In
-the last row ``unlit.MOST_TRIANGLES_A_PIXEL`` does not count. Needs Blender as a module.
+the last row ``truth_without_light.MOST_TRIANGLES_A_PIXEL`` does not count. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from icymoon.benchmarks.common.arguments import add_scale, scratch
 from icymoon.benchmarks.common.guiss_scene import snow
 from icymoon.benchmarks.common.own_process import call
 from icymoon.benchmarks.common.renders import render_planned, settings_of, start_blender
-from icymoon.render import unlit
+from icymoon.render import truth_without_light
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import typed
@@ -33,8 +33,8 @@ def render(scene: str, way: int, scale: float, pairs_of_scene: int) -> list[floa
     """Render in this process; processor seconds of each pair."""
     start_blender()
     for name in ("take_surfaces_off", "switch_lights_off")[: max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
-        setattr(unlit, name, lambda what: nullcontext())
-    unlit.MOST_TRIANGLES_A_PIXEL = 10**9
+        setattr(truth_without_light, name, lambda what: nullcontext())
+    truth_without_light.MOST_TRIANGLES_A_PIXEL = 10**9
     made = snow(scale) if scene == "paper" else scaled_view(settings_of((f"scenes/{scene}",)), scale)
     settings = typed(
         description.merged(

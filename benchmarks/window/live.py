@@ -18,7 +18,7 @@ import bpy
 from icymoon.benchmarks.common.arguments import is_asked
 from icymoon.benchmarks.common.processor import Stopwatch, seconds_of
 from icymoon.benchmarks.common.renders import open_empty_file, start_blender
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.operators import live_preview
 from icymoon.operators.session import session
 from icymoon.settings import preset_files

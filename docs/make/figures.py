@@ -22,14 +22,14 @@ from icymoon.physics.light.sunlight import sun_diameter_deg, sun_irradiance_wm2
 from icymoon.physics.random_numbers.seeds import make_generator
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.physics.rocks import size_laws
-from icymoon.physics.surfaces import albedos, photometry
+from icymoon.physics.surfaces import photometry, surface_law
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance
 from icymoon.physics.terrain import terrain as grounds
 from icymoon.physics.terrain.roughness import statistics
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.measure.metrics import compute_depth_metrics, compute_disparity_metrics, compute_total_metrics
-from icymoon.stereo.trade.losses import find_pareto_front
+from icymoon.stereo.trade.quality_losses import find_pareto_front
 from icymoon.support.version import ROOT
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -112,7 +112,7 @@ def hapke_phase(figure: Figure) -> None:
     near, far = figure.subplots(1, 2)
     for name in (n for n in preset_files.preset_names("surfaces") if "hapke" in n):
         shown = described(name)
-        law = albedos.make_law(shown.surface, shown.hapke)
+        law = surface_law.make_law(shown.surface, shown.hapke)
         assert law is not None
         for axes, last in ((near, 8.0), (far, 160.0)):
             phase = np.radians(last) * np.linspace(0, 1, 81) ** 2
@@ -150,11 +150,11 @@ def hapke_roughness(figure: Figure) -> None:
     emission = np.linspace(-85, 85, 341)
     for theta in (0.0, 10.0, 25.0):
         shown = described("surfaces/hapke_europa_global", hapke={"theta_bar_deg": theta})
-        law = albedos.make_law(shown.surface, shown.hapke)
+        law = surface_law.make_law(shown.surface, shown.hapke)
         assert law is not None
         r = law(np.radians(60.0), np.radians(np.abs(emission)), np.where(emission > 0, 0.0, math.pi))
         axes.plot(emission, math.pi * np.asarray(r), label=f"roughness {theta:g}°")
-    lambert = albedos.make_law(described(surface={"model": "LAMBERT", "albedo": 0.7}).surface, described().hapke)
+    lambert = surface_law.make_law(described(surface={"model": "LAMBERT", "albedo": 0.7}).surface, described().hapke)
     assert lambert is not None
     axes.plot(
         emission,

@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from icymoon.commands.render_scenes import render_settings
-from icymoon.render.workers.job import python_command
+from icymoon.render.workers.job_commands import python_command
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import Shape, check_record
+from ...support.file_schemas import Shape, check_record
 from ...support.foreign_bytes import MOST_TEXT, parse_json
 
 _FIX = "press Build Scene to build it again"

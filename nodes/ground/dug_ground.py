@@ -15,14 +15,14 @@ import bpy
 import numpy as np
 from mathutils import geometry
 
-from ...physics.excavation import site as sites
+from ...physics.excavation import dig_site as sites
 from ...physics.excavation.dig import ExcavationSeries
-from ...physics.excavation.grid import ExcavationGrid
-from ...physics.excavation.paths import JOINTS
-from ...physics.mesh.patch_hole import cut_hole, is_inside_loop, list_grid_rim
-from ...physics.rocks.rocks import HeightAt
+from ...physics.excavation.dig_grid import ExcavationGrid
+from ...physics.excavation.scoop_paths import JOINTS
+from ...physics.mesh.hole_for_trench import cut_hole, is_inside_loop, list_grid_rim
+from ...physics.rocks.place_rocks import HeightAt
 from ...physics.terrain.terrain import Terrain
-from ...settings import changes
+from ...settings import rebuilt_parts
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -112,7 +112,7 @@ def mesh_whole_ground(make: Callable[[Settings], Terrain], settings: Settings) -
 
 
 def _ground_key(settings: Settings) -> str:
-    scene = {topic: dict(values) for topic, values in changes.select_scene(settings).items()}
+    scene = {topic: dict(values) for topic, values in rebuilt_parts.select_scene(settings).items()}
     scene["excavation"]["state"] = 0
     return json.dumps([scene, sites.gravity_m_s2(settings), hash_content(settings)], sort_keys=True)
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from ...physics.rocks.rocks import HeightAt
+from ...physics.rocks.place_rocks import HeightAt
 from ...support.arrays import Array
 
 _ABOVE_M = 1.0

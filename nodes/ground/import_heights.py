@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...formats import files_beside, gdal_lines, geotiff, tiff
+from ...formats import gdal_lines, geotiff, sidecar_files, tiff
 from ...formats.exr_layout import KIND as EXR
 from ...formats.exr_layout import read_layout
 from ...formats.geotiff import MapPlace, Site
@@ -50,7 +50,7 @@ class Heights:
     values: Array
     pixel_m: tuple[float, float] | None = None
     corner_m: tuple[float, float] | None = None
-    unplaced: str = files_beside.NO_SIZE
+    unplaced: str = sidecar_files.NO_SIZE
     report: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     file_shape: tuple[int, int] | None = None
@@ -137,8 +137,8 @@ def _read_png(path: Path, start: bytes) -> Heights:
     highest = 2 ** read(path, parse, "a whole PNG file", "copy it again") - 1
     return Heights(
         np.rint(_load_pixels(path).astype(np.float64) * highest),
-        unplaced=files_beside.why_unplaced(path),
-        warnings=(*files_beside.describe_world_file(path), *files_beside.describe_gdal_notes(path)),
+        unplaced=sidecar_files.why_unplaced(path),
+        warnings=(*sidecar_files.describe_world_file(path), *sidecar_files.describe_gdal_notes(path)),
     )
 
 

@@ -14,8 +14,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...physics.rocks.rocks import Rocks
-from ...physics.rocks.shapes import RockShape
+from ...physics.rocks.place_rocks import Rocks
+from ...physics.rocks.rock_shapes import RockShape
 from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE, FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
 from ..tree.builder import Tree

@@ -9,9 +9,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...physics.mesh.fine_relief import is_carried_by_grid
-from ...physics.mesh.graded_ground import GradedGround, grade_ground
-from ...physics.mesh.height_surface import Surface
+from ...physics.mesh.finer_in_view import is_carried_by_grid
+from ...physics.mesh.graded_mesh import GradedGround, grade_ground
+from ...physics.mesh.ground_interface import Surface
 from ...physics.terrain.roughness.roughness import list_asked_statistics
 from ...physics.terrain.roughness.statistics import Roughness, measure_roughness, power_spectrum
 from ...physics.terrain.terrain import Terrain, law_range_m

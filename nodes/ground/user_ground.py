@@ -15,10 +15,10 @@ from ...formats import gdal_lines, mesh_file, mesh_images
 from ...formats.geotiff import MapPlace
 from ...formats.map_site import make_map_site
 from ...paper_stand_ins.cached_files import find_mesh_file
-from ...physics.mesh import check, height_map, subdivide, texture_coordinates
+from ...physics.mesh import halve_edges, height_map, mesh_faults, texture_coordinates
+from ...physics.mesh.ground_interface import Surface
 from ...physics.mesh.height_map import HeightMap
-from ...physics.mesh.height_surface import Surface
-from ...physics.mesh.mesh_heights import MeshGround
+from ...physics.mesh.heights_on_mesh import MeshGround
 from ...physics.surfaces.textures import uses_uv
 from ...physics.terrain.fine_detail import displace_by_relief
 from ...settings.topics.ground import SourceSettings
@@ -183,7 +183,7 @@ def _check_size(path: Path, extents_m: Array, fix: str, fix_height: str, to_hori
 
 def _check_against_camera(path: Path, positions: Array, faces: Array, height_m: float, fix: str) -> list[str]:
     """A warning of a mesh that is too coarse or too small for a camera at this height above it."""
-    widest, edge = float(np.ptp(positions[:, :2], axis=0).max()), subdivide.edge_length_m(positions, faces)
+    widest, edge = float(np.ptp(positions[:, :2], axis=0).max()), halve_edges.edge_length_m(positions, faces)
     if widest >= height_m and _is_fine(edge, height_m):
         return []
     return [
@@ -209,14 +209,14 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     positions, faces, uv = read_mesh(path)
     warnings = [*_warn_of_rounding(path, positions), *_ignored_unit(path, kind)]
     positions, axis = turn_up(positions * source.scale, kind, source.up_axis)
-    before = check.examine_mesh(positions, faces)
-    fine = _is_fine(subdivide.edge_length_m(positions, faces), float(settings.rig.height_m))
+    before = mesh_faults.examine_mesh(positions, faces)
+    fine = _is_fine(halve_edges.edge_length_m(positions, faces), float(settings.rig.height_m))
     unlikely = _check_size(path, np.array(before.extents_m), _SET_SCALE, "fix the vertices that stand out.", fine)
     _refuse_unusable(path, before, source.repair)
     report = [f"{kind}, {axis} up, {source.scale:g} m per unit", *before.lines()]
     if source.repair:
-        positions, faces, uv = check.repair_mesh(positions, faces, uv)
-        after = check.examine_mesh(positions, faces)
+        positions, faces, uv = mesh_faults.repair_mesh(positions, faces, uv)
+        after = mesh_faults.examine_mesh(positions, faces)
         report.append("Repaired: " + "; ".join(after.lines()))
     else:
         after = before
@@ -249,16 +249,16 @@ def _add_roughness(
     positions: Array, faces: Array, uv: Array | None, settings: Settings
 ) -> tuple[Array, Array, Array | None, str]:
     """The mesh, divided to the vertex spacing of ``terrain`` and displaced along its normals, and a sentence on it."""
-    edge = subdivide.edge_length_m(positions, faces)
+    edge = halve_edges.edge_length_m(positions, faces)
     wanted = shortest_wavelength_m(settings.terrain) / 2
-    cuts = subdivide.count_halvings(edge, wanted, len(faces), _MOST_TRIANGLES)
+    cuts = halve_edges.count_halvings(edge, wanted, len(faces), _MOST_TRIANGLES)
     for _ in range(cuts):
-        positions, faces = subdivide.halve_edges(positions, faces)
+        positions, faces = halve_edges.halve_edges(positions, faces)
         uv = None if uv is None else texture_coordinates.halve_coordinates(uv)
     finest = edge / 2**cuts
     roughened = displace_by_relief(
         positions,
-        subdivide.vertex_normals(positions, faces),
+        halve_edges.vertex_normals(positions, faces),
         settings,
         int(settings.dataset.seed),
         2 * edge,
@@ -309,7 +309,7 @@ def _ignored_unit(path: Path, kind: str) -> list[str]:
     ]
 
 
-def _refuse_unusable(path: Path, found: check.MeshReport, repair: bool) -> None:
+def _refuse_unusable(path: Path, found: mesh_faults.MeshReport, repair: bool) -> None:
     """Raise IcyMoonError for a mesh without an area, and for vertices that are nowhere unless ``repair`` is set."""
     if found.area_m2 <= 0.0 or found.degenerate_faces == found.triangles:
         raise IcyMoonError(f"{path}: none of its {found.triangles} faces has an area; export the mesh again.")

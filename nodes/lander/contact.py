@@ -10,7 +10,7 @@ import numpy as np
 from ...physics.arm.collisions import Heights, find_self_collisions, ground_clearances_m, place_capsules
 from ...physics.arm.lander_arm import joint_values, make_arm
 from ...physics.arm.lander_solids import make_body_capsules
-from ...physics.mesh.mesh_heights import MeshGround
+from ...physics.mesh.heights_on_mesh import MeshGround
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.number_text import show_rounded

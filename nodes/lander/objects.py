@@ -9,7 +9,7 @@ from mathutils import Matrix
 from ...physics.arm.kinematics import forward_kinematics, rigid_transform
 from ...physics.arm.lander_arm import joint_values, make_arm, make_solids
 from ...physics.arm.lander_solids import BODY, HEAD, LEGS, MAST, find_pad_centres, make_head
-from ...physics.arm.parametric import JOINTS, lander_pose
+from ...physics.arm.parametric_arm import JOINTS, lander_pose
 from ...physics.arm.solids import Solid
 from ...physics.arm.urdf import MOST_LINKS
 from ...physics.light.directions import camera_axes

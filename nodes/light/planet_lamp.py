@@ -18,7 +18,7 @@ from mathutils import Vector
 from ...physics.light.planetshine import Planet, find_lit_chords, find_mean_direction, make_ellipsoid, unshaded_share
 from ...support.arrays import Array
 from ...support.blender import compat
-from ...support.file_shapes import NUMBER, Each
+from ...support.file_schemas import NUMBER, Each
 from ..datablocks.stored_json import read_stored
 from ..tree.builder import WHITE, Socket, Tree, Value
 

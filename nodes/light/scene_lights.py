@@ -9,11 +9,11 @@ from typing import Any
 import bpy
 
 from ...formats.map_site import read_site_place
-from ...physics.light.map_sky import asks_sky_of_site, find_sky_place
 from ...physics.light.planet_face import face_tint
 from ...physics.light.saturn_rings import make_ring_mesh
 from ...physics.light.sky import Sky, check_body, describe_sky
 from ...physics.light.sky import compute_sky as sky_of
+from ...physics.light.sky_over_map import asks_sky_of_site, find_sky_place
 from ...physics.light.stars import stars_above_horizon
 from ...physics.light.sunlight import sun_colour
 from ...physics.mesh.horizon import dip_deg

@@ -12,7 +12,7 @@ from ...formats.map_frame import map_frame_from_json
 from ...formats.map_site import read_site_place
 from ...formats.mesh_images import MeshImage
 from ...paper_stand_ins.cached_files import find_texture_files
-from ...paper_stand_ins.items import describe_item, list_items
+from ...paper_stand_ins.shown_items import describe_item, list_items
 from ...physics.light.ground_colours import clean_albedo
 from ...physics.scene_requirements import simplify_surface, surface_topics
 from ...physics.surfaces import principled

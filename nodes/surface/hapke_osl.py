@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 
 from ...support.blender import compat
-from ...support.scratch import open_scratch_folder
+from ...support.temporary_folders import open_scratch_folder
 from ..tree.builder import Node, Tree
 
 SOURCE = Path(__file__).parent / "hapke.osl"

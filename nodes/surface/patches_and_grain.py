@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...physics.mesh.fine_relief import CARRIED, OCTAVES
+from ...physics.mesh.finer_in_view import CARRIED, OCTAVES
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE

@@ -8,11 +8,11 @@ import numpy as np
 
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
-from . import parametric
+from . import parametric_arm
 from .kinematics import Arm, rigid_transform
 from .lander_solids import Keypoint, list_arm_keypoints, list_still_keypoints, make_arm_solids, make_still_solids
 from .own_arm import load_users_arm, make_arm_at, parse_commanded
-from .parametric import JOINTS, find_real_angles_rad, lander_pose, read_commanded_rad
+from .parametric_arm import JOINTS, find_real_angles_rad, lander_pose, read_commanded_rad
 from .solids import Solid
 
 NONE, OWN = "NONE", "OWN"
@@ -29,7 +29,7 @@ def make_arm(settings: Settings, site_m: float = 0.0) -> Arm:
     Raises IcyMoonError if the user's own file cannot be used.
     """
     if not is_users_arm(settings):
-        return parametric.make_parametric_arm(settings, site_m)
+        return parametric_arm.make_parametric_arm(settings, site_m)
     arm = settings.arm
     return make_arm_at(
         load_users_arm(settings),

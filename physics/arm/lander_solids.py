@@ -17,7 +17,7 @@ from ...settings.topics.lander import ArmSettings, LanderSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from .kinematics import Capsule, rigid_transform
-from .parametric import RADII_M
+from .parametric_arm import RADII_M
 from .solids import Solid, join_solids, make_ball, make_box, make_lathe, make_prism, make_rod, transform_solid
 
 #: Materials of the lander.

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from ...support.arrays import Array
-from .growing import first_root, invert
+from .invert_growing import first_root, invert
 
 _STEPS = 60
 #: Largest difference of a direction that is bent back and forth, for one that the lens sees.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...support.arrays import Array
-from ...support.file_shapes import PIXELS
+from ...support.file_schemas import PIXELS
 from .lens_models import Brown, LensModel
 from .rotations import from_vector, nearest_rotation, rotation_error, to_vector
 

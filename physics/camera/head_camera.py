@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from ...support.file_shapes import FILE_NAME, MATRIX, NUMBER, PIXELS, POSITIVE, TABLE, TEXT, Each, Maybe
+from ...support.file_schemas import FILE_NAME, MATRIX, NUMBER, PIXELS, POSITIVE, TABLE, TEXT, Each, Maybe
 from .calibrated_camera import CORNER, CalibratedCamera
 from .lens_models import Brown, Fisheye, LensModel, lens_from_json, lens_json
 from .rotations import rotation_error
@@ -191,7 +191,7 @@ def _find_render(own: CalibratedCamera) -> CalibratedCamera:
     return _centred(width, height, focal, lens)
 
 
-#: What ``camera_from_json`` reads of a file, see ``support.file_shapes``.
+#: What ``camera_from_json`` reads of a file, see ``support.file_schemas``.
 HEAD_CAMERA_SHAPE = {
     "name": FILE_NAME,
     "role": TEXT,

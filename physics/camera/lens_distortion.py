@@ -13,7 +13,7 @@ import numpy as np
 from ...settings.topics.camera import RigSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from .growing import first_root, invert, positive_roots
+from .invert_growing import first_root, invert, positive_roots
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
 #: Steps of Newton's method at most.

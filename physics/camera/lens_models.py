@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from ...support.file_shapes import is_number
+from ...support.file_schemas import is_number
 from ...support.files import quote
 from . import cahvore, lens_distortion
-from .growing import first_root, invert
+from .invert_growing import first_root, invert
 
 #: How many coefficients a model of Brown and Conrady may have, of OpenCV's order k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4.
 BROWN_COUNTS = (5, 8, 12)

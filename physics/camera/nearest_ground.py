@@ -18,8 +18,8 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..light.directions import camera_axes
 from ..rocks.beyond_patch import make_view_beyond
-from ..rocks.rocks import euler_matrices
-from ..terrain.sites import RockyGround, make_rocky_ground
+from ..rocks.place_rocks import euler_matrices
+from ..terrain.standing_places import RockyGround, make_rocky_ground
 
 #: Share of the depth of the nearest sample that nearer ground may be off.
 SPARE = 0.1

@@ -10,12 +10,12 @@ import numpy as np
 
 from ...settings.topics.camera import RigSettings
 from ...support.arrays import Array
-from ...support.file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe
+from ...support.file_schemas import COUNT, NUMBER, PIXELS, POSITIVE, Maybe
 from ..rig.focal_length import focal_px
 from .calibrated_camera import CORNER, CalibratedCamera
 from .panorama import Panorama
 
-#: What ``StereoCamera.from_json`` reads of a file, see ``support.file_shapes``.
+#: What ``StereoCamera.from_json`` reads of a file, see ``support.file_schemas``.
 CAMERA_SHAPE = {
     "width_px": PIXELS,
     "height_px": PIXELS,

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from ...support.arrays import Array
-from .grid import ExcavationGrid
+from .dig_grid import ExcavationGrid
 
 #: Index of the power law of the number of clods that are wider than a width: fragments of brittle bodies have 2 to 3.
 _INDEX = 2.5

@@ -13,9 +13,9 @@ from ...support.arrays import Array
 from ..random_numbers.seeds import make_generator
 from ..terrain.noise.lattice_noise import gradient_noise
 from .clods import add_clods
-from .cut import Pull, cut_heights, fit_plane
-from .relax import GroundLayers, relax_slopes
-from .site import ExcavationSite
+from .dig_site import ExcavationSite
+from .scoop_cut import Pull, cut_heights, fit_plane
+from .slide_to_repose import GroundLayers, relax_slopes
 
 #: Wavelengths of clods in their heights, and the shares of their noise in the height.
 _CLODS = ((9.0, 1.6), (3.5, 1.4), (1.6, 0.7))
@@ -161,7 +161,7 @@ class ExcavationSeries:
 
     @property
     def plane(self) -> Array:
-        """The plane (3,) that depths count from: of the untouched ground, see ``cut.fit_plane``, or level."""
+        """The plane (3,) that depths count from: of the untouched ground, see ``scoop_cut.fit_plane``, or level."""
         if self.level_m is not None:
             return np.array([self.level_m, 0.0, 0.0])
         return fit_plane(self.site.grid, self.before_m, [pull for each in self.site.pulls for pull in each])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array, Numbers
-from .grid import ExcavationGrid
+from .dig_grid import ExcavationGrid
 
 
 def cone_size_m(volume_m3: float, repose_deg: float) -> tuple[float, float]:

@@ -15,14 +15,14 @@ import numpy as np
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import read_number_lines
+from ...support.file_schemas import read_number_lines
 from ...support.files import absolute_path
 from ..arm.kinematics import Arm, Joint, find_joints_beyond_limits, find_tip
 from ..arm.lander_arm import is_users_arm, make_arm
 from ..arm.own_arm import UrdfArm, load_users_arm
-from ..terrain.sites import make_rocky_ground
-from .cut import Pull
-from .paths import MOST_PLACES, make_pulls_through
+from ..terrain.standing_places import make_rocky_ground
+from .scoop_cut import Pull
+from .scoop_paths import MOST_PLACES, make_pulls_through
 
 #: Between two recorded lines the joints turn evenly, in steps of at most this many degrees (or centimetres).
 _STEP_DEG = 1.0

@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...support.arrays import Array
-from ..rocks.rocks import HeightAt, Rocks, lay_rocks_again
-from ..rocks.shapes import RockShape
+from ..rocks.place_rocks import HeightAt, Rocks, lay_rocks_again
+from ..rocks.rock_shapes import RockShape
 
 #: Loss of height in metres that counts as dug away.
 _LOST_M = 2.0e-3

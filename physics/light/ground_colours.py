@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
-from ..surfaces.albedos import find_albedos
+from ..surfaces.surface_law import find_albedos
 from .bands import bubbly_ice_bands, material_bands, snow_bands
 
 Bands = tuple[float, float, float]

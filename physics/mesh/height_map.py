@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array, Numbers
-from .height_surface import Surface, fine_part_of_heights
+from .ground_interface import Surface, fine_part_of_heights
 
 #: Magnitude from which a value is no height: the most negative float32 is a usual mark of missing ones.
 NO_HEIGHT = 1e30

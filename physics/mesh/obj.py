@@ -13,7 +13,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.files import shorten
 from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes, RefusedError
-from .line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
+from .number_line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
 
 #: Bytes that a face may have.
 _OF_A_FACE = b"0123456789/- \t"

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.foreign_bytes import ForeignBytes, RefusedError
-from .line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
+from .number_line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
 from .obj import parse_vertex
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

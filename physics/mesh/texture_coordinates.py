@@ -17,7 +17,7 @@ _LINE, _SQUARE = 0.6180339887498949, (0.7548776662466927, 0.5698402909980532)
 
 
 def halve_coordinates(uv: Array) -> Array:
-    """Coordinates of the triangles that ``subdivide.halve_edges`` cuts each triangle into, in its order."""
+    """Coordinates of the triangles that ``halve_edges`` cuts each triangle into, in its order."""
     a, b, c = uv[:, 0], uv[:, 1], uv[:, 2]
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
     return np.concatenate(

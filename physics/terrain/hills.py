@@ -17,8 +17,8 @@ import numpy as np
 from ...settings.topics.ground import HillsSettings, TerrainLayer
 from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
-from .landforms.common import Landform, evaluate_where, smooth_step
-from .layers import MOST_OCTAVES, NoiseLayer, make_layer
+from .landforms.landform import Landform, evaluate_where, smooth_step
+from .noise_layers import MOST_OCTAVES, NoiseLayer, make_layer
 from .roughness.roughness import LAW_TO
 
 #: Hills are whole at this many half diagonals of the patch, so that they rise no faster than a self-affine ground does.

@@ -1,7 +1,7 @@
 """The ground: heights by position, composed of the parts that the settings name.
 
-A random surface of stated roughness (``roughness``), extra layers of noise (``layers``), landforms
-(``landforms``), snow in the hollows (``snow_mantle``), on a regional slope, with hills (``hills``) to the horizon. Any
+A random surface of stated roughness (``roughness``), extra layers of noise (``noise_layers``), landforms
+(``landforms``), snow in the hollows, on a regional slope, with hills (``hills``) to the horizon. Any
 points, any order: the height of a place does not depend on the mesh, but for the wavelengths that the mesh cannot
 carry.
 """
@@ -20,7 +20,7 @@ from ...support.arrays import Array, Numbers
 from ..random_numbers.seeds import make_ground_generator
 from .hills import make_hills
 from .landforms import MAKERS, Landform, make_plugin_landforms
-from .layers import NoiseLayer, make_layer
+from .noise_layers import NoiseLayer, make_layer
 from .roughness.roughness import (
     LAW_FROM,
     LAW_TO,
@@ -31,7 +31,6 @@ from .roughness.roughness import (
     octave_wavelengths_m,
 )
 from .roughness.structure_function import structure_function
-from .snow_mantle import snow_depth_m
 
 #: Points worked on at a time, so that their arrays stay in the processor's cache.
 _TILE = 128
@@ -228,3 +227,16 @@ def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
                 f"apart), so they are {f'{share:.0%} of their height' if share else 'left out'}; {finer}."
             )
     return notes
+
+
+def snow_depth_m(below_m: Array, thickness_m: float) -> Array:
+    """Metres of plume fall-out or frost on ground that lies ``below_m`` under its smoothed surroundings (negative:
+    above).
+
+    Shallow hollows are filled to that surface, deep ones by ``thickness_m``, with no step between:
+    e - e²/4T up to e = 2T, then T.
+    """
+    if thickness_m == 0.0:
+        return np.zeros_like(below_m)
+    e = np.clip(below_m, 0.0, 2.0 * thickness_m)
+    return e - e * e / (4.0 * thickness_m)

@@ -25,7 +25,7 @@ from ...physics.scene_requirements import (
     simplify_surface,
     surface_topics,
 )
-from ...settings import changes
+from ...settings import rebuilt_parts
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import find_mesh_item
 from ...support.errors import IcyMoonError
@@ -33,11 +33,11 @@ from ...support.labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
 from ...support.number_text import format_count
 from ...support.system import count_processors
 from ..pairs.pair_folder import is_complete, read_pair
-from ..plans.indirect import bake_seconds, light_bytes, make_light_key
-from ..plans.order import MOST_SCENES, choose_worker_count, cut_into_jobs, make_settings_key, order_pairs
+from ..plans.baked_or_traced import bake_seconds, light_bytes, make_light_key
 from ..plans.planned_pair import PlannedPair
-from ..plans.triangles import count_triangles
-from .speed import Speed, to_wall_seconds
+from ..plans.render_order import MOST_SCENES, choose_worker_count, cut_into_jobs, make_settings_key, order_pairs
+from ..plans.triangle_count import count_triangles
+from .machine_speed import Speed, to_wall_seconds
 
 #: Processor seconds, 2-core x86 server, Blender 5.0 (``python benchmarks plan_cost``): of the process that starts
 #: workers, of starting a worker, of building a scene, of building ground from a file, of a pair.
@@ -360,7 +360,8 @@ def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, spe
     pairs = order_pairs(pairs)
     keys = [
         tuple(
-            make_settings_key(part, pair) for part in (changes.select_scene, changes.select_look, changes.select_light)
+            make_settings_key(part, pair)
+            for part in (rebuilt_parts.select_scene, rebuilt_parts.select_look, rebuilt_parts.select_light)
         )
         for pair in pairs
     ]
@@ -380,7 +381,7 @@ def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, spe
     return Estimate(
         pairs=len(pairs),
         there=len(there),
-        geometries=len({make_settings_key(changes.select_geometry, pair) for pair in pairs}),
+        geometries=len({make_settings_key(rebuilt_parts.select_geometry, pair) for pair in pairs}),
         scenes=len({k[0] for k in keys}),
         surfaces=len({k[1] for k in keys}),
         lights=len({k[2] for k in keys}),

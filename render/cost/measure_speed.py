@@ -10,14 +10,14 @@ from typing import Any
 from ...settings.description import defaults, merged
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import NUMBER, TEXT, read_record
+from ...support.file_schemas import NUMBER, TEXT, read_record
 from ...support.system import count_processors
-from ..plans.triangles import count_triangles
-from ..workers.job import Job, render_job
+from ..plans.triangle_count import count_triangles
+from ..workers.job_commands import Job, render_job
 from ..workers.process import Message
-from .abilities import ask_abilities
+from .blender_abilities import ask_abilities
 from .estimate import estimate_work
-from .speed import Speed, remember_speed
+from .machine_speed import Speed, remember_speed
 
 #: The small render: all parts of a pair (both eyes, interreflection, denoiser, truth, files), in some 4 processor
 #: seconds. The first pair of a process includes the compilation for a graphics card, so only the others count.

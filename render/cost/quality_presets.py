@@ -13,10 +13,10 @@ from ...settings.description import merged
 from ...settings.preset_files import find_preset, load, preset_names, read_preset_header
 from ...settings.toml_text import read_toml
 from ...settings.topics.scene import Settings
-from ..plans.indirect import bake_seconds, settle_indirect
-from .abilities import Abilities, describe_lack
+from ..plans.baked_or_traced import bake_seconds, settle_indirect
+from .blender_abilities import Abilities, describe_lack
 from .estimate import estimate_work, format_duration, prior_spread
-from .speed import Speed, to_wall_seconds
+from .machine_speed import Speed, to_wall_seconds
 
 
 @dataclass(frozen=True)

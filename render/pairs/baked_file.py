@@ -21,7 +21,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_atomically
 from ...support.foreign_bytes import ForeignBytes, parse_npz, parse_part, read_regular
-from .our_files import check_no_link
+from .dataset_file_names import check_no_link
 
 #: Folder of a data set with baked light.
 LIGHT = "light"

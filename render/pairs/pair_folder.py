@@ -22,12 +22,12 @@ from ...physics.camera.eyes import camera_of, eyes_json, with_eyes
 from ...physics.camera.head_camera import HEAD_CAMERA_SHAPE, HeadCamera, camera_from_json, is_plain
 from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
 from ...physics.light.scene_sun import SceneSun, sun_from_json
-from ...settings.changes import select_response
 from ...settings.description import Restorer, merged, restore_settings
+from ...settings.rebuilt_parts import select_response
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import (
+from ...support.file_schemas import (
     COUNT,
     FILE_NAME,
     FLAG,
@@ -46,9 +46,9 @@ from ...support.file_shapes import (
 )
 from ...support.files import PART, hash_file, quote, read_text, replace_if_unchanged, to_json_text
 from ...support.foreign_bytes import describe_reason, parse_json
+from .check_pair_record import find_contradictions
+from .dataset_file_names import check_id, check_no_link, is_regular_file, pairs_folder
 from .head_files import image_file, truth_file
-from .our_files import check_id, check_no_link, is_regular_file, pairs_folder
-from .statements import find_contradictions
 from .workspace_cells import workspace_files
 
 FORMAT = "icymoon-pair"

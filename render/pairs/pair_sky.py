@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...physics.light.map_sky import find_sky_place
 from ...physics.light.sky import Sky, compute_sky
+from ...physics.light.sky_over_map import find_sky_place
 from ...settings.topics.scene import Settings
-from ...support.file_shapes import is_number
+from ...support.file_schemas import is_number
 
 _NUMBERS = ("latitude_deg", "longitude_deg", "north_deg")
 

@@ -15,22 +15,22 @@ from ...physics import scene_checks
 from ...physics.camera.blur import describe_blur_identity
 from ...physics.random_numbers.seeds import make_generator, seed_stream
 from ...physics.scene_checks import Reason
-from ...physics.terrain.sites import RockyGround, make_rocky_ground
+from ...physics.terrain.standing_places import RockyGround, make_rocky_ground
 from ...settings.description import defaults, digest, merged
 from ...settings.pair_ids import make_counter
 from ...settings.preset_files import make_paths_relative_to
 from ...settings.table import TOPICS, list_all_settings
-from ...settings.table_texts import SettingsTexts
+from ...settings.table_cache import SettingsTexts
 from ...settings.topics.scene import Settings
 from ...settings.user_files import find_used_files, hash_content
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import note_on_backslashes
-from . import poses, sweeps
-from .indirect import choose_indirect
-from .overwritten import check_overwritten
-from .own_files import list_files_by_name, replace_stand_ins
+from . import pose_sweeps, setting_sweeps
+from .baked_or_traced import choose_indirect
+from .overwritten_sweeps import check_overwritten
 from .planned_pair import PlannedPair, turned_heading_deg
-from .sweeps import Sweep, Variation, check_pair_count
+from .setting_sweeps import Sweep, Variation, check_pair_count
+from .stand_in_replacements import list_files_by_name, replace_stand_ins
 
 #: Grounds that a plan is checked on before it is rendered: each takes some hundredths of a second.
 MOST_GROUNDS = 32
@@ -177,7 +177,9 @@ def combine(
 
 def _list_camera_sweeps(design: PlanDesign) -> list[Sweep]:
     """The sweeps that place cameras, in the order in which they are applied."""
-    return sorted((b for b in design.sweeps if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind))
+    return sorted(
+        (b for b in design.sweeps if b.kind in pose_sweeps.KINDS), key=lambda b: pose_sweeps.KINDS.index(b.kind)
+    )
 
 
 def _resolve_file_paths(part: Variation, design: PlanDesign) -> Variation:
@@ -201,7 +203,7 @@ def _list_combinations(design: PlanDesign) -> Iterator[_Combination]:
             for seed in list_seeds(stated, int(base.settings.dataset.seed))
         ]
     there = list_files_by_name(design.files) if design.files else {}
-    settled = [sweep for sweep in design.sweeps if sweep.kind in sweeps.KINDS]
+    settled = [sweep for sweep in design.sweeps if sweep.kind in setting_sweeps.KINDS]
     factors: list[list[Variation]] = []
     for k, seed in enumerate(each_seed):
         if k == 0 or design.draw_again:
@@ -209,7 +211,7 @@ def _list_combinations(design: PlanDesign) -> Iterator[_Combination]:
             factors = [
                 [
                     _resolve_file_paths(part, design)
-                    for part in sweeps.make_setting_variations(sweep, drawn_from.settings)
+                    for part in setting_sweeps.make_setting_variations(sweep, drawn_from.settings)
                 ]
                 for sweep in settled
             ]
@@ -276,7 +278,7 @@ def _place_cameras(
     key = grounds.key_of(made.settings) + rigs.of(made.settings)
     if key not in known:
         try:
-            known[key] = poses.make_camera_variations(sweep, made.settings, grounds.find)
+            known[key] = pose_sweeps.make_camera_variations(sweep, made.settings, grounds.find)
         except IcyMoonError as error:
             raise _locate_error(error, sweep.place) from None
     return known[key]

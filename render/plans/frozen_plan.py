@@ -18,12 +18,12 @@ from ...settings.pair_ids import affects_pixels, value_in_id
 from ...settings.table import list_all_settings
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import COUNT, TABLE, TEXT, Each, check_record
+from ...support.file_schemas import COUNT, TABLE, TEXT, Each, check_record
 from ...support.files import quote, read_text, write_text
 from ...support.foreign_bytes import describe_reason, parse_json
 from ...support.number_text import format_count
 from ...support.version import version
-from ..pairs.our_files import check_id
+from ..pairs.dataset_file_names import check_id
 from ..pairs.pair_folder import is_complete
 from .planned_pair import PlannedPair
 

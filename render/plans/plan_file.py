@@ -22,11 +22,11 @@ from ...support.files import is_file, parse_path, quote
 from ...support.foreign_bytes import parse_toml
 from ...support.suggestions import suggest_nearest
 from ..pairs.scene_splits import check_splits
-from . import poses, sweeps, trajectory
+from . import pose_sweeps, setting_sweeps, trajectory_sweeps
 from .combine import MOST_GROUNDS, CombinedPairs, PlanDesign, Report, combine
-from .own_files import describe_stand_ins
 from .planned_pair import PlannedPair
-from .sweeps import Sweep, Variation, check_keys, check_settings, load_included
+from .setting_sweeps import Sweep, Variation, check_keys, check_settings, load_included
+from .stand_in_replacements import describe_stand_ins
 
 HEADER = (
     "title",
@@ -120,7 +120,7 @@ class Plan:
             design.seeds is not None
             and not design.draw_again
             and _count_seeds(design.seeds[0]) > 1
-            and any(sweep.kind in sweeps.DRAWN for sweep in design.sweeps)
+            and any(sweep.kind in setting_sweeps.DRAWN for sweep in design.sweeps)
             for design in self.designs
         )
         return (
@@ -133,10 +133,10 @@ class Plan:
     def describe_trajectories(self) -> list[str]:
         """A sentence on each trajectory that the plan follows. Raises IcyMoonError as ``pairs`` does."""
         found = [
-            trajectory.describe(sweep)
+            trajectory_sweeps.describe(sweep)
             for design in self.designs
             for sweep in design.sweeps
-            if sweep.kind == trajectory.KIND
+            if sweep.kind == trajectory_sweeps.KIND
         ]
         return list(dict.fromkeys(found))
 
@@ -320,7 +320,7 @@ def _read_seeds(value: object, place: Place) -> tuple[int | list[int], Place]:
 
 def _add_sweep(designs: Sequence[PlanDesign], table: Mapping[str, Any], place: Place) -> list[PlanDesign]:
     """Designs with one more sweep, or with one in place of the sweep that it replaces."""
-    kinds = (*sweeps.KINDS, *poses.KINDS)
+    kinds = (*setting_sweeps.KINDS, *pose_sweeps.KINDS)
     kind, replaces = table.get("kind"), _read_text(table, "replaces", place) or None
     if kind not in kinds:
         problem = "lacks its kind" if kind is None else f"is of kind {quote(kind)}"

@@ -9,8 +9,8 @@ from ...physics.camera.blur import describe_blur_identity
 from ...physics.random_numbers.seeds import seed_stream
 from ...settings.description import digest, merged
 from ...settings.topics.scene import Settings
-from ..pairs.our_files import folder_of_pair
-from .indirect import choose_indirect
+from ..pairs.dataset_file_names import folder_of_pair
+from .baked_or_traced import choose_indirect
 
 
 @dataclass(frozen=True)

@@ -24,10 +24,10 @@ from ...support.files import shorten
 from ...support.number_text import format_count
 from ...support.suggestions import suggest_nearest
 from ...support.version import version
-from . import sweeps
+from . import setting_sweeps
 from .combine import list_seeds
 from .planned_pair import expand_headings
-from .sweeps import MOST_PAIRS, NOT_SWEPT, Sweep
+from .setting_sweeps import MOST_PAIRS, NOT_SWEPT, Sweep
 
 #: How the settings are combined, and how the values of a number lie.
 COMBINATIONS = ("GRID", "ONE_AT_A_TIME", "SOBOL")
@@ -383,7 +383,7 @@ def _make_parts(factor: _Factor, settings: Settings, most: int = MOST_PAIRS) -> 
     if "count" in table:  # the first draws are the same, however many there are
         table["count"] = min(table["count"], most)
     sweep = Sweep(table.pop("kind"), table.pop("name"), table, Place(Path("plan.toml"), ""))
-    return [each.settings for each in sweeps.make_setting_variations(sweep, settings)]
+    return [each.settings for each in setting_sweeps.make_setting_variations(sweep, settings)]
 
 
 def _select_geometry(part: Parts) -> list[tuple[str, str, Any]]:

@@ -17,8 +17,8 @@ from ...support.errors import IcyMoonError
 from ...support.number_text import format_count
 from ..pairs.pair_folder import is_complete
 from ..plans import frozen_plan as datasets
-from ..plans.order import cut_into_jobs
 from ..plans.planned_pair import PlannedPair
+from ..plans.render_order import cut_into_jobs
 from .runner import MOST_CRASHES, Runner, WorkerOptions
 
 _POLL_S = 1.0

@@ -19,7 +19,7 @@ from typing import IO, Any
 
 from ...support import system
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import TEXT, find_fault
+from ...support.file_schemas import TEXT, find_fault
 from ...support.foreign_bytes import parse_json
 from ...support.printer import emit
 

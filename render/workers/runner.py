@@ -16,16 +16,16 @@ from typing import Any
 
 from ...settings.description import Restorer
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
+from ...support.file_schemas import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
 from ...support.number_text import format_count
 from ..pairs.baked_file import LIGHT
-from ..pairs.our_files import check_no_link, folder_of_pair, pairs_folder
+from ..pairs.dataset_file_names import check_no_link, folder_of_pair, pairs_folder
 from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response
-from ..plans.order import MOST_SCENES, cut_into_jobs
 from ..plans.planned_pair import PlannedPair
-from .cards import ALL_CARDS, Cards, add_cards, choose_worker_cards
-from .claims import CLAIMS_FOLDER, Claims
-from .job import Job, blender_command
+from ..plans.render_order import MOST_SCENES, cut_into_jobs
+from .assign_cards import ALL_CARDS, Cards, add_cards, choose_worker_cards
+from .job_commands import Job, blender_command
+from .pair_claims import CLAIMS_FOLDER, Claims
 from .process import Message, Process
 
 Send = Callable[..., None]

@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...support.file_shapes import NUMBER, SHA256, TEXT, Each, Maybe, find_fault
+from ...support.file_schemas import NUMBER, SHA256, TEXT, Each, Maybe, find_fault
 from ..pairs import baked_file
 from ..pairs.baked_file import LIGHT, BakedLight
-from ..pairs.our_files import is_pair_name, is_unfinished_name, pairs_folder
+from ..pairs.dataset_file_names import is_pair_name, is_unfinished_name, pairs_folder
 from ..pairs.pair_folder import has_stated_files, read_whole
-from .claims import Claims
+from .pair_claims import Claims
 
 _WAIT_S = 0.5
 #: The statements of ``pair.json`` about baked light.

@@ -11,8 +11,8 @@ from pathlib import Path
 from ...support.errors import IcyMoonError
 from ...support.files import write_text
 from ..plans.frozen_plan import FrozenPlan
-from ..plans.order import choose_shard
-from .job import python_command
+from ..plans.render_order import choose_shard
+from .job_commands import python_command
 
 SLURM_FOLDER = "slurm"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import NUMBER, PIXELS, Maybe, read_record
+from ...support.file_schemas import NUMBER, PIXELS, Maybe, read_record
 from ...support.foreign_bytes import read
 from .data_files import read_fields, read_numbers
 

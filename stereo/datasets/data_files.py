@@ -18,10 +18,9 @@ from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from ..adapters.icymoon_serve import drop_single_axes
 from ..images.bounded_decoding import decode, decode_exr
-from ..images.exif import UPRIGHT
 from ..images.exr_header import EXR, parse_channels
 from ..images.image_files import parse_pfm, read_pfm
-from ..images.image_headers import MOST_IMAGE_MEMORY, PNG, EncodedImage, check_size, parse_picture, parse_png
+from ..images.image_headers import MOST_IMAGE_MEMORY, PNG, UPRIGHT, EncodedImage, check_size, parse_picture, parse_png
 from ..images.image_values import to_8_bit
 from .map_channels import choose_array, choose_channel, find_sibling_colours, find_stated_channel, refuse_picture
 

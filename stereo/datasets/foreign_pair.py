@@ -17,7 +17,7 @@ from ...physics.camera.occlusion import find_matching_column, is_in_frame
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import FILE_NAME
+from ...support.file_schemas import FILE_NAME
 from ...support.files import read_checksum
 from ...support.foreign_bytes import MOST_BYTES, note_on_backslashes
 from ..images import colours
@@ -27,12 +27,19 @@ from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify_pixels, measure_texture
 from ..measure.fit_check import MatchedPlaces, find_places, is_confirmed, ray_lengths
 from ..measure.metrics import is_usable
-from ..measure.prepare import PreparedPair
+from ..measure.prepare_pair import PreparedPair
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
-from .input_faults import WRONG_SIGN, check_map_size, check_truth, warn_dark_images, warn_unlikely_camera
+from .input_faults import (
+    WRONG_SIGN,
+    check_map_size,
+    check_truth,
+    find_turned,
+    refuse_turned,
+    warn_dark_images,
+    warn_unlikely_camera,
+)
 from .markers import find_markers, is_possible
-from .turned_images import find_turned, refuse_turned
 from .visibility import Mask, check_right_truth, make_right_camera, read_mask
 
 #: Share of the width that matchers search where a data set states no range.

@@ -1,7 +1,12 @@
-"""Finding faults in truth and predictions whose numbers can be read but mean something else."""
+"""Finding faults in truth and predictions whose numbers can be read but mean something else.
+
+Images that viewers show turned, by the orientation in their EXIF data, are taken as they are stored. A truth and a
+calibration may be for either, as many programs turn such images when they read them. So the truth must confirm them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
@@ -11,9 +16,10 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
+from ..images.image_headers import UPRIGHT
 from ..measure.fit_check import KINDS, FitFault, MatchedPlaces, find_fault, find_misfit, make_known_places
 from ..measure.metrics import is_usable
-from .data_files import MapFile
+from .data_files import MapFile, read_orientation
 
 #: Share of negative numbers from which their sign is taken to be wrong.
 WRONG_SIGN = 0.99
@@ -251,3 +257,19 @@ def _find_resize(shape: tuple[int, ...], wanted: tuple[int, ...], kind: str) -> 
 
 def _is_unit_factor(ratio: Array, factor: float) -> bool:
     return bool(abs(np.median(ratio) / factor - 1) <= _NEAR and np.mean(np.abs(ratio / factor - 1) <= _TIGHT) >= 0.5)
+
+
+def find_turned(images: Sequence[Path]) -> dict[Path, int]:
+    """Those of the images that viewers turn, and their EXIF orientations, 2 to 8."""
+    stated = {path: read_orientation(path) for path in images if path.suffix != ".pfm"}
+    return {path: orientation for path, orientation in stated.items() if orientation != UPRIGHT}
+
+
+def refuse_turned(turned: Mapping[Path, int]) -> None:
+    """Raise IcyMoonError with the fix if there are images ``turned``, see ``find_turned``."""
+    for path, orientation in turned.items():
+        raise IcyMoonError(
+            f"{path} states the EXIF orientation {orientation}, by which viewers turn it, and the truth "
+            "does not confirm its pixels as they are stored; save it turned, as mogrify -auto-orient "
+            "does, or without the tag, whichever the truth is for."
+        )

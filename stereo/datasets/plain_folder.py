@@ -30,7 +30,7 @@ from typing import Any
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record, is_number
+from ...support.file_schemas import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record, is_number
 from ...support.files import list_put_there
 from ...support.foreign_bytes import hint_on_paths, parse_toml
 from ...support.suggestions import suggest_nearest

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from ...support.arrays import Array
-from .change import Detection
+from .dug_volume import Detection
 from .workspace import DecisionMaps, Workspace
 
 #: What became of a cell: its name and its RGB colour, distinct for colour-blind eyes.

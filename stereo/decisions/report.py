@@ -23,7 +23,7 @@ from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN, average_by_sc
 from ..matchers.methods import describe_method
 from ..measure.render_noise import BAKE, DECIDES, UNKNOWN
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
-from ..report.pages import read_template
+from ..report.page_templates import read_template
 from ..report.pictures import embed_picture
 from ..report.table_columns import Column, format_interval, format_number
 from . import pictures

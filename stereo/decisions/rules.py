@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import is_number
+from ...support.file_schemas import is_number
 from ...support.files import quote, read_text, shorten
 from ...support.foreign_bytes import describe_reason, parse_toml
 from ...support.suggestions import suggest_nearest

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from .sites import Sites, choose_site
+from .safe_sites import Sites, choose_site
 
 #: The shares of unsafe cells taken for safe at which a ROC curve is given.
 ROC_AT = tuple(float(each) for each in np.linspace(0, 1, 51))

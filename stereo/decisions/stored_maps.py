@@ -12,7 +12,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import COUNT, FILE_NAME, FLAG, NUMBER, POSITIVE, TEXT, Each, Maybe, read_record
+from ...support.file_schemas import COUNT, FILE_NAME, FLAG, NUMBER, POSITIVE, TEXT, Each, Maybe, read_record
 from .dem import Grid, read_cells
 
 #: Kinds of maps: the margin of a site, the slope under its disc, and the height error of the elevation model.

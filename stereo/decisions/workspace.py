@@ -17,14 +17,14 @@ from ...support.labels import LANDER
 from ..images.disparity_and_occlusion import find_scene_depth
 from ..images.exr import read_depth
 from ..measure.by_pixel_class import MATERIAL
-from ..measure.prepare import PreparedPair
+from ..measure.prepare_pair import PreparedPair
 from .dem import Dem, Grid, back_project_depth, make_dem, mean_by_cell, measure_height_errors, read_cells, read_grid
 from .footprints import fit_planes, share_under_footprint
+from .joint_margin import find_joint_margins_deg
 from .materials import Materials, from_truth, measure, sun_irradiance, white_radiance
-from .reach import find_joint_margins_deg
 from .rules import Rules
+from .safe_sites import SiteLayers, Sites, find_lit_cells, find_rocks, judge_pads, judge_sites, measure_layers
 from .scores import score_sites
-from .sites import SiteLayers, Sites, find_lit_cells, find_rocks, judge_pads, judge_sites, measure_layers
 
 #: Side of a cell where a pair states none, metres: three pixels of the paper's camera or more at its workspace.
 CELL_M = 0.02

@@ -23,7 +23,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import write_json
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
-from ..measure.prepare import LoadedPair
+from ..measure.prepare_pair import LoadedPair
 from .encodings import MILLIMETRES, quantise_to_16_bits
 from .losses import Each, Loss
 from .whole_folders import fill_whole_folder

@@ -15,13 +15,13 @@ from ...physics.camera.lens_distortion import read_coefficients
 from ...physics.camera.rotations import quaternion
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
-from ...settings import changes
+from ...settings import rebuilt_parts
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_json, write_text
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
-from ..measure.prepare import LoadedPair
+from ..measure.prepare_pair import LoadedPair
 from . import Export
 from .losses import Each
 
@@ -118,7 +118,10 @@ def _write_colmap(each: Each, out: Path) -> None:
 
 
 def _scene_key(pair: LoadedPair) -> str:
-    parts = [part(pair.pair.settings) for part in (changes.select_geometry, changes.select_look, changes.select_light)]
+    parts = [
+        part(pair.pair.settings)
+        for part in (rebuilt_parts.select_geometry, rebuilt_parts.select_look, rebuilt_parts.select_light)
+    ]
     return json.dumps(
         [
             parts,

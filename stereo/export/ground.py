@@ -23,14 +23,14 @@ from typing import Any
 from ...physics.scene_requirements import surface_topics
 from ...render.pairs.pair_folder import Pair, read_pair
 from ...render.plans.planned_pair import PlannedPair
-from ...render.workers.job import Job, blender_command
+from ...render.workers.job_commands import Job, blender_command
 from ...render.workers.process import Message, Process
-from ...settings import changes
+from ...settings import rebuilt_parts
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import TEXT, Each, read_record
+from ...support.file_schemas import TEXT, Each, read_record
 from ...support.files import write_json
-from ...support.scratch import open_scratch_folder
+from ...support.temporary_folders import open_scratch_folder
 from . import Export
 from .plug_in import FoldersContext
 
@@ -102,9 +102,9 @@ def _files_key(settings: Settings, kind: str) -> str:
     )
     return json.dumps(
         [
-            changes.select_scene(settings),
-            changes.select_materials(settings) if shown else None,
-            changes.select_lander(settings) if kind != "dem" else None,
+            rebuilt_parts.select_scene(settings),
+            rebuilt_parts.select_materials(settings) if shown else None,
+            rebuilt_parts.select_lander(settings) if kind != "dem" else None,
         ]
     )
 

@@ -30,7 +30,7 @@ from ...support.files import write_json
 from ..images.develop import to_8_bit
 from ..images.head_views import HeadImage, HeadView, develop_head_view, read_head_views
 from ..images.image_files import write_npz, write_png
-from ..measure.prepare import distinct_pairs
+from ..measure.prepare_pair import distinct_pairs
 from ..measure.sequences import in_time_order
 from .encodings import MILLIMETRES, quantise_to_16_bits
 from .plug_in import FoldersContext

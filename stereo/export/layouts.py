@@ -34,7 +34,7 @@ from ...support.files import escape_cell, write_atomically, write_json, write_te
 from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
 from ..images.develop import describe_exposure, to_8_bit
 from ..images.image_files import write_bytes, write_png
-from ..measure.prepare import LoadedPair, distinct_pairs, load_pair
+from ..measure.prepare_pair import LoadedPair, distinct_pairs, load_pair
 from ..measure.sequences import in_time_order
 from . import Export, find_plugins
 from .encodings import KITTI_SCALE, MILLIMETRES, encode_run_lengths, quantise_to_16_bits, write_pfm

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from ...support.errors import IcyMoonError
 from ...support.number_text import format_count
-from ..measure.prepare import LoadedPair
+from ..measure.prepare_pair import LoadedPair
 
 #: A pair is not written if more of its true disparities than this share would be lost: the rest is not its truth.
 MOST_LOST = 0.5

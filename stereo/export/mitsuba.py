@@ -34,7 +34,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_json, write_text
 from ...support.version import ROOT
-from ..measure.prepare import distinct_pairs
+from ..measure.prepare_pair import distinct_pairs
 from .encodings import write_pfm
 from .ground import build_geometry, refuse_edited
 from .plug_in import FoldersContext

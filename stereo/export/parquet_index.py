@@ -14,7 +14,7 @@ from ...render.pairs.scene_splits import find_split_of_pair
 from ...settings.table import list_all_settings
 from ...settings.topics.scene import Settings
 from ...support.files import write_atomically
-from ..measure.prepare import LoadedPair
+from ..measure.prepare_pair import LoadedPair
 from .losses import Each
 from .training import describe_row
 

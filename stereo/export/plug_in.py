@@ -26,7 +26,7 @@ from ...support.printer import show_controls
 from .whole_folders import fill_whole_folder
 
 if TYPE_CHECKING:  # ground is exported without the packages that these need
-    from ..measure.prepare import LoadedPair
+    from ..measure.prepare_pair import LoadedPair
     from .losses import Each, Loss
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ...support.arrays import Array
 from ..images.colours import colour_signed_errors
 from ..images.image_files import write_bytes
-from ..measure.prepare import PreparedPair
+from ..measure.prepare_pair import PreparedPair
 from ..measure.row_metrics import disparity_to_depth
 
 #: Most points of one pair; of a larger image every second, third and so on row and column is taken.

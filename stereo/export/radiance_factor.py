@@ -23,7 +23,7 @@ from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
 from ..images.develop import scaled_radiance
 from ..images.image_files import write_bytes
-from ..measure.prepare import LoadedPair
+from ..measure.prepare_pair import LoadedPair
 from . import Export
 from .cameras import pixel_rays
 

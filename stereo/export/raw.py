@@ -21,7 +21,7 @@ from ..images.develop import describe_exposure
 from ..images.image_files import write_npy, write_npz, write_png
 from ..images.lens import make_lens
 from ..images.views import read_sensor_depth, read_sensor_truth
-from ..measure.prepare import LoadedPair
+from ..measure.prepare_pair import LoadedPair
 
 #: Formats of calibrations that are written where they hold both calibrated eyes, and the names of their files.
 _FORMATS = {

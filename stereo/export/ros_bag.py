@@ -23,7 +23,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import explain_disk_errors, make_part_path
 from ...support.system import remove_folder, replace
 from ..images.develop import to_8_bit
-from ..measure.prepare import LoadedPair
+from ..measure.prepare_pair import LoadedPair
 from .cameras import centre_matrix, pixel_rays, read_pose
 from .losses import Each
 

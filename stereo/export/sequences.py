@@ -27,7 +27,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import escape_cell, write_text
 from ..images.develop import to_8_bit
 from ..images.image_files import write_bytes, write_png
-from ..measure.prepare import LoadedPair
+from ..measure.prepare_pair import LoadedPair
 from ..measure.sequences import sequence_key
 from . import Export
 from .cameras import centre_matrix, read_pose

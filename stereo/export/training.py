@@ -29,7 +29,7 @@ from ...support.system import remove, replace
 from ...support.version import version
 from ..images.develop import to_8_bit
 from ..images.image_files import encode_image, write_bytes
-from ..measure.prepare import LoadedPair
+from ..measure.prepare_pair import LoadedPair
 from . import Export
 from .encodings import KITTI_SCALE, quantise_to_16_bits, write_pfm
 from .losses import Each, Loss, refuse_losses

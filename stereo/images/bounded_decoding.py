@@ -73,7 +73,7 @@ class _Decoder:
     """A running decoder."""
 
     def __init__(self) -> None:
-        from ...render.workers.job import python_command
+        from ...render.workers.job_commands import python_command
 
         self.owner = os.getpid()
         try:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.camera import brackets
+from ...physics.camera import colour, exposure_brackets
 from ...physics.camera.blur import warn_on_blur_mismatch
 from ...physics.camera.calibration_error import describe_errors
 from ...physics.camera.colour import (
@@ -45,9 +45,11 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
-from .demosaic import demosaic
 from .exr import Light
 from .lens import Lens, make_lens, make_rectification, rectify
+
+#: OpenCV names a mosaic by the second and third pixel of its second row.
+_OPENCV = {"RGGB": "BG", "BGGR": "RG", "GRBG": "GB", "GBRG": "GR"}
 
 
 @dataclass(frozen=True)
@@ -167,7 +169,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
     }
     light = {eye: channels.at_pixels([optics[eye].on_sensor(plane) for plane in planes[eye]]) for eye in EYES}
     metered = choose_exposure_s(channels.balanced(light["left"]), rate, sensor)
-    times = brackets.list_exposure_times(metered, sensor)
+    times = exposure_brackets.list_exposure_times(metered, sensor)
     exposed = {eye: expose_eye(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
     bits, detected, full_s = merge_frames(exposed, times, channels, sensor)
     final, colours = _rectify_if_needed(detected, bits, black_dn(sensor) if len(times) == 1 else 0.0, channels, optics)
@@ -240,9 +242,13 @@ def merge_frames(
     first eye."""
     if len(times) == 1:
         return int(sensor.bits), {eye: frames[0] for eye, frames in exposed.items()}, capacity_e(sensor) / times[0]
-    merged = {eye: brackets.merge_exposures(frames, times, sensor) for eye, frames in exposed.items()}
-    full_s = brackets.find_full_rate(channels.balanced(next(iter(merged.values()))), times[-1], sensor)
-    return brackets.MERGED_BITS, {eye: brackets.quantise_merged(rates, full_s) for eye, rates in merged.items()}, full_s
+    merged = {eye: exposure_brackets.merge_exposures(frames, times, sensor) for eye, frames in exposed.items()}
+    full_s = exposure_brackets.find_full_rate(channels.balanced(next(iter(merged.values()))), times[-1], sensor)
+    return (
+        exposure_brackets.MERGED_BITS,
+        {eye: exposure_brackets.quantise_merged(rates, full_s) for eye, rates in merged.items()},
+        full_s,
+    )
 
 
 def _rectify_if_needed(
@@ -360,3 +366,15 @@ def to_8_bit(numbers: Array, bits: int, encoding: str = "LINEAR") -> Array:
         return numbers.astype(np.uint8)
     level = numbers / (2.0**bits - 1)
     return np.rint(255.0 * (np.sqrt(level) if encoding == "SQUARE_ROOT" else level)).astype(np.uint8)
+
+
+def demosaic(numbers: Array, bits: int, pattern: str, method: str) -> Array:
+    """R, G and B, float64 (H, W, 3) from 0 to the top of ``bits`` bits, of digital numbers (H, W), uint16, of a
+    mosaic."""
+    if method == "EDGE_AWARE":
+        import cv2  # here, for Blender has no OpenCV and shows pairs with another method
+
+        code = getattr(cv2, f"COLOR_Bayer{_OPENCV[pattern]}2RGB_EA")
+        finer = 2 ** (16 - bits)  # OpenCV rounds each of its means
+        return np.asarray(cv2.demosaicing(numbers * np.uint16(finer), code) / finer)
+    return np.clip(colour.demosaic(numbers, pattern, method), 0.0, 2.0**bits - 1)

@@ -40,7 +40,7 @@ from ...support.labels import (
     SKY_DEPTH_M,
     TRUTH,
 )
-from ...support.scratch import open_scratch_folder
+from ...support.temporary_folders import open_scratch_folder
 from ..environment.packages import is_in_blender
 from .exr_passes import keep_passes, keep_row_chunks, remove_passes
 

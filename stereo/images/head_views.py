@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...physics.camera import brackets
+from ...physics.camera import exposure_brackets
 from ...physics.camera.colour import mix_to_grey
 from ...physics.camera.deposits import apply_deposits, compute_blocked_share
 from ...physics.camera.head_camera import HeadCamera, is_plain, rays_of, show_points
@@ -130,7 +130,7 @@ def develop_head_view(pair: Pair, view: HeadView, settings: Settings) -> HeadIma
     ]
     light = channels.at_pixels(planes)
     metered = choose_exposure_s(channels.balanced(light), channels.rate, sensor)
-    times = brackets.list_exposure_times(metered, sensor)
+    times = exposure_brackets.list_exposure_times(metered, sensor)
     exposed = {name: expose_eye(light, times, channels.rate, settings, (seed, pair.id, name), pitch_m)}
     bits, numbers, _ = merge_frames(exposed, times, channels, sensor)
     if sensor.colour != "BAYER":

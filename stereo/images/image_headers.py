@@ -13,9 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.image_size import read_webp_size
+from ...formats.tiff import read_directories
 from ...support.arrays import Array
-from ...support.foreign_bytes import Cursor, ForeignBytes, RefusedError
-from .exif import UPRIGHT, parse_orientation
+from ...support.foreign_bytes import Budget, Cursor, ForeignBytes, OverBudgetError, RefusedError
+
+#: As the pixels are stored.
+UPRIGHT = 1
+#: The first bytes of EXIF data in JPEG, and in some WebP files; a TIFF file follows.
+_MARK = b"Exif\0\0"
+_ORIENTATION, _MOST_BYTES, _MOST_ORIENTATION = 274, 2**16, 8
 
 #: Most pixels of an image of others: eight times the largest images of Middlebury. Most bytes of them: 32 bits each,
 #: and the header of an array.
@@ -245,3 +251,13 @@ def _charge_pixels(foreign: ForeignBytes, count: int) -> int:
     if foreign.size > count + _MOST_BESIDE:
         raise RefusedError(f"has {foreign.size / 1e6:.0f} MB, far more than its pixels need; save it again.")
     return foreign.budget.charge(count, "pixels")
+
+
+def parse_orientation(body: bytes) -> int:
+    """The orientation, 1 to 8, that EXIF data state; 1 if they state none or cannot be read, as viewers take it."""
+    data = body.removeprefix(_MARK)[:_MOST_BYTES]
+    try:
+        stated = read_directories(ForeignBytes(data, len(data), Budget()))[0].number(_ORIENTATION, UPRIGHT)
+    except (ValueError, KeyError, IndexError, struct.error, OverBudgetError):
+        return UPRIGHT
+    return stated if UPRIGHT <= stated <= _MOST_ORIENTATION else UPRIGHT

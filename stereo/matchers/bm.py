@@ -16,7 +16,14 @@ import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
-from .opencv import SEARCH_RANGE, drop_matches_outside_right, extend_left, require_room, run_matcher, settle_range
+from .opencv_common import (
+    SEARCH_RANGE,
+    drop_matches_outside_right,
+    extend_left,
+    require_room,
+    run_matcher,
+    settle_range,
+)
 from .options import Option
 from .result import Result
 from .search_range import SearchRange

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...support.arrays import Array
-from . import learned
+from . import network_matchers
 from .plug_in import MatchContext
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ COLOUR = True
 SEARCHES = False
 
 _CROP = {"default": 0, "minimum": 0, "maximum": 65536, "step": 64}
-OPTIONS = learned.OPTIONS | {
+OPTIONS = network_matchers.OPTIONS | {
     "max_disparity": {"default": 192, "minimum": 16, "maximum": 1024, "step": 16, "doc": "Largest disparity, px"},
     "crop_height": {**_CROP, "doc": "Rows used, from the middle; 0 for all"},
     "crop_width": {**_CROP, "doc": "Columns used, from the middle; 0 for all"},
@@ -41,7 +41,7 @@ def _build_network(max_disparity: int) -> nn.Module:
     return DSMNet(max_disparity)
 
 
-NETWORK = learned.Network(
+NETWORK = network_matchers.Network(
     "dsmnet",
     "the model trained on mixed data (mixed_epoch_6.pth)",
     "https://github.com/feihuzhang/DSMNet",
@@ -51,25 +51,25 @@ NETWORK = learned.Network(
 
 def check(options: Mapping[str, Any]) -> None:
     """Raise IcyMoonError unless it can run."""
-    learned.check(NETWORK, options)
+    network_matchers.check(NETWORK, options)
 
 
 def load(options: Mapping[str, Any]) -> None:
     """Read the checkpoint, so that a run with the same options need not."""
-    learned.load(NETWORK, options)
+    network_matchers.load(NETWORK, options)
 
 
 def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict[str, Any]]:
     """Disparity of uint8 RGB (H, W, 3) images, NaN outside the crop, and facts on the network."""
     options = context.options
-    model, facts = learned.load(NETWORK, options)
+    model, facts = network_matchers.load(NETWORK, options)
     device = next(model.parameters()).device
     (top, height), (near, width) = (
         _crop_span(size, options[f"crop_{side}"]) for size, side in zip(left.shape, ("height", "width"), strict=False)
     )
-    with learned.guard_inference("dsmnet"):
+    with network_matchers.guard_inference("dsmnet"):
         eyes = (
-            learned.to_batch(_crop_or_pad(_normalise(image), top, height, near, width), device)
+            network_matchers.to_batch(_crop_or_pad(_normalise(image), top, height, near, width), device)
             for image in (left, right)
         )
         seen = model(*eyes)[0].cpu().numpy()

@@ -22,15 +22,14 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.scratch import open_scratch_folder
 from ...support.suggestions import suggest_nearest
 from ...support.system import kill_all, start
+from ...support.temporary_folders import open_scratch_folder
 from ..adapters.icymoon_serve import to_disparity_map
 from ..images.image_files import read_pfm, read_png, write_png
-from .command_lines import require_program, split_arguments
 from .options import Option
 from .result import Result
-from .written_arrays import read_array, read_last_line
+from .user_programs import read_array, read_last_line, require_program, split_arguments
 
 SET_UP = (
     0,

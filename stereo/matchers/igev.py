@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from . import learned
+from . import network_matchers
 from .plug_in import MatchContext
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ SET_UP = (4, "checkpoint", "IGEV", "The network IGEV-Stereo with your own checkp
 COLOUR = True
 SEARCHES = False
 
-OPTIONS = learned.OPTIONS | {
+OPTIONS = network_matchers.OPTIONS | {
     "iterations": {
         "default": 32,
         "minimum": 1,
@@ -54,17 +54,17 @@ def _build_network(max_disparity: int) -> nn.Module:
     return IGEVStereo(max_disparity)
 
 
-NETWORK = learned.Network("igev", "sceneflow.pth", "https://github.com/gangweiX/IGEV", _build_network)
+NETWORK = network_matchers.Network("igev", "sceneflow.pth", "https://github.com/gangweiX/IGEV", _build_network)
 
 
 def check(options: Mapping[str, Any]) -> None:
     """Raise IcyMoonError unless it can run."""
-    learned.check(NETWORK, options)
+    network_matchers.check(NETWORK, options)
 
 
 def load(options: Mapping[str, Any]) -> None:
     """Read the checkpoint, so that a run with the same options need not."""
-    learned.load(NETWORK, options)
+    network_matchers.load(NETWORK, options)
 
 
 def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict[str, Any]]:
@@ -75,7 +75,7 @@ def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict
     from ..networks.igev import SIZE_STEP
 
     options = context.options
-    model, facts = learned.load(NETWORK, options)
+    model, facts = network_matchers.load(NETWORK, options)
     device = next(model.parameters()).device
     half_precision = options["precision"] == "bfloat16"
     if half_precision and device.type == "cuda" and not torch.cuda.is_bf16_supported():
@@ -83,9 +83,9 @@ def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict
     height, width = left.shape[:2]
     down, across = -height % SIZE_STEP, -width % SIZE_STEP
     top, near = down // 2, across // 2
-    with learned.guard_inference("igev"), torch.autocast(device.type, torch.bfloat16, enabled=half_precision):
+    with network_matchers.guard_inference("igev"), torch.autocast(device.type, torch.bfloat16, enabled=half_precision):
         eyes = (
-            F.pad(learned.to_batch(image, device), (near, across - near, top, down - top), mode="replicate")
+            F.pad(network_matchers.to_batch(image, device), (near, across - near, top, down - top), mode="replicate")
             for image in (left, right)
         )
         disparity = model(*eyes, options["iterations"])[0, 0, top : top + height, near : near + width]

@@ -17,11 +17,11 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from . import jpl_correlator as jpl
-from .affine import refine_subpixel
-from .opencv import require_room
+from .opencv_common import require_room
 from .options import Option
 from .result import Result
 from .search_range import AUTO, STATED, TRUTH, SearchRange, require_range
+from .slanted_windows import refine_subpixel
 
 TITLE = "JPLV"
 ONE_PROCESSOR = True

@@ -18,7 +18,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
-from .opencv import SEARCH_RANGE, settle_range
+from .opencv_common import SEARCH_RANGE, settle_range
 from .options import Option, resolve_options
 from .result import Result
 from .search_range import SearchRange

@@ -15,11 +15,11 @@ from typing import Any
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
-from .command_lines import require_program, split_arguments
 from .options import Option
 from .resident_process import Program, ask_resident, start_resident
 from .result import Result
 from .search_range import AUTO, SearchRange
+from .user_programs import require_program, split_arguments
 
 SET_UP = (1, "command", "Resident Program", "A program that is started once and answers pair after pair")
 COLOUR = True

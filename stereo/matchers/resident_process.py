@@ -32,14 +32,14 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support import system
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import is_number
+from ...support.file_schemas import is_number
 from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
-from ...support.scratch import make_scratch_folder
+from ...support.temporary_folders import make_scratch_folder
 from ..adapters.icymoon_serve import PROTOCOL, to_disparity_map
-from ..measure.costs import COSTS
+from ..measure.row_metrics import COSTS
 from .result import Result
-from .written_arrays import read_array, read_last_line
+from .user_programs import read_array, read_last_line
 
 #: Where a program finds ``icymoon_serve``.
 ADAPTERS = Path(__file__).parents[1] / "adapters"

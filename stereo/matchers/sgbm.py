@@ -12,7 +12,7 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from .opencv import (
+from .opencv_common import (
     SEARCH_RANGE,
     SUBPIXELS,
     drop_matches_outside_right,

@@ -16,7 +16,7 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from .opencv import SUBPIXELS, drop_matches_outside_right, extend_left, require_room, settle_range
+from .opencv_common import SUBPIXELS, drop_matches_outside_right, extend_left, require_room, settle_range
 from .options import Option
 from .result import Result
 from .search_range import SearchRange

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from .metrics import BAD, L1_RATES, is_usable
-from .prepare import PreparedPair, none_if_not_finite
+from .prepare_pair import PreparedPair, none_if_not_finite
 
 #: The metrics, all means over pixels or made of such means; ``metrics`` defines them.
 METRICS = ("l1_m", "rmse_m", "l1_rate_10", "si_rmse", "epe_px", "bad_1", "d1")

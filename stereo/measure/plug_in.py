@@ -24,7 +24,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import read_checksum
 from .metrics import is_usable
-from .prepare import PreparedPair, none_if_not_finite
+from .prepare_pair import PreparedPair, none_if_not_finite
 from .row_metrics import NUMBERS, disparity_to_depth
 
 #: Units of a metric; % is for shares from 0 to 1.

@@ -9,7 +9,6 @@ import numpy as np
 
 from ...support.arrays import Array
 from .by_pixel_class import sums_by_class
-from .costs import COSTS
 from .disparity_histograms import make_histograms
 from .guiss_reference_code import METRICS as GUISS_METRICS
 from .guiss_reference_code import compute_reference_metrics
@@ -25,7 +24,11 @@ from .metrics import (
     is_usable,
     total_metrics_of_errors,
 )
-from .prepare import PreparedPair, none_if_not_finite
+from .prepare_pair import PreparedPair, none_if_not_finite
+
+#: CPU seconds, seconds until the result, seconds and MiB of a GPU, MiB of memory. Only the first two are known of every
+#: matcher.
+COSTS = ("seconds", "wall_seconds", "gpu_seconds", "gpu_mb", "memory_mb")
 
 METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
 #: Prefix of metrics -> the pixels that they are computed over, in words.

@@ -9,10 +9,10 @@ from pathlib import Path
 from ...support.files import write_text
 from ...support.number_text import format_count
 from ..report.charts import list_method_keys
-from ..report.pages import read_template
+from ..report.page_templates import read_template
 from . import PAGE
 from .figures import SHEETS, SweepCharts, draw_albedo, write_figure_sheet, write_qualitative
-from .parts import Part
+from .paper_datasets import Part
 from .printed import METHODS
 from .results import PaperResults, measure_rendering_seconds
 from .tables import (

@@ -14,10 +14,10 @@ from ...render.plans.planned_pair import PlannedPair
 from ...support.arrays import Array
 from ..measure.render_noise import DECIDES
 from ..report.by_setting import name_scene
-from ..report.results import read_facts
 from ..report.row_log import RowLog
 from ..report.schema import ROW
 from ..report.summary import ResultTable, summarise_method
+from ..report.write_results import read_facts
 from .printed import GROUPS
 
 

@@ -27,7 +27,7 @@ from ..measure.row_metrics import REGION_METRICS, REGIONS
 from .by_setting import SCENE, Sweep
 from .charts import draw_charts, list_method_keys
 from .conditions import Condition
-from .pages import read_template
+from .page_templates import read_template
 from .phase_curves import compute_phase_curves
 from .pictures import (
     MOST_IN_MATRIX,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...support.file_shapes import COUNT, NUMBER, TEXT, Maybe, Shape
+from ...support.file_schemas import COUNT, NUMBER, TEXT, Maybe, Shape
 from ...support.number_text import format_count, show_rounded
 from ..images.disparity_and_occlusion import ESTIMATED
 from ..matchers.methods import Method, describe_method

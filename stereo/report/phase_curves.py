@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...physics import scene_requirements
-from ...physics.surfaces import albedos, photometry
+from ...physics.surfaces import photometry, surface_law
 from ...settings.topics.scene import typed
 from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from ...support.arrays import Array
@@ -32,7 +32,7 @@ def compute_phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]
             if len(found) == MOST:
                 return found
             if name and name not in found:
-                law = albedos.make_law(surface, hapke)
+                law = surface_law.make_law(surface, hapke)
                 assert law is not None
                 found[name] = photometry.phase_curve(law, np.radians(PHASE_DEG))
     return found

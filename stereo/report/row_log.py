@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import FILE_NAME, TEXT, Shape, find_fault
+from ...support.file_schemas import FILE_NAME, TEXT, Shape, find_fault
 from ...support.files import explain_disk_errors, write_atomically
 from ...support.foreign_bytes import parse_json
 from ...support.system import flush_handle

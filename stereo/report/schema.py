@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NotRequired, TypedDict
 
-from ...support.file_shapes import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape
+from ...support.file_schemas import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape
 from ..measure import common_pixels
 from ..measure.row_metrics import NUMBERS
 from .notes import BAKED, NOISE, SEARCH

@@ -20,7 +20,7 @@ from ...settings.table import TOPICS
 from ...support.arrays import Array
 from ...support.files import write_atomically
 from ...support.number_text import format_count
-from .averaged import describe_averaging
+from .averaged_settings import describe_averaging
 from .by_setting import SCENE, Sweep, find_noisy_levels, mean_by_level
 from .charts import (
     DASHES,
@@ -33,8 +33,8 @@ from .charts import (
     make_figure,
     start_at_zero,
 )
-from .factors import FactorLines, choose_lines
 from .summary import ResultTable
+from .varied_on_purpose import FactorLines, choose_lines
 
 #: Metrics that are drawn against settings that vary, with factor and name.
 SWEPT = (("l1_m", 1.0, "Mean absolute depth error (m)"), ("total_bad_1", 100.0, "% missing or > 1 px"))

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from ..inference.rank_order import kendall_tau_b
+from ..inference.kendall_tau import kendall_tau_b
 from ..inference.scene_means import find_mean_intervals
 from ..inference.typical_scene import ComparisonFamily, compare_in_typical_scene
-from .cells import LIGHTS, Cell
 from .design import CONVERGED, Hypothesis, Study
+from .view_measurements import LIGHTS, Cell
 
 #: Noise of the converged render, as a part of a change, up to which the change is claimed.
 _QUIET = 0.1

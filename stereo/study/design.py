@@ -20,7 +20,7 @@ from ...settings.preset_files import load_preset
 from ...settings.toml_text import read_toml_and_text
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, check_record
+from ...support.file_schemas import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, check_record
 from ...support.suggestions import suggest_nearest
 from ..trade.measure_variants import scaled_view
 

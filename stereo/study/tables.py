@@ -17,8 +17,8 @@ from ...support.errors import IcyMoonError
 from ...support.files import read_text, to_json_text, write_atomically, write_text
 from ..matchers.methods import describe_method
 from ..report.charts import COLOURS, MARKS, STYLE, set_logarithmic_beyond
-from .cells import LIGHTS
 from .design import CONVERGED, Study
+from .view_measurements import LIGHTS
 
 #: Between these lines of a page are the tables of a study.
 BEGIN, END = "<!-- study: begin -->", "<!-- study: end -->"

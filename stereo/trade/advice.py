@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...render.cost.tolerance import Tolerance, all_hold
-from ...render.cost.variants import SHAPES
+from ...render.cost.error_tolerance import Tolerance, all_hold
+from ...render.cost.quality_variants import SHAPES
 from ..matchers.methods import describe_method
-from .decisions import decisions_text
-from .losses import find_pareto_front, number_at
+from .quality_losses import find_pareto_front, number_at
+from .same_decisions import decisions_text
 
 #: Tolerances of extra disparity error, px, for which advice is given.
 TOLERANCES_PX = (0.01, 0.02, 0.05, 0.1)

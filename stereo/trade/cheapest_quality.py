@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...render.cost.tolerance import Tolerance, all_hold
-from ...render.cost.variants import Variant, list_candidates, list_leaner_settings, make_reference
+from ...render.cost.error_tolerance import Tolerance, all_hold
+from ...render.cost.quality_variants import Variant, list_candidates, list_leaner_settings, make_reference
 from ...settings.description import changed, merged
 from ...settings.toml_text import to_toml
 from ...support.files import explain_disk_errors, write_text
@@ -20,7 +20,7 @@ from .measure_variants import RenderCounter, TradeBench, check_abilities, render
 
 if TYPE_CHECKING:
     from ..matchers.methods import Method
-    from .losses import Reference
+    from .quality_losses import Reference
 
 #: Most renders of a candidate; more renders reduce the doubt that noise leaves.
 _MOST_RENDERS = 4
@@ -42,7 +42,7 @@ def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, 
     """
     packages.require_modules(*packages.PACKAGES)
     from ..matchers.methods import describe_method, parse_methods
-    from .losses import read_reference
+    from .quality_losses import read_reference
 
     methods = parse_methods(bench.methods, own=bench.own)
     best = make_reference(bench.settings, bench.samples)
@@ -92,7 +92,7 @@ class _QualitySearch:
 
     def try_variant(self, variant: Variant) -> bool:
         """Render and measure a variant: whether it is surely within the tolerance. Render again while that may show."""
-        from .losses import measure_variant
+        from .quality_losses import measure_variant
 
         folders: list[Path] = []
         for count in range(1, _MOST_RENDERS + 1):

@@ -13,9 +13,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...render.cost.abilities import Abilities, ask_abilities, describe_lack
-from ...render.cost.variants import GROUPS, SHAPES, Variant, list_variants, make_reference
-from ...render.workers.job import Job, render_job
+from ...render.cost.blender_abilities import Abilities, ask_abilities, describe_lack
+from ...render.cost.quality_variants import GROUPS, SHAPES, Variant, list_variants, make_reference
+from ...render.workers.job_commands import Job, render_job
 from ...render.workers.process import Message
 from ...settings.description import changed, defaults, merged
 from ...settings.topics.scene import Settings
@@ -24,7 +24,7 @@ from ...support.version import version
 from ..environment import packages
 
 if TYPE_CHECKING:
-    from .losses import Reference
+    from .quality_losses import Reference
 
 #: Folders of the renders, by ``quality.files``: full and compact files of the same render have the same id.
 _DATA = {"COMPACT": "data", "FULL": "data_full"}
@@ -78,7 +78,7 @@ def run_trade(bench: TradeBench, groups: Sequence[str] = ()) -> dict[str, Any]:
     packages.require_modules(*packages.PACKAGES)
     from ..decisions.rules import read_rules
     from ..matchers.methods import parse_methods
-    from .losses import measure_variant, read_reference
+    from .quality_losses import measure_variant, read_reference
     from .report import write_trade
 
     methods = parse_methods(bench.methods, own=bench.own)

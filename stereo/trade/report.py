@@ -12,15 +12,15 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from ...render.cost.variants import SHAPES
+from ...render.cost.quality_variants import SHAPES
 from ...support.files import write_json, write_text
 from ..matchers.methods import describe_method
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic, set_logarithmic_beyond
-from ..report.pages import read_template
+from ..report.page_templates import read_template
 from ..report.table_columns import Column, format_number
 from .advice import decision_advice, find_distinct_steps, find_pareto_fronts, loss_text, variant_advice
-from .decisions import MOST_REGRET, RULE
-from .losses import STEREO, number_at
+from .quality_losses import STEREO, number_at
+from .same_decisions import MOST_REGRET, RULE
 
 FORMAT = "icymoon-trade"
 VERSION = 3
@@ -73,8 +73,8 @@ def write_trade(
     """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return the content of the JSON.
 
     ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and the result of
-    ``losses.measure_variant``. ``references``: per reference ``name``, ``noise``, ``cpu_s``, ``stereo``, ``own``,
-    ``own_decisions`` and ``undecided``. ``groups``: a description of each group of variants, by its key.
+    ``quality_losses.measure_variant``. ``references``: per reference ``name``, ``noise``, ``cpu_s``, ``stereo``,
+    ``own``, ``own_decisions`` and ``undecided``. ``groups``: a description of each group of variants, by its key.
     """
     best = find_pareto_fronts(rows, methods)
     report = {

@@ -16,9 +16,9 @@ from ...support.number_text import format_count
 from ..images.colours import INVALID_GREY, VIRIDIS, Scale
 from ..matchers.methods import Method, describe_method
 from ..report.charts import COLOURS, STYLE, add_legend, add_panel, set_logarithmic
-from ..report.pages import read_template
+from ..report.page_templates import read_template
 from ..report.pictures import embed_picture
-from .measured import DISPARITY_TITLE, GRADIENTS, LEVELS, MATCHED, SIDES, STATISTICS
+from .compare_twin import DISPARITY_TITLE, GRADIENTS, LEVELS, MATCHED, SIDES, STATISTICS
 from .plan import Twin
 from .summary import SummaryRow, make_csv
 

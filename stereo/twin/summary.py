@@ -16,7 +16,7 @@ from ...support.files import escape_cell
 from ..inference.scene_means import find_mean_intervals
 from ..inference.typical_scene import compare_in_typical_scene
 from ..matchers.methods import Method
-from .measured import MATCHED, SIDES, STATISTICS, Quantity
+from .compare_twin import MATCHED, SIDES, STATISTICS, Quantity
 from .plan import Twin
 
 _SEED = 0

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from icymoon.commands.cli import main
-from icymoon.render.cost.variants import GROUPS
+from icymoon.render.cost.quality_variants import GROUPS
 from icymoon.support.version import ROOT
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from icymoon.commands import cli, sources
-from icymoon.physics.terrain.sites import make_rocky_ground
+from icymoon.physics.terrain.standing_places import make_rocky_ground
 from icymoon.render.plans import combine, plan_file
-from icymoon.render.workers.memory import describe_shortage
+from icymoon.render.workers.out_of_memory import describe_shortage
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo import cli as stereo
 from pairs import write_pair

@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 from icymoon.commands import cli, run_validation
-from icymoon.render.workers.cards import ALL_CARDS, ENVIRONMENT, choose_cards
+from icymoon.render.workers.assign_cards import ALL_CARDS, ENVIRONMENT, choose_cards
 from icymoon.stereo import cli as stereo
 from icymoon.support.errors import IcyMoonError
 from pairs import write_pair

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from icymoon.render.plans import plan_file, poses, sweeps
+from icymoon.render.plans import plan_file, pose_sweeps, setting_sweeps
 from icymoon.support.version import ROOT
 
 TEXT = (ROOT / "docs" / "datasets.md").read_text(encoding="utf-8")
@@ -53,5 +53,5 @@ def test_every_kind_and_key_of_plans_is_documented():
         "random_headings",
     }
     inside = {key for example in EXAMPLES for key in re.findall(r"[a-z_]+", example)}
-    assert set(sweeps.KINDS) | set(poses.KINDS) | set(plan_file.HEADER) | keys <= named | inside
-    assert set(sweeps.KINDS) | set(poses.KINDS) <= named
+    assert set(setting_sweeps.KINDS) | set(pose_sweeps.KINDS) | set(plan_file.HEADER) | keys <= named | inside
+    assert set(setting_sweeps.KINDS) | set(pose_sweeps.KINDS) <= named

@@ -122,7 +122,7 @@ def shown() -> bool:
     """Whether what is built shows the settings, be it coarsely."""
     preview, description = module("nodes.preview"), module("settings.description")
     there, wanted = (
-        module("nodes.scene").find_built(window().scene),
+        module("nodes.build_scene").find_built(window().scene),
         (module("settings.blender.scene_properties").read_settings(settings())),
     )
     before = description.merged(there.settings, there.preview)
@@ -134,7 +134,7 @@ def shown() -> bool:
 
 
 def previewing() -> bool:
-    return bool(module("nodes.scene").find_built(window().scene).preview)
+    return bool(module("nodes.build_scene").find_built(window().scene).preview)
 
 
 def ended() -> Waiting:
@@ -610,7 +610,7 @@ def painted_errors() -> Waiting:
     yield from press("icymoon.hide_surface")
     yield from until(lambda: not painted.find_painted(window().scene), "Removing the errors")
     check(view() == before, f"the view shows {view()}, and before {before}")
-    check(not module("nodes.scene").find_built(window().scene).edited, "painting counts as an edit by hand")
+    check(not module("nodes.build_scene").find_built(window().scene).edited, "painting counts as an edit by hand")
     settings().error_range_m = 1.0
 
 
@@ -684,7 +684,7 @@ def search_and_clear() -> Waiting:
 
 def drag_an_asset() -> Waiting:
     """A library of one asset is made, and its surface is dragged from the Asset Browser onto a cube."""
-    operator = module("operators.assets")
+    operator = module("operators.make_asset_library")
     whole = operator.blender_command
     operator.blender_command = lambda *words: whole(*words, "surfaces/rough_ice")
     with in_region("WINDOW"):
@@ -780,7 +780,7 @@ def undo_by_key() -> Waiting:
         (operators.add_block, {}),
         (operators.layer_add, {}),
         (operators.load_settings, {"filepath": str(file)}),
-        (operators.vary, {"setting": "surface.albedo"}),
+        (operators.varied_settings, {"setting": "surface.albedo"}),
         (operators.variation_remove, {}),
         (operators.choose_plan, {"plan": "datasets/guiss_snow"}),
         (operators.load_preset, {"preset": "lights/guiss_europa"}),
@@ -906,7 +906,7 @@ def dig_a_trench() -> Waiting:
     yield from scroll(-400)
     yield from press("icymoon.build_scene")
     yield from until(lambda: not previewing() and shown(), "Building the trench")
-    dug = module("nodes.scene").find_built(window().scene).terrain.data
+    dug = module("nodes.build_scene").find_built(window().scene).terrain.data
     start = Vector((group.excavation.start_x_m, group.excavation.start_y_m))
     near = sum((vertex.co.xy - start).length < 0.2 for vertex in dug.vertices)
     check(near > 300, f"{near} vertices are near the trench, whose cells are 1 cm wide")
@@ -974,7 +974,7 @@ def decide_by_mouse() -> Waiting:
     yield from press("icymoon.hide_decisions")
     yield from until(lambda: not legend(), "Removing the decisions")
     check((shading.type, shading.color_type) == before, f"the view shows {shading.type}, and before {before}")
-    check(not module("nodes.scene").find_built(window().scene).edited, "painting counts as an edit by hand")
+    check(not module("nodes.build_scene").find_built(window().scene).edited, "painting counts as an edit by hand")
 
 
 STEPS = (

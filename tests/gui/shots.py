@@ -243,7 +243,7 @@ def decided() -> None:
     )
     scene = bpy.context.scene
     collection = module("nodes.painted_decisions").paint_decisions(
-        scene, module("nodes.scene").find_built(scene), stored, "StereoBM"
+        scene, module("nodes.build_scene").find_built(scene), stored, "StereoBM"
     )
     module("operators.coloured_views").show_colours(bpy.context, list(collection.objects), solid=True)
     module("panels.decision_maps").list_decided_methods = lambda _: ["bm", "true depth"]

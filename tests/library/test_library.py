@@ -22,7 +22,7 @@ from icymoon.library.inputs import make_albedo_input, make_heights_input
 from icymoon.library.renderers import Hear
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.mesh.height_map import place_map
-from icymoon.physics.rocks.table import read_rock_table
+from icymoon.physics.rocks.rock_table import read_rock_table
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.topics.scene import Settings
 from icymoon.settings.user_files import hash_content

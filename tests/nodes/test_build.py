@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from built_scenes import everything, positions
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import scene_objects
 from icymoon.nodes.datablocks.fingerprint import TAG, make_fingerprint
 from icymoon.nodes.tree.builder import Tree

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 import pytest
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import eyes_above_ground
-from icymoon.nodes import scene as scenes
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.scene_source import ScenesFromSettings

@@ -8,7 +8,7 @@ from icymoon.formats import ply
 from icymoon.nodes import measured_surface
 from icymoon.operators import results
 from icymoon.stereo.export.points import write_points
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from mathutils import Vector

@@ -15,7 +15,7 @@ from icymoon.settings.blender import scene_properties
 from icymoon.stereo.ground_errors import COARSE, MEASURED, MISSING, UNSEEN, read_depth_errors
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.images.image_files import write_disparity
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.errors import IcyMoonError
 from mathutils import Vector
 from rendering import render

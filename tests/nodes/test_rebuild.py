@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from built_scenes import everything, positions
 from edits import EDITS, TINY, populate
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, read_parts
 from icymoon.operators import live_preview, render
 from icymoon.settings import description

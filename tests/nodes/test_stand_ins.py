@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.paper_stand_ins import cached_files
 from icymoon.paper_stand_ins.reconstructions import Reconstruction
 from icymoon.paper_stand_ins.texture_maps import make_maps
 from icymoon.settings.topics.stand_ins import find_texture_item
-from icymoon.support import cache
+from icymoon.support import cache_folder
 from rendering import complete, empty_scene
 
 
 @pytest.fixture(autouse=True)
 def small(tmp_path, monkeypatch):
     """Stand-ins that are made quickly, in an empty cache."""
-    monkeypatch.setenv(cache.FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(cache_folder.FOLDER_VARIABLE, str(tmp_path))
     monkeypatch.setattr(cached_files, "make_maps", lambda key: make_maps(key, size=64))
     places = np.array([[-8.0, -8, 0], [8, -8, 0], [8, 8, 1], [-8, 8, 0]])
     monkeypatch.setattr(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 import pytest
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.nodes.built_scene import EXCAVATION, FINGERPRINT, GROUND, NOTES, PREVIEW, SETTINGS, STATISTICS
 from icymoon.operators.user_render import NOTE, restore_render
 from icymoon.support.errors import IcyMoonError

@@ -7,7 +7,7 @@ import sys
 import bpy
 import pytest
 import workspaces
-from icymoon.operators import decide, own_reports
+from icymoon.operators import decide, trusted_reports
 
 
 @pytest.mark.heavy
@@ -20,5 +20,5 @@ def test_the_data_set_is_decided_and_its_page_is_known_as_ours(monkeypatch, tmp_
         assert bpy.ops.icymoon.decide() == {"FINISHED"}
     bpy.data.scenes.remove(scene)
     page = tmp_path / "decisions" / "decisions.html"
-    assert own_reports.is_own_report(page)
+    assert trusted_reports.is_own_report(page)
     assert "StereoBM" in page.read_text(encoding="utf-8")

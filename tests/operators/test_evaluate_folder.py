@@ -7,7 +7,7 @@ import sys
 import bpy
 import foreign
 import pytest
-from icymoon.operators import evaluate, own_reports
+from icymoon.operators import evaluate, trusted_reports
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def test_a_folder_of_photographs_is_evaluated_and_its_report_is_known_as_ours(sc
     root = foreign.plain(tmp_path, 'disparity = "truth/{pair}.npy"', file=foreign.constant())
     assert bpy.ops.icymoon.evaluate_folder(directory=str(root)) == {"FINISHED"}
     page = root / "evaluation" / "report.html"
-    assert own_reports.is_own_report(page)
+    assert trusted_reports.is_own_report(page)
     assert "Plain folder" in page.read_text(encoding="utf-8")
     assert not scene.icymoon.results  # they are not those of the scene
 

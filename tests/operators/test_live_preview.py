@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 import pytest
 from built_scenes import everything, positions
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, make_fingerprint, read_parts
 from icymoon.operators import live_preview
 from icymoon.operators.render import bring_up_to_date, plan_pairs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes.scene import find_collection
+from icymoon.nodes.build_scene import find_collection
 from icymoon.operators import live_preview, presets
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import previews, sidebar

@@ -12,7 +12,7 @@ import bpy
 import pytest
 from icymoon.operators import jobs, render
 from icymoon.render.pairs.pair_folder import find_pairs
-from icymoon.render.workers.job import Job, blender_command, read_job
+from icymoon.render.workers.job_commands import Job, blender_command, read_job
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.files import hash_file

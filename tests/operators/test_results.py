@@ -8,7 +8,7 @@ import webbrowser
 import bpy
 import pytest
 from evaluations import PAIR, ROW, evaluated, write_evaluation
-from icymoon.operators import evaluate, own_reports, results
+from icymoon.operators import evaluate, results, trusted_reports
 from icymoon.panels import sidebar
 from icymoon.settings.blender import scene_properties
 from icymoon.stereo.matchers.methods import parse_methods
@@ -230,7 +230,7 @@ def test_only_a_report_that_was_made_here_is_opened(scene, tmp_path, monkeypatch
     evaluated(scene, tmp_path)
     page = tmp_path / "evaluation_scene" / "report.html"
     bpy.ops.icymoon.open_report()
-    own_reports._session.clear()  # as after a new start
+    trusted_reports._session.clear()  # as after a new start
     bpy.ops.icymoon.open_report()
     assert opened == [page.as_uri()] * 2
     ours = page.read_text()

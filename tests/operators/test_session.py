@@ -7,9 +7,9 @@ import threading
 
 import bpy
 import pytest
-from icymoon.operators import events, jobs
+from icymoon.operators import jobs, window_events
 from icymoon.operators.session import Session, session
-from icymoon.render.workers.calculation import Calculation
+from icymoon.render.workers.watched_thread import Calculation
 from icymoon.support.errors import IcyMoonError
 from stand_ins import stand_in
 
@@ -92,18 +92,18 @@ def open_file() -> None:
 def test_what_is_known_is_made_once_until_anything_changes(change):
     made = []
     for _ in range(2):
-        events.keep_until_change("a key", lambda: made.append(1))
-    events.keep_until_change("another", lambda: made.append(2))
+        window_events.keep_until_change("a key", lambda: made.append(1))
+    window_events.keep_until_change("another", lambda: made.append(2))
     assert made == [1, 2]
     change()
-    events.keep_until_change("a key", lambda: made.append(3))
+    window_events.keep_until_change("a key", lambda: made.append(3))
     assert made == [1, 2, 3]
 
 
 def test_a_module_follows_events_only_while_it_is_registered(scene):
     heard: list[object] = []
     timer = heard.copy  # any function
-    register, unregister = events.make_registration(
+    register, unregister = window_events.make_registration(
         lambda scene, effects: heard.append(set(effects)),
         timers=(timer,),
         end=lambda: heard.append("end"),
@@ -111,8 +111,8 @@ def test_a_module_follows_events_only_while_it_is_registered(scene):
     )
     change_setting()
     register()
-    events.call_later(timer, 60.0)
-    events.call_later(timer, 60.0)
+    window_events.call_later(timer, 60.0)
+    window_events.call_later(timer, 60.0)
     scene.icymoon.surface.albedo = 0.4
     undo()
     assert heard == [{"material"}, "undo"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes.scene import find_collection
+from icymoon.nodes.build_scene import find_collection
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo.images.exr import read_view
 

@@ -8,10 +8,10 @@ import math
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.operators import view_exposure
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.settings import changes
+from icymoon.settings import rebuilt_parts
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.images.exr import read_view
@@ -49,7 +49,9 @@ def pair(built, tmp_path):
 def brightness(scene, folder) -> tuple[float, float]:
     """The mean of a pair's light as the view shows it in ``Raw``, and that of its image; both from 0 to 1."""
     left = read_view(read_pair(folder).image("left"), "left").radiance.mean(axis=2)
-    image = read_pair_views(folder, changes.select_response(scene_properties.read_settings(scene.icymoon))).left / 255
+    image = (
+        read_pair_views(folder, rebuilt_parts.select_response(scene_properties.read_settings(scene.icymoon))).left / 255
+    )
     kept = (image > 0.05) & (image < 0.95)
     assert kept.mean() > 0.2
     return float((left * 2.0**scene.view_settings.exposure)[kept].mean()), float(image[kept].mean())

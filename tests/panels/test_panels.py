@@ -12,7 +12,7 @@ import bpy
 import pytest
 from evaluations import ROW, evaluated
 from icymoon.commands.doctor import PLUGINS, Finding
-from icymoon.operators import evaluate, evaluator, jobs, preferences, sidebar_text
+from icymoon.operators import evaluate, evaluator_python, jobs, preferences, sidebar_text
 from icymoon.operators.presets import list_preset_items
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
@@ -565,10 +565,10 @@ def test_the_preferences_are_drawn(scene):
 
 
 def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(evaluator, "find_kernels", lambda: str(tmp_path / "none.tm"))
+    monkeypatch.setattr(evaluator_python, "find_kernels", lambda: str(tmp_path / "none.tm"))
     with pytest.raises(RuntimeError, match=r"SPICE kernels: .*none\.tm is not there.*Give a meta-kernel"):
         bpy.ops.icymoon.check_evaluator()
-    monkeypatch.setattr(evaluator, "find_kernels", lambda: "")
+    monkeypatch.setattr(evaluator_python, "find_kernels", lambda: "")
     assert bpy.ops.icymoon.check_evaluator() == {"FINISHED"}
     assert {"Blender", "Evaluator", "Graphics card"} <= {finding.subject for finding in preferences.findings}
     card = next(finding for finding in preferences.findings if finding.subject == "Graphics card")

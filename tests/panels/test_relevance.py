@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from icymoon.physics.camera.blur import MOTION, find_blur
-from icymoon.physics.camera.brackets import list_exposure_times
 from icymoon.physics.camera.colour import compute_channel_rates
+from icymoon.physics.camera.exposure_brackets import list_exposure_times
 from icymoon.physics.camera.particle_hits import draw_hits
 from icymoon.physics.camera.sensor import choose_exposure_s
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings

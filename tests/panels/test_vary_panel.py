@@ -122,5 +122,5 @@ def test_the_context_menu_offers_settings_only(scene):
 
 def test_the_dialog_draws_what_the_setting_has(scene):
     dialog = stand_in(layout=Layout(), setting="light.planet")
-    vary.vary.ICYMOON_OT_vary.draw(dialog, bpy.context)
+    vary.varied_settings.ICYMOON_OT_vary.draw(dialog, bpy.context)
     assert "Off and on" in texts(dialog.layout.record)

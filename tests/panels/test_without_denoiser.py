@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 import pytest
-from icymoon.nodes.scene import find_built
+from icymoon.nodes.build_scene import find_built
 from icymoon.support.blender import compat
 from panel_drawing import drawn
 

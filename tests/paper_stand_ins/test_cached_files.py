@@ -18,17 +18,17 @@ from hostile_arrays import put
 from icymoon.formats import ply
 from icymoon.formats.mesh_images import choose_images
 from icymoon.paper_stand_ins import cached_files
-from icymoon.paper_stand_ins.items import RECIPE
 from icymoon.paper_stand_ins.reconstructions import Reconstruction
+from icymoon.paper_stand_ins.shown_items import RECIPE
 from icymoon.paper_stand_ins.texture_maps import make_maps
 from icymoon.settings.topics.stand_ins import find_mesh_item, find_texture_item
-from icymoon.support import cache, files
+from icymoon.support import cache_folder, files
 from icymoon.support.errors import IcyMoonError
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv(cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv(cache_folder.FOLDER_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.setattr(cached_files, "make_maps", lambda key: make_maps(key, size=64))
     return tmp_path / "cache" / "stand_ins" / str(RECIPE)
 
@@ -174,7 +174,7 @@ def test_an_old_part_is_removed_and_a_new_one_is_somebody_elses(folder):
 
 def test_a_folder_that_may_not_be_written_to_is_one_sentence(tmp_path, monkeypatch):
     (tmp_path / "file").write_bytes(b"")
-    monkeypatch.setenv(cache.FOLDER_VARIABLE, str(tmp_path / "file"))
+    monkeypatch.setenv(cache_folder.FOLDER_VARIABLE, str(tmp_path / "file"))
     with pytest.raises(IcyMoonError) as error:
         cached_files.find_texture_files("FIRN")
     assert re.fullmatch(r"Cannot write to \S+: a part of this path is a file.*ICYMOON_CACHE.*\)\.", str(error.value))

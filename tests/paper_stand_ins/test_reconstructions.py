@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.paper_stand_ins.fields import FieldGenerator
-from icymoon.paper_stand_ins.items import MESH_PIXELS
+from icymoon.paper_stand_ins.periodic_fields import FieldGenerator
 from icymoon.paper_stand_ins.reconstructions import reconstruct
+from icymoon.paper_stand_ins.shown_items import MESH_PIXELS
 from icymoon.paper_stand_ins.triangulation import triangulate
-from icymoon.physics.mesh.check import examine_mesh
+from icymoon.physics.mesh.mesh_faults import examine_mesh
 from icymoon.physics.random_numbers.seeds import make_generator
 from icymoon.settings.topics.stand_ins import MESHES, find_mesh_item
 from marks import heavy_but

@@ -8,8 +8,8 @@ import sys
 
 import numpy as np
 import pytest
-from icymoon.paper_stand_ins import fields, ice_colours
-from icymoon.paper_stand_ins.fields import FieldGenerator
+from icymoon.paper_stand_ins import ice_colours, periodic_fields
+from icymoon.paper_stand_ins.periodic_fields import FieldGenerator
 from icymoon.paper_stand_ins.texture_maps import make_maps
 from icymoon.physics.random_numbers.seeds import make_generator
 from icymoon.settings.topics.stand_ins import TEXTURES
@@ -55,7 +55,7 @@ def test_the_normals_are_those_of_the_heights(small, key):
     item, maps = next(item for item in TEXTURES if item.key == key), small[key]
     assert np.linalg.norm(maps.normal, axis=-1) == pytest.approx(1.0)
     slope = -maps.normal[..., :2] / maps.normal[..., 2:]
-    k_x, k_y = fields.list_wave_numbers(SIZE)
+    k_x, k_y = periodic_fields.list_wave_numbers(SIZE)
     s_x, s_y = np.sin(2 * np.pi * k_x / SIZE), np.sin(2 * np.pi * k_y / SIZE)
     power = s_x**2 + s_y**2
     lost = power < 1e-12
@@ -79,10 +79,11 @@ def test_the_mean_of_the_albedo_is_the_stated_one(small, key):
 
 def test_any_two_differ(small):
     # Independent pictures of a thousand independent patches correlate by 0.03; 0.2 is a shared pattern.
-    grey = {key: fields.normalise(maps.albedo[..., 1]) for key, maps in small.items()}
+    grey = {key: periodic_fields.normalise(maps.albedo[..., 1]) for key, maps in small.items()}
     # Without the longest waves, of which each has only a few.
     relief = {
-        key: fields.normalise(maps.height_m - fields.blur(maps.height_m, SIZE / 24)) for key, maps in small.items()
+        key: periodic_fields.normalise(maps.height_m - periodic_fields.blur(maps.height_m, SIZE / 24))
+        for key, maps in small.items()
     }
     for one, other in itertools.combinations(KEYS, 2):
         assert abs((grey[one] * grey[other]).mean()) < 0.2, (one, other)
@@ -100,7 +101,7 @@ def test_a_seed_is_one_texture_and_another_seed_another():
 def test_waves_have_the_stated_spectrum(slope):
     n = 512
     field = FieldGenerator(make_generator(0, "stand_ins", 9), n).waves(slope, 4 / n, 1 / 2)
-    k_x, k_y = fields.list_wave_numbers(n)
+    k_x, k_y = periodic_fields.list_wave_numbers(n)
     k, power = np.hypot(k_x, k_y), np.abs(np.fft.rfft2(field)) ** 2
     inside = (k >= 4) & (k <= n / 8)
     rings = np.geomspace(4, n / 8, 11)

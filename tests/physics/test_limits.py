@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from icymoon.physics.camera import brackets, depth_accuracy
+from icymoon.physics.camera import depth_accuracy, exposure_brackets
 from icymoon.physics.camera.blur import find_blur, find_pose_after
 from icymoon.physics.camera.point_spread import apply_point_spread
 from icymoon.physics.camera.sensor import choose_exposure_s, collect_electrons, convert_to_digital, top_dn
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.light.photons import electron_rate
 from icymoon.physics.light.sky import compute_sky, describe_sky
-from icymoon.physics.mesh.grading import GradingView
+from icymoon.physics.mesh.vertex_spacing import GradingView
 from icymoon.physics.rocks.size_laws import draw_diameters, make_size_law
 from icymoon.physics.surfaces import hapke, photometry, principled
 from icymoon.physics.terrain.terrain import make_terrain
@@ -151,14 +151,14 @@ def test_a_sensor_gives_numbers_of_its_range(settings, light):
     assert math.isfinite(seconds)
     assert seconds > 0
     numbers = []
-    for time in brackets.list_exposure_times(seconds, sensor):
+    for time in exposure_brackets.list_exposure_times(seconds, sensor):
         charge = collect_electrons(seen, time, rate, sensor, np.random.default_rng(1))
         assert np.isfinite(charge).all()
         numbers.append(convert_to_digital(charge, sensor))
         assert numbers[-1].max() <= top_dn(sensor)
-    times = brackets.list_exposure_times(seconds, sensor)
+    times = exposure_brackets.list_exposure_times(seconds, sensor)
     assert len(times) == sensor["brackets"]
-    merged = brackets.merge_exposures(numbers, times, sensor)
+    merged = exposure_brackets.merge_exposures(numbers, times, sensor)
     assert np.isfinite(merged).all()
 
 

@@ -11,7 +11,7 @@ import pytest
 from icymoon.commands import render_scenes
 from icymoon.physics import scene_checks
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance, hapke_from_settings
-from icymoon.physics.terrain.sites import make_rocky_ground
+from icymoon.physics.terrain.standing_places import make_rocky_ground
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files

@@ -10,7 +10,7 @@ import sys
 import pytest
 from icymoon.physics import scene_requirements
 from icymoon.physics.light.sky import compute_sky, describe_sky
-from icymoon.settings import changes, description
+from icymoon.settings import description, rebuilt_parts
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.version import ROOT
 
@@ -53,8 +53,10 @@ def test_a_walk_is_worth_it_where_a_pixel_is_as_small():
     assert scene_requirements.traces_random_walk(exact, "surface")
     assert not scene_requirements.traces_random_walk(described({"quality": {"walk_px": 0.0}}), "surface")
     assert not scene_requirements.traces_random_walk(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")
-    assert changes.select_look(high) != changes.select_look(settings)
-    assert changes.select_look(described(SNOW, {"rig": {"pitch_deg": 50.0}})) == changes.select_look(settings)
+    assert rebuilt_parts.select_look(high) != rebuilt_parts.select_look(settings)
+    assert rebuilt_parts.select_look(described(SNOW, {"rig": {"pitch_deg": 50.0}})) == rebuilt_parts.select_look(
+        settings
+    )
 
 
 def test_what_is_left_out_is_told_with_its_reason():

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from icymoon.formats import asset_library
 from icymoon.nodes import assets
+from icymoon.nodes.build_scene import build_scene, clear_scene
 from icymoon.nodes.datablocks.fingerprint import TAG
 from icymoon.nodes.datablocks.marks import Walk
-from icymoon.nodes.scene import build_scene, clear_scene
 from icymoon.operators.render import plan_pairs
 from icymoon.render.asset_worker import make_library
-from icymoon.render.workers.job import python_command
+from icymoon.render.workers.job_commands import python_command
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.support.arrays import Array

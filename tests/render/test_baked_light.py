@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.physics.light.baked_rocks import TERMS
 from icymoon.render import baked_light
 from icymoon.render.pairs import baked_file
@@ -21,7 +21,7 @@ from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
-from icymoon.render.workers.claims import Claims
+from icymoon.render.workers.pair_claims import Claims
 from icymoon.render.workers.shared_light import SharedLight
 from icymoon.stereo.images.exr import read_baked_error, read_view
 from icymoon.support.arrays import Array

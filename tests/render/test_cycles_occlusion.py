@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.physics.camera.occlusion import find_matching_column, is_in_frame
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_truth, read_view
-from icymoon.stereo.measure.prepare import load_pair
+from icymoon.stereo.measure.prepare_pair import load_pair
 from other_rays import cast_from_other_eye, tree_of_scene
 from rendering import complete, empty_scene
 

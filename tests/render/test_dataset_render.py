@@ -20,14 +20,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from icymoon.nodes.change_scene import adapt_scene, open_empty_scene
 from icymoon.nodes.datablocks.fingerprint import read_parts
-from icymoon.nodes.next_scene import adapt_scene, open_empty_scene
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import order_pairs
 from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.render.plans.render_order import order_pairs
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
-from icymoon.render.workers.verify import verify_data_set
+from icymoon.render.workers.verify_dataset import verify_data_set
 from marks import heavy_but
 from plans import grid, planned
 

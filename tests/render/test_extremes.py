@@ -11,8 +11,8 @@ import extremes
 import numpy as np
 import pytest
 from extremes import SHORT_AND_LONG, SWITCHED_ON_BY, complete, drawn, faults, is_sentence, numbers, rays, shot, story
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
 from icymoon.physics.surfaces.photometry import LOMMEL_SEELIGER_BOND
 from icymoon.render.pairs.pair_folder import EYES
@@ -22,7 +22,7 @@ from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import PLANET, TERRAIN
 from rendering import empty_scene

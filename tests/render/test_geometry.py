@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.formats.ply import read_properties
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.render.geometry_worker import read_mesh_triangles, run_job, write_geometry
 from icymoon.render.render_pair import open_render_scene
 from icymoon.support.errors import IcyMoonError

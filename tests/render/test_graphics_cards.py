@@ -13,7 +13,7 @@ from icymoon.render import graphics_cards, worker
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.scene_source import FixedScene
 from icymoon.render.workers import first_use_of_card
-from icymoon.render.workers.cards import ENVIRONMENT, Cards
+from icymoon.render.workers.assign_cards import ENVIRONMENT, Cards
 from icymoon.render.workers.shared_light import SharedLight
 from icymoon.support.errors import IcyMoonError
 from rendering import complete

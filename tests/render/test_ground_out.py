@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.formats import geotiff
 from icymoon.formats.tiff_write import encode_tiff
-from icymoon.physics.surfaces.albedos import find_albedos
+from icymoon.physics.surfaces.surface_law import find_albedos
 from icymoon.render.geometry_worker import run_job
 from icymoon.support.errors import IcyMoonError
 from rendering import SMALL, complete

@@ -8,7 +8,7 @@ import time
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.physics.camera.head_camera import show_points
 from icymoon.render.pairs.pair_folder import find_pairs, read_pair
 from icymoon.render.plans.planned_pair import expand_headings

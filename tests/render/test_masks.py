@@ -9,9 +9,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from icymoon.nodes.build_scene import Built, build_scene
 from icymoon.nodes.ground.terrain_mesh import build_mesh_from_arrays
-from icymoon.nodes.scene import Built, build_scene
-from icymoon.physics.rocks.shapes import make_icosphere
+from icymoon.physics.rocks.rock_shapes import make_icosphere
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs

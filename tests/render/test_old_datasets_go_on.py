@@ -9,7 +9,7 @@ import sys
 import pytest
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.workers.verify import verify_data_set
+from icymoon.render.workers.verify_dataset import verify_data_set
 from olddata import DATA, OLD, copied
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes.scene import Built, build_scene
-from icymoon.rays import engine
-from icymoon.render import moved_vertices
+from icymoon.nodes.build_scene import Built, build_scene
+from icymoon.rays import ray_engine
+from icymoon.render import displaced_vertices
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
@@ -204,7 +204,7 @@ def test_blenders_trees_find_the_same_truth_where_there_is_no_embree(tmp_path, m
     1e-7 of a pixel wide."""
     settings = complete(WIDE, {"rocks": ROCKS, "surface": {**ROUGH, "relief": "DISPLACEMENT"}})
     (ours,) = shoot(tmp_path / "embree", settings)
-    monkeypatch.setattr(engine, "load_library", lambda folders: None)
+    monkeypatch.setattr(ray_engine, "load_library", lambda folders: None)
     monkeypatch.setattr(compat, "list_library_folders", lambda: (tmp_path,))  # what is found in a folder is kept
     (others,) = shoot(tmp_path / "trees", settings)
     assert [pair.data["truth"] for pair in (ours, others)] == [{"by": "Embree"}, {"by": "BVHTree"}]
@@ -222,7 +222,7 @@ def test_blenders_trees_find_the_same_truth_where_there_is_no_embree(tmp_path, m
 
 
 def test_truth_that_comes_with_the_light_needs_no_rays(tmp_path, monkeypatch):
-    monkeypatch.setattr(engine, "load_library", pytest.fail)
+    monkeypatch.setattr(ray_engine, "load_library", pytest.fail)
     (pair,) = shoot(tmp_path, complete({"quality": {"truth": "DEPTH"}}))
     assert "truth" not in pair.data
 
@@ -254,10 +254,10 @@ def test_geometry_nodes_move_vertices_as_a_bake_of_cycles_tells(monkeypatch):
     mesh, place = built.terrain.data, np.array(built.terrain.matrix_world)
     at_rest = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", at_rest)
-    whole, groups = moved_vertices.move_corners(mesh, place)
-    some, _ = moved_vertices.move_corners(mesh, place, still_m=settings.surface.grain_size_m)
-    monkeypatch.setattr(moved_vertices, "_find_heights", lambda *a: None)
-    baked, same = moved_vertices.move_corners(mesh, place)
+    whole, groups = displaced_vertices.move_corners(mesh, place)
+    some, _ = displaced_vertices.move_corners(mesh, place, still_m=settings.surface.grain_size_m)
+    monkeypatch.setattr(displaced_vertices, "_find_heights", lambda *a: None)
+    baked, same = displaced_vertices.move_corners(mesh, place)
     assert np.array_equal(groups, same)
     assert np.array_equal(whole, some)
     share = np.mean(np.abs(whole - at_rest.reshape(-1, 3)).max(axis=1) > 1e-5)

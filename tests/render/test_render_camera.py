@@ -8,7 +8,7 @@ import bpy
 import cv2
 import numpy as np
 import pytest
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.operators import sidebar_text
 from icymoon.physics.camera.blur import circle_of_confusion_px, find_blur, motion_blur_px
 from icymoon.physics.camera.lens_distortion import find_overscan
@@ -22,7 +22,7 @@ from icymoon.stereo.export.layouts import export
 from icymoon.stereo.images.exr import read_light, read_truth
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import load_pair
+from icymoon.stereo.measure.prepare_pair import load_pair
 from icymoon.stereo.reexpose import reexpose
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 import pytest
-from icymoon.render import unlit
+from icymoon.render import truth_without_light
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
@@ -52,8 +52,8 @@ def test_another_camera_builds_no_tree_of_triangles(scene, tmp_path, monkeypatch
     So it is where depth is rendered without surfaces, which is done only where it saves more time than the tree takes.
     And lamps that go out and on again let Cycles join the trees of its meshes anew.
     """
-    monkeypatch.setattr(unlit, "MOST_TRIANGLES_A_PIXEL", 0)
-    monkeypatch.setattr(unlit, "switch_lights_off", lambda scene: nullcontext())
+    monkeypatch.setattr(truth_without_light, "MOST_TRIANGLES_A_PIXEL", 0)
+    monkeypatch.setattr(truth_without_light, "switch_lights_off", lambda scene: nullcontext())
     cameras = (
         {},
         {"rig": {"heading_deg": 50.0}},

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from icymoon.formats.exr_layout import read_channels
 from icymoon.formats.exr_parts import read_pieces
-from icymoon.nodes.next_scene import adapt_scene, open_empty_scene
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
+from icymoon.nodes.change_scene import adapt_scene, open_empty_scene
 from icymoon.nodes.surface.sun_inputs import is_osl
 from icymoon.stereo.images.exr import read_truth, read_view
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from rendering import complete, empty_scene, render
 
 SNOW = {"surface": {"subsurface_weight": 1.0, "subsurface_radius_m": 4.0e-4, "albedo": 0.8}}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.nodes import next_scene
+from icymoon.nodes import change_scene
 from icymoon.physics.camera.optical_flow import find_flow
 from icymoon.physics.camera.rotations import quaternion
 from icymoon.physics.light.directions import camera_axes
@@ -12,7 +12,7 @@ from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
-from icymoon.stereo.measure.prepare import load_pair
+from icymoon.stereo.measure.prepare_pair import load_pair
 
 PLAN = """[plan]
 title = "Test"
@@ -52,9 +52,9 @@ def rendered(tmp_path_factory):
     (root / "plan.toml").write_text(PLAN, encoding="utf-8")
     pairs = read_plan(root / "plan.toml").pairs()
     opened, said = [], []
-    usual = next_scene.open_empty_scene
+    usual = change_scene.open_empty_scene
     with pytest.MonkeyPatch.context() as patch, ScenesFromSettings(lambda warning: None) as source:
-        patch.setattr(next_scene, "open_empty_scene", lambda settings: opened.append(1) or usual(settings))
+        patch.setattr(change_scene, "open_empty_scene", lambda settings: opened.append(1) or usual(settings))
         render_from(source, pairs, root, lambda kind, **facts: said.append((kind, facts)), keep_going=True)
     return [pair.folder(root) for pair in pairs], len(opened), [facts for kind, facts in said if kind == "error"]
 

@@ -7,7 +7,7 @@ from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import user_files
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load
-from icymoon.stereo.sources import find_sources
+from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.support import system
 from icymoon.support.errors import IcyMoonError
 

@@ -289,15 +289,15 @@ def test_what_is_no_matcher_of_one_s_own_is_said_in_a_sentence(text, own, said):
 def test_what_the_window_gives_to_processes_has_passed_the_gate():
     """Unchecked settings are read where they are shown, and matchers go to the evaluator through one function."""
     texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "operators").glob("*.py")}
-    # presets.py puts those of quality back, vary.py shows values, and render_variations.py counts pairs; all check what
-    # they start.
+    # presets.py puts those of quality back, varied_settings.py shows values, and render_variations.py counts pairs; all
+    # check what they start.
     # view_exposure.py sets how bright the view is, no more.
     assert {name for name, text in texts.items() if "read_unchecked(" in text} == {
         "live_preview.py",
-        "ground.py",
+        "import_ground.py",
         "presets.py",
         "render_variations.py",
-        "vary.py",
+        "varied_settings.py",
         "view_exposure.py",
     }
     # results.py only compares them with those that were measured, render_variations.py only draws their field, and

@@ -17,7 +17,7 @@ from icymoon.stereo.calibration_curves import (
     tabulate,
 )
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.errors import IcyMoonError
 
 

@@ -10,11 +10,11 @@ import time
 import icymoon.stereo.evaluate as evaluating
 import pairs
 import pytest
-from icymoon.render.workers.job import python_command
+from icymoon.render.workers.job_commands import python_command
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.evaluate_while_rendering import measure_completed_pairs
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.costs import COSTS
+from icymoon.stereo.measure.row_metrics import COSTS
 from icymoon.support.errors import IcyMoonError
 
 METHODS = parse_methods("bm,bm:window=21")

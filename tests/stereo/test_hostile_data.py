@@ -18,7 +18,7 @@ from icymoon.stereo import cli
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.report.charts import make_figure, render_svg
-from icymoon.stereo.report.pages import read_template
+from icymoon.stereo.report.page_templates import read_template
 from icymoon.support.version import ROOT
 
 #: Text that closes an attribute, an element, a script, a comment; and a formula that no drawing can set.

@@ -13,7 +13,7 @@ import foreign
 import pairs
 import pytest
 from icymoon.stereo import cli
-from icymoon.stereo.sources import find_sources
+from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.support.errors import IcyMoonError
 
 HOSTILE = "q\x1b[2J\x1b]0;x\x07[b]\u202e"

@@ -23,7 +23,7 @@ from icymoon.stereo.map_results import (
     write_maps,
 )
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.errors import IcyMoonError
 
 rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")

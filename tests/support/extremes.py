@@ -9,15 +9,15 @@ from typing import Any
 
 import bpy
 import numpy as np
+from icymoon.nodes.build_scene import Built, build_scene
 from icymoon.nodes.light.sun_lamp import read_lamp_diameter, read_lamp_irradiance_wm2
-from icymoon.nodes.scene import Built, build_scene
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
 from icymoon.physics.camera.depth_accuracy import coordinate_rounding_m
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, toml_text
-from icymoon.settings.changes import describe_mesh_relief
+from icymoon.settings.rebuilt_parts import describe_mesh_relief
 from icymoon.settings.table import TOPICS
 from icymoon.settings.topics.declaration import Parts, Setting
 from icymoon.settings.topics.scene import Settings

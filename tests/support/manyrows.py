@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import Method
-from icymoon.stereo.report.results import write_results
 from icymoon.stereo.report.row_log import RowLog
+from icymoon.stereo.report.write_results import write_results
 
 VARIED = ("l1_m", "total_bad_1", "coverage", "epe_px")
 COMMON = ("l1_m", "epe_px")

@@ -17,7 +17,7 @@ from typing import Any
 import bpy
 import icymoon
 import numpy as np
-from icymoon.nodes.scene import Built, build_scene
+from icymoon.nodes.build_scene import Built, build_scene
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs

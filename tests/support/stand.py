@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from icymoon.render.workers.claims import CLAIMS_FOLDER
+from icymoon.render.workers.pair_claims import CLAIMS_FOLDER
 from icymoon.render.workers.runner import Runner, WorkerOptions
 from plans import grid
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from icymoon.physics.surfaces import photometry
-from icymoon.physics.surfaces.albedos import make_law
+from icymoon.physics.surfaces.surface_law import make_law
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.support.version import ROOT

@@ -110,7 +110,7 @@ def test_files_of_other_programs_are_read(tmp_path, capsys, number):
 
 def built(folder: Path, *settings: str):
     """A scene on the height map of a case, and its warnings."""
-    from icymoon.nodes.scene import build_scene
+    from icymoon.nodes.build_scene import build_scene
     from icymoon.settings import description, preset_files
     from rendering import empty_scene
 

@@ -20,12 +20,12 @@ import icymoon
 import numpy as np
 import pytest
 from icymoon.commands import cli, doctor
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.operators import preferences, presets
 from icymoon.physics.camera.blur import find_blur
 from icymoon.render import cycles_settings, render_pair
 from icymoon.render.cycles_settings import check_possible
-from icymoon.render.workers.job import python_command
+from icymoon.render.workers.job_commands import python_command
 from icymoon.settings import preset_files
 from icymoon.settings.blender import scene_properties
 from icymoon.support import files, system

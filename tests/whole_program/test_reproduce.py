@@ -10,7 +10,7 @@ import sys
 import time
 
 import pytest
-from icymoon.render.workers.job import python_command
+from icymoon.render.workers.job_commands import python_command
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 TINY = (

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from icymoon.operators import sidebar_text, trade
 from icymoon.operators.job_operators import JobOperator
-from icymoon.render.cost import speed
-from icymoon.render.workers.job import python_command
+from icymoon.render.cost import machine_speed
+from icymoon.render.workers.job_commands import python_command
 from icymoon.settings import description, preset_files
 from icymoon.settings.blender import scene_properties
-from icymoon.support import cache
+from icymoon.support import cache_folder
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 SCENE = (
@@ -132,12 +132,12 @@ def test_a_dialog_that_is_closed_has_nothing_to_stop():
 def test_this_machine_is_measured_by_a_button_and_shown(tmp_path, monkeypatch):
     import bpy
 
-    monkeypatch.setenv(cache.FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(cache_folder.FOLDER_VARIABLE, str(tmp_path))
     sidebar_text.forget_speed()
     settings = description.defaults()
     assert "another machine" in sidebar_text.describe_speed(settings)
     assert bpy.ops.icymoon.measure_machine() == {"FINISHED"}
-    found = speed.recall_speed("CPU", bpy.app.version_string)
+    found = machine_speed.recall_speed("CPU", bpy.app.version_string)
     # A renderer on this planet's processors is within a factor of 30 of the one that the estimates were made on.
     assert 1 / 30 < found.factor < 30
     assert "this machine" in sidebar_text.describe_speed(settings)

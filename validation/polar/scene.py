@@ -244,3 +244,18 @@ def _distances_to_lamp(pair: Pair, name: str, depth: Array) -> Array:
     points = (ray * depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
     sun = pair.data["light"]["sun"]
     return np.asarray(np.linalg.norm(points - np.array(sun["direction_to_world"]) * sun["distance_m"], axis=-1))
+
+
+@dataclass(frozen=True)
+class Masks:
+    """Rock and shadow (H, W) of a photograph as labelled and as rendered, without what has no scan; and its twin.
+
+    ``judged`` (H, W) is where the photograph shows the sandbox and what was scanned.
+    """
+
+    rock: Array
+    shadow: Array
+    our_rock: Array
+    our_shadow: Array
+    judged: Array
+    twin: Twin

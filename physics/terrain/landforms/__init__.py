@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from . import chaos, cracks, craters, hollows, penitentes, pits, ridges
-from .common import Landform, Walls
+from .landform import Landform, Walls
 from .plug_in import make_plugin_landforms
 
 #: In the order in which they shape the ground; the position is part of each one's seed.

@@ -18,7 +18,7 @@ import numpy as np
 from ....settings.topics.landforms import ChaosSettings
 from ....support.arrays import Array, Numbers
 from ..noise.voronoi import find_voronoi_cells
-from .common import (
+from .landform import (
     Landform,
     Walls,
     broken_step,

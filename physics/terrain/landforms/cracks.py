@@ -17,7 +17,7 @@ import numpy as np
 from ....settings.topics.landforms import CracksSettings
 from ....support.arrays import Array, Numbers
 from ..noise.voronoi import find_voronoi_cells
-from .common import (
+from .landform import (
     Landform,
     Walls,
     broken_step,

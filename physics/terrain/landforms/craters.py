@@ -16,7 +16,7 @@ from ....support.arrays import Array, Numbers
 from ....support.errors import IcyMoonError
 from ...rocks.size_laws import PowerLaw
 from ..roughness.roughness import carried_share
-from .common import Landform, smooth_step
+from .landform import Landform, smooth_step
 
 #: Radii at which the ejecta end.
 _REACH = 3.0

@@ -12,7 +12,7 @@ import numpy as np
 from ....settings.topics.landforms import HollowsSettings
 from ....support.arrays import Array, Numbers
 from ..noise.voronoi import find_voronoi_cells
-from .common import Landform, draw_key, rotate_coordinates, wander
+from .landform import Landform, draw_key, rotate_coordinates, wander
 
 #: Bending of the rims, in hollows, and its wavelength in hollows.
 _BEND, _BEND_LENGTH = 0.15, 0.8

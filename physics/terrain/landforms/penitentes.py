@@ -17,7 +17,7 @@ import numpy as np
 from ....settings.topics.landforms import PenitentesSettings
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
+from .landform import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
 
 #: Sideways wandering of the rows, in spacings, and its wavelength in blade lengths.
 _WANDER, _WANDER_LENGTH = 0.5, 1.2

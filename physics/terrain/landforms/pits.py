@@ -22,7 +22,7 @@ import numpy as np
 from ....settings.topics.landforms import PitsSettings
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Crests, Landform, Walls, draw_key, evaluate_where, facet_heights, wander
+from .landform import Crests, Landform, Walls, draw_key, evaluate_where, facet_heights, wander
 
 #: Smallest and largest radius over the mean one; their mean square over the square of the mean.
 _SMALLEST, _LARGEST = 0.5, 1.5

@@ -18,7 +18,7 @@ from ....plugins.landforms import (
 from ....settings.topics.scene import Settings
 from ....support.arrays import Array, Numbers
 from ....support.errors import IcyMoonError
-from .common import Landform
+from .landform import Landform
 
 
 def make_plugin_landforms(settings: Settings, generator: Callable[..., np.random.Generator]) -> dict[str, Landform]:

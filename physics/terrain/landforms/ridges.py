@@ -14,7 +14,7 @@ import numpy as np
 from ....settings.topics.landforms import RidgesSettings
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
+from .landform import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
 
 #: Where the crests are, as a share of half the width.
 _CREST = 0.4

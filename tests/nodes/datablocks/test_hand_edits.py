@@ -24,7 +24,7 @@ from edits import (
     swap,
     the,
 )
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.datablocks.array_marks import mark_array
 from icymoon.nodes.datablocks.marks import Walk
 from icymoon.nodes.datablocks.stored_properties import LEFT_OUT, OF_THE_VIEW, why_left_out

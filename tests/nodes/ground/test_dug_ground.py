@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from icymoon.nodes.build_scene import make_ground
+from icymoon.nodes.change_scene import open_empty_scene
 from icymoon.nodes.ground import dug_ground
 from icymoon.nodes.ground.dug_ground import DEPTH, mesh_whole_ground
-from icymoon.nodes.next_scene import open_empty_scene
-from icymoon.nodes.scene import make_ground
-from icymoon.physics.excavation.jitter import jitter_rig
+from icymoon.physics.excavation.camera_jitter import jitter_rig
 from icymoon.settings import description
 from icymoon.support.errors import IcyMoonError
 from rendering import complete

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.ground.heights_under import probe_heights
 from icymoon.nodes.ground.terrain_mesh import measure_patch_roughness
 from icymoon.physics.mesh.horizon import drop_m, horizon_m

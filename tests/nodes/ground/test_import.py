@@ -16,12 +16,12 @@ import bpy
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.ground import import_heights
 from icymoon.nodes.ground import user_ground as grounds
 from icymoon.nodes.ground.import_heights import read_heights
 from icymoon.nodes.ground.import_mesh import read_mesh
-from icymoon.physics.mesh.check import examine_mesh
+from icymoon.physics.mesh.mesh_faults import examine_mesh
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
@@ -631,7 +631,7 @@ def test_the_operator_imports_builds_and_takes_back_what_failed(scene, tmp_path)
     assert scene.icymoon.source.kind == "MESH"
     built = scenes.find_built(scene)
     assert len(built.terrain.data.polygons) == 128
-    from icymoon.operators.ground import list_report_lines
+    from icymoon.operators.import_ground import list_report_lines
 
     assert any("81 vertices" in line for line in list_report_lines(scene))
     (tmp_path / "dem.asc").write_text("ncols 2\n")

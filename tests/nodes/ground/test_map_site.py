@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from icymoon.formats import geotiff
 from icymoon.formats.geotiff import Site
+from icymoon.nodes.build_scene import build_scene
 from icymoon.nodes.ground.user_ground import load_ground
-from icymoon.nodes.scene import build_scene
 from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 

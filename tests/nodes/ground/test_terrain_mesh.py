@@ -7,7 +7,7 @@ import math
 import bpy
 import numpy as np
 import pytest
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.ground.terrain_mesh import (
     make_roughness_table,
     measure_patch_roughness,

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from built_scenes import everything
 from edits import TINY
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
+from icymoon.nodes.change_scene import adapt_scene
 from icymoon.nodes.datablocks.fingerprint import find_built_objects
 from icymoon.nodes.lander.contact import find_contact
 from icymoon.nodes.lander.objects import ROLES, find_link_poses
-from icymoon.nodes.next_scene import adapt_scene
 from icymoon.support.labels import FIRST_LINK_INSTANCE, LANDER
 from rendering import complete, empty_scene
 

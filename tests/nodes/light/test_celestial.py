@@ -6,8 +6,8 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.operators import sidebar_text
 from icymoon.physics.light.saturn_rings import RINGS, ring_brightness
 from icymoon.physics.light.sky import compute_sky

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.physics.light.planet_face import face_tint
 from icymoon.physics.light.planetshine import irradiance_wm2
 from icymoon.physics.light.sky import compute_sky

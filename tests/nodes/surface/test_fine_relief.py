@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from extremes import rays
 from icymoon.benchmarks.light.furnace import plane, radiance
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.nodes.ground.terrain_mesh import SPACING, leave_unmoved
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.surface.patches_and_grain import add_grain, add_grain_by_fineness
 from icymoon.nodes.tree.builder import Tree, list_non_socket_values
-from icymoon.physics.mesh.fine_relief import carried_share
+from icymoon.physics.mesh.finer_in_view import carried_share
 from icymoon.render import cycles_settings
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings

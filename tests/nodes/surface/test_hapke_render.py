@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from hapke_rendering import BARE, FACETS, FLAT, POINT, SMOOTH, angles, expected, long, picture, rays, slow
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.surface import reflectance_laws, sun_inputs
 from icymoon.physics.surfaces import photometry, snow
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings

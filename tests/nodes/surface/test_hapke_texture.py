@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from hapke_rendering import BARE, FLAT, SMOOTH, expected, picture, rays
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.surface import reflectance_laws
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
 from icymoon.physics.surfaces.photometry import hemispherical_albedo

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from icymoon.benchmarks.light.furnace import albedo as furnace
 from icymoon.benchmarks.light.furnace import plane, radiance
-from icymoon.nodes import scene as scenes
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.surface.images import load_maps
 from icymoon.nodes.surface.textures import Textured

@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.benchmarks.light.furnace import radiance
+from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, find_instanced_objects
 from icymoon.nodes.ground.import_mesh import read_mesh
 from icymoon.nodes.surface import images

@@ -11,7 +11,7 @@ from icymoon.physics.arm.collisions import (
     segment_distance,
 )
 from icymoon.physics.arm.kinematics import Capsule, forward_kinematics
-from icymoon.physics.arm.parametric import make_parametric_arm
+from icymoon.physics.arm.parametric_arm import make_parametric_arm
 from icymoon.settings.description import defaults
 from icymoon.support.arrays import Array
 

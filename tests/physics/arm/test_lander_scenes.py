@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.arm.parametric import find_joint_margin, make_parametric_arm
+from icymoon.physics.arm.parametric_arm import find_joint_margin, make_parametric_arm
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.light.directions import camera_axes
-from icymoon.physics.terrain.sites import make_rocky_ground
+from icymoon.physics.terrain.standing_places import make_rocky_ground
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
 from icymoon.settings.topics.scene import Settings

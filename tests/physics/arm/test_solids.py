@@ -10,7 +10,7 @@ from icymoon.physics.arm.keypoints import describe_keypoints
 from icymoon.physics.arm.kinematics import forward_kinematics, rigid_transform
 from icymoon.physics.arm.lander_arm import list_keypoints, make_solids
 from icymoon.physics.arm.lander_solids import BODY, LEGS, MAST, make_body_capsules, make_head
-from icymoon.physics.arm.parametric import find_real_angles_rad, make_parametric_arm
+from icymoon.physics.arm.parametric_arm import find_real_angles_rad, make_parametric_arm
 from icymoon.physics.arm.solids import (
     Solid,
     join_solids,

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.camera import brackets
+from icymoon.physics.camera import exposure_brackets
 from icymoon.physics.camera.particle_hits import draw_hits, expected_hit_count
 from icymoon.physics.camera.point_spread import apply_point_spread, gaussian_kernel
 from icymoon.physics.camera.sensor import (
@@ -199,39 +199,41 @@ def test_brackets_widen_the_range_and_keep_the_light():
     _, sensor = settings(
         brackets=3, bracket_stops=3.0, bits=10, shot_noise=False, read_noise_e=0.0, dark_current_e_s=0.0
     )
-    times = brackets.list_exposure_times(0.1, sensor)
+    times = exposure_brackets.list_exposure_times(0.1, sensor)
     np.testing.assert_allclose(times, [0.8, 0.1, 0.0125])
     rate = np.geomspace(100.0, 1.5e6, 500)[None, :]  # electrons per second, from a full well's 1e-5 to 1
     numbers = [convert_to_digital(collect_electrons(rate, t, 1.0, sensor, random()), sensor) for t in times]
-    merged = brackets.merge_exposures(numbers, times, sensor)
+    merged = exposure_brackets.merge_exposures(numbers, times, sensor)
     # Half a number of each exposure that is not full, 20000 e- / 1023 / 2, over the time of all of them.
     usable = [rate * t < 19980 for t in times[:2]] + [np.ones_like(rate, bool)]
     step = 9.78 * sum(usable) / sum(u * t for u, t in zip(usable, times, strict=True))
     assert (np.abs(merged - rate) <= step).all()
     one = convert_to_digital(collect_electrons(rate, times[2], 1.0, sensor, random()), sensor)
     dim = rate < 1000
-    error = np.abs(brackets.merge_exposures([one], times[2:], sensor) - rate)[dim].mean()
+    error = np.abs(exposure_brackets.merge_exposures([one], times[2:], sensor) - rate)[dim].mean()
     assert np.abs(merged - rate)[dim].mean() < error / 20  # 64 times the exposure
-    full = brackets.find_full_rate(merged, times[-1], sensor)
+    full = exposure_brackets.find_full_rate(merged, times[-1], sensor)
     assert full == 20000 / times[-1]  # the brightest pixels all but fill the shortest exposure
-    final = brackets.quantise_merged(merged, full)
+    final = exposure_brackets.quantise_merged(merged, full)
     assert final.dtype == np.uint16
     assert final[0, -1] == pytest.approx(65535 * 1.5e6 * 0.0125 / 20000, rel=1e-3)
-    assert brackets.find_full_rate(merged / 10, times[-1], sensor) == pytest.approx(1.5e6 / 10 / 0.9, rel=0.02)
-    assert not brackets.quantise_merged(merged * 0, brackets.find_full_rate(merged * 0, times[-1], sensor)).any()
+    assert exposure_brackets.find_full_rate(merged / 10, times[-1], sensor) == pytest.approx(1.5e6 / 10 / 0.9, rel=0.02)
+    assert not exposure_brackets.quantise_merged(
+        merged * 0, exposure_brackets.find_full_rate(merged * 0, times[-1], sensor)
+    ).any()
 
 
 def test_merging_noisy_exposures_beats_the_longest_usable_one():
     _, sensor = settings(brackets=2, bracket_stops=1.0, bits=16)
-    times = brackets.list_exposure_times(1.0, sensor)
+    times = exposure_brackets.list_exposure_times(1.0, sensor)
     generator = random()
     numbers = [
         convert_to_digital(collect_electrons(np.full((300, 300), 5000.0), t, 1.0, sensor, generator), sensor)
         for t in times
     ]
     merged, longest = (
-        brackets.merge_exposures(numbers, times, sensor),
-        brackets.merge_exposures(numbers[:1], times[:1], sensor),
+        exposure_brackets.merge_exposures(numbers, times, sensor),
+        exposure_brackets.merge_exposures(numbers[:1], times[:1], sensor),
     )
     assert merged.mean() == pytest.approx(5000, rel=1e-3)
     # A full well that is read a little low must not pass for light.
@@ -239,6 +241,6 @@ def test_merging_noisy_exposures_beats_the_longest_usable_one():
         convert_to_digital(collect_electrons(np.full((300, 300), 30000.0), t, 1.0, sensor, generator), sensor)
         for t in (1.0, 0.1)
     ]
-    assert brackets.merge_exposures(bright, (1.0, 0.1), sensor).min() > 27000
+    assert exposure_brackets.merge_exposures(bright, (1.0, 0.1), sensor).min() > 27000
     # Shot noise of 1.5 times the light: a variance of 2/3, and read noise twice instead of once.
     assert merged.var() / longest.var() == pytest.approx(2 / 3, rel=0.05)

@@ -10,9 +10,9 @@ from heads import HEADS, head_settings
 from icymoon.physics.camera.calibrated_camera import CalibratedRig
 from icymoon.physics.camera.eyes import camera_of, dark_shares, eyes_json, overscan_for
 from icymoon.physics.scene_checks import advise_on_scene, find_reasons
-from icymoon.settings.changes import select_camera, select_response
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.pair_ids import list_counted_values
+from icymoon.settings.rebuilt_parts import select_camera, select_response
 
 
 @pytest.mark.parametrize("name", HEADS)

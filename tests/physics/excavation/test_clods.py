@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.excavation import clods
-from icymoon.physics.excavation.grid import ExcavationGrid
+from icymoon.physics.excavation.dig_grid import ExcavationGrid
 
 GRID = ExcavationGrid(-0.4, -0.4, 161, 161, 0.005)
 REPOSE_DEG, HIGH_M = 38.0, 0.12

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.excavation import site as sites
+from icymoon.physics.excavation import dig_site as sites
 from icymoon.physics.excavation.dig import ExcavationSeries
-from icymoon.physics.excavation.paths import read_path
+from icymoon.physics.excavation.scoop_paths import read_path
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.errors import IcyMoonError

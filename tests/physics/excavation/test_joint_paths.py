@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.arm.parametric import choose_inverse_solution, make_parametric_arm
-from icymoon.physics.excavation import site as sites
+from icymoon.physics.arm.parametric_arm import choose_inverse_solution, make_parametric_arm
+from icymoon.physics.excavation import dig_site as sites
 from icymoon.physics.excavation.dig import ExcavationSeries
 from icymoon.physics.excavation.joint_paths import make_joint_pulls
-from icymoon.settings import changes, description
+from icymoon.settings import description, rebuilt_parts
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.errors import IcyMoonError
 from urdf_files import write_robot
@@ -131,7 +131,9 @@ def test_the_ground_depends_on_the_arms_sizes_but_not_on_where_it_is_now(tmp_pat
     settings = described(tmp_path / "joints.csv")
     turned = description.merged(settings, {"arm": {"yaw_deg": 5.0}})
     longer = description.merged(settings, {"arm": {"upper_m": 1.1}})
-    assert changes.select_scene(turned) == changes.select_scene(settings) != changes.select_scene(longer)
+    assert (
+        rebuilt_parts.select_scene(turned) == rebuilt_parts.select_scene(settings) != rebuilt_parts.select_scene(longer)
+    )
 
 
 def test_a_path_is_read_again_only_if_something_it_depends_on_has_changed(tmp_path, monkeypatch):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.physics.excavation.unsupported_rocks import find_unsupported, settle_rocks
-from icymoon.physics.rocks.rocks import Rocks, euler_matrices
-from icymoon.physics.rocks.shapes import make_rock_shapes
+from icymoon.physics.rocks.place_rocks import Rocks, euler_matrices
+from icymoon.physics.rocks.rock_shapes import make_rock_shapes
 
 SHAPES = make_rock_shapes("FRAGMENTS", 0.8, 1)
 DEEP = 0.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.physics.light.baked_rocks import TERMS, RockPoints, draw_points, evaluate_terms, fit_terms
-from icymoon.physics.rocks.shapes import make_icosphere
+from icymoon.physics.rocks.rock_shapes import make_icosphere
 from icymoon.support.arrays import Array
 
 DIAMETER_M, CENTRES = 0.5, np.array([[1.0, 2.0, 0.0], [-3.0, 1.0, 2.0]])

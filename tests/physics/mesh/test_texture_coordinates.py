@@ -13,8 +13,8 @@ import pytest
 from icymoon.formats import mesh_images
 from icymoon.formats.ply import read_texture_coordinates
 from icymoon.physics.mesh import texture_coordinates
-from icymoon.physics.mesh.check import repair_mesh
-from icymoon.physics.mesh.subdivide import halve_edges
+from icymoon.physics.mesh.halve_edges import halve_edges
+from icymoon.physics.mesh.mesh_faults import repair_mesh
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from sheets import sheet

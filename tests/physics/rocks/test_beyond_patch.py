@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.rocks.beyond_patch import ViewBeyond, draw_beyond, make_view_beyond
-from icymoon.physics.rocks.rocks import scatter_rocks
-from icymoon.physics.rocks.shapes import make_rock_shapes
+from icymoon.physics.rocks.place_rocks import scatter_rocks
+from icymoon.physics.rocks.rock_shapes import make_rock_shapes
 from icymoon.physics.rocks.size_laws import make_size_law
 from icymoon.settings.description import defaults, merged
 

@@ -12,7 +12,7 @@ import pytest
 from hapke_table import angles, parameters, rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from icymoon.physics.surfaces import albedos, hapke, photometry
+from icymoon.physics.surfaces import hapke, photometry, surface_law
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from icymoon.settings import description, preset_files
 from icymoon.support.errors import IcyMoonError
@@ -310,7 +310,7 @@ def _preset(name: str) -> dict:
 )
 def test_presets_have_the_albedos_that_their_sources_state(name, quantity, value):
     settings = _preset(name)
-    found = albedos.find_albedos(settings["surface"], settings["hapke"])
+    found = surface_law.find_albedos(settings["surface"], settings["hapke"])
     assert getattr(found, quantity) == pytest.approx(value, abs=0.003)  # sources state two or three digits
 
 
@@ -327,7 +327,7 @@ def test_presets_have_the_albedos_that_their_sources_state(name, quantity, value
 )
 def test_moons_of_saturn_have_their_measured_albedos_together(name, equigonal, geometric):
     settings = _preset(name)
-    fitted = albedos.make_law(settings["surface"], settings["hapke"])
+    fitted = surface_law.make_law(settings["surface"], settings["hapke"])
     assert photometry.equigonal_albedo(fitted) == pytest.approx(equigonal, abs=0.001)  # the presets have five digits
     assert photometry.geometric_albedo(fitted) == pytest.approx(geometric, abs=0.001)
 
@@ -345,7 +345,9 @@ def test_europas_terrains_are_as_bright_beside_each_other_as_stated():
 
     def radiance_factor(name):
         settings = _preset(f"europa_{name}")
-        return math.pi * float(albedos.make_law(settings["surface"], settings["hapke"])(*np.array([0.0, five, 0.0])))
+        return math.pi * float(
+            surface_law.make_law(settings["surface"], settings["hapke"])(*np.array([0.0, five, 0.0]))
+        )
 
     plains, ridges, bands, dark = (radiance_factor(n) for n in ("bright_plains", "ridges", "bands", "dark_lineae"))
     assert dark == pytest.approx(0.17, abs=0.001)
@@ -357,8 +359,8 @@ def test_the_laws_of_settings():
     settings = description.defaults()
     for model, share in (("LAMBERT", 0.0), ("LOMMEL_SEELIGER", 1.0), ("LUNAR_LAMBERT", 0.7)):
         surface = settings.surface | {"model": model, "albedo": 0.4}
-        assert albedos.find_albedos(surface, settings.hapke).bond == pytest.approx(0.4)
-        law_here, plain = albedos.make_law(surface, settings.hapke), photometry.lunar_lambert(0.4, share)
+        assert surface_law.find_albedos(surface, settings.hapke).bond == pytest.approx(0.4)
+        law_here, plain = surface_law.make_law(surface, settings.hapke), photometry.lunar_lambert(0.4, share)
         angles_here = np.array([[0.3], [1.2], [0.5]])
         assert law_here(*angles_here) == pytest.approx(plain(*angles_here))
-    assert albedos.find_albedos(settings.surface | {"model": "PRINCIPLED"}, settings.hapke) is None
+    assert surface_law.find_albedos(settings.surface | {"model": "PRINCIPLED"}, settings.hapke) is None

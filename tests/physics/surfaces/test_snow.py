@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.surfaces import albedos, photometry, snow
+from icymoon.physics.surfaces import photometry, snow, surface_law
 from icymoon.settings.description import defaults
 
 
@@ -34,5 +34,5 @@ def test_the_escape_function_has_the_mean_of_a_normalized_flux():
 def test_the_albedo_is_the_spherical_albedo(albedo):
     """Theory has it exactly; the measured constants keep it within 2 %."""
     surface = defaults().surface | {"model": "SNOW", "albedo": albedo}
-    law = albedos.make_law(surface, defaults().hapke)
+    law = surface_law.make_law(surface, defaults().hapke)
     assert photometry.bond_albedo(law) == pytest.approx(albedo, rel=0.02)

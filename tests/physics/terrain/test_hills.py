@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from icymoon.physics.mesh.graded_ground import grade_ground
+from icymoon.physics.mesh.graded_mesh import grade_ground
 from icymoon.physics.mesh.horizon import horizon_m
 from icymoon.physics.terrain.hills import make_hills
 from icymoon.physics.terrain.terrain import make_terrain

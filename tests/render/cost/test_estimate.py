@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.cost import estimate
-from icymoon.render.plans.indirect import bake_seconds, light_bytes
-from icymoon.render.plans.order import cut_into_jobs, order_pairs
+from icymoon.render.plans.baked_or_traced import bake_seconds, light_bytes
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
-from icymoon.render.plans.triangles import count_triangles
+from icymoon.render.plans.render_order import cut_into_jobs, order_pairs
+from icymoon.render.plans.triangle_count import count_triangles
 from icymoon.settings import description
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
@@ -146,7 +146,11 @@ def test_the_pixels_of_a_pair_are_those_of_both_eyes_with_their_margins(overscan
 @pytest.fixture(autouse=True)
 def two_processors(monkeypatch):
     """A machine of one worker, whatever this one has."""
-    for module in ("icymoon.render.plans.order", "icymoon.render.cost.estimate", "icymoon.render.cost.speed"):
+    for module in (
+        "icymoon.render.plans.render_order",
+        "icymoon.render.cost.estimate",
+        "icymoon.render.cost.machine_speed",
+    ):
         monkeypatch.setattr(f"{module}.count_processors", lambda: 2)
 
 
@@ -188,7 +192,7 @@ def test_ground_from_a_file_takes_longer_to_build():
 def test_the_triangles_are_those_of_the_ground():
     assert count_triangles(described()) == 2 * 128**2
     graded = described({"mesh": {"kind": "GRADED", "error_px": 4, "edge_px": 24}})
-    from icymoon.physics.mesh.graded_ground import grade_ground as make
+    from icymoon.physics.mesh.graded_mesh import grade_ground as make
     from icymoon.physics.terrain.terrain import make_terrain
 
     faces = make(make_terrain(graded, 1), graded).mesh()[1]

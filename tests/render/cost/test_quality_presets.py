@@ -6,10 +6,10 @@ import math
 from typing import Any
 
 import pytest
-from icymoon.render.cost.abilities import Abilities
+from icymoon.render.cost.blender_abilities import Abilities
 from icymoon.render.cost.estimate import estimate_work, prior_spread
+from icymoon.render.cost.machine_speed import to_wall_seconds
 from icymoon.render.cost.quality_presets import QualityPreset, list_qualities, pair_seconds
-from icymoon.render.cost.speed import to_wall_seconds
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import find_preset, load_preset, preset_names, read_preset_header
 from icymoon.settings.toml_text import read_toml
@@ -33,7 +33,7 @@ def test_an_error_is_in_pixels_and_per_cent_or_not_there():
 
 @pytest.mark.parametrize("device", ["CPU", "GPU"])
 def test_the_seconds_are_off_by_two_deviations_at_most(device, monkeypatch):
-    monkeypatch.setattr("icymoon.render.cost.speed.count_processors", lambda: 4)
+    monkeypatch.setattr("icymoon.render.cost.machine_speed.count_processors", lambda: 4)
     settings = merged(defaults(), {"quality": {"device": device}})
     seconds, factor = pair_seconds(settings, 1e6, None)
     assert seconds == pytest.approx(to_wall_seconds(estimate_work(settings).seconds(1e6), None))

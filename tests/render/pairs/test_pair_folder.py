@@ -17,7 +17,7 @@ from icymoon.render.pairs.pair_folder import find_pairs, is_complete, read_pair,
 from icymoon.render.plans.frozen_plan import read_frozen_plan
 from icymoon.render.plans.plan_file import find_plan, read_plan
 from icymoon.render.plans.planned_pair import expand_headings
-from icymoon.render.workers.job import Job, absolute_folder, blender_command
+from icymoon.render.workers.job_commands import Job, absolute_folder, blender_command
 from icymoon.render.workers.process import Process
 from icymoon.settings import description
 from icymoon.support import files

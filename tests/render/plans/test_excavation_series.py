@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.nodes.ground.dug_ground import _ground_key
-from icymoon.physics.excavation.jitter import jitter_rig
+from icymoon.physics.excavation.camera_jitter import jitter_rig
 from icymoon.physics.light.sky import compute_sky
 from icymoon.render.plans.plan_file import find_plan, read_plan
 

@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 from icymoon.render.plans.combine import combine
 from icymoon.render.plans.plan_file import find_plan, read_plan
-from icymoon.stereo.paper.parts import FIGURES
+from icymoon.stereo.paper.paper_datasets import FIGURES
 
 
 @pytest.fixture(scope="module")

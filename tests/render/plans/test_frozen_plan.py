@@ -12,7 +12,7 @@ import pytest
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.workers.manifest import write_manifest
-from icymoon.render.workers.verify import verify_data_set
+from icymoon.render.workers.verify_dataset import verify_data_set
 from icymoon.support.errors import IcyMoonError
 from pairs import Scene, camera, write_pair
 from plans import grid, planned

@@ -14,7 +14,7 @@ from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import PlannedPair
-from icymoon.render.workers.verify import verify_data_set
+from icymoon.render.workers.verify_dataset import verify_data_set
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
 from icymoon.stereo.cli import main as stereo

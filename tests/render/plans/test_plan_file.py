@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import settings as trials
 from hypothesis import strategies as st
 from icymoon.physics.light.directions import camera_axes
-from icymoon.physics.terrain.sites import make_rocky_ground
+from icymoon.physics.terrain.standing_places import make_rocky_ground
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description, preset_files

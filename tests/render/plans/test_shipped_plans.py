@@ -6,7 +6,7 @@ import json
 from collections import Counter
 
 import pytest
-from icymoon.paper_stand_ins.items import list_items
+from icymoon.paper_stand_ins.shown_items import list_items
 from icymoon.render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from icymoon.settings.preset_files import plan_names, preset_names
 from icymoon.settings.table import TOPICS

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import order_pairs
+from icymoon.render.plans.render_order import order_pairs
 from icymoon.render.workers import dask_cluster
 from icymoon.render.workers.runner import WorkerOptions
 from icymoon.support.errors import IcyMoonError

@@ -14,9 +14,9 @@ from icymoon.commands import batch
 from icymoon.render.pairs import pair_folder
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import runner
-from icymoon.render.workers.cards import Cards
-from icymoon.render.workers.claims import Claims
+from icymoon.render.workers.assign_cards import Cards
 from icymoon.render.workers.manifest import MANIFEST
+from icymoon.render.workers.pair_claims import Claims
 from icymoon.render.workers.runner import Runner, WorkerOptions
 from icymoon.settings.description import merged
 from icymoon.support import system

@@ -17,9 +17,9 @@ import pytest
 from icymoon.physics.light.baked_rocks import TERMS
 from icymoon.render.pairs import baked_file
 from icymoon.render.pairs.baked_file import BakedLight
-from icymoon.render.workers import claims as claims_module
+from icymoon.render.workers import pair_claims as claims_module
 from icymoon.render.workers import shared_light
-from icymoon.render.workers.claims import CLAIMS_FOLDER, Claims
+from icymoon.render.workers.pair_claims import CLAIMS_FOLDER, Claims
 from icymoon.render.workers.shared_light import KeptLight, SharedLight, find_stated_light_files
 from icymoon.support import system
 from icymoon.support.errors import IcyMoonError

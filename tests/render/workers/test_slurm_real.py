@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 import slurm
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import order_pairs
+from icymoon.render.plans.render_order import order_pairs
 from icymoon.render.workers.slurm_scripts import SlurmRequest, write_script
-from icymoon.render.workers.verify import verify_data_set
+from icymoon.render.workers.verify_dataset import verify_data_set
 from plans import grid
 from stand import Stand
 

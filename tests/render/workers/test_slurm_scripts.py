@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import pytest
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.plans.order import choose_shard, order_pairs
+from icymoon.render.plans.render_order import choose_shard, order_pairs
 from icymoon.render.workers.slurm_scripts import SlurmRequest, format_array_ranges, write_script
 from icymoon.support.errors import IcyMoonError
 from plans import grid

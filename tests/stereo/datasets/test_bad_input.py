@@ -17,9 +17,9 @@ from icymoon.stereo.datasets.calibrations import read_exported_camera
 from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
 from icymoon.stereo.datasets.input_faults import check_prediction
 from icymoon.stereo.evaluate import evaluate
+from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.stereo.images.image_headers import MOST_PIXELS
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.sources import find_sources
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")

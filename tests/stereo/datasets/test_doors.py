@@ -15,8 +15,8 @@ from hostile_images import EXRS, JPEGS, PNGS, WEBPS
 from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
 from icymoon.stereo.datasets.input_faults import warn_dark_images
 from icymoon.stereo.evaluate import evaluate
+from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.sources import find_sources
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import read_checksum
 from icymoon.support.foreign_bytes import MOST_BYTES

@@ -8,9 +8,9 @@ import foreign
 import numpy as np
 import OpenEXR
 import pytest
+from icymoon.stereo.datasets.dataset_layouts import find_foreign_pairs
 from icymoon.stereo.datasets.foreign_pair import ForeignPair
-from icymoon.stereo.datasets.layouts import find_foreign_pairs
-from icymoon.stereo.sources import find_sources
+from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 

@@ -8,7 +8,7 @@ import OpenEXR
 import pytest
 from icymoon.stereo.datasets.data_files import MapFile, read_map
 from icymoon.stereo.datasets.map_channels import choose_array, choose_channel
-from icymoon.stereo.sources import find_sources
+from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import RefusedError
 

@@ -10,8 +10,8 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.stereo.datasets.markers import find_markers, is_possible
+from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.stereo.measure.fit_check import find_places
-from icymoon.stereo.sources import find_sources
 from icymoon.support.errors import IcyMoonError
 
 RIG = pairs.camera(192, 144)

@@ -13,7 +13,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export_for_prediction import export_for_prediction
 from icymoon.stereo.images.image_files import read_png
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.usefixtures("undrawn")]

@@ -7,8 +7,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export.layouts import export
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.by_pixel_class import FACTORS
-from icymoon.stereo.measure.costs import COSTS
-from icymoon.stereo.measure.row_metrics import NUMBERS
+from icymoon.stereo.measure.row_metrics import COSTS, NUMBERS
 
 pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.usefixtures("undrawn")]
 

@@ -10,8 +10,8 @@ import foreign
 import numpy as np
 import pytest
 from icymoon.stereo.datasets.data_files import read_image, read_orientation
-from icymoon.stereo.images.exif import parse_orientation
-from icymoon.stereo.sources import find_sources
+from icymoon.stereo.evaluated_pairs import find_sources
+from icymoon.stereo.images.image_headers import parse_orientation
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -10,8 +10,8 @@ import pairs
 import pytest
 from icymoon.stereo.datasets.data_files import MapFile
 from icymoon.stereo.datasets.visibility import check_right_truth, find_better_reading
+from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.stereo.measure.fit_check import ray_lengths
-from icymoon.stereo.sources import find_sources
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 

@@ -16,7 +16,7 @@ from icymoon.stereo.decisions.dem import Dem, Grid
 from icymoon.stereo.decisions.footprints import fit_planes
 from icymoon.stereo.decisions.materials import Materials, from_truth, measure, white_radiance
 from icymoon.stereo.decisions.rules import read_rules
-from icymoon.stereo.decisions.sites import SAFE, judge_sites, measure_layers
+from icymoon.stereo.decisions.safe_sites import SAFE, judge_sites, measure_layers
 from icymoon.stereo.images.develop import develop
 from icymoon.stereo.images.exr import Light
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from icymoon.stereo.decisions.safe_sites import SAFE, SiteLayers, Sites
 from icymoon.stereo.decisions.scores import rank_scores, score_sites
-from icymoon.stereo.decisions.sites import SAFE, SiteLayers, Sites
 
 ALL = np.ones((40, 50), bool)
 NONE = SiteLayers(*([np.zeros(ALL.shape)] * 6))

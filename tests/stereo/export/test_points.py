@@ -12,7 +12,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export.points import MOST_POINTS, make_measured_points, write_points
 from icymoon.stereo.images.colours import colour_signed_errors
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")

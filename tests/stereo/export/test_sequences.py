@@ -13,10 +13,10 @@ from icymoon.formats.trajectories import read_trajectory
 from icymoon.physics.camera.rotations import from_quaternion, from_vector
 from icymoon.physics.light.directions import camera_angles
 from icymoon.settings.description import defaults, merged
+from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.stereo.export.layouts import export
-from icymoon.stereo.measure.prepare import distinct_pairs
+from icymoon.stereo.measure.prepare_pair import distinct_pairs
 from icymoon.stereo.measure.sequences import in_time_order
-from icymoon.stereo.sources import find_sources
 
 RIG = pairs.camera(96, 72)
 PLANE = pairs.Scene(rock=False)

@@ -15,7 +15,7 @@ from icymoon.stereo.images.develop import develop
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.images.lens import make_rectification
 from icymoon.stereo.matchers import match
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.stereo.measure.row_metrics import disparity_to_depth, measure_row_numbers
 from icymoon.support.errors import IcyMoonError
 

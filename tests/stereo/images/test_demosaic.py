@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from icymoon.physics.camera.colour import apply_mosaic
-from icymoon.stereo.images.demosaic import demosaic
+from icymoon.stereo.images.develop import demosaic
 
 OPENCV = {
     "RGGB": cv2.COLOR_BayerRGGB2RGB,

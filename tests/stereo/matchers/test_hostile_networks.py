@@ -17,7 +17,7 @@ from icymoon.support.errors import IcyMoonError
 
 torch = pytest.importorskip("torch", reason="`make test` installs PyTorch")
 onnx = pytest.importorskip("onnx", reason="`make test` installs onnx")
-learned = pytest.importorskip("icymoon.stereo.matchers.learned")
+learned = pytest.importorskip("icymoon.stereo.matchers.network_matchers")
 IMAGE = np.random.default_rng(0).integers(0, 256, (48, 64, 3)).astype(np.uint8)
 
 

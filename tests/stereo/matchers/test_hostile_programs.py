@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.resident_process import stop_residents
-from icymoon.stereo.matchers.written_arrays import read_array, read_last_line
+from icymoon.stereo.matchers.user_programs import read_array, read_last_line
 from icymoon.support.errors import IcyMoonError
 
 SHAPE = 20, 30

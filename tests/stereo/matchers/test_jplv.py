@@ -226,7 +226,7 @@ def test_the_affine_fit_leaves_alone_what_it_cannot_fit(window):
     left = np.zeros((60, 90), np.uint8)
     disparity = np.full((60, 90), np.nan)
     disparity[20:40, 30:60] = 7.25
-    from icymoon.stereo.matchers.affine import refine_subpixel
+    from icymoon.stereo.matchers.slanted_windows import refine_subpixel
 
     np.testing.assert_array_equal(refine_subpixel(left, left, disparity, window, 4), disparity)
     stripes = np.broadcast_to((np.arange(60) * 4).astype(np.uint8)[:, None], (60, 90))  # nothing to match along rows

@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from icymoon.stereo.check_plugin import make_textured_pair
 from icymoon.stereo.cli import main
 from icymoon.stereo.matchers import check_options, match, matcher_names, option_keys
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.search_range import SearchRange
-from icymoon.stereo.plugin_checks import make_textured_pair
 from icymoon.support.errors import IcyMoonError
 from pairs import write_pair
 from plugin_packages import MATCHER, add_package

@@ -16,7 +16,7 @@ from icymoon.stereo.adapters.icymoon_serve import to_disparity_map
 from icymoon.stereo.matchers import check_options, match, resident_process
 from icymoon.stereo.matchers.resident_process import ADAPTERS, stop_residents
 from icymoon.stereo.matchers.search_range import SearchRange
-from icymoon.support import scratch
+from icymoon.support import temporary_folders
 from icymoon.support.errors import IcyMoonError
 
 SHAPE = 20, 30
@@ -294,7 +294,7 @@ def wait_for(state):
 
 
 def test_all_ends_with_us_and_leaves_no_file(tmp_path, monkeypatch):
-    monkeypatch.setattr(scratch.tempfile, "tempdir", str(tmp_path / "temporary"))
+    monkeypatch.setattr(temporary_folders.tempfile, "tempdir", str(tmp_path / "temporary"))
     (tmp_path / "temporary").mkdir()
     text = command(tmp_path, SERVED)
     pid = int(ask(text, COUNT)[0][0, 0])

@@ -5,7 +5,7 @@ import pairs
 import pytest
 from icymoon.stereo.measure.common_pixels import METRICS, NUMBERS, measure_common_pixels
 from icymoon.stereo.measure.metrics import compute_depth_metrics, compute_disparity_metrics
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.stereo.measure.row_metrics import disparity_to_depth
 
 pytestmark = pytest.mark.filterwarnings("error")

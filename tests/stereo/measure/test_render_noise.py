@@ -7,7 +7,7 @@ import pairs
 import pytest
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.images.disparity_and_occlusion import find_visible_in_right
-from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.stereo.measure.render_noise import (
     BAKE,
     CLEAN,

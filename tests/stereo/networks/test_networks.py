@@ -9,7 +9,7 @@ import network_golden as golden
 import numpy as np
 import pytest
 import torch
-from icymoon.stereo.matchers import check_options, learned, match
+from icymoon.stereo.matchers import check_options, match, network_matchers
 from icymoon.stereo.networks import recursive_filters
 from icymoon.stereo.networks.dsmnet import DSMNet, concatenate_shifts
 from icymoon.stereo.networks.igev import IGEVStereo, VolumeLookUp, correlate_groups
@@ -50,7 +50,7 @@ def checkpoints(states, tmp_path_factory):
         stored = {f"module.{key}": torch.from_numpy(value) for key, value in state.items()}
         torch.save({"epoch": 6, "state_dict": stored} if name == "dsmnet" else stored, folder / f"{name}.pth")
     yield folder
-    learned._load_network.cache_clear()
+    network_matchers._load_network.cache_clear()
 
 
 def filled(name, states, max_disparity):
@@ -161,7 +161,7 @@ def test_images_without_anything_in_them(method, shape, level, checkpoints):
 
 @pytest.mark.parametrize("method", BUILD)
 def test_a_missing_checkpoint_is_named_with_its_place(method, tmp_path, monkeypatch):
-    monkeypatch.setenv(learned.FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(network_matchers.FOLDER_VARIABLE, str(tmp_path))
     with pytest.raises(
         IcyMoonError,
         match=rf"{method} has no checkpoint at .*{method}.pth; download .*github.com.*"
@@ -221,16 +221,18 @@ def test_old_checkpoints_without_counts_load(states, tmp_path):
         {key: torch.from_numpy(value) for key, value in states["dsmnet"].items() if "num_batches" not in key},
         tmp_path / "old.pth",
     )
-    learned._fill_parameters(DSMNet(64), learned._read_parameters(tmp_path / "old.pth"), tmp_path, "dsmnet")
+    network_matchers._fill_parameters(
+        DSMNet(64), network_matchers._read_parameters(tmp_path / "old.pth"), tmp_path, "dsmnet"
+    )
 
 
 def test_networks_run_in_full_single_precision_and_failures_are_one_sentence():
-    with learned.guard_inference("igev"):
+    with network_matchers.guard_inference("igev"):
         assert torch.backends.cudnn.enabled
         assert not torch.backends.cudnn.allow_tf32
         assert torch.is_inference_mode_enabled()
     failed = pytest.raises(IcyMoonError, match=r"IGEV-Stereo failed in PyTorch \(.*size")
-    with failed as caught, learned.guard_inference("igev"):
+    with failed as caught, network_matchers.guard_inference("igev"):
         torch.zeros(2) + torch.zeros(3)
     assert "\n" not in str(caught.value)
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 from icymoon.stereo.paper.figures import SHEETS, colour_labels, wrap_caption
-from icymoon.stereo.paper.parts import FIGURES
+from icymoon.stereo.paper.paper_datasets import FIGURES
 
 
 def test_labels_have_colours_of_their_own():

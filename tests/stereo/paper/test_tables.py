@@ -16,7 +16,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.metrics import compute_depth_metrics
 from icymoon.stereo.paper.page import describe_size, write_paper
-from icymoon.stereo.paper.parts import EVALUATIONS, SETS, Part
+from icymoon.stereo.paper.paper_datasets import EVALUATIONS, SETS, Part
 from icymoon.stereo.paper.printed import GROUPS, METHODS, METRICS
 from icymoon.stereo.paper.results import measure_rendering_seconds, read_measured
 from icymoon.stereo.paper.tables import (
@@ -50,8 +50,8 @@ def measured(tmp_path_factory):
         )
     out = folder / "evaluation"
     with pytest.MonkeyPatch.context() as patch:  # no report of its own, which takes longest
-        patch.setattr("icymoon.stereo.report.results.write_report", lambda *_: None)
-        patch.setattr("icymoon.stereo.report.results.write_curves", lambda *_: {})
+        patch.setattr("icymoon.stereo.report.write_results.write_report", lambda *_: None)
+        patch.setattr("icymoon.stereo.report.write_results.write_curves", lambda *_: {})
         report = evaluate([folder], parse_methods("bm,jplv"), out, guiss=True, jobs=1)
     return read_measured(out, [pair["pair"] for pair in report["pairs"]], ["bm", "jplv"])
 

@@ -5,7 +5,7 @@ from icymoon.stereo.images.disparity_and_occlusion import ESTIMATED
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.render_noise import BAKE, CLEAN, DECIDES, NOISY, RENDER, UNKNOWN
 from icymoon.stereo.report.notes import BAKED, NOISE, SEARCH, Notes
-from icymoon.support.file_shapes import find_fault
+from icymoon.support.file_schemas import find_fault
 
 
 def sentences(text, *searches):

@@ -8,11 +8,11 @@ from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report import sweep_charts
-from icymoon.stereo.report.averaged import describe_averaging
+from icymoon.stereo.report.averaged_settings import describe_averaging
 from icymoon.stereo.report.by_setting import SCENE, Sweep, find_swept_settings, mean_by_level
 from icymoon.stereo.report.conditions import join_by_scene, list_conditions, make_pair_titles, name_levels
-from icymoon.stereo.report.factors import MOST_LINES, choose_lines
 from icymoon.stereo.report.summary import ResultTable
+from icymoon.stereo.report.varied_on_purpose import MOST_LINES, choose_lines
 
 SUNS, ALBEDOS, HEADINGS = (8.0, 20.0, 45.0), (0.2, 0.5, 0.7, 0.9), (0.0, 90.0)
 METHODS = ("bm", "sgbm")

@@ -12,11 +12,11 @@ from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings.description import check, merged
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.study import cells as cells_of
-from icymoon.stereo.study.cells import read_or_measure_cell
+from icymoon.stereo.study import view_measurements as cells_of
 from icymoon.stereo.study.conclusions import draw_conclusions
 from icymoon.stereo.study.design import CONVERGED, Study, find_study, read_study
 from icymoon.stereo.study.tables import BEGIN, END, put_between_marks, write_study
+from icymoon.stereo.study.view_measurements import read_or_measure_cell
 from icymoon.support.errors import IcyMoonError
 
 METHODS = parse_methods("bm,sgbm")

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from icymoon.stereo.study.cells import Cell
 from icymoon.stereo.study.conclusions import FAILS, HOLDS, OPEN, draw_conclusions
 from icymoon.stereo.study.design import CONVERGED, Hypothesis, find_study, read_study
+from icymoon.stereo.study.view_measurements import Cell
 
 METHODS = ["bm", "sgbm"]
 PIXELS = 10_000

@@ -1,12 +1,12 @@
 """The search for the cheapest quality, with renders and measurements that are made up."""
 
 import pytest
-from icymoon.render.cost.abilities import Abilities
+from icymoon.render.cost.blender_abilities import Abilities
+from icymoon.render.cost.error_tolerance import make_tolerance
 from icymoon.render.cost.estimate import estimate_work
-from icymoon.render.cost.tolerance import make_tolerance
 from icymoon.settings import description, preset_files
 from icymoon.stereo.trade import cheapest_quality as search
-from icymoon.stereo.trade import losses as measuring
+from icymoon.stereo.trade import quality_losses as measuring
 from icymoon.stereo.trade.measure_variants import TradeBench
 from icymoon.support.errors import IcyMoonError
 

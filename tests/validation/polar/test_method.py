@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from icymoon.validation import polar_comparison
-from icymoon.validation.polar import METHOD, camera, hand, lamp, sand, scans, scene, skirts
+from icymoon.validation.polar import METHOD, camera, label_agreement, lamp, sand, scans, scene, skirts
 
 #: By method, what its constants were when it was frozen.
 FROZEN: dict[int, dict[Any, dict[str, object]]] = {
@@ -24,7 +24,7 @@ FROZEN: dict[int, dict[Any, dict[str, object]]] = {
             "_OWN_SHADOW": 0.005,
         },
         camera: {"_SAND_SHARE": 0.25, "_CORE_PX": 10.0},
-        hand: {"_SCALE": 0.5, "_STEP_PX": 8.0},
+        label_agreement: {"_SCALE": 0.5, "_STEP_PX": 8.0},
         lamp: {
             "_LAMP_STEPS_M": (0.2, 0.1, 0.05, 0.025, 0.0125),
             "_SURVEY_COST": 0.01,

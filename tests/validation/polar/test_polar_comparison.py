@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.validation.polar.data_set import ROCK, Polygon, Terrain, View
-from icymoon.validation.polar.hand import compare_rock_labels
+from icymoon.validation.polar.label_agreement import compare_rock_labels
 from icymoon.validation.polar_comparison import _compare_labelled_tips
 
 

@@ -11,8 +11,7 @@ from icymoon.support.errors import IcyMoonError
 from icymoon.validation import polar_stereo
 from icymoon.validation.comparison import FAILS, NOT_JUDGED, PASSES
 from icymoon.validation.polar.data_set import EYES, HEIGHT_PX, WIDTH_PX, View, read_terrains
-from icymoon.validation.polar.scene import Twin, find_frame
-from icymoon.validation.polar.twins import Masks
+from icymoon.validation.polar.scene import Masks, Twin, find_frame
 from icymoon.validation.polar_stereo import METHODS, judge_stereo, rectify_photograph
 from polar_folders import read_known
 

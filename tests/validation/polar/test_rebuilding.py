@@ -10,7 +10,7 @@ from icymoon.support.errors import IcyMoonError
 from icymoon.validation.comparison import Bench
 from icymoon.validation.polar.camera import Eye, camera_rotation, fit_camera, measure_compared_share
 from icymoon.validation.polar.data_set import EYES, ROCK, Polygon, Rock, Terrain, View, read_terrains
-from icymoon.validation.polar.hand import lay_on_sand, measure_label_agreement
+from icymoon.validation.polar.label_agreement import lay_on_sand, measure_label_agreement
 from icymoon.validation.polar.lamp import HeightTable, Shadows, cast_onto_sand, fit_lamps
 from icymoon.validation.polar.sand import measure_sand
 from icymoon.validation.polar.scene import find_frame

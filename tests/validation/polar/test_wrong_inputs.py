@@ -15,9 +15,8 @@ from icymoon.validation.polar.camera import camera_rotation
 from icymoon.validation.polar.data_set import EYES, HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, View
 from icymoon.validation.polar.sand import Sand
 from icymoon.validation.polar.scans import find_left_out
-from icymoon.validation.polar.scene import Twin, find_frame
+from icymoon.validation.polar.scene import Masks, Twin, find_frame
 from icymoon.validation.polar.skirts import BOUND_M
-from icymoon.validation.polar.twins import Masks
 from icymoon.validation.polar_comparison import Rebuilt, judge_terrain
 from polar_folders import SAND_M, read_known, shadow_on_sand
 

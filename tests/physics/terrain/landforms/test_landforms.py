@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.physics.terrain.landforms import MAKERS, Landform, craters, ridges
-from icymoon.physics.terrain.snow_mantle import snow_depth_m
-from icymoon.physics.terrain.terrain import make_terrain
+from icymoon.physics.terrain.terrain import make_terrain, snow_depth_m
 from icymoon.settings.description import defaults, merged
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError

@@ -7,8 +7,8 @@ import math
 import noise_reference as reference
 import numpy as np
 import pytest
-from icymoon.physics.terrain.layers import NoiseLayer, make_layer
 from icymoon.physics.terrain.noise.bases_and_fractals import BASES, FRACTALS
+from icymoon.physics.terrain.noise_layers import NoiseLayer, make_layer
 from icymoon.physics.terrain.roughness.statistics import power_spectrum, rms_deviation
 from icymoon.settings.topics.ground import TerrainLayer
 

@@ -1,0 +1,368 @@
+"""Builds the whole scene from its settings, in its own collection.
+
+The builders tag their data-blocks, and building again replaces only tagged ones. Everything else in the file and in
+the collection is the user's and stays.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import bpy
+
+from ..physics.terrain.terrain import make_terrain as make_terrain
+from ..settings.description import merged
+from ..settings.topics.scene import Settings
+from ..support.arrays import Array
+from ..support.errors import IcyMoonError
+from . import check_cycles, eyes_above_ground
+from .built_scene import (
+    CONTENT,
+    EXCAVATION,
+    FINGERPRINT,
+    GROUND,
+    NOTES,
+    PREVIEW,
+    PREVIOUS_CAMERA,
+    PREVIOUS_OSL,
+    PREVIOUS_VIEW,
+    PREVIOUS_WORLD,
+    REFINED,
+    SETTINGS,
+    SITE,
+    STATISTICS,
+    Built,
+    describe_ground_statistics,
+    find_built,
+    find_collection,
+    list_changed_settings,
+    make_extra,
+    shows_earlier_ground,
+)
+from .datablocks.blend_file_paths import hash_content
+from .datablocks.fingerprint import NAME, TAG, find_built_objects, find_instanced_objects, read_parts
+from .ground.terrain_mesh import (
+    MeshedGround,
+    describe_patch_statistics,
+    read_grid_heights,
+    sample_patch,
+)
+from .ground.user_ground import is_from_file, is_mesh
+from .head_cameras import ROLES as HEAD_ROLES
+from .keep_references import find_owned_blocks, is_owned_elsewhere, replace_block, set_owned_blocks, update_object
+from .lander.objects import ROLES as LANDER_ROLES
+from .light.scene_lights import ROLES
+from .remove_objects import find_materials, find_parts, free_names, remove_leftovers, remove_objects
+from .scene_objects import MadeObjects, find_site_ground_m, make_ground, make_objects, read_stated_ground_m, tag_block
+from .surface import sun_inputs
+
+#: Names for users of a scene, with names from ``built_scene`` and ``remove``.
+__all__ = [
+    "NAME",
+    "NOTES",
+    "PREVIEW",
+    "REFINED",
+    "SITE",
+    "Built",
+    "build_scene",
+    "clear_scene",
+    "describe_ground_statistics",
+    "find_built",
+    "find_collection",
+    "find_site_ground_m",
+    "free_names",
+    "list_changed_settings",
+    "make_extra",
+    "make_ground",
+    "measure_patch",
+    "read_stated_ground_m",
+    "remove_objects",
+    "separate_copies",
+    "shows_earlier_ground",
+    "update_sunlight",
+    "why_shared",
+]
+
+#: Roles of the objects in a built collection.
+OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES, *LANDER_ROLES.values(), *HEAD_ROLES)
+
+
+def measure_patch(built: Built) -> Array | None:
+    """Heights (n, n) in metres on a grid over the patch of procedural ground; None for other ground."""
+    if is_from_file(built.settings):
+        return None
+    if built.settings.mesh.kind == "GRADED":
+        return sample_patch(make_ground(built.settings))
+    return read_grid_heights(built.terrain.data, built.settings.terrain)
+
+
+def _adopt_children(removed: list[bpy.types.Object], terrain: bpy.types.Object) -> None:
+    """Make the ground the parent of the user's objects whose parent is removed."""
+    for item in bpy.data.objects:
+        if item.parent in removed and item not in removed:
+            inverse = item.matrix_parent_inverse.copy()
+            item.parent = terrain
+            item.matrix_parent_inverse = inverse
+
+
+def update_sunlight(collection: bpy.types.Collection) -> None:
+    """Update what surfaces, lamps and scenes know of each other, after any of them has changed.
+
+    Surfaces get the directions of Sun and planet. A lamp no longer lights surfaces that trace it themselves. Scenes use
+    Open Shading Language if a surface needs it.
+    """
+    objects = list(find_built_objects(collection).values())
+    lamp = next(item for item in objects if item[TAG] == "sun")
+    shine = next((item for item in objects if item[TAG] == "planetshine"), None)
+    used = {item: find_materials(find_parts([item])[0]) for item in objects}
+    every = set().union(*used.values())
+    # From the lamp, in single precision, so that aiming again at render time changes nothing.
+    sun_inputs.aim_surfaces(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine)
+    of_osl = [item for item in objects if any(map(sun_inputs.is_osl, used[item]))]
+    sun_inputs.exempt_from_lamp(
+        f"{NAME} Traced Sun", lamp, [i for i in of_osl if any(map(sun_inputs.traces_sun, used[i]))]
+    )
+    if shine is not None:
+        sun_inputs.exempt_from_lamp(f"{NAME} Traced Planet", shine, of_osl)
+    for item in objects:
+        if item[TAG] in ("terrain", "rock"):
+            # Hapke's law in OSL emits all of the planet's light and all or part of the Sun's. By day,
+            # ``render.separate_lights`` separates the two.
+            group = "Sun" if lamp.data.energy > 0 or shine is None else "Planet"
+            for each in (item, *find_instanced_objects(item)):
+                each.lightgroup = group if item in of_osl else ""
+    remove_leftovers()
+    for scene in bpy.data.scenes:
+        if find_collection(scene) == collection:
+            scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False)) or bool(of_osl)
+
+
+def _refuse_editing(ours: list[bpy.types.Object]) -> None:
+    """Raise IcyMoonError if an object that will be replaced is being edited."""
+    for item in ours:
+        if item.mode != "OBJECT":
+            raise IcyMoonError(f"{item.name} is being edited; go to Object Mode to build the scene.")
+
+
+def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection | None) -> dict[str, Any]:
+    """The data-blocks built before, see ``owned_blocks``, even if the user has deleted the collection."""
+    if collection is not None:
+        return {**find_built_objects(collection), **find_owned_blocks(collection)}
+    theirs = {
+        block
+        for other in bpy.data.collections
+        if other.get(TAG) == "scene"
+        for block in (*find_owned_blocks(other).values(), *other.all_objects)
+    }
+    strays = [
+        item
+        for item in bpy.data.objects
+        if item.get(TAG) in OBJECTS and item not in theirs and (item.name in scene.objects or not item.users_collection)
+    ]
+    return {item[TAG]: item for item in reversed(strays)}
+
+
+def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bpy.types.Collection:
+    """A new built collection, with the scene's present camera, world and view, which Clear Scene restores.
+
+    ``ours`` are unlinked from other collections.
+    """
+    collection = tag_block(bpy.data.collections.new(NAME), "scene")
+    for item in ours:
+        for other in item.users_collection:
+            other.objects.unlink(item)
+    for other in [c for c in scene.collection.children_recursive if c.get(TAG) == "rocks" and not c.all_objects]:
+        bpy.data.collections.remove(other)
+    scene.collection.children.link(collection)
+    world, camera = scene.world, scene.camera
+    collection[PREVIOUS_WORLD] = None if world is None or TAG in world else world
+    collection[PREVIOUS_CAMERA] = None if camera in ours else camera
+    collection[PREVIOUS_VIEW] = [scene.view_settings.exposure, scene.render.resolution_x, scene.render.resolution_y]
+    collection[PREVIOUS_OSL] = scene.cycles.shading_system
+    return collection
+
+
+def _put_in_place(
+    collection: bpy.types.Collection, there: dict[str, Any], new: list[bpy.types.Object]
+) -> tuple[list[bpy.types.Object], list[Any]]:
+    """Replace the data-blocks that are ``there`` by new objects.
+
+    Returns the objects of the scene, and the data-blocks that keep the names of earlier ones.
+    """
+    set_owned_blocks(collection, {})  # otherwise unused data-blocks would keep a user
+    old = {role: item for role, item in there.items() if role in OBJECTS}
+    named, objects = list(old.values()), []
+    for item in new:
+        role = item[TAG]
+        successors = {f"{role} data": item.data} | {f"{role} material": material for material in _find_material(item)}
+        for name, block in successors.items():
+            if name in there and not is_owned_elsewhere(collection, there[name]):
+                replace_block(there[name], block)
+                named.append(block)
+        objects.append(update_object(old.pop(role), item) if role in old else item)
+    _adopt_children(list(old.values()), objects[0])
+    remove_objects(list(old.values()))
+    return objects, named
+
+
+def _find_material(item: bpy.types.Object) -> list[bpy.types.Material]:
+    """The material of the ground or of the rocks."""
+    meshes = [each.data for each in (item, *find_instanced_objects(item)) if isinstance(each.data, bpy.types.Mesh)]
+    return [mesh.materials[0] for mesh in meshes if len(mesh.materials)][:1]
+
+
+def _list_owned_blocks(objects: list[bpy.types.Object]) -> dict[str, Any]:
+    """The built data-blocks by role, for ``set_owned_blocks``."""
+    found: dict[str, Any] = {item[TAG]: item for item in objects}
+    found["terrain data"] = found["terrain"].data
+    return found | {
+        f"{role} material": material
+        for role in ("terrain", "rock")
+        if role in found
+        for material in _find_material(found[role])
+    }
+
+
+def disown_copies(collection: bpy.types.Collection) -> None:
+    """Remove the tags from copies of built objects, which then are the user's own objects."""
+    ours = find_built_objects(collection).values()
+    for item in collection.all_objects:
+        if TAG in item and item not in ours:
+            del item[TAG]
+
+
+def separate_copies(built: Built) -> None:
+    """Separate a built scene from copies that the user has made of it or of its objects."""
+    disown_copies(built.collection)
+    lamps = [item for role, item in find_built_objects(built.collection).items() if role in ("sun", "planetshine")]
+    exempt = [
+        item
+        for lamp in lamps
+        if lamp.light_linking.receiver_collection is not None
+        and lamp.light_linking.receiver_collection.get(TAG) == sun_inputs.SHARED
+        for item in lamp.light_linking.receiver_collection.objects
+    ]
+    if any(item not in list(built.collection.all_objects) for item in exempt):
+        update_sunlight(built.collection)
+
+
+def why_shared(built: Built) -> str:
+    """Why the live preview would change another scene too, in a sentence; empty if it would not."""
+    surfaces = [block for name, block in find_owned_blocks(built.collection).items() if name.endswith(" material")]
+    if any(is_owned_elsewhere(built.collection, surface) for surface in surfaces):
+        return "This scene shares its surfaces with the scene that it is a copy of; press Build Scene to separate them."
+    return ""
+
+
+def build_scene(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | None = None) -> Built:
+    """Build, or build again, the scene of complete ``settings``; ``meshed`` is its ground, if it has been made already.
+
+    Sets the scene's camera and world to the built ones, unless the user has set others since the first build. Objects
+    that were built before are kept and updated, so that references to them stay valid. Raises IcyMoonError, without
+    changing the scene, if Cycles is off, the ground is being edited, there is not enough memory, or the file of the
+    ground cannot be used.
+    """
+    collection = find_collection(scene)
+    check_cycles.require_cycles()
+    there = _find_built_blocks(scene, collection)
+    ours = [item for role, item in there.items() if role in OBJECTS]
+    _refuse_editing(ours)
+    made = _make_in_memory(settings, meshed)
+    first = collection is None
+    if collection is None:
+        collection = _make_collection(scene, ours)
+    takes_camera = first or scene.camera is None or scene.camera in ours
+    takes_world = first or scene.world is None or TAG in scene.world
+    objects, kept = _put_in_place(collection, there, made.objects)
+    _link_objects(collection, objects)
+    if takes_camera:
+        scene.camera = objects[2]
+    if takes_world:
+        scene.world = made.sky
+    remove_leftovers()
+    _name_blocks(objects, kept, [made.sky] if takes_world else [])
+    set_owned_blocks(collection, _list_owned_blocks(objects))
+    disown_copies(collection)
+    update_sunlight(collection)
+    built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(made.warnings))
+    _record_build(built, made)
+    return built
+
+
+def _make_in_memory(settings: Settings, meshed: MeshedGround | None) -> MadeObjects:
+    """The objects of the scene. Raises IcyMoonError also where there is not enough memory."""
+    try:
+        return make_objects(settings, meshed)
+    except MemoryError:
+        if is_mesh(settings):
+            raise IcyMoonError("There is not enough memory for the mesh; make it coarser before the import.") from None
+        if settings.mesh.kind == "GRADED" and not is_from_file(settings):
+            raise IcyMoonError("There is not enough memory for the mesh; lower mesh.most.") from None
+        n = settings.terrain.resolution
+        raise IcyMoonError(f"There is not enough memory for {n} x {n} vertices; lower terrain.resolution.") from None
+
+
+def _link_objects(collection: bpy.types.Collection, objects: list[bpy.types.Object]) -> None:
+    """Link objects to the built collection, rocks to a collection in it."""
+    of_rocks = next((c for c in collection.children if c.get(TAG) == "rocks"), None)
+    if of_rocks is None:
+        of_rocks = tag_block(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
+        collection.children.link(of_rocks)
+    for item in objects:
+        if item not in list(collection.all_objects):
+            (of_rocks if item[TAG] == "rock" else collection).objects.link(item)
+
+
+def _name_blocks(objects: list[bpy.types.Object], kept: list[Any], skies: list[bpy.types.World]) -> None:
+    """Give the data-blocks their names, but for those that keep the names of earlier ones."""
+    made, others = find_parts(objects)
+    named = [*made, *(item.data for item in made), *others, *find_materials(made), *skies]
+    free_names([block for block in named if block not in kept])
+
+
+def _record_build(built: Built, made: MadeObjects) -> None:
+    """Write into the collection what was built, for those who find it later."""
+    collection, settings, own = built.collection, built.settings, made.own
+    collection[SETTINGS] = json.dumps(settings)
+    on_map = {"map": own.map_place} if own and own.map_place else {}
+    collection[GROUND] = json.dumps({"report": own.report, "site_m": made.site_m, **on_map} if own else {})
+    collection[SITE] = made.site_m
+    collection[CONTENT] = hash_content(settings)
+    collection[EXCAVATION] = json.dumps(made.excavation)
+    built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built))
+    collection[STATISTICS] = json.dumps(describe_patch_statistics(measure_patch(built), settings.terrain))
+    collection[FINGERPRINT], collection[PREVIEW] = json.dumps(read_parts(collection)), "{}"
+    collection[NOTES] = "[]"
+    collection.pop(REFINED, None)
+
+
+def clear_scene(scene: bpy.types.Scene) -> bool:
+    """Remove what Build Scene made, and restore the earlier world, camera, frame and view exposure.
+
+    Objects that the user put into the collection move to the scene's own collection. Returns whether anything was
+    built.
+    """
+    collection = find_collection(scene)
+    if collection is None:
+        return False
+    previous_world, previous_camera = collection.get(PREVIOUS_WORLD), collection.get(PREVIOUS_CAMERA)
+    ours = [item for role, item in _find_built_blocks(scene, collection).items() if role in OBJECTS]
+    scene.view_settings.exposure, *resolution = collection[PREVIOUS_VIEW]
+    if not check_cycles.why_unavailable():
+        scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False))
+    scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
+    if scene.camera in ours or scene.camera is None:
+        scene.camera = previous_camera
+    if scene.world is None or TAG in scene.world:
+        scene.world = previous_world
+    disown_copies(collection)
+    for item in [item for item in collection.all_objects if TAG not in item]:
+        if item.name not in scene.collection.objects:
+            scene.collection.objects.link(item)
+    remove_objects(ours)
+    for child in [c for c in collection.children_recursive if TAG in c]:
+        bpy.data.collections.remove(child)
+    bpy.data.collections.remove(collection)
+    remove_leftovers()
+    return True

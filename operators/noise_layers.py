@@ -1,0 +1,97 @@
+"""The list of noise layers (add, remove, move) and the table of measured roughness."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..nodes import build_scene as scenes
+from ..nodes.ground.terrain_mesh import make_roughness_table
+from ..settings.table import TOPICS
+from ..support.printer import show_controls
+from .list_editing import EditedList, MoveEntry, RemoveEntry
+
+
+class _LayerOperator:
+    """Mix-in: an operator on the list of layers."""
+
+    empty = "There is no layer yet"
+
+    @staticmethod
+    def find(scene: bpy.types.Scene) -> EditedList:
+        return EditedList(scene.icymoon.terrain, "layers", "layers_active", TOPICS["terrain"]["layers"].effect)
+
+
+class ICYMOON_OT_layer_add(_LayerOperator, bpy.types.Operator):
+    """Add a layer of fractal noise to the ground"""
+
+    bl_idname = "icymoon.layer_add"
+    bl_label = "Add Layer"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        edited = self.find(context.scene)
+        edited.entries.add()
+        edited.select(len(edited.entries) - 1, context.scene)
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_layer_remove(_LayerOperator, RemoveEntry, bpy.types.Operator):
+    """Remove the selected layer of noise"""
+
+    bl_idname = "icymoon.layer_remove"
+    bl_label = "Remove Layer"
+
+
+class ICYMOON_OT_layer_move(_LayerOperator, MoveEntry, bpy.types.Operator):
+    """Move the selected layer of noise. Its shape changes, because its seed depends on its position"""
+
+    bl_idname = "icymoon.layer_move"
+    bl_label = "Move Layer"
+
+    direction: bpy.props.EnumProperty(
+        name="Direction",
+        description="Direction in which the layer moves in the list",
+        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")),
+    )
+
+
+class ICYMOON_OT_show_roughness(bpy.types.Operator):
+    """Show the measured RMS deviation and power spectrum of the built ground, and the values from the settings"""
+
+    bl_idname = "icymoon.show_roughness"
+    bl_label = "Measured Roughness"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not scenes.describe_ground_statistics(context.scene):
+            cls.poll_message_set("Nothing has been built from the settings of Ground in this scene; press Build Scene")
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.table = self._measure(context)
+        return context.window_manager.invoke_popup(self, width=460)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        for row in self._measure(context):
+            self.report({"INFO"}, show_controls("  ".join(row)))
+        return {"FINISHED"}
+
+    def _measure(self, context: bpy.types.Context) -> list[tuple[str, ...]]:
+        built = scenes.find_built(context.scene)
+        return make_roughness_table(scenes.measure_patch(built), built.settings.terrain) if built else []
+
+    def draw(self, context: bpy.types.Context) -> None:
+        grid: bpy.types.UILayout = self.layout.grid_flow(row_major=True, columns=5, even_columns=True, align=True)
+        for row in self.table:
+            for cell in row:
+                grid.label(text=cell)
+
+
+def describe_layer(entry: bpy.types.PropertyGroup) -> str:
+    """A line that describes a layer: basis, fractal and amplitude."""
+    names = {s.key: {c[0]: c[1] for c in s.choices} for s in TOPICS["terrain"]["layers"].entries}
+    return f"{names['basis'][entry.basis]}, {names['fractal'][entry.fractal]}, {entry.amplitude_m:.3g} m"
+
+
+CLASSES = (ICYMOON_OT_layer_add, ICYMOON_OT_layer_remove, ICYMOON_OT_layer_move, ICYMOON_OT_show_roughness)

@@ -1,0 +1,293 @@
+"""Where ground is dug: the grid that holds trench and heap in every state, refusals and advice."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+from dataclasses import dataclass
+
+from ...settings.topics.excavation import ExcavationSettings
+from ...settings.topics.scene import Settings, typed
+from ...support.errors import IcyMoonError
+from ...support.files import absolute_path
+from ..arm.lander_arm import is_users_arm
+from .dig_grid import ExcavationGrid, make_covering_grid
+from .heap import SpoilHeap, ridge_height_m
+from .joint_paths import make_joint_pulls
+from .scoop_cut import Pull, find_bounds_m
+from .scoop_paths import ARC, JOINTS, LINE, NONE, RECORDED, make_pulls
+
+#: Gravity at the mean radius in m/s²: GM / R². GM in km³/s²: 3202.7121 and 7.2103667 (JPL, gm_Horizons.pck of
+#: 2025-01-29, from the satellite solutions; Enceladus' from SAT441L. Jacobson et al. 2006, AJ 132, 2520, table 3, has
+#: 7.2096 ± 0.0067). R in km: 1560.8 and 252.1 (Archinal et al. 2018).
+GRAVITY_M_S2 = {"EUROPA": 3202.7121e9 / 1560.8e3**2, "ENCELADUS": 7.2103667e9 / 252.1e3**2}
+
+#: Vertices along a side of the grid at most, and its margin round trench and heap.
+MOST_SIDE, _MARGIN_M, _MARGIN_CELLS = 1500, 0.03, 4
+#: Cells across a blade under which its trench is crude.
+_FEWEST_ACROSS = 8
+
+
+def is_dug(settings: Settings) -> bool:
+    """Whether the ground has an excavation, be it untouched in this state."""
+    return settings.excavation.path != NONE
+
+
+def gravity_m_s2(settings: Settings) -> float:
+    """Gravity of the settings, or of their moon. Raises IcyMoonError if it is not known."""
+    stated = float(settings.excavation.gravity_m_s2)
+    if stated > 0:
+        return stated
+    body = str(settings.light.body).upper()
+    if body not in GRAVITY_M_S2:
+        raise IcyMoonError(
+            f"The gravity of {body} is not known, which decides whether walls stand; state excavation.gravity_m_s2."
+        )
+    return GRAVITY_M_S2[body]
+
+
+@dataclass(frozen=True)
+class ExcavationSite:
+    """The pulls of each state after the first, where the spoil goes, the grid, and the wall that just stands.
+
+    ``trench_m`` is west, south, east and north end of the trench in its last state, ``deepest_m`` how far below the
+    untouched ground the blade goes at most.
+    """
+
+    pulls: tuple[tuple[Pull, ...], ...]
+    heap: SpoilHeap
+    grid: ExcavationGrid
+    stands_m: float
+    trench_m: tuple[float, float, float, float]
+    deepest_m: float
+
+
+def make_site(settings: Settings) -> ExcavationSite:
+    """The site of complete ``settings`` that are ``is_dug``; the same for all states of an excavation.
+
+    Raises IcyMoonError for an excavation that cannot be dug.
+    """
+    excavation, gravity = settings.excavation, gravity_m_s2(settings)
+    if excavation.path == JOINTS:
+        arm_file = _file_state(settings.lander.file, "lander.file") if is_users_arm(settings) else None
+        return _make_joint_site(
+            json.dumps(settings | {"excavation": excavation | {"state": 0}}),
+            gravity,
+            (_file_state(excavation.file, "excavation.file"), arm_file),
+        )
+    return _make_path_site(
+        json.dumps({key: excavation[key] for key in _OF_THE_SITE}),
+        gravity,
+        _file_state(excavation.file, "excavation.file") if excavation.path == RECORDED else None,
+    )
+
+
+#: Settings on which the site depends.
+_OF_THE_SITE = (
+    "path",
+    "file",
+    "start_x_m",
+    "start_y_m",
+    "heading_deg",
+    "length_m",
+    "width_m",
+    "bite_m",
+    "radius_m",
+    "states",
+    "cohesion_pa",
+    "friction_deg",
+    "density_kg_m3",
+    "bulking",
+    "chips_m",
+    "heaped_share",
+    "heap_side",
+    "heap_gap_m",
+    "cell_m",
+)
+
+
+def _file_state(file: str, setting: str) -> tuple[int, int] | None:
+    """Size and time of change of the file of a setting, which the user may edit; None if it cannot be read."""
+    try:
+        there = absolute_path(file, setting).stat()
+    except OSError:
+        return None  # reading it says why
+    return there.st_size, there.st_mtime_ns
+
+
+@functools.lru_cache(maxsize=4)
+def _make_joint_site(key: str, gravity: float, _states: tuple[tuple[int, int] | None, ...]) -> ExcavationSite:
+    """The site of recorded joints, which depends on the arm and on the ground too: on any setting but the state."""
+    settings = typed(json.loads(key))
+    found, deepest = make_joint_pulls(settings)
+    return _lay_out_site(
+        settings.excavation, tuple(map(tuple, found)), [pull for each in found for pull in each], deepest, gravity
+    )
+
+
+@functools.lru_cache(maxsize=16)
+def _make_path_site(key: str, gravity: float, _state: tuple[int, int] | None) -> ExcavationSite:
+    excavation = ExcavationSettings.from_values(json.loads(key))
+    pulls = tuple(map(tuple, make_pulls(excavation)))
+    every = [pull for each in pulls for pull in each]
+    if not every:  # one state only: where the first bite would be
+        every = [pull for each in make_pulls(excavation | {"states": 2}) for pull in each]
+    deepest = max((float(pull.depth_m.max()) for pull in every), default=0.0)
+    return _lay_out_site(excavation, pulls, every, deepest, gravity)
+
+
+def _lay_out_site(
+    excavation: ExcavationSettings,
+    pulls: tuple[tuple[Pull, ...], ...],
+    every: list[Pull],
+    deepest: float,
+    gravity: float,
+) -> ExcavationSite:
+    """The site of pulls; ``every`` are those that its size depends on, ``deepest`` is below the ground in metres."""
+    _refuse_narrow_blade(excavation)
+    stands = critical_height_m(excavation.cohesion_pa, excavation.friction_deg, excavation.density_kg_m3, gravity)
+    slope = math.tan(math.radians(excavation.friction_deg))
+    slumped = 0.5 * max(deepest, 0.0) / slope if deepest > stands else 0.0
+    heap, reach = _place_heap(excavation, every, deepest, slumped)
+    cell = float(excavation.cell_m)
+    margin = max(_MARGIN_M, _MARGIN_CELLS * cell) + float(excavation.chips_m)
+    trench = find_bounds_m(every, slumped + excavation.chips_m + 2 * cell)
+    ends = [
+        find_bounds_m(every, 2 * slumped + margin),
+        (
+            min(heap.start_m[0], heap.end_m[0]) - reach,
+            min(heap.start_m[1], heap.end_m[1]) - reach,
+            max(heap.start_m[0], heap.end_m[0]) + reach,
+            max(heap.start_m[1], heap.end_m[1]) + reach,
+        ),
+    ]
+    grid = make_covering_grid(
+        min(e[0] for e in ends), min(e[1] for e in ends), max(e[2] for e in ends), max(e[3] for e in ends), cell
+    )
+    if max(grid.rows, grid.columns) > MOST_SIDE:
+        raise IcyMoonError(
+            f"Trench and heap cover {grid.columns * cell:.3g} x {grid.rows * cell:.3g} m, which is "
+            f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MOST_SIDE} along a "
+            "side; raise excavation.cell_m, or dig less."
+        )
+    return ExcavationSite(pulls, heap, grid, stands, trench, deepest)
+
+
+def _refuse_narrow_blade(excavation: ExcavationSettings) -> None:
+    """Raise IcyMoonError for a blade or a line that could pass between the vertices."""
+    cell = float(excavation.cell_m)
+    if excavation.width_m < cell:
+        raise IcyMoonError(
+            f"The blade's excavation.width_m of {excavation.width_m:g} m is less than a cell, "
+            f"excavation.cell_m of {cell:g} m, so that it would pass between the vertices; lower "
+            "excavation.cell_m."
+        )
+    if excavation.path == LINE and excavation.length_m < cell and excavation.bite_m > 0:
+        raise IcyMoonError(
+            f"A line of excavation.length_m {excavation.length_m:g} m, less than a cell of {cell:g} m, "
+            "digs nothing; raise excavation.length_m, or set excavation.path to ARC."
+        )
+
+
+def _place_heap(
+    excavation: ExcavationSettings, pulls: list[Pull], deepest: float, slumped: float
+) -> tuple[SpoilHeap, float]:
+    """The heap, whose foot comes to the gap beside the trench in the last state, and how far it reaches."""
+    first = pulls[0]
+    ends = [(first.place(*pull.point(float(along), 0.0))) for pull in pulls for along in pull.along_m[[0, -1]]]
+    start, end = min(float(a) for a, _ in ends), max(float(a) for a, _ in ends)
+    half = excavation.width_m / 2 + max(abs(float(right)) for _, right in ends)
+    length = (end - start) if excavation.path in (RECORDED, JOINTS) else float(excavation.length_m)
+    low, high = (start, end) if excavation.path in (RECORDED, JOINTS) else (0.0, length)
+    area = (end - start + 2 * slumped) * (2 * half + 2 * slumped)
+    volume = excavation.heaped_share * excavation.bulking * area * max(deepest, 0.0)
+    height = ridge_height_m(max(volume, 1e-9), length, excavation.friction_deg)
+    foot = height / math.tan(math.radians(excavation.friction_deg))
+    away = half + slumped + excavation.heap_gap_m + foot
+    side = away if excavation.heap_side == "RIGHT" else -away
+    heap = SpoilHeap(first.point(low, side), first.point(high, side), excavation.friction_deg)
+    return heap, 1.4 * foot + _MARGIN_M
+
+
+def find_refusals(settings: Settings) -> list[str]:
+    """Why an excavation cannot be dug, a sentence for each reason; empty without an excavation."""
+    if not is_dug(settings):
+        return []
+    excavation = settings.excavation
+    if settings.source.kind != "PROCEDURAL":
+        return ["Ground from a file cannot be dug; set source.kind to PROCEDURAL, or excavation.path to NONE."]
+    if excavation.state >= excavation.states:
+        return [
+            f"excavation.state is {excavation.state}, but the last of {excavation.states} states "
+            f"(excavation.states) is {excavation.states - 1}; lower it or raise excavation.states."
+        ]
+    try:
+        grid = make_site(settings).grid
+    except IcyMoonError as error:
+        return [str(error)]
+    west, south, east, north = grid.bounds_m
+    reach = max(abs(west), abs(south), abs(east), abs(north)) + 3 * grid.cell_m
+    if settings.mesh.kind == "GRID" and reach > settings.terrain.size_m / 2:
+        return [
+            f"Trench and heap reach {reach:.3g} m from the origin, beyond the {settings.terrain.size_m:g} m patch "
+            "of ground; move excavation.start_x_m and excavation.start_y_m, or raise terrain.size_m."
+        ]
+    far = max(math.hypot(x - settings.rig.x_m, y - settings.rig.y_m) for x in (west, east) for y in (south, north))
+    if settings.mesh.kind == "GRADED" and 2 * far > settings.mesh.farthest_m:
+        return [
+            f"Trench and heap reach {far:.3g} m from the camera, more than half of mesh.farthest_m "
+            f"({settings.mesh.farthest_m:g} m); move excavation.start_x_m and excavation.start_y_m."
+        ]
+    return []
+
+
+def advise_on_excavation(settings: Settings) -> list[str]:
+    """Sentences about an excavation that can be dug but may not be as the user expects."""
+    if not is_dug(settings) or find_refusals(settings):
+        return []
+    excavation, site, said = settings.excavation, make_site(settings), []
+    deepest = site.deepest_m if any(site.pulls) else 0.0
+    if deepest <= 0:
+        fix = "give depth_m above 0 in excavation.file" if excavation.path == RECORDED else "raise excavation.bite_m"
+        said.append(
+            f"Nothing is dug in any state, because the blade never goes below the ground; {fix}, or keep it "
+            "for a series of ground that does not change."
+        )
+    if excavation.path == ARC and deepest > excavation.radius_m:
+        said.append(
+            f"The arc's last bite is {deepest:.3g} m deep, more than its radius of {excavation.radius_m:g} m. "
+            "A scoop would cut under the ground there; the trench has straight ends instead."
+        )
+    if site.grid.cell_m <= deepest <= site.stands_m:
+        angle = math.degrees(math.atan(deepest / site.grid.cell_m))
+        said.append(
+            f"Walls up to {site.stands_m:.3g} m stand upright. The mesh makes them {angle:.1f} degrees steep, "
+            f"because they are one cell of {excavation.cell_m:g} m wide."
+        )
+    if excavation.width_m < _FEWEST_ACROSS * excavation.cell_m:
+        said.append(
+            f"The blade is {excavation.width_m / excavation.cell_m:.2g} cells wide, so that the trench is "
+            "crude; lower excavation.cell_m."
+        )
+    x, y = settings.rig.x_m, settings.rig.y_m
+    west, south, east, north = site.grid.bounds_m
+    if west < x < east and south < y < north:
+        said.append(
+            "Trench or heap are under the camera, which stays as high as over the untouched ground; move "
+            "excavation.start_x_m or excavation.start_y_m."
+        )
+    if settings.rocks.coverage > 0:
+        said.append(
+            "Rocks in the trench are not taken away: one that loses its support rolls to rest in it and pushes "
+            "no other; others stay where they lay, as does what spoil falls on."
+        )
+    return said
+
+
+def critical_height_m(cohesion_pa: float, friction_deg: float, density_kg_m3: float, gravity_m_s2: float) -> float:
+    """The height in metres up to which a vertical cut stands: 4 c tan(45° + φ/2) / (ρ g).
+
+    Culmann's wedge; used for the walls of InSight's pits by Marteau et al. (LPSC 2021, #2067).
+    """
+    return 4.0 * cohesion_pa / (density_kg_m3 * gravity_m_s2) * math.tan(math.radians(45.0 + friction_deg / 2.0))

@@ -1,0 +1,220 @@
+"""The graded mesh of procedural ground, round like the body; the docstring of this folder lists its steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...settings.topics.camera import RigSettings
+from ...settings.topics.scene import Settings
+from ...support.arrays import Array, Numbers
+from ..rig.seen_points import is_in_view
+from ..terrain.landforms import Walls
+from ..terrain.terrain import Terrain
+from .break_walls import BEFORE, break_walls, breaks_walls
+from .cut_along_lines import Line, cut_along_lines
+from .finer_in_view import PARTS, carried_share, nearest_ground_m
+from .horizon import drop_m
+from .split_triangles import split_triangles
+from .vertex_spacing import CARRIED, VertexSpacing, choose_vertex_spacing
+
+#: Vertices worked on at a time: neighbouring rings, whose noise is then looked up in one small table.
+_BLOCK = 16384
+#: Stands for an infinite spacing where means are taken.
+_UNMOVED_M = 1.0e9
+
+
+@dataclass(frozen=True)
+class GradedMesh:
+    """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``GradedGround.mesh``.
+
+    If the visible part is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite
+    for other vertices, and ``fine`` (m,) is whether a triangle is part of a cut one.
+    """
+
+    positions: Array
+    faces: Array
+    sharp: Array
+    spacing_m: Array | None = None
+    fine: Array | None = None
+
+
+@dataclass(frozen=True)
+class GradedGround:
+    """Ground on a sphere that touches the map at the site, and the grading of its mesh.
+
+    ``rig`` are the settings of the cameras that see the finer part; None without a finer part. If it ``breaks_walls``,
+    the mesh has at most ``most`` vertices.
+    """
+
+    ground: Terrain
+    grading: VertexSpacing
+    body_radius_m: float
+    cuts_crests: bool = False
+    rig: RigSettings | None = None
+    breaks_walls: bool = False
+    most: int = 0
+
+    @property
+    def size_m(self) -> float:
+        """Side in metres of the patch that rocks lie on."""
+        return self.ground.size_m
+
+    @property
+    def site_wavelength_m(self) -> float:
+        """Shortest wavelength in metres that the mesh carries at the site."""
+        return CARRIED * self.grading.finest_m
+
+    def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
+        """Heights in metres over the tangent plane, as ``Surface`` has them."""
+        return self.ground.heights(x_m, y_m, shortest_m) - self.drop_m(x_m, y_m)
+
+    def drop_m(self, x_m: Numbers, y_m: Numbers) -> Array:
+        """How far the body's roundness takes the ground under the tangent plane there, in metres."""
+        at = self.grading.view
+        return drop_m(
+            np.hypot(np.asarray(x_m, np.float64) - at.x_m, np.asarray(y_m, np.float64) - at.y_m), self.body_radius_m
+        )
+
+    def mesh(self) -> tuple[Array, Array, Array]:
+        """Vertices (n, 3) in metres, triangles (m, 3) int32, counter-clockwise from above, and sharp edges (k, 2).
+
+        Wavelengths much shorter than the spacing at a vertex are left out there. Vertex 0 is under the left eye.
+        """
+        made = self.mesh_with_relief()
+        return made.positions, made.faces, made.sharp
+
+    def mesh_with_relief(self) -> GradedMesh:
+        """``mesh`` with its finer part that the cameras see."""
+        rings = self.grading.rings
+        x, y = rings.map_positions()
+        step = rings.spread_to_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)
+        places = np.stack(
+            [_round_to_single(x + self.grading.view.x_m), _round_to_single(y + self.grading.view.y_m)], axis=1
+        )
+        faces, sharp = rings.faces(), np.empty((0, 2), np.int64)
+        for line, apart_m in self._find_crest_lines():
+            cut = cut_along_lines(places, faces, step, line, apart_m)
+            places, faces, sharp = _round_to_single(cut.places), cut.faces, np.concatenate([sharp, cut.sharp_edges()])
+            step = self.grading.spacing_at(np.hypot(*self._relative_to_site(places)))
+        whole = GradedMesh(self._raise_to_ground(places, step), faces, sharp)
+        if self.rig is not None and self.grading.relief is not None:
+            whole = self._cut_for_relief(whole, step)
+        for walls in (each.walls for each in self.ground.landforms if self.breaks_walls and each.walls):
+            whole = self._break_visible_walls(whole, walls)
+        return whole
+
+    def _find_crest_lines(self) -> list[tuple[Line, float]]:
+        """The lines that triangles are cut along, and about how far apart they are in metres."""
+        crests = [each.crests for each in self.ground.landforms if self.cuts_crests and each.crests]
+        return [(line, each.apart_m) for each in crests for line in each.lines]
+
+    def _relative_to_site(self, places: Array) -> Array:
+        """East and north (2, n) of the left eye of places or positions (n, 2 or 3), in metres."""
+        return np.stack([places[:, 0] - self.grading.view.x_m, places[:, 1] - self.grading.view.y_m])
+
+    def _raise_to_ground(self, places: Array, step: Array) -> Array:
+        """Positions (n, 3) of the ground at places (n, 2) of a mesh with spacings ``step`` (n,)."""
+        positions = np.concatenate([places, np.zeros((len(places), 1))], axis=1)
+        shortest = _round_to_single(CARRIED * step)
+        for start in range(0, len(places), _BLOCK):
+            some = slice(start, start + _BLOCK)
+            positions[some, 2] = self.heights(positions[some, 0], positions[some, 1], shortest[some])
+        return positions
+
+    def _cut_for_relief(self, whole: GradedMesh, step: Array) -> GradedMesh:
+        """The mesh with smaller triangles where the cameras see it and fine relief is high enough, or everywhere."""
+        relief, at = self.grading.relief, self.grading.view
+        assert relief is not None
+        assert self.rig is not None
+        east, north = self._relative_to_site(whole.positions)
+        near = np.flatnonzero(relief.is_cut(at.nearest_m(np.hypot(east, north))))
+        # Vertex 0 is under the left eye.
+        above = whole.positions[near, 2] - whole.positions[0, 2] - at.height_m
+        seen = np.zeros(len(whole.positions), bool)
+        seen[near] = is_in_view(self.rig, east[near], north[near], above)
+        split = split_triangles(whole.faces, seen[whole.faces].any(axis=1), len(seen), relief.parts)
+        positions, step = split.spread(whole.positions), split.spread(step)
+        inside = ~split.bordering
+        inside[: len(seen)] &= np.isin(np.arange(len(seen)), split.faces[split.cut])
+        finer = np.flatnonzero(inside)
+        finest = step[finer] / relief.parts
+        # Else fine relief stands for the ground below the spacing before the cut, whose own waves are left out.
+        positions[finer] = self._raise_to_ground(
+            _round_to_single(positions[finer, :2]), finest if relief.everywhere else step[finer]
+        )
+        spacing = np.full(len(positions), np.inf)
+        spacing[finer] = finest
+        return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut)
+
+    def _break_visible_walls(self, whole: GradedMesh, walls: Walls) -> GradedMesh:
+        """The mesh with walls that are broken where they are near enough and the cameras see them."""
+        at = self.grading.view
+        assert self.rig is not None
+        east, north = self._relative_to_site(whole.positions)
+        above = whole.positions[:, 2] - whole.positions[0, 2] - at.height_m
+        pixel_m = np.where(
+            is_in_view(self.rig, east, north, above), at.nearest_m(np.hypot(east, north)) / at.pixels_per_radian, np.inf
+        )
+        spacing = np.zeros(len(above)) if whole.spacing_m is None else np.minimum(whole.spacing_m, _UNMOVED_M)
+        broken = break_walls(whole.positions, whole.faces, walls, spacing, pixel_m, self.most)
+        if whole.spacing_m is None or whole.fine is None:
+            return GradedMesh(broken.positions, broken.faces, whole.sharp)
+        spacing = np.where(broken.spacing_m > spacing[spacing < _UNMOVED_M].max(), np.inf, broken.spacing_m)
+        return GradedMesh(broken.positions, broken.faces, whole.sharp, spacing, whole.fine[broken.of_face])
+
+    def advice(self, settings: Settings) -> list[str]:
+        """Sentences about a mesh that is coarser than the settings ask; none if it is not."""
+        wanted, mesh = self.grading.wanted_vertices, settings.mesh
+        if self.grading.error_px <= mesh.error_px and wanted <= mesh.most:
+            return []
+        many = f"{wanted / 1e6:.3g} million" if wanted >= 1e5 else f"{wanted:.0f}"
+        if self.grading.error_px <= mesh.error_px:
+            return [self._relief_advice(settings, many)]
+        return [
+            f"A mesh within {mesh.error_px:g} px would take {many} vertices; this one keeps to mesh.most "
+            f"({mesh.most}) and is within {self.grading.error_px:.2g} px. Raise mesh.most, or mesh.error_px and "
+            "mesh.edge_px."
+        ]
+
+    def _relief_advice(self, settings: Settings, many: str) -> str:
+        relief, at = self.grading.relief, self.grading.view
+        if settings.mesh.seen == "FINE":
+            parts = relief.parts if relief else 1
+            return (
+                f"Ground that is finer where the cameras see it takes a mesh of {many} vertices. This one keeps to "
+                f"mesh.most ({settings.mesh.most}), so sides of its triangles there are in {parts} parts instead "
+                f"of {PARTS}. Raise mesh.most, or set mesh.seen to EVEN."
+            )
+        spacing_m = relief.spacing_px * nearest_ground_m(settings.rig) / at.pixels_per_radian if relief else math.inf
+        return (
+            f"Fine relief as fine as the image takes a mesh of {many} vertices. This one keeps to mesh.most "
+            f"({settings.mesh.most}), so {carried_share(settings.surface, spacing_m):.0%} of the height of the "
+            "nearest relief is geometry and the rest is bump. Raise mesh.most, or set surface.relief to BUMP."
+        )
+
+
+def _round_to_single(values: Array) -> Array:
+    """Values as Blender stores them. Sines and powers differ between machines in the last bit; these do not."""
+    return values.astype(np.float32).astype(np.float64)
+
+
+def grade_ground(ground: Terrain, settings: Settings) -> GradedGround:
+    """The graded ground that complete ``settings`` ask for."""
+    cuts_crests = settings.mesh.crests == "CUT" and any(each.crests for each in ground.landforms)
+    broken, most = breaks_walls(settings), int(settings.mesh.most)
+    # By the rounded crests, so that cutting them changes no spacing.
+    grading = choose_vertex_spacing(
+        ground, settings | {"mesh": settings.mesh | {"most": int(BEFORE * most)}} if broken else settings
+    )
+    return GradedGround(
+        ground.with_sharp_crests() if cuts_crests else ground,
+        grading,
+        float(settings.terrain.body_radius_m),
+        cuts_crests,
+        settings.rig,
+        broken,
+        most,
+    )

@@ -1,0 +1,273 @@
+"""Where rocks lie and how: sizes, places, poses, and resting on the ground.
+
+Sizes, places and poses are drawn from separate random streams, so that changing how rocks are buried
+moves none of them. Nothing here knows Blender: the ground is a function of position.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from ...settings.topics.rocks import RocksSettings
+from ...support.arrays import Array
+from ...support.files import absolute_path
+from ..random_numbers.seeds import make_generator
+from .beyond_patch import ViewBeyond, draw_beyond
+from .rock_shapes import RockShape
+from .rock_table import TABLE, read_rock_table
+from .size_laws import draw_diameters, make_size_law
+
+#: Height of the ground in metres at arrays of east and north coordinates; NaN where there is no ground.
+HeightAt = Callable[[Array, Array], Array]
+
+#: Rocks with a lower rank in size than this have the finest level of their shape, and so on.
+LEVEL_RANKS = (500, 5000)
+_SIZES, _PLACES, _POSES, _BEYOND = 1, 2, 3, 4  # children of the "rocks" stream; 0 is the shapes'
+_VARIATION = 0.15  # standard deviation of ln(elongation) and ln(height), between rocks
+_BURIAL_VARIATION = 0.1
+
+
+@dataclass(frozen=True)
+class Rocks:
+    """``n`` rocks, largest first; those beyond the patch, again largest first, come after those on it.
+
+    ``position_m`` (n, 3) of the centres, ``rotation`` (n, 3) Euler angles XYZ in radians,
+    ``scale_m`` (n, 3) of a shape of unit size, ``level`` and ``shape`` (n,) which shape,
+    ``diameter_m`` (n,) of a circle that covers as much ground, ``reach_m`` (n,) how far a rock goes
+    from its centre to any side. ``smallest_m`` is the smallest diameter that could be drawn, above the
+    setting when the number of rocks was limited. ``beyond_rad`` is the angle that rocks beyond the patch are at least
+    wide, 0 if none were asked for.
+    """
+
+    position_m: Array
+    rotation: Array
+    scale_m: Array
+    level: Array
+    shape: Array
+    diameter_m: Array
+    reach_m: Array
+    smallest_m: float = 0.0
+    beyond_rad: float = 0.0
+
+
+def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.Generator) -> Array:
+    """Positions (n, 2) in metres on a square patch centred on the origin.
+
+    A share ``clustering`` of the rocks belongs to a Thomas process: clusters at random places, each
+    rock at a normally distributed distance from a random one of them (Thomas 1949, Biometrika 36).
+    What falls off one side of the patch comes in on the other, so the density is even.
+    """
+    where = random.uniform(-size_m / 2, size_m / 2, (n, 2))
+    clusters = max(1, round(n * rocks.clustering / rocks.cluster_blocks))
+    centres = random.uniform(-size_m / 2, size_m / 2, (clusters, 2))
+    member = random.random(n) < rocks.clustering
+    of = centres[random.integers(0, clusters, n)] + random.normal(0.0, rocks.cluster_radius_m, (n, 2))
+    return np.mod(np.where(member[:, None], of, where) + size_m / 2, size_m) - size_m / 2
+
+
+def _rotation_about(axis: int, angle: Array) -> Array:
+    """Rotation matrices (n, 3, 3) about a coordinate axis."""
+    turned = np.zeros((len(angle), 3, 3))
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    turned[:, axis, axis] = 1.0
+    turned[:, a, a] = turned[:, b, b] = np.cos(angle)
+    turned[:, b, a] = np.sin(angle)
+    turned[:, a, b] = -turned[:, b, a]
+    return turned
+
+
+def _rotation_from_vertical(normal: Array) -> Array:
+    """The least rotations (n, 3, 3) that take the vertical to unit vectors (n, 3) above the horizon."""
+    nx, ny, nz = normal.T
+    k = 1.0 / (1.0 + nz)
+    rows = [[1.0 - k * nx * nx, -k * nx * ny, nx], [-k * nx * ny, 1.0 - k * ny * ny, ny], [-nx, -ny, nz]]
+    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+
+
+def euler_xyz(rotation: Array) -> Array:
+    """Angles (n, 3) in radians of rotation matrices (n, 3, 3) that turn about x, then y, then z."""
+    # Copies: of a strided view numpy takes now one, now another routine, as the result happens to lie in memory,
+    # and they differ in the last bit.
+    r = np.ascontiguousarray(np.moveaxis(rotation, 0, -1))
+    return np.stack(
+        [np.arctan2(r[2, 1], r[2, 2]), np.arcsin(np.clip(-r[2, 0], -1.0, 1.0)), np.arctan2(r[1, 0], r[0, 0])], axis=1
+    )
+
+
+def euler_matrices(angles: Array) -> Array:
+    """Rotation matrices (n, 3, 3) that turn by angles (n, 3) in radians about x, then y, then z."""
+    return _rotation_about(2, angles[:, 2]) @ _rotation_about(1, angles[:, 1]) @ _rotation_about(0, angles[:, 0])
+
+
+def _measure_footprint_ground(xy: Array, radius: Array, surface: HeightAt) -> tuple[Array, Array]:
+    """Unit normals (n, 3) of the ground under footprints, and its height (n,) at their centres where the
+    deepest of the sampled points would lie on a plane with that normal; NaN if the centre is off the ground."""
+    ring = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+    dx, dy = (np.append(f(ring), 0.0) * radius[:, None] for f in (np.cos, np.sin))
+    z = surface(xy[:, :1] + dx, xy[:, 1:] + dy)
+    z = np.where(np.isnan(z), z[:, -1:], z)  # beyond the edge of the ground: level
+    # Least squares on a ring is a projection: sum(cos²) over its eight points is 4.
+    east, north = ((z * d).sum(axis=1) / (4 * radius**2) for d in (dx, dy))
+    normal = np.stack([-east, -north, np.ones_like(east)], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal[np.isnan(normal[:, 2])] = [0.0, 0.0, 1.0]
+    return normal, (z - east[:, None] * dx - north[:, None] * dy).min(axis=1)
+
+
+def _measure_extent(
+    rotation: Array,
+    scale: Array,
+    level: Array,
+    shape: Array,
+    normal: Array,
+    shapes: Sequence[Sequence[RockShape]],
+) -> tuple[Array, Array, Array]:
+    """Of turned rocks: the vertex (n, 3) deepest along the ground's normal, relative to the centre,
+    the thickness (n,) along the normal, and the reach (n,) to any side, all in metres."""
+    deepest, thickness, reach = np.empty((len(shape), 3)), np.empty(len(shape)), np.empty(len(shape))
+    for kind in np.unique(np.stack([level, shape], 1), axis=0):
+        these = np.flatnonzero((level == kind[0]) & (shape == kind[1]))
+        points = (rotation[these] * scale[these, None, :]) @ shapes[kind[0]][kind[1]].vertices.T
+        along = np.einsum("nk,nkv->nv", normal[these], points)
+        lowest = along.argmin(axis=1)
+        deepest[these] = points[np.arange(len(these)), :, lowest]
+        thickness[these] = along.max(axis=1) - along.min(axis=1)
+        reach[these] = np.sqrt((points[:, :2] ** 2).sum(axis=1).max(axis=1))
+    return deepest, thickness, reach
+
+
+def scatter_rocks(
+    rocks: RocksSettings,
+    size_m: float,
+    seed: int,
+    surface: HeightAt,
+    shapes: Sequence[Sequence[RockShape]],
+    clear_m: tuple[float, float, float],
+    beyond: ViewBeyond | None = None,
+) -> Rocks:
+    """The rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
+
+    ``shapes[level][shape]`` are what to choose from; ``clear_m`` is a circle (east, north, radius)
+    that no rock may reach into. A rock lies along the slope under it, and its deepest vertex is at
+    or under the deepest ground of its footprint and at or under the ground beneath it: none floats.
+    With a view ``beyond``, rocks also lie outside the patch, and follow the rocks on it. With the law TABLE, places and
+    diameters come from the file ``rocks.file``, whose path is absolute, and no rocks lie outside.
+    Raises IcyMoonError if the settings contradict each other.
+    """
+    xy, diameter, smallest = _read_places(rocks) if rocks.law == TABLE else _draw_places(rocks, size_m, seed)
+    level = np.searchsorted(LEVEL_RANKS, np.arange(len(diameter)), side="right")
+    made = _lay_rocks(rocks, xy, diameter, level, make_generator(seed, "rocks", _POSES), surface, shapes, clear_m)
+    made = replace(made, smallest_m=smallest)
+    if beyond is None or rocks.law == TABLE:
+        return made
+    drawn = draw_beyond(rocks, size_m, beyond, make_generator(seed, "rocks", _BEYOND))
+    rank = np.argsort(np.argsort(-drawn.angle_rad, kind="stable"))
+    level = np.searchsorted(LEVEL_RANKS, rank, side="right")
+    far = _lay_rocks(
+        rocks,
+        drawn.places_m,
+        drawn.diameter_m,
+        level,
+        make_generator(seed, "rocks", _BEYOND, _POSES),
+        surface,
+        shapes,
+        clear_m,
+    )
+    arrays = {
+        f.name: np.concatenate([getattr(made, f.name), getattr(far, f.name)])
+        for f in fields(made)
+        if f.name not in ("smallest_m", "beyond_rad")
+    }
+    return Rocks(**arrays, smallest_m=smallest, beyond_rad=drawn.smallest_rad)
+
+
+def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[Array, Array, float]:
+    """Places (n, 2) and diameters (n,) that follow the law of sizes, largest first, and the smallest diameter."""
+    diameter, smallest = draw_diameters(
+        make_size_law(rocks), size_m**2, int(rocks.most), make_generator(seed, "rocks", _SIZES)
+    )
+    # Rocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
+    xy = draw_places(rocks, len(diameter), size_m, make_generator(seed, "rocks", _PLACES))
+    xy *= np.maximum(1.0 - diameter / size_m, 0.0)[:, None]
+    return xy, diameter, smallest
+
+
+def _read_places(rocks: RocksSettings) -> tuple[Array, Array, float]:
+    """The same of the user's table; the smallest diameter is 0 unless some rocks are left out."""
+    table = read_rock_table(absolute_path(rocks.file, "rocks.file"))
+    kept = table[: int(rocks.most)]
+    return kept[:, :2].copy(), kept[:, 2].copy(), float(kept[-1, 2]) if 0 < len(kept) < len(table) else 0.0
+
+
+def _lay_rocks(
+    rocks: RocksSettings,
+    xy: Array,
+    diameter: Array,
+    level: Array,
+    random: np.random.Generator,
+    surface: HeightAt,
+    shapes: Sequence[Sequence[RockShape]],
+    clear_m: tuple[float, float, float],
+) -> Rocks:
+    """Rocks of given places (n, 2), diameters and levels of detail in poses at rest on the ground."""
+    n = len(diameter)
+    shape = random.integers(0, len(shapes[0]), n)
+    elongation = np.maximum(1.0, rocks.elongation * np.exp(random.normal(0, _VARIATION, n)))
+    height = np.array([s.height for s in shapes[0]])[shape]
+    height *= rocks.height_ratio * np.exp(random.normal(0, _VARIATION, n))
+    scale = diameter[:, None] * np.stack([np.sqrt(elongation), 1.0 / np.sqrt(elongation), height], axis=1)
+    tilt = math.radians(rocks.tilt_deg)
+    loose = _rotation_about(0, random.normal(0, 1, n) * tilt) @ _rotation_about(1, random.normal(0, 1, n) * tilt)
+    loose = loose @ _rotation_about(2, random.uniform(0, 2 * np.pi, n))
+    burial = np.clip(rocks.burial + random.normal(0, _BURIAL_VARIATION, n) * (rocks.burial > 0), 0.0, 0.95)
+
+    normal, ground = _measure_footprint_ground(xy, 0.45 * diameter, surface)
+    rotation = _rotation_from_vertical(normal) @ loose
+    deepest, thickness, reach = _measure_extent(rotation, scale, level, shape, normal, shapes)
+    # The depth below the ground is measured along its normal, the rock moved along the vertical.
+    sunk = np.einsum("nk,nk->n", normal, deepest) + burial * thickness
+    z = ground - sunk / normal[:, 2]
+    beneath = surface(xy[:, 0] + deepest[:, 0], xy[:, 1] + deepest[:, 1])
+    z -= np.maximum(np.nan_to_num(z + deepest[:, 2] - beneath, nan=0.0), 0.0)
+
+    kept = np.isfinite(z) & (np.hypot(xy[:, 0] - clear_m[0], xy[:, 1] - clear_m[1]) > clear_m[2] + reach)
+    return Rocks(
+        np.column_stack([xy, z])[kept],
+        euler_xyz(rotation)[kept],
+        scale[kept],
+        level[kept],
+        shape[kept],
+        diameter[kept],
+        reach[kept],
+    )
+
+
+def lay_rocks_again(
+    rocks: Rocks,
+    which: Array,
+    xy: Array,
+    surface: HeightAt,
+    before: HeightAt,
+    shapes: Sequence[Sequence[RockShape]],
+) -> tuple[Array, Array]:
+    """Positions (m, 3) and Euler angles (m, 3) of the rocks ``which`` (m,) laid loosely on other places (m, 2).
+
+    A rock turns from the slope under its footprint on the ground ``before`` to that on ``surface``, and is lowered
+    until it touches it.
+    """
+    size = 0.45 * rocks.diameter_m[which]
+    old, _ = _measure_footprint_ground(rocks.position_m[which, :2], size, before)
+    new, _ = _measure_footprint_ground(xy, size, surface)
+    turn = _rotation_from_vertical(new) @ np.swapaxes(_rotation_from_vertical(old), 1, 2)
+    rotation = turn @ euler_matrices(rocks.rotation[which])
+    z = np.empty(len(which))
+    for k, rock in enumerate(which):
+        shape = shapes[rocks.level[rock]][rocks.shape[rock]]
+        points = (shape.vertices * rocks.scale_m[rock]) @ rotation[k].T
+        gap = surface(xy[k, 0] + points[:, 0], xy[k, 1] + points[:, 1]) - points[:, 2]
+        z[k] = np.nanmax(gap) if np.isfinite(gap).any() else rocks.position_m[rock, 2]
+    return np.column_stack([xy, z]), euler_xyz(rotation)

@@ -1,0 +1,170 @@
+"""Where indirect light is baked rather than traced, by what each takes. Imports no Blender.
+
+``quality.indirect`` AUTO is decided when a data set is planned, so that a pair's settings and its id state how it is
+made. The same plan always decides in the same way.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import lru_cache
+
+import numpy as np
+
+from ...physics.camera.eyes import find_light_px
+from ...physics.light.baked_rocks import POINTS
+from ...physics.mesh.vertex_spacing import choose_vertex_spacing
+from ...physics.rig.seen_points import is_in_view
+from ...physics.rocks.place_rocks import LEVEL_RANKS
+from ...physics.rocks.rock_table import TABLE
+from ...physics.rocks.size_laws import make_size_law
+from ...physics.scene_requirements import can_be_baked, count_images_per_bake, make_direct_quality
+from ...physics.terrain.terrain import make_terrain
+from ...settings import rebuilt_parts
+from ...settings.description import merged
+from ...settings.topics.camera import RigSettings
+from ...settings.topics.rendering import QualitySettings
+from ...settings.topics.scene import Settings
+from ...settings.topics.stand_ins import find_mesh_item
+from ...support.errors import IcyMoonError
+from .triangle_count import count_triangles
+
+#: Processor seconds (2-core x86 server, Blender 5.0) of a million paths from the corners of a flat mesh, those added on
+#: ground that is as steep as this or has layers of noise, where fewer paths end in the sky, and of starting the bakes.
+_S_PER_MPATH, _STEEP_S, _STEEP_DEG, _START_S = 0.45, 0.5, 25.0, 0.8
+#: The same per million pixels: of a sample of direct light of Lambert ground with fine relief, what a bounce adds to
+#: it, and the denoiser.
+_DIRECT_S, _BOUNCE_S, _DENOISE_S = 1.76, 0.17, 3.5
+#: Corners of a uniform grid for each vertex, of triangles for each vertex, and of a triangle.
+_OF_A_QUAD, _OF_TRIANGLES, _OF_A_TRIANGLE = 4.0, 6.0, 3.0
+#: Processor seconds of a point of a rock: three texels with their samples, among other rocks.
+_S_PER_POINT = 2.5e-4
+#: Number of rocks over the number on the patch, where rocks go on beyond it.
+_WITH_FAR_ROCKS = 2.8
+#: The same of images on the ground, and of a mesh's own image.
+_IMAGES_S, _OWN_IMAGE_S = 0.95, 0.1
+#: Bytes of a file of baked light: of a vertex that has light, and of a rock.
+_OF_A_VERTEX, _OF_A_ROCK = 11.0, 140.0
+#: Maximum number of points along a side of a uniform grid that are tried to find the share that is seen.
+_MOST_TRIED = 129
+
+
+def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
+    """The settings of all pairs of a data set, with BAKED or TRACED in place of AUTO."""
+    keys = [make_light_key(each) if each.quality.indirect == "AUTO" else "" for each in settings]
+    images = Counter(keys)
+    enough: dict[str, int] = {}
+    found = []
+    for each, key in zip(settings, keys, strict=True):
+        if key and key not in enough:
+            enough[key] = find_break_even(each) if can_be_baked(each) else 0
+        if key:
+            baked = 0 < enough[key] <= images[key]
+            each = merged(each, {"quality": {"indirect": "BAKED" if baked else "TRACED"}})
+        found.append(each)
+    return found
+
+
+def settle_indirect(settings: Settings, images: int) -> Settings:
+    """Settings with BAKED or TRACED in place of AUTO, as in a data set of ``images`` images of one ground under one
+    Sun, in different directions."""
+    return choose_indirect([settings] * count_images_per_bake(settings, images))[0]
+
+
+def make_light_key(settings: Settings) -> str:
+    """A text that is equal for pairs that can share baked light."""
+    quality = settings.quality
+    seen = [rebuilt_parts.select_camera(settings)] if quality.bake_area == "VIEW" else []
+    return json.dumps(
+        [
+            rebuilt_parts.select_scene(settings),
+            rebuilt_parts.select_look(settings),
+            rebuilt_parts.select_light(settings),
+            quality.diffuse_bounces,
+            quality.bake_samples,
+            quality.bake_noise,
+            *seen,
+        ]
+    )
+
+
+def find_break_even(settings: Settings) -> int:
+    """Number of images of a ground under one Sun from which baked light takes less than traced light; 0 if it never
+    does."""
+    saved = _pair_seconds(settings, settings.quality) - _pair_seconds(settings, make_direct_quality(settings.quality))
+    return 0 if saved <= 0 else max(1, round(0.5 + bake_seconds(settings) / saved))
+
+
+def bake_seconds(settings: Settings) -> float:
+    """Processor seconds of baking the light of a ground and its rocks, the planet's light too, if it takes all its
+    samples."""
+    paths = settings.quality.bake_samples * _count_corners(settings)
+    steep = 1.0 if settings.terrain.layers else min(1.0, settings.terrain.rms_slope_deg / _STEEP_DEG)
+    images = {"NONE": 0.0, "MESH": _OWN_IMAGE_S}.get(settings.textures.set, _IMAGES_S)
+    once = _START_S + (_S_PER_MPATH + _STEEP_S * steep + images) * paths / 1e6 + _S_PER_POINT * _count_points(settings)
+    return once * (1 + settings.light.planet)
+
+
+def light_bytes(settings: Settings) -> float:
+    """Bytes of the baked light of a ground and its rocks, the planet's light too."""
+    triangular = settings.source.kind in ("STAND_IN", "MESH") or settings.mesh.kind == "GRADED"
+    vertices = _count_corners(settings) / (_OF_TRIANGLES if triangular else _OF_A_QUAD)
+    return (_OF_A_VERTEX * vertices + _OF_A_ROCK * _count_rocks(settings)) * (1 + settings.light.planet)
+
+
+def _count_corners(settings: Settings) -> float:
+    """Corners to which light is baked, with ``quality.bake_area`` VIEW as if the ground were level."""
+    terrain, rig, source = settings.terrain, settings.rig, settings.source
+    in_view = settings.quality.bake_area == "VIEW"
+    if source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
+        rings = choose_vertex_spacing(make_terrain(settings, int(settings.dataset.seed)), settings).rings
+        corners = _OF_TRIANGLES * rings.vertices
+        if in_view:
+            east, north = rings.map_positions()
+            corners *= is_in_view(rig, east, north, np.full(len(east), -rig.height_m)).mean()
+        return float(corners)
+    size_m, corners = terrain.size_m, _OF_A_QUAD * terrain.resolution**2
+    if source.kind == "STAND_IN":
+        size_m = find_mesh_item(source.stand_in).size_m
+    if source.kind in ("STAND_IN", "MESH"):
+        with suppress(IcyMoonError):  # a file that cannot be read; the build reports why
+            corners = _OF_A_TRIANGLE * count_triangles(settings)
+    points = min(terrain.resolution, _MOST_TRIED)
+    return corners * (_estimate_share_seen(size_m, points, tuple(rig.items())) if in_view else 1.0)
+
+
+@lru_cache(maxsize=256)
+def _estimate_share_seen(size_m: float, points: int, rig_items: tuple[tuple[str, float], ...]) -> float:
+    """Share of a level square of ``size_m`` metres that a rig sees, from ``points`` points tried along each side."""
+    rig = RigSettings.from_values(rig_items)
+    across = np.linspace(-size_m / 2, size_m / 2, points)
+    east, north = (each.ravel() for each in np.meshgrid(across - rig.x_m, across - rig.y_m))
+    return float(is_in_view(rig, east, north, np.full(len(east), -rig.height_m)).mean())
+
+
+def _count_points(settings: Settings) -> float:
+    """Points of rocks to which light is baked; of a table of rocks, the most that there can be."""
+    count = _count_rocks(settings)
+    ends = (0.0, *(min(rank, count) for rank in LEVEL_RANKS), count)
+    return sum(points * (end - start) for points, start, end in zip(POINTS, ends, ends[1:], strict=False))
+
+
+def _count_rocks(settings: Settings) -> float:
+    """Rocks that are baked; of a table of rocks, the most that there can be."""
+    rocks = settings.rocks
+    if rocks.coverage <= 0:
+        return 0.0
+    if rocks.law == TABLE:
+        return float(rocks.most)
+    far = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED" and rocks.beyond_px > 0
+    of_the_patch = make_size_law(rocks).total_per_m2 * settings.terrain.size_m**2
+    return min(float(rocks.most), of_the_patch * (_WITH_FAR_ROCKS if far else 1.0))
+
+
+def _pair_seconds(settings: Settings, quality: QualitySettings) -> float:
+    width, height = find_light_px(settings)
+    sample = _DIRECT_S + _BOUNCE_S * quality.diffuse_bounces
+    return 2e-6 * width * height * (quality.samples * sample + _DENOISE_S * (quality.denoiser != "NONE"))

@@ -1,0 +1,24 @@
+"""How many triangles the ground of settings will have, before it is built. Imports no Blender."""
+
+from __future__ import annotations
+
+from ...formats import mesh_file
+from ...physics.mesh.vertex_spacing import choose_vertex_spacing
+from ...physics.terrain.terrain import make_terrain
+from ...settings.topics.scene import Settings
+from ...settings.topics.stand_ins import find_mesh_item
+from ...settings.user_files import find_used_files
+
+
+def count_triangles(settings: Settings) -> float:
+    """Triangles of the ground of complete settings, roughly where it is a file.
+
+    Raises IcyMoonError if a file of one's own cannot be read.
+    """
+    if settings.source.kind == "STAND_IN":
+        return float(find_mesh_item(settings.source.stand_in).triangles)
+    if settings.source.kind == "MESH":
+        return float(mesh_file.estimate_cost(find_used_files(settings)["source.file"]).triangles)
+    if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
+        return 2.0 * choose_vertex_spacing(make_terrain(settings, int(settings.dataset.seed)), settings).rings.vertices
+    return 2.0 * (settings.terrain.resolution - 1) ** 2

@@ -1,0 +1,467 @@
+"""Compares a data set with its plan, file by file. Imports no Blender."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...formats.exr_layout import read_sizes
+from ...physics.camera.blur import describe_blur_identity
+from ...physics.camera.eyes import camera_of
+from ...physics.camera.stereo_camera import StereoCamera
+from ...settings.description import Restorer, digest
+from ...settings.pair_ids import affects_pixels, make_counter, value_in_id
+from ...settings.table import list_all_settings
+from ...support.errors import IcyMoonError, describe_error
+from ...support.file_schemas import FILE_NAME, SHA256, Each, find_fault
+from ...support.files import hash_file, list_put_there, quote, read_text
+from ...support.foreign_bytes import parse_json
+from ...support.number_text import format_count
+from ..pairs.baked_file import LIGHT, parse_name
+from ..pairs.dataset_file_names import (
+    INPUTS,
+    find_reason_to_keep,
+    folder_of_pair,
+    is_claim_name,
+    is_pair_name,
+    is_regular_file,
+    is_unfinished_name,
+    list_foreign,
+    pairs_folder,
+    remove_ours,
+)
+from ..pairs.head_files import image_file, truth_file
+from ..pairs.pair_folder import EYES, Pair, check_pair, is_complete, read_pair
+from ..plans.frozen_plan import PLAN, read_frozen_plan
+from ..plans.planned_pair import PlannedPair
+from .manifest import MANIFEST
+from .pair_claims import CLAIMS_FOLDER, Claims
+from .shared_light import LightFile, VouchedLight
+
+#: Files and folders that a data set's folder may contain.
+_OUR_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
+#: Texts for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
+_STAND_INS = ("", "Hapke of nodes")
+#: What a pair must state so that its files can be checked: names of files in its folder, no device, no other folder.
+_FILES_SHAPE = {"files": Each({"sha256": SHA256}, FILE_NAME)}
+#: Maximum number of settings that are named as differences of a pair from the plan.
+_MOST_NAMED = 5
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A problem: its kind, its subject (a pair's id or a path), a sentence, and the ``path`` that may be removed."""
+
+    kind: str  # "unreadable", "missing", "broken", "foreign", "edited", "light", "leftover" or "kept"
+    what: str
+    text: str
+    path: Path | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The problem as a message."""
+        return {"kind": self.kind, "what": self.what, "message": self.text}
+
+
+@dataclass(frozen=True)
+class Findings:
+    """The findings of ``verify_data_set``: the number of planned and of complete pairs, the problems, and notes on
+    missing files that the pairs do not need. Without a plan (``has_plan``) the planned pairs are the existing ones."""
+
+    pairs: int
+    complete: int
+    problems: tuple[Problem, ...]
+    notes: tuple[str, ...] = ()
+    has_plan: bool = True
+
+
+def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
+    """Check every file of a data set against the plan, the statements of its pairs, and the checksums.
+
+    With ``remove_broken`` broken pairs and leftovers are removed, but never anything that is not ours, nor a pair whose
+    files are as they were rendered. Without a plan each pair is compared with itself alone. Raises IcyMoonError if
+    there are no pairs either, and for ``remove_broken`` without a plan, which could make the pairs again.
+    """
+    has_plan = os.path.lexists(dataset / PLAN)
+    planned = {pair.id: pair for pair in read_frozen_plan(dataset).pairs} if has_plan else _find_unplanned(dataset)
+    if remove_broken and not has_plan:
+        raise IcyMoonError(
+            f"{dataset} has no {PLAN}, so icymoon batch could not make again what --remove takes away; "
+            "run verify without it, and remove yourself what you do not need."
+        )
+    working = Claims(dataset).find_claimed_elsewhere()
+    problems: list[Problem] = []
+    complete, shared = 0, _SharedChecks(VouchedLight(dataset))
+    for name, pair in planned.items():
+        folder = folder_of_pair(dataset, name)
+        try:
+            found = list(_check_pair(folder, pair, name in working, shared))
+        except Exception as error:  # such as a disk that cannot be read: nothing to take away
+            found = [Problem("unreadable", name, describe_error(error, folder))]
+        complete += not found
+        problems += found
+    problems += _check_other_files(dataset, planned.keys(), working, has_plan)
+    stated = _find_stated_light(shared.light)
+    problems += _check_light(dataset, stated, working, _describe_repair(has_plan))
+    told = {problem.what for problem in problems if problem.kind == "foreign"}  # with the reason why it stays
+    for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
+        if not remove_ours(path, dataset) and path.name not in told:
+            why = find_reason_to_keep(path, dataset) or "the disk does not allow it"
+            problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; look at it yourself."))
+    notes = [
+        *_note_missing_light(dataset, stated),
+        *(
+            []
+            if has_plan
+            else [
+                f"{dataset} has no {PLAN}, so each pair is compared with what it states itself, and missing "
+                "pairs are not "
+                "found."
+            ]
+        ),
+    ]
+    return Findings(len(planned), complete, tuple(problems), tuple(notes), has_plan)
+
+
+def _find_unplanned(dataset: Path) -> dict[str, None]:
+    """The ids of the pairs of a data set that has no plan, as of ``icymoon render``."""
+    found = dict.fromkeys(
+        path.name
+        for path in sorted(pairs_folder(dataset).glob("*"))
+        if is_pair_name(path) and not is_unfinished_name(path)
+    )
+    renamed = [path.parent for path in list_put_there(pairs_folder(dataset), "*/pair.json")]
+    if not found and renamed:
+        raise IcyMoonError(
+            _describe_misplaced(renamed[0])
+            or f"{renamed[0]} has the name of no pair, and its pair.json cannot be read; remove it."
+        )
+    if not found:
+        raise IcyMoonError(
+            f"{dataset} has no {PLAN} and no pairs; give the folder of a data set, which icymoon batch "
+            "or icymoon render made."
+        )
+    return found
+
+
+def _describe_misplaced(folder: Path) -> str:
+    """What to do with a whole pair that has another name than its id; empty for anything else."""
+    try:
+        own = read_pair(folder).id
+    except IcyMoonError:
+        return ""
+    if folder.name == own:
+        return ""
+    if (folder.parent / own).exists():
+        return f"{folder} is pair {own} again, under another name; move it out of the data set."
+    return f"{folder} is pair {own} under another name; call it {own}, or move it out of the data set."
+
+
+class _SharedChecks:
+    """Objects that are made once for all pairs of a data set, and the light that the pairs state."""
+
+    def __init__(self, light: VouchedLight) -> None:
+        self.light = light
+        self.restore, self.count = Restorer(), make_counter()
+        #: Name, topic and key of the settings that can change a rendered pixel.
+        self.names = [
+            (f"{topic}.{setting.key}", topic, setting.key)
+            for topic, setting in list_all_settings()
+            if affects_pixels(setting)
+        ]
+
+
+def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared: _SharedChecks) -> Iterator[Problem]:
+    name = folder.name
+    if link := _find_link(folder):
+        text = (
+            f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
+            f"{_describe_repair(planned is not None)}."
+        )
+        strange = _find_strange(folder) if link.parent == folder else ()
+        yield Problem("foreign", name, " ".join([text, *strange]))
+        return
+    record = folder / "pair.json"
+    if not record.is_file():
+        why = f"{record} is no regular file." if os.path.lexists(record) else f"{folder} has no pair.json."
+        if others := tuple(_find_strange(folder)):
+            yield Problem("foreign", name, " ".join([why, *others]))
+        elif folder.exists():
+            yield Problem("broken", name, why, folder)
+        else:
+            yield Problem("missing", name, f"Pair {name} is {'being rendered' if working else 'missing'}.")
+        return
+    data = _parse_pair_json(record)
+    intact = _has_rendered_files(folder, data)
+    shared.light.add(folder, data)
+    try:
+        pair = read_pair(folder) if data is None else check_pair(folder, data, shared.restore)
+        texts = [
+            *(() if intact else _find_damage(pair)),
+            *(
+                f"{clause}; move the folder away and {_describe_repair(planned is not None)}."
+                for clause in _find_contradictions(pair, planned, shared)
+            ),
+        ]
+    except IcyMoonError as error:
+        texts = [str(error)]
+    for text in texts:
+        if intact:
+            yield Problem("foreign", name, f"{text} Its files are as they were rendered, so --remove leaves it.")
+        else:
+            yield Problem("broken", name, text, folder)
+    for text in _find_strange(folder):
+        yield Problem("foreign", name, text)
+
+
+def _describe_repair(has_plan: bool) -> str:
+    """How a pair is made again, in words: by the plan of its data set, or where there is none, as it was."""
+    return "run icymoon batch" if has_plan else "render the pair again"
+
+
+def _find_strange(folder: Path) -> Iterator[str]:
+    """Files in a pair's folder that we did not write and that are no links, in one sentence."""
+    if paths := [path for path in list_foreign(folder) if not path.is_symlink()]:
+        more = f" and {len(paths) - 1} more are" if paths[1:] else " is"
+        yield f"{paths[0]}{more} not Icy Moon's; move {'them' if paths[1:] else 'it'} out of the pair's folder."
+
+
+def _find_link(folder: Path) -> Path | None:
+    """The first of a pair's folders and files that is a link."""
+    inside = [] if folder.parent.is_symlink() or folder.is_symlink() else sorted(folder.glob("*"))
+    return next((path for path in (folder.parent, folder, *inside) if path.is_symlink()), None)
+
+
+def _parse_pair_json(record: Path) -> object:
+    """The content of a ``pair.json``; None if it is gone or no JSON. Raises OSError where that cannot be told."""
+    try:
+        return parse_json(read_text(record))
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return None
+
+
+def _has_rendered_files(folder: Path, data: Any) -> bool:
+    """Whether all files that the content of a ``pair.json`` states are as they were rendered, whatever else is wrong
+    with the pair.
+
+    Raises OSError where that cannot be told.
+    """
+    try:
+        return (
+            not find_fault(data, _FILES_SHAPE)
+            and bool(data["files"])
+            and all(
+                is_regular_file(folder / name) and hash_file(folder / name) == fact["sha256"]
+                for name, fact in data["files"].items()
+            )
+        )
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return False
+
+
+def _may_be_intact(folder: Path) -> bool:
+    try:
+        return _has_rendered_files(folder, _parse_pair_json(folder / "pair.json"))
+    except OSError:
+        return True
+
+
+def _find_damage(pair: Pair) -> Iterator[str]:
+    """Which files are not as they were rendered, in sentences."""
+    for name, fact in pair.data["files"].items():
+        file = pair.folder / name
+        if not file.is_file():
+            yield f"{file} is missing."
+        elif file.stat().st_size != fact["bytes"]:
+            yield f"{file} has {file.stat().st_size} bytes, not {fact['bytes']}."
+        elif hash_file(file) != fact["sha256"]:
+            yield f"{file} is not what was rendered: its checksum differs."
+
+
+def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _SharedChecks) -> Iterator[str]:
+    """Differences of a pair that can be read from the plan, in clauses. Its own statements excuse no difference.
+
+    Without a plan its name and its settings decide, unless it was edited by hand.
+    """
+    path, edited = pair.folder / "pair.json", bool(pair.data.get("edited_by_hand"))
+    wanted = planned or PlannedPair(pair.folder.name, pair.settings, 0.0)
+    if pair.id != wanted.id:
+        yield f"{path} is of pair {pair.id}, not {wanted.id}"
+    # Which part of relief is in the id depends on other topics.
+    unequal = {topic for topic in wanted.settings if pair.settings.get(topic) != wanted.settings[topic]}
+    others = [
+        (name, pair.settings[topic][key], wanted.settings[topic][key])
+        for name, topic, key in shared.names
+        if (topic in unequal or key == "relief")
+        and value_in_id(name, pair.settings) != value_in_id(name, wanted.settings)
+    ]
+    if others:
+        texts = [
+            f"{name} is {quote(there)} and was planned as {quote(asked)}" for name, there, asked in others[:_MOST_NAMED]
+        ]
+        more = [f"{format_count(len(others) - _MOST_NAMED, 'more setting')}"] * (len(others) > _MOST_NAMED)
+        yield f"{path}: {'; '.join([*texts, *more])}, so its settings do not give the id {wanted.id}"
+    own, blur = str(pair.data.get("own_files_sha256", "")), describe_blur_identity(wanted.settings)
+    if edited and planned:
+        yield f"{path} states that the scene was edited by hand, and {PLAN} plans no such pair"
+    elif (
+        not edited
+        and not others
+        and not any(wanted.id == digest(wanted.settings, own + each + blur, shared.count) for each in _STAND_INS)
+    ):
+        yield f"{path}: its settings and own files do not give the id {wanted.id}"
+    seeds = pair.data.get("seeds", {})
+    if seeds.get("render") != wanted.render_seed:
+        yield f"{path}: was rendered with the seed {seeds.get('render')}, not {wanted.render_seed}"
+    if "dataset" in seeds and seeds["dataset"] != wanted.settings.dataset.seed:
+        yield f"{path}: seeds.dataset is {seeds['dataset']}, and its settings give {wanted.settings.dataset.seed}"
+    yield from _wrong_sizes(pair, camera_of(wanted.settings))
+
+
+def _wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
+    apart = {pair.truth_of_sensor(eye): camera.sensor_px(eye) for eye in EYES}
+    apart |= {pair.image(eye): camera.light_px for eye in EYES}
+    for each in pair.head:
+        apart[pair.folder / image_file(each.name)] = each.rendered.size_px
+        apart[pair.folder / truth_file(each.name)] = each.projection.size_px
+    for file in (pair.folder / name for name in pair.data["files"] if name.endswith(".exr")):
+        wide, high = apart.get(file, camera.rendered_px)
+        sizes = read_sizes(file)
+        if not sizes:
+            yield f"{file} is no whole EXR image"
+        yield from (
+            f"{file} has {columns} x {rows} pixels, and its settings give {wide} x {high}"
+            for columns, rows in sizes - {(wide, high)}
+        )
+
+
+def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
+    """The files of baked light that pairs were rendered with, and the ids of these pairs."""
+    stated: dict[LightFile, list[str]] = {}
+    for pair, files in sorted(light.by_pair().items()):
+        for file in set(files):
+            stated.setdefault(replace(file, cpu_seconds=0.0), []).append(pair)
+    return stated
+
+
+def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> Iterator[str]:
+    """A sentence that baked light is missing, if it is; the images that were rendered with it are still whole."""
+    folder = dataset / LIGHT
+    gone = (
+        {}
+        if folder.is_symlink()
+        else {file: pairs for file, pairs in stated.items() if not os.path.lexists(folder / file.name)}
+    )
+    if gone:
+        first, pairs = min(file.name for file in gone), {pair for each in gone.values() for pair in each}
+        more = f" and {len(gone) - 1} more are" if len(gone) > 1 else " is"
+        yield (
+            f"{folder / first}{more} missing, the baked light of {format_count(len(pairs), 'pair')}; their images do "
+            "not need it any more, and later pairs of the same ground bake it again."
+        )
+
+
+def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set[str], again: str) -> Iterator[Problem]:
+    """Problems of baked light: of its files, and of the statements of pairs about it; ``again`` makes a pair again."""
+    folder = dataset / LIGHT
+    if folder.is_symlink():
+        yield Problem(
+            "foreign", LIGHT, f"{folder} is a link, so its light counts as absent; put what it leads to in its place."
+        )
+        return
+    checksums: dict[str, str] = {}
+    for path in list_put_there(folder):
+        parts = parse_name(path.name)
+        if is_unfinished_name(path) and path.name.split("-")[0].split(".")[0] not in working:
+            yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif parts and not is_regular_file(path):
+            yield Problem("foreign", path.name, f"{path} is no regular file, so its light counts as absent; remove it.")
+        elif parts:
+            checksums[path.name] = checksum = hash_file(path)
+            if not checksum.startswith(parts[1]):
+                yield Problem(
+                    "broken", path.name, f"{path} is not what was baked: its name states another content.", path
+                )
+            elif parts[0] not in working and not any(file.name == path.name for file in stated):
+                yield Problem("light", path.name, f"No pair states the light {path}, so it is not used; remove it.")
+        elif not is_unfinished_name(path):
+            yield Problem("foreign", path.name, f"{path} is no baked light.")
+    for file, pairs in stated.items():
+        if checksums.get(file.name, file.checksum) != file.checksum:
+            who, which = (
+                (f"pair {pairs[0]} was", "the pair")
+                if len(pairs) == 1
+                else (f"{len(pairs)} pairs such as {pairs[0]} were", "one of them")
+            )
+            yield Problem(
+                "light",
+                file.name,
+                f"{folder / file.name} has another content now, and {who} rendered with "
+                f"it; to bake it again, move {which} away and {again}.",
+            )
+    yield from _other_light(stated, again)
+
+
+def _other_light(stated: dict[LightFile, list[str]], again: str) -> Iterator[Problem]:
+    """Pairs with the same ground and light that state different baked light."""
+    for key in sorted({file.key for file in stated}):
+        first, *more = sorted((pairs[0], file.checksum) for file, pairs in stated.items() if file.key == key)
+        yield from (
+            Problem(
+                "light",
+                key,
+                f"Pair {pair} was rendered with other light than pair {first[0]}, although "
+                f"their ground and light are the same; move one of them away and {again}.",
+            )
+            for pair, checksum in more
+            if checksum != first[1]
+        )
+
+
+def _is_edited(folder: Path) -> bool:
+    """Whether a pair that no plan has is of a scene that was edited by hand."""
+    try:
+        return bool(read_pair(folder).data.get("edited_by_hand"))
+    except IcyMoonError:
+        return False
+
+
+def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool) -> Iterator[Problem]:
+    """Problems of files in the folder that belong to no planned pair."""
+    for path in list_put_there(pairs_folder(dataset)):
+        name = path.name.split(".")[0]
+        if is_unfinished_name(path):
+            aside = _may_be_intact(path) and not is_complete(path.with_name(name))
+            if aside and name not in working:
+                fix = "icymoon batch puts it into its place" if has_plan else f"rename it to {name}"
+                yield Problem("leftover", path.name, f"{path} is a whole pair; {fix}.")
+            elif name not in working:
+                yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif name not in planned and is_pair_name(path) and _is_edited(path):
+            yield Problem(
+                "edited",
+                path.name,
+                f"Pair {path} was edited by hand: its settings do not determine its images, and no plan has it.",
+            )
+        elif name not in planned or path.name != name:
+            yield Problem(
+                "foreign",
+                path.name,
+                _describe_misplaced(path)
+                or (f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it out of the data set."),
+            )
+    for path in list_put_there(dataset / CLAIMS_FOLDER):
+        if is_unfinished_name(path):
+            if path.name.split(".")[0] not in working:
+                yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif not is_claim_name(path):
+            yield Problem("foreign", path.name, f"{path} is no claim.")
+        elif path.name.split(".")[0] not in working:
+            yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)
+    for path in list_put_there(dataset):
+        if is_unfinished_name(path):
+            yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif path.name not in _OUR_FILES:
+            yield Problem("foreign", path.name, f"{path} is not of this data set; move it out.")

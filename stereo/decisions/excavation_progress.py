@@ -1,0 +1,210 @@
+"""Progress of an excavation by each matcher: volumes between the elevation models of a series of states.
+
+False changes of a matcher are measured on null pairs: pairs of the same site in which nothing had been dug, each with
+independent noise, and with the jitter of the camera and the Sun of its state.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...settings.table import TOPICS
+from ...support.arrays import Array
+from ...support.number_text import format_count
+from ..images.image_files import write_png
+from ..matchers.methods import describe_method
+from .dem import Grid, read_cells
+from .dug_volume import (
+    FEWEST_NULLS,
+    Change,
+    VolumeNoise,
+    detect_change,
+    find_region_cells,
+    find_volume_noise,
+    measure_change,
+)
+from .pictures import draw_changes
+
+#: Settings by which the pairs of a series differ besides light and cameras: which state it is.
+_STATE = ("excavation", "state")
+_DUG = "excavation"
+_SHAPE = ("geometry",)
+#: Entries of a fact that are equal for two elevation models with the same cells.
+_CELLS = ("cell_m", "rows", "columns", "origin_m")
+#: A change of the true volume up to this, m3, counts as no change.
+_NOTHING_M3 = 1e-9
+_Entry = Mapping[str, Any]
+
+
+def name_series(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    """A name of the ground of a pair that all states of one excavation share."""
+    return _name_ground(settings, lambda topic, key: (topic, key) != _STATE)
+
+
+def name_site(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    """A name of the untouched ground of a pair, which series on the same site share whatever they dig."""
+    return _name_ground(settings, lambda topic, key: topic != _DUG)
+
+
+def _name_ground(settings: Mapping[str, Mapping[str, Any]], counts: Callable[[str, str], bool]) -> str:
+    kept = {
+        f"{topic}.{key}": value
+        for topic, values in settings.items()
+        for key, value in values.items()
+        if topic in TOPICS and TOPICS[topic][key].effect in _SHAPE and counts(topic, key)
+    }
+    return json.dumps(kept, sort_keys=True)
+
+
+def find_progress(
+    rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str], out: Path, disc_m: float
+) -> list[dict[str, Any]]:
+    """For each series of states and each method the ``steps`` and the errors of a volume by null pairs.
+
+    A step has ``state``, ``true_m3``, ``found_m3``, ``error_m3``, ``depth_m`` and ``known``; ``level_m``, ``noticed``
+    and ``false_alarm`` of its cells (see ``dug_volume.Detection``), with the errors of a disc of ``disc_m``; and the
+    path ``map`` of a picture of the cells, which this writes. Null pairs give ``bias_m3``, ``sigma_m3``,
+    ``smallest_m3`` (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences that say which numbers are
+    missing, and why.
+
+    A series starts with its state of the least number. All states in which something is dug are compared with it.
+    """
+    dug = [fact for fact in facts if fact.get("excavation")]
+    series: dict[str, list[_Entry]] = {}
+    for fact in dug:
+        series.setdefault(fact["scene"], []).append(fact)
+    found = []
+    for states in series.values():
+        ordered = sorted(states, key=lambda fact: int(fact["excavation"]["state"]))
+        if any(_is_dug(state) for state in ordered):
+            found += [_find_series_progress(ordered, label, rows, dug, out, disc_m) for label in labels]
+    return found
+
+
+def _find_series_progress(
+    states: Sequence[_Entry], label: str, rows: Sequence[_Entry], dug: Sequence[_Entry], out: Path, disc_m: float
+) -> dict[str, Any]:
+    own = {row["pair"]: row for row in rows if row["method"] == label and row["status"] == "ok"}
+    first, name, steps, notes = states[0], describe_method(label), [], []
+    for state in filter(_is_dug, states[1:]):
+        step = _measure_step(first, state, own, out, disc_m)
+        steps.append(step)
+        notes += [f"By {name} there is no volume of state {step['state']}: {step['missing']}."] * bool(step["missing"])
+    noise, why = _find_null_noise(states, dug, own, out)
+    notes += [f"By {name} the smallest volume noticed cannot be given: {why}."] * bool(why)
+    return {
+        "pair": first["pair"],
+        "method": label,
+        "steps": steps,
+        "notes": notes,
+        "bias_m3": noise and noise.bias_m3,
+        "sigma_m3": noise and noise.sigma_m3,
+        "smallest_m3": noise and noise.smallest_m3,
+        "bounds_m3": noise and list(noise.bounds_m3),
+        "null_pairs": noise.pairs if noise else 0,
+    }
+
+
+def _measure_step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, disc_m: float) -> dict[str, Any]:
+    """A method's result for a state; ``missing`` is the reason for a missing volume, or empty."""
+    true = _left_region_m3(state) - _left_region_m3(first)
+    step: dict[str, Any] = {
+        "pair": state["pair"],
+        "state": int(state["excavation"]["state"]),
+        "true_m3": true,
+        **dict.fromkeys(("found_m3", "error_m3", "depth_m", "known", "level_m", "noticed", "false_alarm", "map")),
+        "missing": "",
+    }
+    lost = [fact["pair"] for fact in (first, state) if fact["pair"] not in own]
+    if lost:
+        return step | {"missing": f"pair {lost[0]} failed or contradicts itself"}
+    if not _same_cells(first, state):
+        return step | {"missing": "its cells are not those of the first state; render both with one workspace"}
+    change, known = _measure_between(own, first, state, state["excavation"]["region_m"], out)
+    if change is None:
+        step["missing"] = f"only {100 * known:.0f} % of the cells of the region that is dug are known in both states"
+    else:
+        step |= {
+            "found_m3": change.volume_m3,
+            "error_m3": change.volume_m3 - true,
+            "depth_m": change.depth_m,
+            "known": change.known,
+        }
+    return step | _detect_step_change(own, first, state, out, disc_m)
+
+
+def _detect_step_change(
+    own: Mapping[str, _Entry], first: _Entry, state: _Entry, out: Path, disc_m: float
+) -> dict[str, Any]:
+    true_before, true_after = (_read_map(out, fact, fact["images"]["truth_dem"]) for fact in (first, state))
+    before, after = (_read_map(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state))
+    found = detect_change(before, after, true_before, true_after, first["cell_m"], disc_m)
+    drawn = Path(own[state["pair"]]["images"]["dem"].replace("_dem.npy", "_change.png"))
+    write_png(out / drawn, draw_changes(found))
+    return {**found.score(true_before - true_after), "map": drawn.as_posix()}
+
+
+def _find_null_noise(
+    states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _Entry], out: Path
+) -> tuple[VolumeNoise | None, str]:
+    """The noise of a volume over the region that is dug, by null pairs; or None, and the reason in words.
+
+    Null pairs are the pairs of this site in which nothing had been dug. Only pairs with the same cells can be
+    compared, so the largest group of them is used.
+    """
+    groups: list[list[_Entry]] = []
+    for fact in dug:
+        if fact["site"] == states[0]["site"] and not _is_dug(fact) and fact["pair"] in own:
+            same = next((group for group in groups if _same_cells(group[0], fact)), None)
+            if same is None:
+                groups.append([fact])
+            elif all(fact["render_seed"] != other["render_seed"] for other in same):  # else it is the same noise
+                same.append(fact)
+    group = max(groups, key=len, default=[])
+    region = states[-1]["excavation"]["region_m"]
+    volumes = [
+        change.volume_m3
+        for fact in group[1:]
+        if (change := _measure_between(own, group[0], fact, region, out)[0]) is not None
+    ]
+    if len(volumes) >= FEWEST_NULLS:
+        return find_volume_noise(volumes), ""
+    there = f"{format_count(len(group), 'pair')} of this site show{'s' * (len(group) == 1)}"
+    return None, (
+        f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
+        f"compared with the first, and it takes {FEWEST_NULLS}; render state 0 again with another "
+        "Sun or camera, as datasets/excavation_nulls does, and decide on both data sets together"
+    )
+
+
+def _is_dug(fact: _Entry) -> bool:
+    return abs(_left_region_m3(fact)) > _NOTHING_M3
+
+
+def _same_cells(one: _Entry, other: _Entry) -> bool:
+    return all(one[key] == other[key] for key in _CELLS)
+
+
+def _left_region_m3(state: _Entry) -> float:
+    """Decrease of the volume under the surface of the region, m3; not the volume dug, as spoil slides in."""
+    return -float(state["excavation"]["change_in_region_by_state_m3"][-1])
+
+
+def _measure_between(
+    own: Mapping[str, _Entry], first: _Entry, state: _Entry, region_m: Sequence[float], out: Path
+) -> tuple[Change | None, float]:
+    """The change from one pair to another, None if too little is known, and the share of the region that is."""
+    heights = [_read_map(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state)]
+    grid = Grid(first["cell_m"], first["rows"], first["columns"], *first["origin_m"])
+    region = find_region_cells(grid, region_m)
+    known = np.isfinite(heights[0] - heights[1])[region]
+    return measure_change(heights[0], heights[1], region, grid.cell_m), float(known.mean()) if known.size else 0.0
+
+
+def _read_map(out: Path, fact: _Entry, file: str) -> Array:
+    return read_cells(out / file, (fact["rows"], fact["columns"]), "delete it and decide again")

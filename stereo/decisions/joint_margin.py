@@ -1,0 +1,34 @@
+"""How far the joints of the lander's arm are from their limits with its scoop on each cell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...physics.arm.parametric_arm import find_joint_margin, make_parametric_arm
+from ...settings.topics.scene import Settings
+from ...support.arrays import Array
+
+#: Margin of every joint while nothing states an arm: more than any rule asks for.
+_ANYWHERE_DEG = 180.0
+
+
+def has_arm(settings: Settings) -> bool:
+    """Whether the settings state an arm whose reach is known, so that some ground is out of it: not the user's own."""
+    return settings.lander.kind == "PARAMETRIC"
+
+
+def find_joint_margins_deg(settings: Settings, site_m: float, east_m: Array, north_m: Array, height_m: Array) -> Array:
+    """The smallest distance of a joint to its limit, degrees (rows, columns); NaN out of reach or of unknown height.
+
+    ``site_m`` is the height of the ground under the left camera, on which the lander stands.
+    """
+    known = np.isfinite(height_m)
+    found = np.full(height_m.shape, np.nan)
+    found[known] = (
+        np.degrees(
+            find_joint_margin(make_parametric_arm(settings, site_m), east_m[known], north_m[known], height_m[known])
+        )
+        if has_arm(settings)
+        else _ANYWHERE_DEG
+    )
+    return found

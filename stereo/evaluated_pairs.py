@@ -1,0 +1,118 @@
+"""The pairs that are evaluated: rendered pairs, and pairs of other data sets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..physics.camera.nearest_ground import name_ground
+from ..render.pairs.pair_folder import has_pairs, read_pair
+from ..settings.description import Restorer
+from ..support.errors import IcyMoonError
+from ..support.file_schemas import FILE_NAME
+from ..support.files import read_checksum
+from .datasets.dataset_layouts import KNOWN, FoundPair, find_foreign_pairs
+from .datasets.foreign_pair import ForeignPair
+from .measure.prepare_pair import PreparedPair, distinct_pairs, prepare_pair
+from .measure.sequences import in_time_order
+
+
+class Source(Protocol):
+    """A pair before it is read."""
+
+    @property
+    def name(self) -> str:
+        """Its name in results, different for all pairs of an evaluation."""
+
+    @property
+    def folder(self) -> Path:
+        """Where it is, for messages."""
+
+    def content(self) -> list[Any]:
+        """What its numbers depend on: checksums of its files."""
+
+    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
+        """Read it, and compute what matchers and metrics need. Raises IcyMoonError if it cannot be used."""
+
+
+@dataclass(frozen=True)
+class RenderedPair:
+    """The folder of a pair that was rendered here."""
+
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """The name of its folder."""
+        return self.folder.name
+
+    def content(self) -> list[Any]:
+        """The checksum of ``pair.json``, which contains the checksums of the images."""
+        return [read_checksum(self.folder / "pair.json")]
+
+    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
+        """See ``measure.prepare_pair``."""
+        return prepare_pair(self.folder, response)
+
+
+def find_sources(paths: Sequence[Path]) -> list[Source]:
+    """All pairs at ``paths``, each once: pair folders, data sets, and folders in the layout of other data sets.
+
+    Raises IcyMoonError if a path has no pair, if two different pairs have the same name, or if results cannot have the
+    name of a pair.
+    """
+    rendered = [path for path in paths if has_pairs(path)]
+    found: list[Source] = [
+        RenderedPair(folder) for folder in (in_time_order(distinct_pairs(rendered)) if rendered else ())
+    ]
+    for source in found[:1]:  # the sets of one plan are alike; another pair fails by itself
+        read_pair(source.folder).image("left")
+    found += [pair for path in dict.fromkeys(paths) if path not in rendered for pair in _find_foreign(path)]
+    first: dict[str, Source] = {}
+    for source in found:
+        if not FILE_NAME.fits(source.name):
+            raise IcyMoonError(
+                f"{source.folder}: results cannot have a pair of this name, which is no name of a file "
+                "on every system; rename its folder."
+            )
+        same = first.setdefault(source.name, source)
+        if same is not source:
+            raise IcyMoonError(
+                f"{same.folder} and {source.folder} have different pairs of the same name, "
+                f"{source.name}; give one of them at a time."
+            )
+    return found
+
+
+def sort_by_ground(sources: Sequence[Source]) -> list[Source]:
+    """The sources in an order in which pairs on the same ground follow each other, so that it is made once for their
+    search ranges. A pair that cannot be read is among the first."""
+    restore, grounds = Restorer(), {}
+    for source in sources:
+        grounds[source.name] = ""
+        if isinstance(source, RenderedPair):
+            with suppress(IcyMoonError):  # which is reported where its turn has come
+                grounds[source.name] = name_ground(read_pair(source.folder, restore).settings)
+    return sorted(sources, key=lambda source: grounds[source.name])
+
+
+def _find_foreign(path: Path) -> list[FoundPair]:
+    pairs = find_foreign_pairs(path)
+    if not pairs:
+        raise IcyMoonError(
+            f"{path} contains no complete stereo pair; render one first or choose another folder: a data set, {KNOWN}."
+        )
+    return pairs
+
+
+def check_response(sources: Sequence[Source], response: Mapping[str, Mapping[str, Any]]) -> None:
+    """Raise IcyMoonError if ``response`` would change the camera response of pairs that were not rendered."""
+    foreign = next((source for source in sources if isinstance(source, ForeignPair)), None)
+    if response and foreign:
+        raise IcyMoonError(
+            f"{foreign.folder} was not rendered here, and its images have the response of their camera; "
+            "leave out --set."
+        )

@@ -1,0 +1,59 @@
+"""The user's programs: their command lines, the arrays that they write, and their last words."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+
+from ...support.arrays import Array
+from ...support.errors import IcyMoonError
+from ...support.foreign_bytes import parse_npy, parse_part, read_end, read_regular
+from ...support.printer import show_controls
+from ...support.system import split_command
+
+#: Bytes that a file may have beside its numbers, and that each number may take.
+_BESIDE, _EACH = 2**20, 16
+_LONGEST_WORDS, _SHOWN = 65536, 300
+
+
+def read_array(path: Path, shape: tuple[int, ...]) -> Array:
+    """The numbers of a file in numpy's format, for images of a shape; read-only, of any type.
+
+    Raises OSError if there is no such file, ValueError if it is far too large, IcyMoonError if it is damaged.
+    """
+    data = read_regular(path, _EACH * math.prod(shape) + _BESIDE)
+    return parse_part(
+        data,
+        path.name,
+        lambda foreign: parse_npy(foreign, "fiubcmMSUV"),
+        "an array",
+        "write it by numpy.save",
+        memory=len(data),
+    )
+
+
+def read_last_line(path: Path) -> str:
+    """The last line of a text that a program has written, such as its errors; empty for no text."""
+    try:
+        lines = read_end(path, _LONGEST_WORDS).decode("utf-8", "replace").splitlines()
+    except OSError:
+        return ""
+    return next((show_controls(line.strip()[:_SHOWN]) for line in reversed(lines) if line.strip()), "")
+
+
+def split_arguments(option: str, command: str, example: str) -> list[str]:
+    """The arguments of a command. Raises IcyMoonError, naming the ``option``, if it has none."""
+    try:
+        arguments = split_command(command)
+    except ValueError as error:
+        raise IcyMoonError(f"{option} cannot be split into arguments ({error}); close its quotes.") from None
+    if not arguments:
+        raise IcyMoonError(f"{option} is empty; write it as {example}.")
+    return arguments
+
+
+def require_program(option: str, name: str) -> None:
+    """Raise IcyMoonError unless there is a program of this name or path on this machine."""
+    if shutil.which(name) is None:
+        raise IcyMoonError(f"{option} starts with {name}, which is not a program on this machine; give its whole path.")

@@ -1,0 +1,67 @@
+"""Temporary folders, removed when their work is done; leftovers of a killed process go when the next one is made."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from . import system
+from .errors import IcyMoonError
+from .file_schemas import PROCESS, TEXT, read_record
+from .files import explain_disk_errors
+
+_PREFIX = "icymoon-"
+_OWNER = ".icymoon.json"
+#: What such a folder states about the process that made it.
+_SHAPE = {"pid": PROCESS, "place": TEXT, "computer": TEXT}
+
+
+def make_scratch_folder() -> Path:
+    """A new temporary folder, after sweeping what killed processes of ours have left. Raises IcyMoonError."""
+    _remove_abandoned()
+    with explain_disk_errors("write to", Path(tempfile.gettempdir())):
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+        owner = {"pid": os.getpid(), "place": system.find_process_scope(), "computer": system.computer_name()}
+        (folder / _OWNER).write_text(json.dumps(owner), encoding="utf-8")
+    return folder
+
+
+@contextmanager
+def open_scratch_folder() -> Iterator[Path]:
+    """A temporary folder for a ``with`` statement. Raises IcyMoonError if none can be made."""
+    folder = make_scratch_folder()
+    try:
+        yield folder
+    finally:
+        system.remove_folder(folder)
+
+
+@functools.cache
+def _remove_abandoned() -> None:
+    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        with suppress(OSError, IcyMoonError):  # another user's, or not one of these
+            if _is_ours(folder) and _is_abandoned(read_record(folder / _OWNER, _SHAPE, "delete it")):
+                system.remove_folder(folder)
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether a folder, and no link to one, is this user's."""
+    return (
+        not folder.is_symlink()
+        and folder.is_dir()
+        and not (folder / _OWNER).is_symlink()
+        and system.belongs_to_user(folder)
+    )
+
+
+def _is_abandoned(owner: dict[str, Any]) -> bool:
+    """Whether the process that made a folder has certainly ended."""
+    here = system.find_process_scope()
+    rebooted = owner["computer"] == system.computer_name() and owner["place"].split(" ")[0] != here.split(" ")[0]
+    return bool(here and owner["place"]) and (rebooted or system.is_gone(owner["pid"], owner["place"]))

@@ -1,0 +1,172 @@
+"""A chosen scene is shown coarsely at once, and at full resolution while the user looks."""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+import numpy as np
+import pytest
+from built_scenes import positions
+from icymoon.nodes import build_scene as scenes
+from icymoon.nodes import preview
+from icymoon.nodes.datablocks.fingerprint import read_parts
+from icymoon.operators import live_preview, refine_ground, view_exposure
+from icymoon.operators.render import bring_up_to_date
+from icymoon.operators.sidebar_text import replace_keys_by_labels
+from icymoon.panels import previews
+from icymoon.settings import description, preset_files
+from icymoon.settings.blender import scene_properties
+
+RIDGES, ROCKS = "scenes/europa_ridged_plain", "scenes/enceladus_block_field"
+
+
+@pytest.fixture
+def watched(scene, monkeypatch):
+    """An empty file in a window, and scenes that are small."""
+    load = preset_files.load
+    monkeypatch.setattr(
+        preset_files,
+        "load",
+        lambda path: description.merged(
+            load(path),
+            {
+                "mesh": {"error_px": 8.0, "edge_px": 24.0},
+                "rig": {"width_px": 240, "height_px": 180},
+                "rocks": {"most": 60},
+            },
+        ),
+    )
+    monkeypatch.setattr(live_preview, "has_window", lambda: True)
+    monkeypatch.setattr(preview, "MOST_VERTICES", 1200)
+    monkeypatch.setattr(preview, "MOST_ROCKS", 20)
+    yield scene
+    refine_ground.unregister()
+    refine_ground.register()
+
+
+def choose(name: str) -> scenes.Built:
+    """Choose a scene by its picture."""
+    setattr(bpy.context.window_manager, previews.CHOICE, name)
+    return scenes.find_built(bpy.context.scene)
+
+
+def look() -> scenes.Built:
+    """What the event loop does while the user looks, until no ground follows any more."""
+    while refine_ground._refine_next() is not None:
+        time.sleep(0.01)
+    return scenes.find_built(bpy.context.scene)
+
+
+def settings():
+    return scene_properties.read_settings(bpy.context.scene.icymoon)
+
+
+def is_as_built_at_once(built: scenes.Built) -> bool:
+    """Whether everything is as Build Scene makes it from the settings in an empty file."""
+    shown = read_parts(built.collection)
+    scenes.clear_scene(bpy.context.scene)
+    return shown == read_parts(scenes.build_scene(bpy.context.scene, settings()).collection)
+
+
+@pytest.mark.usefixtures("watched")
+def test_faint_planetshine_is_in_no_view_of_it():
+    choose(RIDGES)
+    assert view_exposure.is_without_planetshine(bpy.context.scene)
+    look()
+    assert view_exposure.is_without_planetshine(bpy.context.scene)
+
+
+def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watched):
+    built = choose(ROCKS)
+    assert len(built.terrain.data.vertices) <= preview.MOST_VERTICES
+    assert built.rock_count == preview.MOST_ROCKS
+    assert np.ptp(positions(built.terrain)[:, 0]) > 10 * settings().terrain.size_m  # out to the horizon
+    assert built.settings.light == settings().light
+    assert live_preview.list_lines(watched) == [refine_ground.NOTE]
+    assert not built.edited
+    terrain = built.terrain
+    built = look()
+    assert built.terrain == terrain  # what refers to it stays valid
+    assert len(terrain.data.vertices) > 3 * preview.MOST_VERTICES
+    assert " ".join(live_preview.list_lines(watched)).startswith("Rocks under 0.356 m are left out to keep to 60 rocks")
+    assert is_as_built_at_once(built)
+
+
+def test_a_second_choice_before_the_first_is_refined_gives_the_second(watched):
+    choose(ROCKS)
+    refine_ground._refine_next()  # the ground of the first is being made
+    built = choose(RIDGES)
+    assert built.preview
+    assert is_as_built_at_once(look())
+
+
+@pytest.mark.heavy
+def test_a_render_before_it_is_refined_is_of_the_full_scene(watched):
+    choose(ROCKS)
+    refine_ground._refine_next()
+    built = bring_up_to_date(watched, settings())
+    mark, mesh = read_parts(built.collection), built.terrain.data.vertices[0].as_pointer()
+    look()
+    assert built.terrain.data.vertices[0].as_pointer() == mesh  # not made a second time
+    assert read_parts(built.collection) == mark
+    assert is_as_built_at_once(built)
+
+
+def test_the_ground_that_the_user_changes_meanwhile_is_theirs(watched):
+    choose(RIDGES)
+    watched.icymoon.terrain.rms_slope_deg += 5.0
+    assert look().preview
+    assert live_preview.list_lines(watched) == ["Preview: press Build Scene"]
+    built = choose(ROCKS)
+    built.terrain.data.vertices[7].co.z += 0.5
+    before = positions(built.terrain)
+    assert np.array_equal(positions(look().terrain), before)
+    assert any("edited" in line for line in live_preview.list_lines(watched))
+
+
+@pytest.mark.heavy
+def test_a_light_that_changes_meanwhile_is_kept(watched):
+    choose(RIDGES)
+    refine_ground._refine_next()
+    watched.icymoon.light.sun_elevation_deg = 33.0
+    built = look()
+    assert built.preview == {}
+    assert built.settings.light.sun_elevation_deg == 33.0
+    assert is_as_built_at_once(built)
+
+
+def test_warnings_about_the_fine_ground_stay_in_the_panel_until_a_setting_changes(watched, monkeypatch):
+    load = preset_files.load
+    monkeypatch.setattr(preset_files, "load", lambda path: description.merged(load(path), {"mesh": {"most": 2000}}))
+    choose(RIDGES)
+    assert live_preview.list_lines(watched) == [refine_ground.NOTE]
+    look()
+    told = " ".join(live_preview.list_lines(watched))
+    reported = scenes.build_scene(bpy.data.scenes.new("Other"), settings()).warnings  # what Build Scene reports
+    assert len(reported) == 1
+    assert told == replace_keys_by_labels(reported[0])
+    assert "Mesh ▸ " in told
+    assert "mesh." not in told
+    watched.icymoon.light.sun_elevation_deg = 33.0
+    live_preview.show_waiting()
+    assert live_preview.list_lines(watched) == ["Ground in full detail"]
+
+
+def test_without_a_window_a_choice_only_loads(watched, monkeypatch):
+    monkeypatch.setattr(live_preview, "has_window", lambda: False)
+    assert choose(RIDGES) is None
+    assert watched.icymoon.preset == RIDGES
+
+
+@pytest.mark.heavy
+@pytest.mark.usefixtures("watched")
+def test_the_fine_ground_follows_again_after_redo():
+    bpy.context.preferences.edit.use_global_undo = True
+    bpy.ops.ed.undo_push(message="Empty")
+    choose(RIDGES)
+    bpy.ops.ed.undo_push(message="Choice")
+    look()
+    assert bpy.ops.ed.undo() == bpy.ops.ed.redo() == {"FINISHED"}
+    assert scenes.find_built(bpy.context.scene).preview
+    assert is_as_built_at_once(look())
