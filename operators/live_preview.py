@@ -24,6 +24,8 @@ from .session import SIDES, session
 from .sidebar_text import find_sky_fault, replace_keys_by_labels
 from .window_areas import push_undo
 from .window_events import call_later, make_registration
+from .sidebar_text import find_light, find_sky_fault, replace_keys_by_labels
+from .window import push_undo
 
 #: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
 BUDGET_S = 0.08
@@ -107,7 +109,7 @@ def list_lines(scene: bpy.types.Scene) -> list[str]:
         return []
     follows = refine_ground.describe_refining(scene)
     sentences = [follows] if follows else preview.read_notes(scene) or ["Ground in full detail"]
-    fault = find_sky_fault(scene_properties.read_for_display(scene.icymoon).light)
+    fault = find_sky_fault(find_light(scene_properties.read_for_display(scene.icymoon)))
     return [_NO_SKY if sentence == fault else replace_keys_by_labels(sentence) for sentence in sentences]
 
 

@@ -12,9 +12,11 @@ from typing import Any, TypeVar
 
 import bpy
 
+from ..formats.map_site import read_site_place
 from ..physics.camera.blur import advise_on_blur, circle_of_confusion_px, find_blur, motion_blur_px
 from ..physics.camera.depth_accuracy import GroundRow, depth_error_m, measure_ground_row, shared_width_px
 from ..physics.camera.lens_distortion import find_overscan, read_coefficients
+from ..physics.light.map_sky import asks_sky_of_site, find_sky_place
 from ..physics.light.scene_sun import sun_from_facts
 from ..physics.light.sky import compute_sky, describe_sky
 from ..physics.rig.focal_length import focal_px
@@ -25,10 +27,12 @@ from ..render.cost.quality_presets import QualityPreset, list_qualities
 from ..settings.table import TOPICS
 from ..settings.topics.camera import RigSettings, SensorSettings
 from ..settings.topics.declaration import Setting
+from ..settings.topics.ground import SourceSettings, TerrainSettings
 from ..settings.topics.light import LightSettings
 from ..settings.topics.scene import Settings
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
+from ..support.files import absolute_path
 from ..support.number_text import show_rounded
 from ..support.printer import show_controls
 
@@ -125,10 +129,35 @@ def _wrap_held(text: str, width: int, hang: str) -> tuple[str, ...]:
 def list_omission_lines(settings: Settings) -> tuple[str, ...]:
     """Sentences on what a render would omit, as in ``pair.json``; none on the planet if the sky cannot be computed."""
     try:
-        lights = _compute_sky_facts(tuple(settings.light.items()), bpy.data.filepath)
+        lights = _compute_sky_facts(tuple(find_light(settings).items()), bpy.data.filepath)
     except IcyMoonError:
         lights = {"planet": None}
     return tuple(find_left_out(settings, lights))
+
+
+def find_light(settings: Settings) -> LightSettings:
+    """The light settings over the site of a map where the settings ask for its sky, azimuths then being from true
+    north; those of the settings where they do not, or if the map cannot be read."""
+    if not asks_sky_of_site(settings):
+        return settings.light
+    found = _find_sky_place(tuple(settings.source.items()), settings.terrain.body_radius_m, bpy.data.filepath)
+    return settings.light | found if found else settings.light
+
+
+@lru_cache(maxsize=8)
+def _find_sky_place(source: tuple[tuple[str, Any], ...], radius_m: float, blend: str) -> dict[str, float]:
+    stated = Settings(
+        source=SourceSettings.from_values(source),
+        terrain=TerrainSettings.from_values((("size_m", 1.0), ("body_radius_m", radius_m))),
+        light=LightSettings.from_values((("directions_from", "DATE"), ("place", "SITE"))),
+    )
+    try:
+        path = absolute_path(stated.source.file, "source.file", str(Path(blend).parent) if blend else None)
+        place = read_site_place(path, stated)
+    except IcyMoonError:
+        return {}
+    at = find_sky_place(stated, place and place.to_json())
+    return {"latitude_deg": at.latitude_deg, "longitude_deg": at.longitude_deg} if at else {}
 
 
 def list_sky_lines(light: LightSettings) -> tuple[str, ...]:

@@ -58,7 +58,7 @@ def _estimate_brightest(settings: Settings) -> float:
     """About the radiance of the ground's brightest hundredth, W/(m² sr)."""
     walls = settings.source.kind == "PROCEDURAL" and any(settings[topic][key] > 0 for topic, key in _WITH_WALLS)
     wm2 = sidebar_text.compute_brightness_wm2(
-        settings.light, 90.0 if walls else _STEEPEST * settings.terrain.rms_slope_deg
+        sidebar_text.find_light(settings), 90.0 if walls else _STEEPEST * settings.terrain.rms_slope_deg
     )
     return wm2 * _find_albedo(settings) / math.pi
 
@@ -86,7 +86,7 @@ def expose_view(scene: bpy.types.Scene, settings: Settings, anew: bool = False) 
     if white > 0:
         scene.view_settings.exposure = max(-_MOST, min(_MOST, -math.log2(white)))
         collection[EXPOSED] = scene.view_settings.exposure
-    planet_wm2 = sidebar_text.compute_planetshine_wm2(settings.light)
+    planet_wm2 = sidebar_text.compute_planetshine_wm2(sidebar_text.find_light(settings))
     _show_planetshine(collection, white <= 0 or planet_wm2 * _find_albedo(settings) / math.pi > _UNSEEN * white)
 
 

@@ -195,6 +195,11 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         draw_decisions(self.layout, context.scene)
 
 
+def list_sky_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """The lines of the panel on the sky."""
+    return sidebar_text.list_sky_lines(sidebar_text.find_light(scene_properties.read_for_display(scene.icymoon)))
+
+
 class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
     """Position, apparent size and irradiance of the Sun and the planet"""
 
@@ -205,12 +210,10 @@ class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(sidebar_text.list_sky_lines(scene_properties.read_for_display(context.scene.icymoon).light))
+        return bool(list_sky_lines(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_lines(
-            self.layout, sidebar_text.list_sky_lines(scene_properties.read_for_display(context.scene.icymoon).light)
-        )
+        draw_lines(self.layout, list_sky_lines(context.scene))
 
 
 class ICYMOON_PT_resolution(Sidebar, bpy.types.Panel):

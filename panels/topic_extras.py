@@ -82,7 +82,9 @@ def _list_moons() -> list[tuple[str, str, object]]:
 
 def _draw_sky_fault(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Why the sky cannot be computed, below the fields that determine it."""
-    if fault := sidebar_text.find_sky_fault(scene_properties.read_for_display(context.scene.icymoon).light):
+    if fault := sidebar_text.find_sky_fault(
+        sidebar_text.find_light(scene_properties.read_for_display(context.scene.icymoon))
+    ):
         draw_sentence(layout, fault, "ERROR")
 
 
