@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..formats.head_file import read_head
+from ..formats.calibrations.head_file import read_head
 from ..physics.camera.calibrated_camera import CalibratedCamera
 from ..physics.camera.head_camera import MOST_CAMERAS, HeadCamera, Orthographic, Projection
 from ..physics.camera.lens_models import Fisheye

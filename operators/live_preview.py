@@ -21,11 +21,9 @@ from . import refine_ground, view_resolution
 from .build import frame_and_expose
 from .coloured_views import give_back_views
 from .session import SIDES, session
-from .sidebar_text import find_sky_fault, replace_keys_by_labels
+from .sidebar_text import find_light, find_sky_fault, replace_keys_by_labels
 from .window_areas import push_undo
 from .window_events import call_later, make_registration
-from .sidebar_text import find_light, find_sky_fault, replace_keys_by_labels
-from .window import push_undo
 
 #: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
 BUDGET_S = 0.08

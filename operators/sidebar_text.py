@@ -16,9 +16,9 @@ from ..formats.map_site import read_site_place
 from ..physics.camera.blur import advise_on_blur, circle_of_confusion_px, find_blur, motion_blur_px
 from ..physics.camera.depth_accuracy import GroundRow, depth_error_m, measure_ground_row, shared_width_px
 from ..physics.camera.lens_distortion import find_overscan, read_coefficients
-from ..physics.light.map_sky import asks_sky_of_site, find_sky_place
 from ..physics.light.scene_sun import sun_from_facts
 from ..physics.light.sky import compute_sky, describe_sky
+from ..physics.light.sky_over_map import asks_sky_of_site, find_sky_place
 from ..physics.rig.focal_length import focal_px
 from ..physics.scene_requirements import find_left_out
 from ..render.cost.blender_abilities import Abilities

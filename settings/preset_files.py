@@ -37,7 +37,7 @@ WHOLE = ("scenes", "gallery", "own")
 _HEADER = ("title", "description", "include", "made_with")
 #: Shipped plans of data sets, which ``render.plans`` reads.
 PLANS = PRESETS / "datasets"
-#: Shipped heads of cameras, which ``formats.head_file`` reads.
+#: Shipped heads of cameras, which ``formats.calibrations.head_file`` reads.
 HEADS = PRESETS / "heads"
 
 

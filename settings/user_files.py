@@ -10,7 +10,7 @@ import hashlib
 from pathlib import Path
 
 from ..formats import mesh_file, mesh_images
-from ..formats.head_file import list_head_files
+from ..formats.calibrations.head_file import list_head_files
 from ..paper_stand_ins.shown_items import RECIPE, list_items
 from ..physics.arm.own_arm import arm_files
 from ..physics.light.kernels import list_kernel_files

@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from ...formats.head_file import read_head
+from ...formats.calibrations.head_file import read_head
 from ...physics.camera.eyes import EYE_TOPICS, find_light_px, is_calibrated
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.scene_requirements import (

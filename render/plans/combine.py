@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...formats.head_file import read_head
+from ...formats.calibrations.head_file import read_head
 from ...formats.toml_lines import Place
 from ...physics import scene_checks
 from ...physics.camera.blur import describe_blur_identity

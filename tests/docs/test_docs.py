@@ -11,6 +11,7 @@ from functools import cache
 
 import manual
 import pytest
+from icymoon.formats.calibrations.head_file import read_head
 from icymoon.plugins.installed import GROUPS
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import preset_files
@@ -33,6 +34,8 @@ OF_USERS = {
     "icymoon.py",  # in a folder of somebody else, where Python would find them
     "icymoon_few_paths.py",
     "frost_waves/__init__.py",  # modules of a package that the page describes
+    "camera_NAME.exr",  # of a camera that is named by the user
+    "camera_NAME.truth.exr",
     "make_pair.py",
     "make_photographs.py",
     "plane.exr",
@@ -158,6 +161,9 @@ def test_every_settings_file_loads(block, tmp_path):
     raw.pop("preset", None)
     file = tmp_path / "scene.toml"
     file.write_text(block.code, encoding="utf-8")
+    if "camera" in raw:
+        assert len(read_head(file).cameras) == len(raw["camera"])
+        return
     if "images" in raw:
         assert parse_pairs_toml(file) == raw
         return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.formats.head_file import list_head_files, read_head
+from icymoon.formats.calibrations.head_file import list_head_files, read_head
 from icymoon.physics.camera.calibrated_camera import CalibratedCamera
 from icymoon.support.errors import IcyMoonError
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..physics.camera.calibrated_camera import CalibratedCamera
-from ..physics.camera.head_camera import (
+from ...physics.camera.calibrated_camera import CalibratedCamera
+from ...physics.camera.head_camera import (
     FRAMES,
     MOST_CAMERAS,
     ROLES,
@@ -23,17 +23,17 @@ from ..physics.camera.head_camera import (
     make_fisheye,
     make_pinhole,
 )
-from ..physics.camera.rotations import from_quaternion
-from ..support.arrays import Array
-from ..support.errors import IcyMoonError
-from ..support.file_schemas import is_number
-from ..support.files import parse_path, quote
-from ..support.foreign_bytes import ForeignBytes, parse_toml, read
-from ..support.suggestions import suggest_nearest
-from ..support.system import find_name_fault
-from .calibrations.options import UNITS, Stated
-from .calibrations.registry import read_calibration
-from .toml_lines import Place
+from ...physics.camera.rotations import from_quaternion
+from ...support.arrays import Array
+from ...support.errors import IcyMoonError
+from ...support.file_schemas import is_number
+from ...support.files import parse_path, quote
+from ...support.foreign_bytes import ForeignBytes, parse_toml, read
+from ...support.suggestions import suggest_nearest
+from ...support.system import find_name_fault
+from ..toml_lines import Place
+from .options import UNITS, Stated
+from .registry import read_calibration
 
 #: Bytes of the file at most.
 _MOST_BYTES = 2**20
