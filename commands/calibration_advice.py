@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from ..formats.calibrations.options import UNITS, Stated
 from ..formats.calibrations.registry import FORMATS
 from ..physics.camera.calibrated_camera import CalibratedRig
+from ..settings.description import defaults
 from ..settings.table import TOPICS
 from ..support.errors import IcyMoonError
 
@@ -52,9 +53,9 @@ def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, sta
     """
     most = TOPICS["rig"]["baseline_m"].maximum
     if baseline_m < _SHORT_BASELINE_M:
-        unit = stated.unit or "m"
-        fix = "if it is in metres, state --unit m" if unit != "m" else "if it is in another unit, write metres there"
-        return [f"The eyes are {1000 * baseline_m:g} mm apart, since {stated_in} in {unit}; {fix}."]
+        given = stated.unit or "m"
+        fix = "if it is in metres, state --unit m" if given != "m" else "if it is in another unit, write metres there"
+        return [f"The eyes are {1000 * baseline_m:g} mm apart, since {stated_in} in {given}; {fix}."]
     if baseline_m <= _LIKELY_BASELINE_M:
         return []
     likely = [unit for unit in UNITS if baseline_m * UNITS[unit] / UNITS[stated.unit or "m"] <= _LIKELY_BASELINE_M]
@@ -76,8 +77,8 @@ def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, sta
 def check_focal_length(focal_px: float, size_px: tuple[int, int], where: str) -> None:
     """Raise IcyMoonError if a focal length is in another unit than pixels: too short for any image of this size, or too
     long."""
-    focal, width = TOPICS["rig"]["focal_length_mm"], TOPICS["rig"]["sensor_width_mm"].default
-    mm = focal_px / size_px[0] * width
+    focal = TOPICS["rig"]["focal_length_mm"]
+    mm = focal_px / size_px[0] * defaults().rig.sensor_width_mm
     if focal.minimum <= mm <= focal.maximum:
         return
     fix = "if it is in millimetres, divide it by the pixel pitch in millimetres"

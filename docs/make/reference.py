@@ -373,11 +373,18 @@ def _operators_of(path: Path) -> Iterator[Operator]:
                 and isinstance(statement.target, ast.Name)
                 and isinstance(statement.annotation, ast.Call)
             ):
-                words = _words(statement.annotation, constants)
+                words = _file_words(statement.annotation) or _words(statement.annotation, constants)
                 if words.get("name"):  # what has none is hidden
                     properties[statement.target.id] = (words["name"], words.get("description") or "")
                     choices[statement.target.id] = [name for name, *_ in words.get("items") or ()]
         yield Operator(stated["bl_idname"], stated["bl_label"], ast.get_docstring(node) or "", properties, choices)
+
+
+def _file_words(call: ast.Call) -> dict[str | None, Any]:
+    """The name and the description of a property that ``dialogs.file_property`` makes; empty for others."""
+    if not ast.unparse(call.func).endswith("file_property"):
+        return {}
+    return {"name": "File", "description": ast.literal_eval(call.args[0])}
 
 
 def _value_fields() -> Iterator[tuple[str, dict[str | None, Any]]]:

@@ -14,6 +14,7 @@ from icymoon.formats.calibrations.registry import FORMATS, read_calibration, wri
 from icymoon.operators import calibrations
 from icymoon.physics.camera.calibrated_camera import CalibratedRig
 from icymoon.physics.camera.eyes import EYE_TOPICS, camera_of
+from icymoon.physics.camera.lens_models import Brown
 from icymoon.physics.camera.rig_cameras import rig_of
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.description import defaults, merged
@@ -76,6 +77,7 @@ def test_options_are_those_of_the_shell(scene, tmp_path):
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     for key, camera in (("1", left), ("2", right)):
         storage.write(f"M{key}", camera.matrix)
+        assert isinstance(camera.lens, Brown)
         storage.write(f"D{key}", np.array([camera.lens.coefficients]))
     storage.write("R", right.rotation)
     storage.write("T", 1000 * right.translation_m[:, None])

@@ -10,6 +10,7 @@ import numpy as np
 import pairs
 import pytest
 from heads import HEADS, head_settings, plane_seen, write_head
+from icymoon.formats.cahvor import FIT_LIMIT_PX, read_model
 from icymoon.formats.calibrations.registry import read_calibration
 from icymoon.physics.camera.eyes import camera_of
 from icymoon.render.pairs.pair_folder import read_pair
@@ -143,3 +144,37 @@ def test_truth_of_another_size_than_the_sensor_is_refused(tmp_path):
     other = replace(pair, camera=camera_of(head_settings("verged and rolled")))
     with pytest.raises(IcyMoonError, match=r"right_raw_truth\.exr is 96 x 72 px, but its camera has 128 x 64 px"):
         read_sensor_truth(other, "right")
+
+
+def write_placed_head(folder, name):
+    """A head with its pose in the world: 3 m up, looking north and level."""
+    write_head(folder, name)
+    data = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
+    pose = np.array([[1.0, 0, 0, 5.0], [0, 0, 1.0, -2.0], [0, -1.0, 0, 3.0], [0, 0, 0, 1.0]])
+    along = pose.copy()
+    along[:3, 3] += pose[:3, 0] * data["camera"]["baseline_m"]
+    data |= {"poses_rectified_to_world": {"left": pose.tolist(), "right": along.tolist()}, "edited_by_hand": True}
+    (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")
+    return folder, pose
+
+
+def test_the_export_of_rover_models_has_those_of_the_sensors(tmp_path):
+    """A lens of Brown and Conrady is fitted by CAHVOR; points in the world are where the eyes themselves have them."""
+    folder, pose = write_placed_head(tmp_path / "0123456789ab", "nearly alike")
+    assert main(["export", str(folder), "--format", "cahvor", "--out", str(tmp_path / "out")]) == 0
+    out = tmp_path / "out" / "0123456789ab"
+    for eye, own in zip(EYES, camera_of(head_settings("nearly alike")).eyes, strict=True):
+        model = read_model(out / f"{eye}_sensor.cahvor")
+        assert (model.width_px, model.height_px) == own.size_px
+        assert cv2.imread(str(out / f"{eye}_sensor.png")).shape[:2] == own.size_px[::-1]
+        pixels = np.stack(np.meshgrid(np.arange(0.0, 96, 5), np.arange(0.0, 72, 5)), axis=-1).reshape(-1, 2)
+        points = (4.0 * own.unproject(pixels) - own.translation_m) @ own.rotation
+        seen = model.project(points @ pose[:3, :3].T + pose[:3, 3])
+        assert np.abs(seen - pixels).max() < FIT_LIMIT_PX
+
+
+def test_a_sensor_whose_lens_no_rover_has_is_refused_by_that_export(tmp_path, capsys):
+    folder, _ = write_placed_head(tmp_path / "0123456789ab", "fisheye and CAHVORE")
+    assert main(["export", str(folder), "--format", "cahvor", "--out", str(tmp_path / "out")]) == 1
+    told = " ".join(capsys.readouterr().err.split())
+    assert "CAHVORE has no lens equal to Kannala-Brandt fisheye (camera left); export raw" in told
