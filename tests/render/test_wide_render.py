@@ -73,14 +73,14 @@ def covered_shares(stage, camera, poses, clip_m):
 def edge_offsets(seen, covered, reach=3):
     """By how many px along rows each edge of ``seen`` is off that of ``covered``, for edges between ``reach`` pixels
     that are free of rock and as many that are full of it."""
-    offsets = []
-    for image, share in zip(seen, covered, strict=True):
-        for start in range(len(share) - 2 * reach):
-            part = share[start : start + 2 * reach + 1]
-            ends = part[:reach], part[-reach:]
-            if {float(np.ptp(end)) for end in ends} == {0.0} and {ends[0][0], ends[1][0]} == {0.0, 1.0}:
-                offsets.append(float(np.sum(image[start : start + 2 * reach + 1] - part)))
-    return np.array(offsets)
+    window = 2 * reach + 1
+    found, true = (np.lib.stride_tricks.sliding_window_view(image, window, axis=1) for image in (seen, covered))
+    free, full = ((true == value) for value in (0.0, 1.0))
+    is_edge = [
+        first[..., :reach].all(axis=-1) & last[..., -reach:].all(axis=-1)
+        for first, last in ((free, full), (full, free))
+    ]
+    return (found - true).sum(axis=-1)[is_edge[0] | is_edge[1]]
 
 
 @pytest.mark.long
