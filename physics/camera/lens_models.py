@@ -166,6 +166,8 @@ def lens_json(lens: LensModel) -> dict[str, Any]:
 def lens_from_json(data: Mapping[str, Any]) -> LensModel:
     """The lens of a table of ``lens_json``. Raises ValueError for another table."""
     model = data.get("model")
+    if model not in ("BROWN", "FISHEYE", "CAHVORE"):
+        raise ValueError(f"there is no lens {quote(model)}")
     numbers = {
         key: tuple(value) for key, value in data.items() if isinstance(value, list) and all(map(is_number, value))
     }
@@ -174,9 +176,9 @@ def lens_from_json(data: Mapping[str, Any]) -> LensModel:
             linearity = data["linearity"]
             pupil = None if linearity == 1.0 and not any(numbers["pupil"]) else numbers["pupil"]
             return Cahvore(numbers["axis"], numbers["radial"], pupil, float(linearity))
-        return {"BROWN": Brown, "FISHEYE": Fisheye}[str(model)](numbers["coefficients"])
+        return Fisheye(numbers["coefficients"]) if model == "FISHEYE" else Brown(numbers["coefficients"])
     except (KeyError, TypeError):
-        raise ValueError(f"there is no lens {quote(model)} with these numbers") from None
+        raise ValueError(f"there is no lens {model} with these numbers") from None
 
 
 def _check_numbers(numbers: tuple[float, ...], what: str, *counts: int) -> None:

@@ -12,6 +12,7 @@ from icymoon.physics.camera.head_camera import (
     Equirectangular,
     HeadCamera,
     Orthographic,
+    Projection,
     camera_from_json,
     camera_json,
     is_plain,
@@ -22,7 +23,7 @@ from icymoon.physics.camera.head_camera import (
 )
 from icymoon.physics.camera.lens_models import Brown, Cahvore, Fisheye
 
-PROJECTIONS = {
+PROJECTIONS: dict[str, Projection] = {
     "pinhole": make_pinhole(64, 48, 60.0),
     "fisheye": make_fisheye(64, 48, 190.0),
     "orthographic": Orthographic(64, 48, 4.0),
@@ -86,6 +87,8 @@ def test_the_rendered_image_shows_all_that_the_camera_sees(name):
     if is_plain(projection):
         assert rendered is projection
         return
+    assert isinstance(rendered, CalibratedCamera)
+    assert isinstance(projection, CalibratedCamera)
     _, direction = rays_of(projection, _pixels(projection.size_px))
     places = show_points(rendered, direction)
     # Splines ask for two pixels on either side.
@@ -95,8 +98,10 @@ def test_the_rendered_image_shows_all_that_the_camera_sees(name):
 
 
 def test_a_narrow_lens_is_rendered_as_a_pinhole_and_a_wide_one_as_a_fisheye():
-    assert isinstance(HeadCamera("a", "mast", "M", PROJECTIONS["distorted"]).rendered.lens, Brown)
-    assert isinstance(HeadCamera("a", "mast", "M", PROJECTIONS["calibrated fisheye"]).rendered.lens, Fisheye)
+    for name, lens in (("distorted", Brown), ("calibrated fisheye", Fisheye)):
+        rendered = HeadCamera("a", "mast", "M", PROJECTIONS[name]).rendered
+        assert isinstance(rendered, CalibratedCamera)
+        assert isinstance(rendered.lens, lens)
 
 
 @pytest.mark.parametrize("name", [*PROJECTIONS, "cahvore"])
