@@ -14,7 +14,7 @@ from pathlib import Path
 from ..render.cost.abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
-from ..render.plans.order import MOST_SCENES, choose_shard, choose_worker_count, order_pairs
+from ..render.plans.order import DEFAULT_MOST_SCENES, choose_shard, choose_worker_count, order_pairs
 from ..render.plans.planned_pair import PlannedPair
 from ..render.workers.cards import choose_cards
 from ..render.workers.job import python_command
@@ -101,7 +101,7 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scenes-per-worker",
         type=int,
-        default=MOST_SCENES,
+        default=DEFAULT_MOST_SCENES,
         metavar="N",
         help="scenes after which a process is replaced by a fresh one (%(default)s)",
     )

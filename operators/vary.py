@@ -12,8 +12,8 @@ from ..render.plans.vary_scene import (
     check_varied,
     find_label,
     list_values,
-    names_that_vary,
-    vary_around,
+    list_variable_settings,
+    make_default_variation,
     why_fixed,
 )
 from ..settings.blender import scene_properties
@@ -45,7 +45,7 @@ def find_unit(name: str) -> str:
 #: (name, label, description) of the settings that can vary.
 _ITEMS = [
     (name, f"{TOPICS[name.partition('.')[0]].label} ▸ {find_label(name)}", _find_setting(name).description)
-    for name in names_that_vary()
+    for name in list_variable_settings()
 ]
 
 
@@ -143,7 +143,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
         )
         topic, _, key = self.setting.partition(".")
         value = scene_properties.read_unchecked(root)[topic][key]
-        wanted = there or vary_around(self.setting, value)
+        wanted = there or make_default_variation(self.setting, value)
         whole = "_whole" if _find_setting(self.setting).kind == "int" else ""
         stated = {
             f"first{whole}": wanted.first,

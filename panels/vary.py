@@ -13,13 +13,13 @@ from ..operators import (
     variation_plan,
     vary,
 )
-from ..render.plans.vary_scene import find_label, names_that_vary
+from ..render.plans.vary_scene import find_label, list_variable_settings
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from .fields import draw_list, draw_sentence, draw_settings, draw_start
 from .sidebar import Sidebar
 
-_VARY = frozenset(names_that_vary())
+_VARY = frozenset(list_variable_settings())
 #: Curves that have a button; the report shows all.
 _CURVES = 6
 

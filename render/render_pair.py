@@ -52,11 +52,11 @@ from .pairs.baked_file import LIGHT
 from .pairs.our_files import check_no_link, pairs_folder
 from .pairs.pair_folder import RAW_TRUTH_FILE, TOED_TRUTH_FILE, TRUTH_FILE
 from .pairs.publish import check_place, discard_unfinished, publish_pair
-from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, workspace_files
+from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, list_workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
 from .ray_stage import CannotTrace, SceneRays
-from .ray_truth import Wanted, trace_beside
+from .ray_truth import TruthRequest, trace_beside
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .workers.claims import CLAIMS_FOLDER
 
@@ -244,7 +244,7 @@ def _render_into(
     made = _render_takes(part, built, scene, planned, report, bool(indirect.lights), rays, quality, rounded)
     start = time.perf_counter()
     written, shares, noise_of_image = _write_files(part, made.files, planned, bool(indirect.lights), rounded)
-    written |= {name: _describe_file(part / name) for name in workspace_files(settings.workspace)}
+    written |= {name: _describe_file(part / name) for name in list_workspace_files(settings.workspace)}
     seconds = {**made.seconds, "write": round(time.perf_counter() - start, 3)}
     return {
         **make_pair_json(
@@ -380,11 +380,11 @@ _ON_SENSORS = -1
 
 def _plan_rays(
     part: Path, rays: SceneRays, settings: Settings, takes: list[_CameraSetup], camera: StereoCamera
-) -> tuple[Stage | None, dict[int, Wanted], dict[str, str]]:
+) -> tuple[Stage | None, dict[int, TruthRequest], dict[str, str]]:
     """The stage for rays, the truths that they find by number, and the statement of ``_choose_engine``. The truths are
     those of ``takes``, unless Cycles renders them, and those on the sensors of calibrated eyes."""
     stage, engine = _choose_engine(rays, settings, takes)
-    asked: dict[int, Wanted] = {
+    asked: dict[int, TruthRequest] = {
         k: (part / f"{TRUTH}{k}", "TOED" if take.toed else "PARALLEL")
         for k, take in enumerate(takes)
         if stage and TRUTH in dict(take.images)
@@ -413,7 +413,7 @@ def _stage_of_sensors(rays: SceneRays) -> Stage:
 
 
 def _write_workspace(part: Path, rays: SceneRays, built: Built, frame: int) -> None:
-    """Write the true maps of the workspace, see ``workspace_files``, into the folder ``part``."""
+    """Write the true maps of the workspace, see ``list_workspace_files``, into the folder ``part``."""
     extent = find_workspace_extent(built.settings.workspace)
     maps = {WORKSPACE_FILE: make_heights(rays, extent)}
     if built.settings.workspace.materials:
@@ -480,8 +480,8 @@ def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
     """Render depth that is read once and removed: without surfaces where that saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
-    too_many = kept and _count_triangles(built) > unlit.MOST_TRIANGLES_A_PIXEL * pixels
-    with unlit.take_surfaces_off([] if too_many else built.materials):
+    too_many = kept and _count_triangles(built) > unlit.MOST_TRIANGLES_PER_PIXEL * pixels
+    with unlit.remove_surfaces([] if too_many else built.materials):
         yield
 
 
@@ -531,7 +531,7 @@ def _write_layers(
     twice = {IMAGE_PASS} if compact and BEAUTY in layers and is_sum_of_lights(layers[BEAUTY]) else set[str]()
 
     def less(piece: Piece) -> Piece | None:
-        kept = drop_passes(piece, passes.UNWANTED | twice | unwanted)
+        kept = drop_passes(piece, passes.UNWANTED_PASSES | twice | unwanted)
         return kept and compress(round_passes(kept, rounded))
 
     data = join_layers(layers, less)

@@ -5,7 +5,7 @@ only depth is wanted.
 
 Each row is a process that renders as many pairs of a scene preset, or of the ``paper``'s snow (``guiss_cost``), with
 one sample of radiance. The first has depth alone, which comes with the radiance; the others have the whole truth. In
-the last row ``unlit.MOST_TRIANGLES_A_PIXEL`` does not count. Needs Blender as a module.
+the last row ``unlit.MOST_TRIANGLES_PER_PIXEL`` does not count. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def render(scene: str, way: int, scale: float, pairs_of_scene: int) -> list[floa
     start_blender()
     for name in ("take_surfaces_off", "switch_lights_off")[: max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
         setattr(unlit, name, lambda what: nullcontext())
-    unlit.MOST_TRIANGLES_A_PIXEL = 10**9
+    unlit.MOST_TRIANGLES_PER_PIXEL = 10**9
     made = snow(scale) if scene == "paper" else scaled_view(settings_of((f"scenes/{scene}",)), scale)
     settings = typed(
         description.merged(

@@ -21,7 +21,7 @@ from ...support.number_text import format_count
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import check_no_link, folder_of_pair, pairs_folder
 from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response
-from ..plans.order import MOST_SCENES, cut_into_jobs
+from ..plans.order import DEFAULT_MOST_SCENES, cut_into_jobs
 from ..plans.planned_pair import PlannedPair
 from .cards import ALL_CARDS, Cards, add_cards, choose_worker_cards
 from .claims import CLAIMS_FOLDER, Claims
@@ -57,7 +57,7 @@ class WorkerOptions:
     count: int
     threads: int
     blender: str
-    most_scenes: int = MOST_SCENES
+    most_scenes: int = DEFAULT_MOST_SCENES
     silence_s: float = 3600.0
     cards: Cards = ALL_CARDS
 

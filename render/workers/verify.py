@@ -29,7 +29,7 @@ from ..pairs.our_files import (
     is_pair_name,
     is_regular_file,
     is_unfinished_name,
-    list_foreign,
+    list_files_not_ours,
     pairs_folder,
     remove_ours,
 )
@@ -222,7 +222,7 @@ def _describe_repair(has_plan: bool) -> str:
 
 def _find_strange(folder: Path) -> Iterator[str]:
     """Files in a pair's folder that we did not write and that are no links, in one sentence."""
-    if paths := [path for path in list_foreign(folder) if not path.is_symlink()]:
+    if paths := [path for path in list_files_not_ours(folder) if not path.is_symlink()]:
         more = f" and {len(paths) - 1} more are" if paths[1:] else " is"
         yield f"{paths[0]}{more} not Icy Moon's; move {'them' if paths[1:] else 'it'} out of the pair's folder."
 

@@ -57,7 +57,7 @@ WRONG = {
     ),
     "sweeps without end": (
         HEAD + '[[sweep]]\nkind = "panorama"\n' * 100 + '[[sweep]]  # !\nkind = "panorama"',
-        ("one sweep more than the 100",),
+        ("a plan may have 100 sweeps",),
     ),
     "a plan extended without end": (
         HEAD + f"extends = {['datasets/guiss_smoke'] * 101}  # !",

@@ -344,7 +344,7 @@ def test_nothing_is_rendered_through_a_link(stand, place):
     elsewhere.mkdir()
     stand.dataset.mkdir()
     (stand.dataset / place).symlink_to(elsewhere)
-    with pytest.raises(IcyMoonError, match=f"{place} is a link, and nothing is written through one"):
+    with pytest.raises(IcyMoonError, match=f"{place} is a link, and Icy Moon does not write through links"):
         stand.run()
     assert list(elsewhere.iterdir()) == []
 
