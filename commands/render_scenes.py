@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..render.cost.abilities import check_abilities
 from ..render.workers.cards import choose_cards
-from ..render.workers.job import Job, absolute_folder, render_job
+from ..render.workers.job import Job, render_job, resolve_dataset_folder
 from ..settings import description, preset_files
 from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
@@ -91,7 +91,7 @@ def _run_render(options: argparse.Namespace) -> int:
     settings = read_settings(options)
     if settings.source.file and settings.source.kind == "PROCEDURAL":
         printer.warn("source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.")
-    dataset = options.out.absolute() if options.out else absolute_folder(str(settings.dataset.folder))
+    dataset = options.out.absolute() if options.out else resolve_dataset_folder(str(settings.dataset.folder))
     render_settings(settings, dataset, options.blender, again=options.again)
     printer.say(str(dataset))
     return 0

@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..stereo.decisions.map_colours import KINDS, colour_cells, count_cells
+from ..stereo.decisions.map_colours import LEGEND_BY_MAP, colour_cells, count_cells
 from ..stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, trace_outlines
 from ..stereo.images.colours import SKY_GREY
 from ..support.arrays import Array
@@ -102,12 +102,12 @@ def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     if not kind or collection is None:
         return ()
     stored = collection[_COUNTS]
-    counts = {key: stored[key] for key in KINDS[kind] if isinstance(stored.get(key), int)}
+    counts = {key: stored[key] for key in LEGEND_BY_MAP[kind] if isinstance(stored.get(key), int)}
     return (
         *make_share_lines(
             f"{TITLES[kind]} by {title}",
             counts,
-            {key: (text, _ICONS[key]) for key, text in KINDS[kind].items()},
+            {key: (text, _ICONS[key]) for key, text in LEGEND_BY_MAP[kind].items()},
             max(1, sum(counts.values())),
         ),
         *((text, icon) for mark, (_, text, icon) in _MARKS.items() if stored.get(mark)),

@@ -22,7 +22,7 @@ from ..settings import changes
 from ..settings.description import digest, merged
 from ..stereo.ground_errors import (
     COARSE,
-    COARSE_PX,
+    MOST_EDGE_PX,
     UNSEEN,
     DepthErrors,
     VertexErrors,
@@ -286,7 +286,7 @@ def _count_divisions(found: Sequence[DepthErrors], matrices: Array, corners: Arr
             longest[k : k + step] = np.maximum(
                 longest[k : k + step], np.where(inside, np.nan_to_num(sides).max(axis=(1, 2), initial=0.0), 0.0)
             )
-    needed = np.ceil(np.log2(np.maximum(longest / COARSE_PX, 1.0)))
+    needed = np.ceil(np.log2(np.maximum(longest / MOST_EDGE_PX, 1.0)))
     return np.asarray(np.minimum(needed, _MOST_DIVISIONS).astype(np.intp))
 
 

@@ -13,7 +13,7 @@ import bpy
 
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import find_plan, read_plan_header
-from ..render.workers.detached import Detached, find_left_running
+from ..render.workers.detached import DetachedProcess, find_left_running
 from ..render.workers.job import blender_command
 from ..render.workers.process import Message, clean_environment
 from ..settings.blender import scene_properties
@@ -201,13 +201,13 @@ def make_batch_command(settings: Settings, plan: str) -> list[str]:
     )
 
 
-def start_batch(settings: Settings, command: list[str], plan: str) -> Detached:
+def start_batch(settings: Settings, command: list[str], plan: str) -> DetachedProcess:
     """Start a ``make_batch_command``; ``plan`` is the plan as the setting ``dataset.plan`` names it.
 
     Raises IcyMoonError if the data set is being rendered.
     """
     folder = find_dataset_folder(settings)
-    return Detached.start(
+    return DetachedProcess.start(
         command,
         find_state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
         {"title": _TITLE, "dataset": str(folder), "plan": plan, "evaluate": settings.dataset.evaluate},
@@ -219,13 +219,13 @@ class DatasetOperator(JobOperator):
     """Mix-in: an operator that watches a data set."""
 
     escapes = False
-    _process: Detached
+    _process: DetachedProcess
     _keeper: evaluate.ResultKeeper
 
     def watch(self, context: bpy.types.Context) -> None:
         self._process.leave = bool(context.scene.icymoon.dataset.leave_running)
 
-    def _make_job(self, process: Detached, context: bpy.types.Context) -> jobs.Job:
+    def _make_job(self, process: DetachedProcess, context: bpy.types.Context) -> jobs.Job:
         readout.update(set_aside=[], last=None)
         self._process = process
         # An earlier Blender may have started it.

@@ -14,7 +14,7 @@ import bpy
 from ..render.graphics_cards import find_ticked_cards
 from ..render.workers.calculation import Calculation
 from ..render.workers.cards import ENVIRONMENT, add_cards
-from ..render.workers.detached import Detached
+from ..render.workers.detached import DetachedProcess
 from ..render.workers.process import Message, Process, clean_environment
 from ..support.errors import IcyMoonError
 
@@ -42,7 +42,7 @@ class Job:
     """One running process or thread and its reports so far, which the panel shows."""
 
     title: str
-    process: Process | Detached | Calculation
+    process: Process | DetachedProcess | Calculation
     handle: Callable[[Message], object] = lambda message: None  # called with every message
     clean_up: Callable[[], object] = lambda: None  # called at the end, however it ends
     started: float = field(default_factory=time.monotonic)

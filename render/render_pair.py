@@ -60,16 +60,16 @@ from .ray_truth import TruthRequest, trace_beside
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .workers.claims import CLAIMS_FOLDER
 
-#: Bytes for a pair's pixel in Blender's own files, which are not compressed: 32-bit floats of all passes of the light,
-#: and of the truth where Cycles renders it.
-_ROOM_WHILE_WRITING = 4 * 48
+#: Bytes per pixel of a pair in Blender's own uncompressed files: 32-bit floats of all passes of the light, and of the
+#: truth if Cycles renders it.
+_TEMPORARY_BYTES_PER_PIXEL = 4 * 48
 
 
-#: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
+#: Most triangles for which Cycles' data is kept between two renders, which takes half a gigabyte more.
 MOST_KEPT_TRIANGLES = 8_000_000
-_TRACED = IndirectLight()
-#: The eye on whose pixels the noise of a pair is judged: its file alone has the error of baked light.
-_JUDGED = "left"
+_TRACED_LIGHT = IndirectLight()
+#: The eye in whose image the noise of a pair is judged: only its file has the error of baked light.
+_NOISE_JUDGED_EYE = "left"
 
 
 @contextmanager
@@ -96,13 +96,15 @@ def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
 
 
 def _count_triangles(built: Built) -> int:
-    """Triangles of the collection's meshes; a mesh with several instances counts once."""
+    """Number of triangles of the collection's meshes; a mesh with several instances counts once."""
     meshes = {item.data for item in built.collection.all_objects if isinstance(item.data, bpy.types.Mesh)}
     return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
 
 
 def _turn_head(built: Built, turn_deg: float) -> AbstractContextManager[None]:
-    """Turn the lander's head with the cameras in it, if there is a lander."""
+    """Turn the lander's head with the cameras in it, until the end of the ``with`` block; without a lander do
+    nothing.
+    """
     head = find_built_objects(built.collection).get(ROLES[HEAD])
     return turn_about_eye(head, turn_deg, built.camera) if head is not None else nullcontext()
 
@@ -117,7 +119,7 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
         system.remove(probe)
         free = shutil.disk_usage(dataset).free
     left = count_bytes_left(pairs, dataset, again)
-    needed = left + _ROOM_WHILE_WRITING * max(count_pixels(pair.settings) for pair in pairs) if left else 0.0
+    needed = left + _TEMPORARY_BYTES_PER_PIXEL * max(count_pixels(pair.settings) for pair in pairs) if left else 0.0
     if needed > free:
         raise IcyMoonError(
             f"{dataset} has {free / 1e6:.0f} MB free, {format_count(len(pairs), 'pair')} may need "
@@ -136,7 +138,7 @@ def render_pair(
     lost: Callable[[], bool],
     rays: SceneRays,
     again: bool = False,
-    indirect: IndirectLight = _TRACED,
+    indirect: IndirectLight = _TRACED_LIGHT,
 ) -> Path:
     """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
@@ -263,7 +265,7 @@ def _render_into(
 
 
 def _count_truths(takes: list[_CameraSetup], planned: PlannedPair) -> int:
-    """How often Cycles renders truth of a pair."""
+    """Number of truth renders of Cycles for a pair."""
     images = sum(layer == TRUTH for take in takes for layer, _ in take.images)
     return images + (len(cycles_occlusion.STEPS_PX) if _has_full_truth(planned) else 0)
 
@@ -290,7 +292,7 @@ def _render_takes(
         poses = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         clip_m = built.camera.data.clip_start, built.camera.data.clip_end
         stage, asked, engine = _plan_rays(part, rays, settings, takes, camera)
-        truths = 0 if asked.keys() - {_ON_SENSORS} else _count_truths(takes, planned)
+        truths = 0 if asked.keys() - {_SENSOR_TRUTH_NUMBER} else _count_truths(takes, planned)
         with (
             watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
             trace_beside(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded) as traced,
@@ -351,7 +353,7 @@ def _write_files(
             unwanted = {*BAKED_ERROR_PASSES.values()}
             if baked and BEAUTY in found:
                 found[BEAUTY], shares[Path(name).stem] = add_baked(found[BEAUTY])
-                if name == f"{_JUDGED}.exr":
+                if name == f"{_NOISE_JUDGED_EYE}.exr":
                     noise_of_image, unwanted = measure_baked_noise(found[BEAUTY]), set()
             compact = planned.settings.quality.files == "COMPACT"
             written[name] = _write_layers(found, part / name, rounded, compact, unwanted)
@@ -374,8 +376,9 @@ def _choose_engine(
     return stage, {"by": stage.ground_tracer.name}
 
 
-#: The number of the truth on the sensors of calibrated eyes among those that rays find; the others have their take's.
-_ON_SENSORS = -1
+#: The number of the truth on the sensors of calibrated eyes among the truths by rays; others have the number of their
+#: render.
+_SENSOR_TRUTH_NUMBER = -1
 
 
 def _plan_rays(
@@ -390,14 +393,14 @@ def _plan_rays(
         if stage and TRUTH in dict(take.images)
     }
     if camera.eyes:
-        asked[_ON_SENSORS] = part / f"{TRUTH}-sensors", "SENSORS"
+        asked[_SENSOR_TRUTH_NUMBER] = part / f"{TRUTH}-sensors", "SENSORS"
         stage = stage or _stage_of_sensors(rays)
     return stage, asked, engine
 
 
 def _files_on_sensors(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str, dict[str, Path]]:
     """The files of the truth on the sensors of calibrated eyes, by name in the pair and by layer."""
-    found = traced[_ON_SENSORS].result() if _ON_SENSORS in traced else {}
+    found = traced[_SENSOR_TRUTH_NUMBER].result() if _SENSOR_TRUTH_NUMBER in traced else {}
     return {RAW_TRUTH_FILE.format(eye): {TRUTH: file} for eye, file in found.items()}
 
 
@@ -417,7 +420,7 @@ def _write_workspace(part: Path, rays: SceneRays, built: Built, frame: int) -> N
     extent = find_workspace_extent(built.settings.workspace)
     maps = {WORKSPACE_FILE: make_heights(rays, extent)}
     if built.settings.workspace.materials:
-        with open_render_scene(built, frame) as scene:  # apart, so that nothing of the pair's scene changes
+        with open_render_scene(built, frame) as scene:  # a separate scene, so that the pair's scene stays unchanged
             maps[MATERIALS_FILE] = make_materials(built, scene, part, extent)
     for name, values in maps.items():
         with explain_disk_errors("write", part / name), (part / name).open("wb") as stream:

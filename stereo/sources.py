@@ -15,7 +15,7 @@ from ..support.errors import IcyMoonError
 from ..support.file_shapes import FILE_NAME
 from ..support.files import read_checksum
 from .datasets.foreign_pair import ForeignPair
-from .datasets.layouts import KNOWN, FoundPair, find_foreign_pairs
+from .datasets.layouts import KNOWN_LAYOUTS, FoundPair, find_foreign_pairs
 from .measure.prepare import PreparedPair, distinct_pairs, prepare_pair
 from .measure.sequences import in_time_order
 
@@ -31,7 +31,7 @@ class Source(Protocol):
     def folder(self) -> Path:
         """Where it is, for messages."""
 
-    def content(self) -> list[Any]:
+    def list_dependencies(self) -> list[Any]:
         """What its numbers depend on: checksums of its files."""
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
@@ -49,7 +49,7 @@ class RenderedPair:
         """The name of its folder."""
         return self.folder.name
 
-    def content(self) -> list[Any]:
+    def list_dependencies(self) -> list[Any]:
         """The checksum of ``pair.json``, which contains the checksums of the images."""
         return [read_checksum(self.folder / "pair.json")]
 
@@ -101,7 +101,8 @@ def _find_foreign(path: Path) -> list[FoundPair]:
     pairs = find_foreign_pairs(path)
     if not pairs:
         raise IcyMoonError(
-            f"{path} contains no complete stereo pair; render one first or choose another folder: a data set, {KNOWN}."
+            f"{path} contains no complete stereo pair; render one first or choose another folder: a data set, "
+            f"{KNOWN_LAYOUTS}."
         )
     return pairs
 

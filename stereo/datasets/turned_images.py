@@ -1,7 +1,7 @@
 """Images that viewers show turned, by the orientation in their EXIF data.
 
-Their pixels are taken as they are stored. A truth and a calibration may be for either, as many programs turn such
-images when they read them. So the truth must confirm them.
+Icy Moon uses the pixels as stored. But a truth and a calibration may be for the turned image, because many programs
+turn images when they read them. So the truth must confirm the images.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from .data_files import read_orientation
 
 
 def find_turned(images: Sequence[Path]) -> dict[Path, int]:
-    """Those of the images that viewers turn, and their EXIF orientations, 2 to 8."""
+    """The images that viewers turn, with their EXIF orientations, 2 to 8."""
     stated = {path: read_orientation(path) for path in images if path.suffix != ".pfm"}
     return {path: orientation for path, orientation in stated.items() if orientation != UPRIGHT}
 
 
 def refuse_turned(turned: Mapping[Path, int]) -> None:
-    """Raise IcyMoonError with the fix if there are images ``turned``, see ``find_turned``."""
+    """Raise IcyMoonError with the fix if some images are ``turned``, see ``find_turned``."""
     for path, orientation in turned.items():
         raise IcyMoonError(
             f"{path} states the EXIF orientation {orientation}, by which viewers turn it, and the truth "

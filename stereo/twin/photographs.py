@@ -16,7 +16,7 @@ from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import explain_errors
 from ...support.number_text import format_count
 from ..datasets.data_files import MapFile, read_image, read_map
-from ..datasets.foreign_pair import safe_name
+from ..datasets.foreign_pair import make_safe_name
 from ..datasets.input_faults import check_map_size
 from ..images.image_values import describe_size, to_grey
 from ..images.masks import sample_at_pixels
@@ -64,7 +64,7 @@ def find_photographs(paths: Sequence[Path], depths: Sequence[Path] = ()) -> list
             f"--depth names {format_count(len(depths), 'file')} for {format_count(len(files), 'pair')}; give one "
             "for each pair, in their order."
         )
-    names = [safe_name(left.stem) for left, _ in files]
+    names = [make_safe_name(left.stem) for left, _ in files]
     if len(set(names)) < len(names):
         names = [f"{number:03d}_{name}" for number, name in enumerate(names, 1)]
     return [

@@ -226,7 +226,7 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
 
         def finish() -> None:
             time.sleep(1.0)
-            theirs.state_light(key, baked_file.write_baked_light(tmp_path, key, made)[1], 1.0)
+            theirs.write_light_checksum(key, baked_file.write_baked_light(tmp_path, key, made)[1], 1.0)
 
         worker = threading.Thread(target=finish)
         worker.start()

@@ -242,7 +242,7 @@ def test_headings_are_described_too():
         (VariedSetting("surface.model", values=("LAMBERT", "LAMBRT")), "LAMBERT"),
         (VariedSetting("light.sun_elevation", 5, 9), "sun_elevation_deg"),
         (VariedSetting("x" * 10000), "…"),
-        (VariedSetting("sensor.bits", 8, 12), "needs no other render"),
+        (VariedSetting("sensor.bits", 8, 12), "needs no new render"),
         (VariedSetting("dataset.workers", 1, 2), "changes no pair"),
         (VariedSetting("dataset.seed", 1, 2), "raise Variations by Seed"),
         (VariedSetting("light.body"), "is no number, choice or tick"),
