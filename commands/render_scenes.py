@@ -114,7 +114,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
 
     packages.require_modules(*packages.PACKAGES)
     from ..stereo.images.gallery import write_picture, write_sheet
-    from ..stereo.trade.measure_variants import scaled_view
+    from ..stereo.trade.measure_variants import scale_view
 
     known = [name.removeprefix("gallery/") for name in preset_files.preset_names("gallery")]
     out = options.out.absolute()
@@ -135,7 +135,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
         command = f"icymoon render --preset {preset}"
         if name in shown:
             printer.say(f"{title}. {text}: python -m {command} --out DATASET", at_once=True)
-            (pair,) = render_settings(scaled_view(described[name], options.scale), out, options.blender)
+            (pair,) = render_settings(scale_view(described[name], options.scale), out, options.blender)
             write_picture(pair, picture, options.stops)
         if picture.is_file():
             shown_on_sheet.append((picture, title, command))

@@ -20,8 +20,8 @@ from ..support.errors import IcyMoonError
 
 #: Seconds between two looks at a job.
 INTERVAL_S = 0.1
-#: Share of a job, or seconds, from which on the remaining time is shown.
-_SURE_FROM, _SURE_FROM_S = 0.1, 120.0
+#: Least finished share of a job, or least seconds, for which the remaining time is shown.
+_LEAST_SHARE, _LEAST_SECONDS = 0.1, 120.0
 
 
 def make_environment_with_cards(device: str, environment: Mapping[str, str] | None = None) -> Mapping[str, str] | None:
@@ -33,7 +33,7 @@ def make_environment_with_cards(device: str, environment: Mapping[str, str] | No
 
 
 def find_this_blender() -> str:
-    """The program that starts another Blender like this one: Blender, or Python if Blender is a module of it."""
+    """The program that starts another Blender of this kind: Blender, or Python if Blender is a module of it."""
     return str(bpy.app.binary_path or sys.executable)
 
 
@@ -84,9 +84,11 @@ class Job:
 
     @property
     def remaining_s(self) -> float | None:
-        """Estimate of the remaining seconds; None at first, when the start of the process would distort it."""
+        """Estimate of the remaining seconds; None at first, because the start of the process would distort the
+        estimate.
+        """
         past_s = time.monotonic() - self.started
-        if self.fraction <= 0.02 or (self.fraction < _SURE_FROM and past_s < _SURE_FROM_S):
+        if self.fraction <= 0.02 or (self.fraction < _LEAST_SHARE and past_s < _LEAST_SECONDS):
             return None
         return past_s * (1.0 - self.fraction) / self.fraction
 

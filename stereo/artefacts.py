@@ -93,7 +93,7 @@ def write_method_pictures(
     write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.depth_camera.focal_baseline_px_m)
     written = {
         "depth": colours.add_colour_bar(colours.draw_depth(depth, prepared.scale), prepared.scale),
-        "error": colours.add_colour_bar(colours.draw_error(depth, prepared.truth), colours.ERROR),
+        "error": colours.add_colour_bar(colours.draw_error(depth, prepared.truth), colours.ERROR_SCALE),
     }
     if "flags" in info["arrays"]:
         written["flags"] = colours.draw_outcomes(info["arrays"]["flags"], disparity.shape)

@@ -27,10 +27,10 @@ from .matchers import match_checked
 from .matchers.methods import Method
 from .matchers.search_range import SearchRange
 from .measure.metrics import is_usable
-from .measure.prepare import LoadedPair, PreparedPair, distinct_pairs, load_pair, prepare_loaded
+from .measure.prepare import LoadedPair, PreparedPair, list_distinct_pairs, load_pair, prepare_loaded
 from .measure.row_metrics import disparity_to_depth
 from .measure_pair import find_search_ranges
-from .report.charts import COLOURS, MARKS, STYLE, add_legend, make_figure
+from .report.charts import METHOD_COLOURS, METHOD_MARKS, STYLE, add_legend, make_figure
 from .report.sweep_charts import ON_WHITE
 
 TOPIC = "calibration_error"
@@ -106,7 +106,7 @@ def measure_calibration(
     ``tell`` receives the numbers of finished and of all pairs. Raises IcyMoonError if there is no pair, or if a pair,
     an error or a method cannot be used.
     """
-    folders, found = distinct_pairs(paths), list[MeasuredError]()
+    folders, found = list_distinct_pairs(paths), list[MeasuredError]()
     for done, folder in enumerate(folders):
         tell(done, len(folders))
         found += _measure_pair(load_pair(folder, {TOPIC: _zero_errors()}, measuring=True), methods, errors)
@@ -252,7 +252,9 @@ def _write_curves(rows: Sequence[MeasuredError], rig: str, methods: Sequence[str
                     continue
                 for n, method in enumerate(methods):
                     errors, means = average_pairs(rows, rig, method, settings[k], key)
-                    axis.plot(errors, factor * means, color=COLOURS[n % 6], marker=MARKS[n % 6], label=method)
+                    axis.plot(
+                        errors, factor * means, color=METHOD_COLOURS[n % 6], marker=METHOD_MARKS[n % 6], label=method
+                    )
                 axis.set_ylim(bottom=0)
                 axis.locator_params(axis="x", nbins=4)
                 axis.set_xlabel(settings[k] if line == len(SHOWN_NUMBERS) - 1 else "")

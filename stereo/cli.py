@@ -588,10 +588,10 @@ def _print_summary(report: Report) -> None:
     """
     from .matchers.methods import describe_method
     from .report.table_columns import (
-        MEASURED,
-        RANKING,
-        SECONDS,
-        TOTALS,
+        MEASURED_COLUMNS,
+        RANKING_METRIC,
+        SECONDS_COLUMN,
+        TOTAL_COLUMNS,
         format_plugin,
         format_rank,
         format_result,
@@ -603,11 +603,11 @@ def _print_summary(report: Report) -> None:
     pairs = max((entry["pairs"] for entry in summary), default=0)
     means = f"Means over {format_count(pairs, 'pair')}"
     for title, ranking, columns in (
-        (f"{means}, all pixels with a true depth", RANKING, (*TOTALS, SECONDS)),
-        (f"{means}, only the pixels that each method measured", "common_l1_m", (TOTALS[0], *MEASURED)),
+        (f"{means}, all pixels with a true depth", RANKING_METRIC, (*TOTAL_COLUMNS, SECONDS_COLUMN)),
+        (f"{means}, only the pixels that each method measured", "common_l1_m", (TOTAL_COLUMNS[0], *MEASURED_COLUMNS)),
     ):
         printer.print_table(
-            ("Method", "Rank" if ranking == RANKING else "Rank by L1", *(column.title for column in columns)),
+            ("Method", "Rank" if ranking == RANKING_METRIC else "Rank by L1", *(column.title for column in columns)),
             [
                 (
                     describe_method(entry["method"]),

@@ -22,7 +22,7 @@ from ..support.version import version
 from .artefacts import check_output_folder, named_files_exist, remove_leftovers
 from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
 from .environment import packages
-from .matchers import list_option_files, plugin_release
+from .matchers import describe_plugin_release, list_option_files
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.plug_in import load_plugin_metrics
@@ -275,7 +275,7 @@ def list_method_inputs(method: Method) -> list[Any]:
         }
     versions = packages.find_versions()
     # A plug-in has a version of its own; our methods have the version of Icy Moon.
-    release = plugin_release(method.name)
+    release = describe_plugin_release(method.name)
     return [
         method.name,
         method.options,

@@ -16,7 +16,7 @@ from ..physics.camera.stereo_camera import StereoCamera
 from ..render.pairs.pair_folder import read_unchanged_pair
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from .images.colours import ERROR, SKY_GREY, colour_signed_errors
+from .images.colours import ERROR_SCALE, SKY_GREY, colour_signed_errors
 from .images.disparity_and_occlusion import find_scene_depth
 from .images.disparity_files import read_disparity, read_focal_baseline
 from .images.exr import read_depth
@@ -149,9 +149,9 @@ def count_pixels(errors: DepthErrors, places: Array) -> dict[str, int]:
     shown = cells.repeat(size, axis=0).repeat(size, axis=1)[: known.shape[0], : known.shape[1]]
     with np.errstate(invalid="ignore"):
         return {
-            "far": int((error > ERROR.low).sum()),
-            "near": int((error < -ERROR.low).sum()),
-            "right": int((np.abs(error) <= ERROR.low).sum()),
+            "far": int((error > ERROR_SCALE.low).sum()),
+            "near": int((error < -ERROR_SCALE.low).sum()),
+            "right": int((np.abs(error) <= ERROR_SCALE.low).sum()),
             "missing": int(np.isnan(error).sum()),
             "coarse": int((known & ~shown).sum()),
         }

@@ -16,8 +16,8 @@ from ..support.file_shapes import FILE_NAME
 from ..support.files import read_checksum
 from .datasets.foreign_pair import ForeignPair
 from .datasets.layouts import KNOWN_LAYOUTS, FoundPair, find_foreign_pairs
-from .measure.prepare import PreparedPair, distinct_pairs, prepare_pair
-from .measure.sequences import in_time_order
+from .measure.prepare import PreparedPair, list_distinct_pairs, prepare_pair
+from .measure.sequences import sort_by_time
 
 
 class Source(Protocol):
@@ -29,13 +29,15 @@ class Source(Protocol):
 
     @property
     def folder(self) -> Path:
-        """Where it is, for messages."""
+        """The folder of the pair, for messages."""
 
     def list_dependencies(self) -> list[Any]:
-        """What its numbers depend on: checksums of its files."""
+        """All that the numbers of the pair depend on: checksums of its files."""
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """Read it, and compute what matchers and metrics need. Raises IcyMoonError if it cannot be used."""
+        """Read the pair, and compute the arrays that matchers and metrics need. Raises IcyMoonError if the pair cannot
+        be used.
+        """
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class RenderedPair:
         return [read_checksum(self.folder / "pair.json")]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """See ``prepare.prepare_pair``."""
+        """Read and develop the rendered pair, see ``prepare.prepare_pair``."""
         return prepare_pair(self.folder, response)
 
 
@@ -66,7 +68,7 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
     """
     rendered = [path for path in paths if has_pairs(path)]
     found: list[Source] = [
-        RenderedPair(folder) for folder in (in_time_order(distinct_pairs(rendered)) if rendered else ())
+        RenderedPair(folder) for folder in (sort_by_time(list_distinct_pairs(rendered)) if rendered else ())
     ]
     found += [pair for path in dict.fromkeys(paths) if path not in rendered for pair in _find_foreign(path)]
     first: dict[str, Source] = {}

@@ -22,7 +22,7 @@ from icymoon.render import unlit
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import typed
-from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.stereo.trade.measure_variants import scale_view
 
 WAYS = ("depth alone", "by rays", "by Cycles, as it is lit", "lamps off", "depth without surfaces, too")
 #: Where the ways of Cycles begin, each of which leaves out more.
@@ -35,7 +35,7 @@ def render(scene: str, way: int, scale: float, pairs_of_scene: int) -> list[floa
     for name in ("take_surfaces_off", "switch_lights_off")[: max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
         setattr(unlit, name, lambda what: nullcontext())
     unlit.MOST_TRIANGLES_PER_PIXEL = 10**9
-    made = snow(scale) if scene == "paper" else scaled_view(settings_of((f"scenes/{scene}",)), scale)
+    made = snow(scale) if scene == "paper" else scale_view(settings_of((f"scenes/{scene}",)), scale)
     settings = typed(
         description.merged(
             made,

@@ -19,9 +19,9 @@ from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, pars
 from ..adapters.icymoon_serve import drop_single_axes
 from ..images.bounded_decoding import decode, decode_exr
 from ..images.exif import UPRIGHT
-from ..images.exr_header import EXR, parse_channels
+from ..images.exr_header import EXR_START, parse_channels
 from ..images.image_files import parse_pfm, read_pfm
-from ..images.image_headers import MOST_IMAGE_MEMORY, PNG, EncodedImage, check_size, parse_picture, parse_png
+from ..images.image_headers import MOST_IMAGE_BYTES, PNG_START, EncodedImage, check_size, parse_image, parse_png
 from ..images.image_values import to_8_bit
 from .map_channels import choose_array, choose_channel, find_sibling_colours, find_stated_channel, refuse_picture
 
@@ -79,7 +79,7 @@ def read_image(path: Path) -> Array:
 
     Raises IcyMoonError if it is missing, damaged, too large or of another kind.
     """
-    image = read(path, _decode_image, "a whole image", _MAKE_AGAIN, memory=MOST_IMAGE_MEMORY)
+    image = read(path, _decode_image, "a whole image", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES)
     if image.ndim == 3:
         image = image[..., :3]  # drops the opacity
     image = to_8_bit(image)
@@ -93,12 +93,12 @@ def read_orientation(path: Path) -> int:
 
     Raises IcyMoonError as ``read_image`` does.
     """
-    return read(path, _parse_image, "a whole image", _MAKE_AGAIN, memory=MOST_IMAGE_MEMORY).orientation
+    return read(path, _parse_image, "a whole image", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES).orientation
 
 
 def _parse_image(foreign: ForeignBytes) -> EncodedImage:
     is_tiff = foreign.part(0, min(4, foreign.size)) in _TIFF_STARTS
-    return _parse_tiff_image(foreign) if is_tiff else parse_picture(foreign)
+    return _parse_tiff_image(foreign) if is_tiff else parse_image(foreign)
 
 
 def _decode_image(foreign: ForeignBytes) -> Array:
@@ -136,7 +136,7 @@ def read_map(file: MapFile) -> Array:
         values, usual = _read_sintel_disparity(file.path), 1.0
     else:
         values, usual = read(
-            file.path, lambda foreign: _parse_map(foreign, file), "a whole map", _MAKE_AGAIN, memory=MOST_IMAGE_MEMORY
+            file.path, lambda foreign: _parse_map(foreign, file), "a whole map", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES
         )
     if values.ndim != 2:
         raise IcyMoonError(f"{file.path} has the shape {values.shape}; give one number per pixel, rows and columns.")
@@ -149,11 +149,11 @@ def read_map(file: MapFile) -> Array:
 def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[Array, float]:
     """The numbers of a file, and the usual steps per px or metre of its format."""
     start = foreign.part(0, min(32, foreign.size))
-    if start.startswith(EXR):
+    if start.startswith(EXR_START):
         return _parse_exr_map(foreign, file), 1.0
     if file.channel and not start.startswith(_ZIP_START):
         raise RefusedError("has no channels with names, and truth.channel in pairs.toml states one; leave it out.")
-    if start.startswith(PNG):
+    if start.startswith(PNG_START):
         return _read_png_numbers(
             decode(parse_png(foreign)), file
         ), PNG_STEPS_PER_PX if file.kind == "disparity" else 1.0

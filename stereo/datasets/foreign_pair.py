@@ -23,9 +23,9 @@ from ...support.foreign_bytes import MOST_BYTES, note_on_backslashes
 from ..images import colours
 from ..images.disparity_and_occlusion import ESTIMATED, MASK, find_visible_in_right
 from ..images.image_values import describe_size, to_grey
-from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
+from ..matchers.search_range import FIXED, MOST_SEARCHED_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify_pixels, measure_texture
-from ..measure.fit_check import MatchedPlaces, find_places, is_confirmed, ray_lengths
+from ..measure.fit_check import MatchedPlaces, compute_ray_lengths, find_places, is_confirmed
 from ..measure.metrics import is_usable
 from ..measure.prepare import PreparedPair
 from ..measure.self_check import SelfCheck
@@ -120,7 +120,7 @@ class ForeignPair:
             classes[OCCLUSION.key] = np.full(truth.shape, -1)
         stated = self.disparities_reader() if self.disparities_reader else None
         count = stated or math.ceil(_SEARCHED_SHARE * camera.width_px)
-        most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_PX) / STEP_PX) - 1
+        most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_SEARCHED_PX) / STEP_PX) - 1
         pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
         scale = colours.make_depth_scale(truth)
         warnings = [*self._doubt_rows(), *warn_unlikely_camera(camera), *warn_dark_images(*grey), *warnings, *doubts]
@@ -191,7 +191,7 @@ class ForeignPair:
             refuse_turned(turned)
             check_map_size(file.path, values.shape, image.shape[:2], file.kind, "the images are")
         if file.along_ray:
-            values = values / ray_lengths(camera)
+            values = values / compute_ray_lengths(camera)
         known = np.isfinite(values)
         return (
             -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= WRONG_SIGN_SHARE else values

@@ -11,7 +11,7 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ..measure.fit_check import KINDS, FitFault, MatchedPlaces, find_fault, find_misfit, make_known_places
+from ..measure.fit_check import READINGS, FitFault, MatchedPlaces, find_fault, find_misfit, make_known_places
 from ..measure.metrics import is_usable
 from .data_files import MapFile
 
@@ -154,7 +154,7 @@ def warn_dark_images(left: Array, right: Array) -> list[str]:
 
 
 def _list_tried_factors() -> str:
-    *first, last = KINDS.values()
+    *first, last = READINGS.values()
     return f"{', '.join(first)} or {last}"
 
 

@@ -15,8 +15,8 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size, to_grey
-from ..images.masks import intersection_over_union
-from ..measure.fit_check import KINDS, TURNS, FitFault, find_fault, make_known_places, warp_to_other_eye
+from ..images.masks import compute_intersection_over_union
+from ..measure.fit_check import READINGS, TURN_BY_READING, FitFault, find_fault, make_known_places, warp_to_other_eye
 from .data_files import MapFile, read_image, read_map
 from .input_faults import WRONG_SIGN_SHARE, round_to_unit_factor
 
@@ -103,16 +103,18 @@ def find_better_reading(seen: Array, disparity: Array) -> str | None:
     )
     if hidden.sum() < _FEWEST_HIDDEN_PX:
         return None
-    shares = {words: intersection_over_union(known & ~reading, hidden) for words, reading in _list_readings(seen)}
-    stated = intersection_over_union(known & ~seen, hidden)
+    shares = {
+        words: compute_intersection_over_union(known & ~reading, hidden) for words, reading in _list_readings(seen)
+    }
+    stated = compute_intersection_over_union(known & ~seen, hidden)
     best = max(shares, key=lambda words: shares[words])
     return best if shares[best] >= max(_LEAST_OVERLAP, _LEAST_OVERLAP_RATIO * stated) else None
 
 
 def _list_readings(seen: Array) -> Iterator[tuple[str, Array]]:
     yield "with seen and hidden exchanged", ~seen
-    for name, turn in TURNS.items():
-        yield KINDS[name], turn(seen)
+    for name, turn in TURN_BY_READING.items():
+        yield READINGS[name], turn(seen)
 
 
 def make_right_camera(camera: StereoCamera) -> StereoCamera:
@@ -140,7 +142,7 @@ def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, dispar
             f"{file.path} does not fit the left eye's truth: only {100 * fault.stated_share:.0f} % of its "
             f"{what} are those that the left eye's give; look at both maps."
         ]
-    how = KINDS[fault.kind]
+    how = READINGS[fault.kind]
     if fault.kind == "factor":
         size = round_to_unit_factor(max(fault.factor, 1 / fault.factor))
         how = f"with {what} {'divided' if fault.factor > 1 else 'multiplied'} by {size:g}"

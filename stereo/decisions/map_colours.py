@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...support.arrays import Array
-from ..images.colours import ERROR, INVALID_GREY, colour_signed_errors
+from ..images.colours import ERROR_SCALE, INVALID_GREY, colour_signed_errors
 from .stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap
 
 #: Height error, m, from which on the colour is saturated, as in the pictures of the report.
@@ -26,7 +26,7 @@ LEGEND_BY_MAP = {
     HEIGHT_ERROR: {
         "high": "Too high, red",
         "low": "Too low, blue",
-        "right": f"Within {100 * ERROR.low:g} cm, white",
+        "right": f"Within {100 * ERROR_SCALE.low:g} cm, white",
         "unknown": "Not known, grey",
     },
 }
@@ -67,5 +67,9 @@ def count_cells(stored: StoredMap) -> dict[str, int]:
         share = values / stored.slope_deg
         of = {"gentle": share <= 1, "steep": (share > 1) & (share <= 2), "steeper": share > 2}
     else:
-        of = {"high": values > ERROR.low, "low": values < -ERROR.low, "right": np.abs(values) <= ERROR.low}
+        of = {
+            "high": values > ERROR_SCALE.low,
+            "low": values < -ERROR_SCALE.low,
+            "right": np.abs(values) <= ERROR_SCALE.low,
+        }
     return {kind: int(which.sum()) for kind, which in of.items()} | {"unknown": int((~known).sum())}

@@ -22,7 +22,7 @@ from ..inference import typical_scene
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN, average_by_scene, find_mean_intervals
 from ..matchers.methods import describe_method
 from ..measure.render_noise import BAKE, DECIDES, UNKNOWN
-from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
+from ..report.charts import METHOD_COLOURS, STYLE, add_legend, make_figure, render_svg
 from ..report.pages import read_template
 from ..report.pictures import embed_picture
 from ..report.table_columns import Column, format_interval, format_number
@@ -229,7 +229,7 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
     number (see ``inference.typical_scene``). The better matcher comes first, with the typical difference.
     """
     matchers = list(labels[1:])
-    chosen = typical_scene.list_comparisons(len(matchers))
+    chosen = typical_scene.list_method_pairs(len(matchers))
     scene_of = {fact["pair"]: fact["scene"] for fact in facts}
     found: list[dict[str, Any]] = []
     if not chosen:
@@ -559,7 +559,7 @@ def _draw_roc(summary: _Entries) -> str:
                 entry["roc"],
                 label=describe_method(entry["method"])[:24],
                 linestyle="--" if truth else "-",
-                color="#6f7f8f" if truth else COLOURS[(k - 1) % len(COLOURS)],
+                color="#6f7f8f" if truth else METHOD_COLOURS[(k - 1) % len(METHOD_COLOURS)],
             )
         axis.set_xlabel("Unsafe cells taken for safe (share)")
         axis.set_ylabel("Safe cells taken (share)")

@@ -34,8 +34,8 @@ from ...support.files import escape_cell, write_atomically, write_json, write_te
 from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
 from ..images.develop import describe_exposure, to_8_bit
 from ..images.image_files import write_bytes, write_png
-from ..measure.prepare import LoadedPair, distinct_pairs, load_pair
-from ..measure.sequences import in_time_order
+from ..measure.prepare import LoadedPair, list_distinct_pairs, load_pair
+from ..measure.sequences import sort_by_time
 from . import Export, find_plugins
 from .encodings import KITTI_STEPS_PER_PX, MM_PER_M, encode_run_lengths, quantise_to_16_bits, write_pfm
 from .losses import Each, Loss, Losses, Write, refuse_losses
@@ -63,7 +63,7 @@ def export(
     of truth that the layout cannot hold. A pair that would lose most of its disparities is left out. Raises
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
-    pairs = _PairReader(in_time_order(distinct_pairs(paths)), response or {}, on_event)
+    pairs = _PairReader(sort_by_time(list_distinct_pairs(paths)), response or {}, on_event)
     PluginExport(find_plugins().usable[kind]).write(pairs.write_each, out)
     pairs.write_map_places(out)
     for sentence in pairs.losses.sentences(pairs.written):
@@ -374,7 +374,7 @@ def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
     that the sensor does not see, and ``visible_left``, bool: the other eye sees it too. A pair that cannot be used
     gives its ``problems`` only.
     """
-    for folder in distinct_pairs(paths):
+    for folder in list_distinct_pairs(paths):
         try:
             pair = load_pair(folder, {})
         except Exception as error:

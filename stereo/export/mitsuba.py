@@ -33,7 +33,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_json, write_text
 from ...support.version import ROOT
-from ..measure.prepare import distinct_pairs
+from ..measure.prepare import list_distinct_pairs
 from .encodings import write_pfm
 from .ground import build_geometry, refuse_edited
 from .plug_in import FoldersContext
@@ -61,7 +61,7 @@ Plugin = dict[str, Any]
 
 def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
     """Write the scenes of the pairs in folders, and warn of what they lack."""
-    pairs = [read_pair(folder) for folder in distinct_pairs(folders)]
+    pairs = [read_pair(folder) for folder in list_distinct_pairs(folders)]
     for pair in pairs:
         for sentence in find_left_out(pair.settings, compute_sky(pair.settings.light)):
             context.warn(f"pair {pair.id}: {sentence}")

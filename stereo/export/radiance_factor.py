@@ -21,7 +21,7 @@ from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
-from ..images.develop import scaled_radiance
+from ..images.develop import scale_radiance
 from ..images.image_files import write_bytes
 from ..measure.prepare import LoadedPair
 from . import Export
@@ -77,7 +77,7 @@ def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
 
     none = np.full(depth.shape, np.nan)
     normal, toward = view.normal, np.asarray(sun.direction)
-    radiance = np.asarray(scaled_radiance(view, pair.pair, pair.settings.light), np.float64)
+    radiance = np.asarray(scale_radiance(view, pair.pair, pair.settings.light), np.float64)
     return Photometry(
         irradiance,
         np.where(known[..., None], math.pi * radiance / by_band, np.nan),

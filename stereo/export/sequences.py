@@ -28,7 +28,7 @@ from ...support.files import escape_cell, write_text
 from ..images.develop import to_8_bit
 from ..images.image_files import write_bytes, write_png
 from ..measure.prepare import LoadedPair
-from ..measure.sequences import sequence_key
+from ..measure.sequences import make_sequence_key
 from . import Export
 from .cameras import centre_matrix, read_pose
 from .encodings import encode_flo, quantise_flow, quantise_to_16_bits
@@ -72,7 +72,7 @@ class _Sequences:
 
     def of(self, pair: LoadedPair) -> _Sequence:
         """The sequence of a pair. Raises IcyMoonError for a pair that is no frame of one."""
-        key = sequence_key(pair.pair.settings)
+        key = make_sequence_key(pair.pair.settings)
         if not key:
             raise IcyMoonError(
                 f"{pair.pair.folder} is no frame of a sequence; export pairs of a plan with a trajectory sweep."

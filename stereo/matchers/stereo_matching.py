@@ -17,7 +17,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import parse_path
 from .command_lines import require_program
 from .options import Option
-from .resident import LIMITS
+from .resident import TIME_LIMITS
 from .resident_process import ADAPTERS, Program, ask_resident, start_resident
 from .result import Result
 
@@ -35,7 +35,7 @@ OPTIONS = (
         "Where the network runs; auto takes a GPU if there is one",
         choices=("auto", "cpu", "cuda", "mps"),
     ),
-    *LIMITS,
+    *TIME_LIMITS,
 )
 
 PRESETS: dict[str, dict[str, Any]] = {}

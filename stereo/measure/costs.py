@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-#: CPU seconds, seconds until the result, seconds and MiB of a GPU, MiB of memory. Only the first two are known of every
-#: matcher.
+#: Processor seconds, wall seconds, seconds and MiB of a GPU, MiB of memory. Only the first two are known for all
+#: matchers.
 COSTS = ("seconds", "wall_seconds", "gpu_seconds", "gpu_mb", "memory_mb")

@@ -21,9 +21,9 @@ from ..datasets.input_faults import check_map_size
 from ..images.image_values import describe_size, to_grey
 from ..images.masks import sample_at_pixels
 
-#: Ends of the names of images that are read, and of those that lose detail.
-_IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
-LOSSY = (".jpg", ".jpeg", ".webp")
+#: Suffixes of images that are read, and of those that lose detail.
+_IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
+LOSSY_SUFFIXES = (".jpg", ".jpeg", ".webp")
 #: Pixels that a rectified image may be off from the photograph's own and still have its numbers.
 _SAME_PX = 0.01
 #: A median disparity below this comes from depths in millimetres, px.
@@ -41,7 +41,7 @@ class Photographs:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """All of its files."""
+        """All files of the pair."""
         return (self.left, self.right, *([self.depth] if self.depth else []))
 
 
@@ -97,7 +97,7 @@ def _find_in_folder(folder: Path) -> list[tuple[Path, Path]]:
 
 
 def _list_images(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in _IMAGES and path.is_file())
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in _IMAGE_SUFFIXES and path.is_file())
 
 
 @dataclass(frozen=True)
