@@ -27,10 +27,10 @@ from ..ground.rocks import label_instances
 from ..ground.terrain_mesh import SPACING
 from ..ground.user_ground import find_ground_file, is_mesh
 from .ice_material import build_material
-from .images import load_maps, measure_brightness, measure_means
+from .images import load_maps, measure_brightness_percentiles, measure_means
 from .textures import Textured
 
-#: Share of an image that may reflect more light than it gets before it is told: single pixels are noise.
+#: Share of an image that may reflect more light than it receives without a warning, since single pixels are noise.
 _TOO_BRIGHT = 0.005
 
 
@@ -130,7 +130,7 @@ def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
     if textured is None or "albedo" not in textured.maps:
         return []
     of = textured.maps["albedo"]
-    values, mean = measure_brightness(of), max(sum(of.mean) / 3, 1e-6)
+    values, mean = measure_brightness_percentiles(of), max(sum(of.mean) / 3, 1e-6)
     reflected = values / mean * clean_albedo(simplify_surface(settings, "surface"), settings.hapke)
     share = 1.0 - float(np.interp(1.0, reflected, np.linspace(0.0, 1.0, len(values)), right=1.0))
     if share < _TOO_BRIGHT:
