@@ -11,7 +11,7 @@ from typing import Any
 from ...settings.topics.trust_boundary import OWN, OWN_NAME, split_methods, split_option
 from ...support.errors import IcyMoonError
 from ...support.suggestions import suggest_nearest
-from . import check_options, get_matcher_title, list_matcher_names
+from . import check_options, get_matcher_title, list_matcher_names, list_option_keys
 
 #: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
