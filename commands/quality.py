@@ -146,13 +146,13 @@ def _run_bench(
     repeats: int = 1,
 ) -> int:
     """Do ``work`` with a bench as the options describe it, showing progress, then ``show`` its result."""
-    from ..stereo.trade.measure_variants import TradeBench, scaled_view
+    from ..stereo.trade.measure_variants import TradeBench, scale_view
 
     with report_errors(options.json_lines), tell_events(title, options.json_lines) as on_event:
         view = description.merged(read_settings(options), {"dataset": {"headings": 1}})
         found = work(
             TradeBench(
-                scaled_view(view, options.scale),
+                scale_view(view, options.scale),
                 options.out.absolute(),
                 options.blender,
                 options.methods,

@@ -171,7 +171,7 @@ def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> t
     rig, size = settings.rig, settings.terrain.size_m
     height = find_site_ground_m(settings, ground)
     if own is not None and math.isnan(height):
-        return own.nearest_height_m(rig.x_m, rig.y_m), [
+        return own.find_nearest_height_m(rig.x_m, rig.y_m), [
             "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
             "and source.origin_y_m."
         ]

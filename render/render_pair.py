@@ -54,7 +54,7 @@ from .pairs.publish_pair import check_place, discard_unfinished, publish_pair
 from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, list_workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
-from .ray_truth import TruthRequest, trace_beside
+from .ray_truth import TruthRequest, trace_in_background
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .traced_triangles import CannotTrace, SceneRays
 from .workers.pair_claims import CLAIMS_FOLDER
@@ -294,7 +294,7 @@ def _render_takes(
         truths = 0 if asked.keys() - {_SENSOR_TRUTH_NUMBER} else _count_truths(takes, planned)
         with (
             watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
-            trace_beside(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded) as traced,
+            trace_in_background(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded) as traced,
         ):
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):

@@ -25,7 +25,14 @@ from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.labels import INSTANCE_ATTRIBUTE
 from .displaced_vertices import is_moved, move_corners
-from .mesh_arrays import is_rendered, read_corners, read_material_slots, read_smooth, read_triangles, read_vertices
+from .mesh_arrays import (
+    is_rendered,
+    read_corners,
+    read_material_slots,
+    read_smooth_shading,
+    read_triangles,
+    read_vertices,
+)
 from .tree_tracer import TreeTracer
 from .truth_without_light import is_opaque
 
@@ -261,7 +268,7 @@ def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
     return Shape(
         read_vertices(mesh),
         read_corners(mesh)[loops].astype(np.uint32),
-        read_smooth(mesh)[facets],
+        read_smooth_shading(mesh)[facets],
         label,
         read_numbers(mesh, TRANSMISSION),
     )  # a disc of rings
@@ -272,5 +279,8 @@ def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: Array, still
     vertices, groups = move_corners(mesh, place, still_m=still_m)
     loops, facets = read_triangles(mesh)
     return Shape(
-        vertices, groups[loops].astype(np.uint32), read_smooth(mesh)[facets], _label_triangles(mesh, labels, facets)
+        vertices,
+        groups[loops].astype(np.uint32),
+        read_smooth_shading(mesh)[facets],
+        _label_triangles(mesh, labels, facets),
     )

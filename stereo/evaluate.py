@@ -93,7 +93,7 @@ def evaluate(
     finally:
         stop_residents()
     evaluation.log.compact((name, method.label) for name in names for method in methods)
-    failed, suspect = evaluation.sorted_messages()
+    failed, suspect = evaluation.sort_messages()
     return write_results(
         evaluation.log,
         names,

@@ -338,8 +338,8 @@ def test_a_pair_that_cannot_be_written_in_a_layout_stops_no_other(broken_set, tm
             raise IcyMoonError(f"{pair.pair.folder} shows too many instances.")
         return original(pair, eye)
 
-    original = module._eye_disparity
-    monkeypatch.setattr(module, "_eye_disparity", broken)
+    original = module._get_eye_disparity
+    monkeypatch.setattr(module, "_get_eye_disparity", broken)
     assert len(export([broken_set], "pfm", tmp_path / "pfm")) == 2
     assert len(export([broken_set], "kitti", tmp_path / "kitti")) == 2
 

@@ -32,7 +32,7 @@ _CYCLES = 2
 def render(scene: str, way: int, scale: float, pairs_of_scene: int) -> list[float]:
     """Render in this process; processor seconds of each pair."""
     start_blender()
-    for name in ("take_surfaces_off", "switch_lights_off")[: max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
+    for name in ("remove_surfaces", "switch_lights_off")[: max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
         setattr(truth_without_light, name, lambda what: nullcontext())
     truth_without_light.MOST_TRIANGLES_PER_PIXEL = 10**9
     made = snow(scale) if scene == "paper" else scale_view(settings_of((f"scenes/{scene}",)), scale)

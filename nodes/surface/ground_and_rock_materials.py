@@ -23,7 +23,7 @@ from ...support.number_text import show_rounded
 from ..datablocks.blend_file_paths import find_used_files
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.dug_ground import DEPTH
-from ..ground.rocks import label_instances
+from ..ground.rocks import add_instance_label_pass
 from ..ground.terrain_mesh import SPACING
 from ..ground.user_ground import find_ground_file, is_mesh
 from .ice_material import build_material
@@ -205,5 +205,5 @@ def build_rock_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: b
     ice = _build_named_material(
         "Rock Surface", settings, topic, ROCK, _load_rock_textures(settings, mesh), albedo_pass=albedo_pass
     )
-    label_instances(ice)
+    add_instance_label_pass(ice)
     return ice

@@ -22,7 +22,7 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.errors import IcyMoonError
 from ...support.files import list_put_there
 from . import calibrations
-from .data_files import MapFile, find_inside
+from .data_files import MapFile, resolve_inside
 from .foreign_pair import CameraReader, ForeignPair, UnusablePair, make_safe_name, open_foreign_pair
 from .plain_folder import PAIRS_FILE as PLAIN_FILE
 from .plain_folder import find_plain_pairs
@@ -112,19 +112,19 @@ def _make_kitti_pair(
     calibration: str,
     matrices: tuple[str, str],
 ) -> ForeignPair:
-    camera = find_inside(root, Path(calibration, f"{image.name[:6]}.txt"))
+    camera = resolve_inside(root, Path(calibration, f"{image.name[:6]}.txt"))
     nocc = root / truths[1] / image.name
     return ForeignPair(
         image.stem,
         root,
         layout,
         image.stem,
-        find_inside(root, image.relative_to(root)),
-        find_inside(root, Path(right, image.name)),
-        MapFile(find_inside(root, Path(truths[0], image.name))),
+        resolve_inside(root, image.relative_to(root)),
+        resolve_inside(root, Path(right, image.name)),
+        MapFile(resolve_inside(root, Path(truths[0], image.name))),
         partial(calibrations.read_kitti_camera, camera, matrices),
         (camera,),
-        mask=Mask("known", (find_inside(root, Path(truths[1], image.name)),)) if nocc.exists() else None,
+        mask=Mask("known", (resolve_inside(root, Path(truths[1], image.name)),)) if nocc.exists() else None,
     )
 
 
@@ -150,8 +150,8 @@ def _folder_name(root: Path, folder: Path) -> str:
 
 
 def _make_middlebury_pair(root: Path, folder: Path) -> ForeignPair:
-    left = find_inside(root, folder.relative_to(root) / "im0.png")
-    calibration = find_inside(root, folder.relative_to(root) / "calib.txt")
+    left = resolve_inside(root, folder.relative_to(root) / "im0.png")
+    calibration = resolve_inside(root, folder.relative_to(root) / "calib.txt")
     official = (folder / "disp0GT.pfm").exists()
     right = "disp1GT.pfm" if official else "disp1.pfm"
     mask = folder / "mask0nocc.png"
@@ -162,12 +162,12 @@ def _make_middlebury_pair(root: Path, folder: Path) -> ForeignPair:
         "Middlebury",
         name,
         left,
-        find_inside(folder, "im1.png"),
-        MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
+        resolve_inside(folder, "im1.png"),
+        MapFile(resolve_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
         partial(calibrations.read_middlebury_camera, calibration),
         (calibration,),
-        MapFile(find_inside(folder, right)) if (folder / right).exists() else None,
-        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None,
+        MapFile(resolve_inside(folder, right)) if (folder / right).exists() else None,
+        Mask("seen", (resolve_inside(folder, mask.name),)) if mask.exists() else None,
         row_offset_reader=partial(calibrations.read_row_offset_px, calibration),
         disparities_reader=partial(calibrations.read_disparity_count, calibration),
     )
@@ -197,11 +197,11 @@ def _make_sceneflow_pair(root: Path, rendering: str, inner: Path, name: str) -> 
         root,
         "SceneFlow",
         "-".join(scene.parts),
-        find_inside(root, Path(rendering) / inner),
-        find_inside(root, Path(rendering) / other),
-        MapFile(find_inside(root, truth)),
+        resolve_inside(root, Path(rendering) / inner),
+        resolve_inside(root, Path(rendering) / other),
+        MapFile(resolve_inside(root, truth)),
         partial(calibrations.make_stated_camera, focal, *_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE),
-        truth_right=MapFile(find_inside(root, truth_right)) if (root / truth_right).exists() else None,
+        truth_right=MapFile(resolve_inside(root, truth_right)) if (root / truth_right).exists() else None,
         either_sign=True,
         notes=("The unit of length of SceneFlow is not the metre: its baseline is 1.",),
     )
@@ -239,18 +239,18 @@ def _find_sintel(path: Path) -> list[FoundPair]:
 def _make_sintel_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignPair:
     camera = Path("camdata_left", inner).with_suffix(".cam")
     masks = [Path(folder, inner) for folder in ("occlusions", "outofframe") if (root / folder / inner).exists()]
-    calibration = find_inside(root, camera)
+    calibration = resolve_inside(root, camera)
     return ForeignPair(
         name,
         root,
         "Sintel",
         inner.parent.name,
-        find_inside(root, Path(rendering) / inner),
-        find_inside(root, Path(rendering.replace("left", "right")) / inner),
-        MapFile(find_inside(root, Path("disparities") / inner), sintel=True),
+        resolve_inside(root, Path(rendering) / inner),
+        resolve_inside(root, Path(rendering.replace("left", "right")) / inner),
+        MapFile(resolve_inside(root, Path("disparities") / inner), sintel=True),
         partial(calibrations.read_sintel_camera, calibration, _SINTEL_BASELINE_M),
         (calibration,),
-        mask=Mask("hidden", tuple(find_inside(root, each) for each in masks)) if masks else None,
+        mask=Mask("hidden", tuple(resolve_inside(root, each) for each in masks)) if masks else None,
     )
 
 
@@ -272,9 +272,9 @@ def _make_guiss_pair(root: Path, depth: Path, left: Path, right: Path, name: str
         root,
         "GUISS",
         "-".join(depth.parent.parts) or depth.name,
-        find_inside(root, left.relative_to(root)),
-        find_inside(root, right.relative_to(root)),
-        MapFile(find_inside(root, depth), "depth"),
+        resolve_inside(root, left.relative_to(root)),
+        resolve_inside(root, right.relative_to(root)),
+        MapFile(resolve_inside(root, depth), "depth"),
         _make_guiss_camera,
     )
 
@@ -293,7 +293,7 @@ def _find_our_exports(path: Path) -> list[FoundPair]:
 
 
 def _make_our_export_pair(root: Path, folder: Path) -> ForeignPair:
-    calibration = find_inside(root, folder.relative_to(root) / "calibration.json")
+    calibration = resolve_inside(root, folder.relative_to(root) / "calibration.json")
     if (folder / "extrinsics.yml").exists():
         raise IcyMoonError(
             f"{folder} was exported with --format raw, which is not rectified; export it as png16, "
@@ -312,12 +312,12 @@ def _make_our_export_pair(root: Path, folder: Path) -> ForeignPair:
         folder,
         f"Our export {'pfm' if kind == 'pfm' else 'png16'}",
         name,
-        find_inside(folder, f"left.{kind}"),
-        find_inside(folder, f"right.{kind}"),
-        MapFile(find_inside(folder, f"disparity_left.{kind}")),
+        resolve_inside(folder, f"left.{kind}"),
+        resolve_inside(folder, f"right.{kind}"),
+        MapFile(resolve_inside(folder, f"disparity_left.{kind}")),
         camera,
         (calibration,),
-        MapFile(find_inside(folder, f"disparity_right.{kind}")),
+        MapFile(resolve_inside(folder, f"disparity_right.{kind}")),
         white=calibrations.read_saturation_radiance(calibration) if kind == "pfm" else None,
         linear=True,
     )

@@ -35,7 +35,7 @@ from ...support.files import list_put_there
 from ...support.foreign_bytes import hint_on_paths, parse_toml
 from ...support.suggestions import suggest_nearest
 from .data_files import MapFile, read_text, resolve_inside
-from .foreign_pair import ForeignPair, UnusablePair, open_foreign_pair, safe_name
+from .foreign_pair import ForeignPair, UnusablePair, make_safe_name, open_foreign_pair
 from .visibility import Mask
 
 PAIRS_FILE = "pairs.toml"
@@ -101,7 +101,7 @@ def find_plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
             )
     return [
         open_foreign_pair(
-            safe_name(name),
+            make_safe_name(name),
             root,
             root / patterns["left"].replace(_NAME_PLACE, name),
             partial(_make_pair, root, path, name, kind, patterns, data),
@@ -179,7 +179,7 @@ def _make_pair(
     if along_ray and kind != "depth":
         raise IcyMoonError(f"{path}: truth.along is of depths, and there are disparities; leave it out.")
     return ForeignPair(
-        safe_name(name),
+        make_safe_name(name),
         root,
         "Plain folder",
         name,

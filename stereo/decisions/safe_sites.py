@@ -13,7 +13,13 @@ import numpy as np
 
 from ...support.arrays import Array
 from .dem import Dem
-from .footprints import distance_to_nearest_m, fit_planes, make_disc, share_under_footprint, sum_under_footprint
+from .footprints import (
+    average_under_footprint,
+    fit_planes,
+    make_disc,
+    measure_distance_to_nearest_m,
+    sum_under_footprint,
+)
 from .materials import Materials
 from .rules import SiteRules
 
@@ -87,14 +93,14 @@ def measure_layers(
     planes = fit_planes(dem.height_m, cell, rules.disc_m)
     rocks = find_rocks(dem.height_m, cell, rules) if rocks is None else rocks
     return SiteLayers(
-        share_under_footprint(dem.known, cell, rules.disc_m),
+        average_under_footprint(dem.known, cell, rules.disc_m),
         planes.slope_deg,
         planes.roughness_m,
-        distance_to_nearest_m(rocks, cell),
+        measure_distance_to_nearest_m(rocks, cell),
         joint_margin_deg,
-        share_under_footprint(lit, cell, rules.disc_m, np.isfinite(lit)),
+        average_under_footprint(lit, cell, rules.disc_m, np.isfinite(lit)),
         *(
-            share_under_footprint(values, cell, rules.disc_m, np.isfinite(values))
+            average_under_footprint(values, cell, rules.disc_m, np.isfinite(values))
             for values in ((materials.albedo, materials.salt) if materials is not None else ())
         ),
     )
@@ -222,7 +228,7 @@ def judge_pads(dem: Dem, diameter_m: float, slope_deg: float, rock_height_m: flo
     """
     cell = dem.grid.cell_m
     planes = fit_planes(dem.height_m, cell, diameter_m)
-    known = share_under_footprint(dem.known, cell, diameter_m) >= known_share
+    known = average_under_footprint(dem.known, cell, diameter_m) >= known_share
     rocks = dem.height_m - planes.middle_m > rock_height_m
     under = np.rint(sum_under_footprint(rocks.astype(np.float64), make_disc(diameter_m, cell))) > 0
     steep = planes.slope_deg > slope_deg

@@ -130,7 +130,7 @@ def decide_from_depth(workspace: Workspace, depth_m: Array, pose: Array | None =
     bright = _find_lit_pixels(workspace)
     lit = mean_by_cell(position, bright.ravel()[index], dem.grid)
     rules = workspace.rules
-    found = _measure_materials(workspace, dem, bright, position, index) if rules.site.ask_materials else None
+    found = _measure_materials(workspace, dem, bright, position, index) if rules.site.needs_materials else None
     layers = measure_layers(dem, margin, lit, rules.site, materials=found)
     return DecisionMaps(dem, judge_sites(layers, rules.site), _judge_pads(dem, rules))
 
@@ -258,7 +258,7 @@ def _read_true_materials(pair: Pair, rules: Rules) -> Materials | None:
     """The materials from the file of a pair; None if the rules need none. Raises IcyMoonError if the pair lacks
     them.
     """
-    if not rules.site.ask_materials:
+    if not rules.site.needs_materials:
         return None
     stated = pair.data.get("workspace") or {}
     if "materials" not in stated:

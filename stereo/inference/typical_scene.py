@@ -134,7 +134,7 @@ class _Differences:
     def __init__(self, values: Array) -> None:
         ascending, self.unit = round_to_grid(values)
         self.sums = WalshSums(ascending)
-        self.centre = self.sums.twice_median() if len(values) else 0  # four times the typical difference
+        self.centre = self.sums.find_twice_median() if len(values) else 0  # four times the typical difference
         self.typical = self.centre * self.unit / 4 if len(values) else math.nan
 
     @property

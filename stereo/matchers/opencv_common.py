@@ -12,7 +12,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size
-from . import matcher_title
+from . import get_matcher_title
 from .options import Option
 from .search_range import AUTO, STATED, STEP_PX, TRUTH, SearchRange, require_range
 
@@ -68,7 +68,7 @@ def require_room(method: str, image: Array, enough: bool, option: str = "") -> N
     if not enough:
         option = option or f"disparities or {method}.window"
         raise IcyMoonError(
-            f"The images, {describe_size(image)}, are too small for {matcher_title(method)}: its search range "
+            f"The images, {describe_size(image)}, are too small for {get_matcher_title(method)}: its search range "
             f"and window do not fit; lower {method}.{option}, or render larger images."
         )
 
@@ -93,7 +93,7 @@ def run_matcher(
         fixed = matcher.compute(left, right)
     except (cv2.error, MemoryError) as error:
         raise IcyMoonError(
-            f"OpenCV's {matcher_title(method)} failed ({getattr(error, 'err', error)}); try other options."
+            f"OpenCV's {get_matcher_title(method)} failed ({getattr(error, 'err', error)}); try other options."
         ) from None
     disparity = np.full(left.shape, np.nan, np.float32)
     inside = (slice(*rows), slice(*columns))

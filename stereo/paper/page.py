@@ -10,7 +10,7 @@ from ...support.files import write_text
 from ...support.number_text import format_count
 from ..report.charts import list_method_keys
 from ..report.page_templates import read_template
-from . import PAGE
+from . import PAPER_PAGE
 from .figures import SHEETS, SweepCharts, draw_albedo, write_figure_sheet, write_qualitative
 from .paper_datasets import Part
 from .printed import PRINTED_METHODS
@@ -88,8 +88,8 @@ def write_paper(
         sheets=sheets,
         folders=[part.folder for part in parts.values()],
     )
-    write_text(out / PAGE, html)
-    return out / PAGE
+    write_text(out / PAPER_PAGE, html)
+    return out / PAPER_PAGE
 
 
 def describe_size(data: PaperResults, scale: float, planned: int) -> str:

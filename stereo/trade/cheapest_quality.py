@@ -59,7 +59,7 @@ def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, 
         return {
             "chosen": None,
             "settings": {},
-            "said": [*search.tried_lines(), search.failure_advice()],
+            "said": [*search.make_tried_lines(), search.make_failure_advice()],
             "file": None,
             "tried": search.tried,
         }
@@ -77,7 +77,7 @@ def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, 
     keys = {*_ALWAYS_WRITTEN, *changed(chosen.settings, bench.settings).get("quality", {})}
     settings = {"quality": {key: quality[key] for key in quality if key in keys}}
     said = [
-        *search.tried_lines(),
+        *search.make_tried_lines(),
         f"Use {chosen.name}: {cost:.1f} CPU seconds a pair here, within {tolerance} for "
         f"{_join_words([describe_method(method.label) for method in methods])}.",
     ]

@@ -121,8 +121,8 @@ def test_no_module_imports_or_lists_a_plug_in_by_name():
 def test_lists_import_no_package_that_only_a_plug_in_needs():
     program = (
         "import sys\nfrom icymoon.stereo.export import exports_with_blender, find_plugins\n"
-        "from icymoon.stereo.matchers import list_set_ups, matcher_names, matcher_titles\n"
-        "exports_with_blender(), find_plugins(), matcher_names(), list_set_ups(), matcher_titles()\n"
+        "from icymoon.stereo.matchers import list_matcher_names, list_matcher_titles, list_set_ups\n"
+        "exports_with_blender(), find_plugins(), list_matcher_names(), list_set_ups(), list_matcher_titles()\n"
         "print({'torch', 'cv2', 'pyarrow', 'rosbags', 'mitsuba', 'onnxruntime'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=100)

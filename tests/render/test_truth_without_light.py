@@ -85,7 +85,7 @@ def shoot(folder: Path, pane: str, *parts: dict) -> list[Array]:
 def test_nothing_changes(tmp_path, monkeypatch, pane, parts):
     """To the bit, in both of two pairs, as the scene is kept between their renders."""
     without = shoot(tmp_path / "without", pane, *parts)
-    for name in ("switch_lights_off", "take_surfaces_off"):
+    for name in ("switch_lights_off", "remove_surfaces"):
         monkeypatch.setattr(truth_without_light, name, lambda what: nullcontext())
     for one, other in zip(without, shoot(tmp_path / "with", pane, *parts), strict=True):
         np.testing.assert_array_equal(one, other)

@@ -22,7 +22,7 @@ def test_sums_are_counted_and_found_whether_they_are_listed_or_not(values, most_
     assert [sums.at(place) for place in range(len(wanted))] == wanted
     for limit in range(wanted[0] - 1, wanted[-1] + 2):
         assert sums.count_up_to(limit) == sum(each <= limit for each in wanted)
-    assert sums.twice_median() == round(2 * float(np.median(wanted)))
+    assert sums.find_twice_median() == round(2 * float(np.median(wanted)))
 
 
 def test_many_values_are_found_as_few_are():

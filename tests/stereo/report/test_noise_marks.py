@@ -33,7 +33,7 @@ def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
     with charts.matplotlib.rc_context(charts.STYLE):
         _, axes = charts.make_figure(2)
         # No intervals: what they are made of is not what this is about.
-        monkeypatch.setattr(sweep_charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
+        monkeypatch.setattr(sweep_charts, "average_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
         for axis, drawn in zip(axes[0], sweep_charts.SWEPT_METRICS, strict=True):
             sweep_charts._draw_sweep(SWEEP, axis, drawn, [{"method": "bm"}], table)
     for axis in axes[0]:
@@ -47,7 +47,7 @@ def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
 def test_the_band_of_a_picture_is_light(monkeypatch, tmp_path):
     table = ResultTable(["bm"], PAIRS)
     table.by_noise[0] = True
-    monkeypatch.setattr(sweep_charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
+    monkeypatch.setattr(sweep_charts, "average_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
     written = sweep_charts.write_curves([{"method": "bm"}], table, [SWEEP], tmp_path)
     grey = cv2.imread(str(tmp_path / written[SWEEP.name]), cv2.IMREAD_GRAYSCALE)
     values = np.bincount(grey.ravel(), minlength=256)
