@@ -15,7 +15,7 @@ from ..render.cost.blender_abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
 from ..render.plans.planned_pair import PlannedPair
-from ..render.plans.render_order import MOST_SCENES, choose_shard, choose_worker_count, order_pairs
+from ..render.plans.render_order import DEFAULT_MOST_SCENES, choose_shard, choose_worker_count, order_pairs
 from ..render.workers.assign_cards import choose_cards
 from ..render.workers.job_commands import python_command
 from ..render.workers.manifest import write_manifest
@@ -94,14 +94,14 @@ def add_verify_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of how many processes render, where, and how they tell of it."""
+    """Add the options for the number of worker processes, their programs, and their messages."""
     parser.add_argument("--workers", type=int, metavar="N", help="processes that render (one for four processors)")
     parser.add_argument("--threads-per-worker", type=int, metavar="N", help="threads of each (all, divided evenly)")
     add_cards_option(parser)
     parser.add_argument(
         "--scenes-per-worker",
         type=int,
-        default=MOST_SCENES,
+        default=DEFAULT_MOST_SCENES,
         metavar="N",
         help="scenes after which a process is replaced by a fresh one (%(default)s)",
     )
@@ -110,7 +110,7 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
 
 
 def parse_workers(options: argparse.Namespace) -> WorkerOptions:
-    """How to render, from the options of ``add_worker_options``. Raises IcyMoonError for what cannot be."""
+    """The options of workers from ``add_worker_options``. Raises IcyMoonError for invalid values."""
     check_least(options, 1, "workers", "threads_per_worker", "scenes_per_worker")
     cards = choose_cards(options.cards)
     count = options.workers or (len(cards.numbers) if options.cards else 0) or choose_worker_count()
@@ -120,7 +120,7 @@ def parse_workers(options: argparse.Namespace) -> WorkerOptions:
 
 @contextmanager
 def _open_output(as_json: bool) -> Iterator[Say]:
-    """Where messages go: standard output as JSON lines, or a progress bar."""
+    """Open the output for messages: standard output as JSON lines, or a progress bar."""
     if as_json:
         yield printer.emit
         return
@@ -148,7 +148,7 @@ def render_missing(
             failed = runner.failed
             runner.run()
     except BaseException:
-        with suppress(IcyMoonError):  # what ended the run is the error to report
+        with suppress(IcyMoonError):  # the error that ended the run is the one to report
             write_manifest(dataset, failed)
         raise
     write_manifest(dataset, failed)
@@ -157,9 +157,8 @@ def render_missing(
 
 
 def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.FrozenPlan:
-    """The data set that a plan asks for, frozen into its folder with its pairs in the order to render them in.
-
-    Where a ``blender`` is named that is to render them, IcyMoonError is raised before if it cannot.
+    """The data set of a plan, frozen into its folder, with its pairs in render order. With a ``blender`` that is to
+    render them, IcyMoonError is raised first if it cannot.
     """
     from ..render.plans.plan_file import find_plan, read_plan
     from .plan import check_plan
@@ -197,10 +196,10 @@ def _run_batch(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[None]:
-    """Match pairs as they are completed, in a process of lower priority, if that is asked for.
+    """Match pairs as they are completed, in a process of lower priority, if the options ask for that.
 
-    At the end it finishes the pair that it is at. If rendering is stopped it is ended at once. Its errors are not told:
-    the evaluation that follows meets them again.
+    At the end the pair in progress is finished. If rendering is stopped the process is ended at once. Its errors are
+    not shown, since the evaluation that follows meets them again.
     """
     if not options.evaluate:
         yield
@@ -211,7 +210,7 @@ def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[
         process = start(
             command, environment, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
-    except OSError:  # told by the evaluation that follows
+    except OSError:  # the evaluation that follows reports the error
         yield
         return
     try:
@@ -324,12 +323,12 @@ def _run_verify(options: argparse.Namespace) -> int:
 
 
 def _describe_reference(found: Findings) -> str:
-    """What pairs were compared with, in a word."""
+    """The reference of a comparison of pairs, in a word."""
     return "planned" if found.has_plan else "stated"
 
 
 def _describe_fix(found: Findings, removed: bool) -> str:
-    """What makes a data set with problems whole, as a clause."""
+    """A clause on the fix for a data set with problems."""
     if not found.has_plan and found.complete == found.pairs:
         return "do what each line asks for"
     if not found.has_plan:

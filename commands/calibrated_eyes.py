@@ -1,4 +1,4 @@
-"""Settings of a rig whose eyes are two calibrated cameras, each as it is."""
+"""Settings of a rig whose eyes are two different calibrated cameras."""
 
 from __future__ import annotations
 
@@ -32,15 +32,16 @@ from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import explain_errors
 from .calibration_advice import are_chosen_by_name, check_baseline, check_focal_length, describe_exchanged
 
-#: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
-PARALLEL_RAD, ASIDE = 1e-4, 1e-3
+#: Largest angle between two eyes that count as parallel, rad, and largest offset from side by side, as a share of the
+#: baseline.
+MOST_TURN_RAD, MOST_OFFSET_SHARE = 1e-4, 1e-3
 #: How far two eyes may differ in focal length, principal point and distortion, px over the image, to be alike.
 ALIKE_PX = 0.5
 #: By how much the focal lengths along x and y may differ as a share for pixels that are squares.
-SQUARE = 1e-3
+SQUARE_PIXEL_TOLERANCE = 1e-3
 
 
-def pair_of(reading: Reading, where: str) -> CalibratedRig:
+def make_rig_of_calibration(reading: Reading, where: str) -> CalibratedRig:
     """The rig of a calibration. Raises IcyMoonError unless it has two cameras."""
     count = len(reading.rig.cameras)
     if count != 2:
@@ -52,38 +53,38 @@ def pair_of(reading: Reading, where: str) -> CalibratedRig:
 
 
 def why_calibrated(rig: CalibratedRig) -> str:
-    """Why one camera cannot stand for both eyes of a pair, as a clause; empty if it can."""
+    """Why one camera cannot represent both eyes of a pair, as a clause; empty if it can."""
     left, right = rig.cameras
     if left.size_px != right.size_px:
         return f"images have {left.width_px} x {left.height_px} and {right.width_px} x {right.height_px} px"
     alike = [as_brown(camera) for camera in rig.cameras]
     for camera, same in zip(rig.cameras, alike, strict=True):
-        if abs(camera.fx_px / camera.fy_px - 1) >= SQUARE or camera.skew_px:
+        if abs(camera.fx_px / camera.fy_px - 1) >= SQUARE_PIXEL_TOLERANCE or camera.skew_px:
             return f"pixels are no squares (fx {camera.fx_px:g}, fy {camera.fy_px:g}, skew {camera.skew_px:g} px)"
         if same is None or not isinstance(same.lens, Brown) or len(same.lens.shortened()) > 5:
             return f"the lens is {camera.lens.name}"
-    first, second = (_simple_numbers(camera) for camera in alike if camera is not None)
+    first, second = (_list_shared_parameters(camera) for camera in alike if camera is not None)
     off = float(np.abs(first - second).max())
     if off > ALIKE_PX:
         return f"the eyes differ by up to {off:.3g} px in focal length, principal point and distortion"
     rotation, translation = rig.relative_pose()
     turned = float(np.linalg.norm(to_vector(rotation)))
-    if turned > PARALLEL_RAD:
+    if turned > MOST_TURN_RAD:
         return f"the eyes are turned against each other by {math.degrees(turned):.3g} degrees"
     x, y, z = (-rotation.T @ translation).tolist()
-    if max(abs(y), abs(z)) > ASIDE * abs(x):
+    if max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x):
         return f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it"
     return ""
 
 
-def _simple_numbers(camera: CalibratedCamera) -> Array:
-    """What alike eyes share, in px at a focal length off the axis."""
+def _list_shared_parameters(camera: CalibratedCamera) -> Array:
+    """The parameters that alike eyes share, in px at a focal length off the axis."""
     lens = camera.lens
     k = lens.coefficients[:5] if isinstance(lens, Brown) else ()
     return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *(np.array(k) * camera.fx_px)])
 
 
-def calibrated_settings(
+def make_calibrated_settings(
     rig: CalibratedRig,
     why: str,
     paths: Sequence[Path],
@@ -100,7 +101,7 @@ def calibrated_settings(
     for camera in rig.cameras:
         check_focal_length(camera.fx_px, camera.size_px, where)
     with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
-        pair = _rectified(rig, paths, kind)
+        pair = _rectify(rig, paths, kind)
     if pair.along_m > 0:
         left, right = (camera.name if are_chosen_by_name(kind, names) else "" for camera in rig.cameras)
         second = f"{where}: {right}" if right else str(paths[-1])
@@ -178,9 +179,10 @@ class _Rectified:
     along_m: float
 
 
-def _rectified(rig: CalibratedRig, paths: Sequence[Path], kind: str) -> _Rectified:
-    """As two files of ROS state it if they state one pair, else as OpenCV turns the eyes, with the mean focal length
-    and the mean principal point of both, as a share of the larger of both sizes."""
+def _rectify(rig: CalibratedRig, paths: Sequence[Path], kind: str) -> _Rectified:
+    """The rectified rig of a calibration: from two files of ROS that state one pair, else from OpenCV's rotations with
+    the mean focal length and the mean principal point of both eyes, as shares of the larger size.
+    """
     stated = [read_ros_camera(path) for path in paths] if kind == "ros" and len(paths) == 2 else []
     first, second = stated or ros_pair_of(rig)
     size = (

@@ -1,4 +1,4 @@
-"""What to do about calibrations whose eyes are exchanged, or whose lengths are in another unit."""
+"""Advice on calibrations with exchanged eyes, or with lengths in another unit."""
 
 from __future__ import annotations
 

@@ -33,17 +33,17 @@ def _describe(camera: CalibratedCamera, name: str) -> Iterator[str]:
     yield f"{name}: {camera.width_px} x {camera.height_px} px, {camera.lens.name}"
     yield f"  fx = {camera.fx_px:.9g}, fy = {camera.fy_px:.9g}, skew = {camera.skew_px:.9g} px"
     yield f"  cx = {camera.cx_px:.9g}, cy = {camera.cy_px:.9g} px from the centre of the first pixel"
-    numbers = _numbers(camera.lens)
+    numbers = _list_coefficients(camera.lens)
     if numbers:
         yield f"  {numbers}"
-    (across, whole_across), (down, whole_down) = (_field_deg(camera, axis) for axis in range(2))
+    (across, whole_across), (down, whole_down) = (_measure_field_deg(camera, axis) for axis in range(2))
     seen = "" if whole_across and whole_down else ", up to where its lens turns back"
     yield f"  field of view {across:.4g} x {down:.4g} degrees through the principal point{seen}"
     if dark := camera.dark_share():
         yield f"  {dark:.1%} of the pixels see nothing"
 
 
-def _numbers(lens: LensModel) -> str:
+def _list_coefficients(lens: LensModel) -> str:
     """The coefficients of a lens with their names."""
     if isinstance(lens, Cahvore):
         vectors = {"O": lens.axis, "R": lens.radial, **({} if lens.pupil is None else {"E": lens.pupil})}
@@ -54,7 +54,7 @@ def _numbers(lens: LensModel) -> str:
     return ", ".join(f"{name} = {value:.9g}" for name, value in zip(names, values, strict=False))
 
 
-def _field_deg(camera: CalibratedCamera, axis: int) -> tuple[float, bool]:
+def _measure_field_deg(camera: CalibratedCamera, axis: int) -> tuple[float, bool]:
     """The angle between the outermost rays through the principal point along an axis, 0 where it sees nothing, and
     whether both borders see something."""
     size = camera.size_px[axis]

@@ -30,12 +30,12 @@ from ..support.suggestions import suggest_nearest
 from ..support.terminal import as_path
 from .calibrated_eyes import (
     ALIKE_PX,
-    ASIDE,
-    PARALLEL_RAD,
-    SQUARE,
-    calibrated_settings,
+    MOST_OFFSET_SHARE,
+    MOST_TURN_RAD,
+    SQUARE_PIXEL_TOLERANCE,
+    make_calibrated_settings,
+    make_rig_of_calibration,
     make_rig_table,
-    pair_of,
     why_calibrated,
 )
 from .calibration_advice import (
@@ -47,8 +47,8 @@ from .calibration_advice import (
 )
 from .calibration_text import describe_rig
 
-#: How far two eyes may differ in focal length and distortion, and in principal point, as shares of the focal length
-#: and of the width, to be taken for one lens, their mean.
+#: Largest differences of two eyes that count as one lens, their mean: of focal length and distortion as shares of the
+#: focal length, and of the principal point as a share of the width.
 _MOST_FOCAL, _MOST_CENTRE = 0.05, 0.05
 #: Smaller coefficients of distortion come from rounding in the file.
 _NO_DISTORTION = 1e-9
@@ -98,7 +98,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_calibration_options(parser: argparse.ArgumentParser) -> None:
-    """Add what the user states of the files of a calibration, see ``stated_of``."""
+    """Add the options for facts about the files of a calibration, see ``stated_of``."""
     parser.add_argument("--format", choices=FORMATS, help="the format of the files (told from them)")
     parser.add_argument("--unit", choices=UNITS, help="the unit of lengths in the files, where they leave it open")
     parser.add_argument(
@@ -113,7 +113,7 @@ def add_calibration_options(parser: argparse.ArgumentParser) -> None:
 
 
 def stated_of(options: argparse.Namespace) -> Stated:
-    """What the user states of the files of a calibration."""
+    """The facts that the user states about the files of a calibration."""
     return Stated(options.unit, options.size, options.lens)
 
 
@@ -203,11 +203,11 @@ def read_eyes(
     for path in paths if kinds == {"ros"} and len(paths) == 2 else ():
         _refuse_no_focal_length(path, read_ros_camera(path))
     reading = choose_cameras(read_calibration(paths, stated, kind), names)
-    rig = pair_of(reading, where)
+    rig = make_rig_of_calibration(reading, where)
     why = why_calibrated(rig)
     if not why:
         return _read_alike(paths, most_px, stated, kind, names, reading)
-    found, notes = calibrated_settings(rig, why, paths, min(kinds), stated, names)
+    found, notes = make_calibrated_settings(rig, why, paths, min(kinds), stated, names)
     return found, [*reading.notes, *notes]
 
 
@@ -284,7 +284,7 @@ def read_rectified_rig(
     else:
         reading = choose_cameras(read_calibration(paths, stated, kind), names)
         notes = [*reading.notes]
-        eyes = [_pinhole_eye(camera, paths, where) for camera in pair_of(reading, where).cameras]
+        eyes = [_pinhole_eye(camera, paths, where) for camera in make_rig_of_calibration(reading, where).cameras]
         lenses = [eye.lens for eye in eyes]
     left, right = eyes
     fix = "give the calibration of the rectified images, or leave out --rectified for photographs as they were taken"
@@ -362,7 +362,7 @@ def _find_any_eyes(
     reading: Reading, paths: tuple[Path, ...], where: str, kind: str | None, names: str | None
 ) -> tuple[_Eye, _Eye, list[str]]:
     """Two cameras of a calibration of any format, as ``_ros_eyes`` gives them."""
-    rig = pair_of(reading, where)
+    rig = make_rig_of_calibration(reading, where)
     with explain_errors(
         " with ".join(map(str, paths)), "a calibration of two eyes side by side", "calibrate two eyes side by side"
     ):
@@ -376,8 +376,9 @@ def _find_any_eyes(
 def _ros_eyes(
     paths: tuple[Path, Path], pair: tuple[RosCamera, RosCamera], rectified_by: str
 ) -> tuple[_Eye, _Eye, list[str]]:
-    """Two cameras in the axes of the rectified left one, and sentences if they belong to the rectified images, or to a
-    part of the images that were calibrated. ``rectified_by`` is what states the camera of the rectified images."""
+    """The left and the right camera in the axes of the rectified left one, and sentences if they are of the rectified
+    images, or of a part of the calibrated images. ``rectified_by`` names the source of the rectified camera.
+    """
     left, right = paths
     cameras = list(zip(paths, pair, strict=True))
     for path, camera in cameras:
@@ -436,10 +437,10 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     if differ := _describe_unlike(_make_ros_lens(left, False), _make_ros_lens(right, False), left.width_px):
         return f"the lenses differ by {differ}"
     turned = _angle_between(left.rectification, right.rectification)
-    if turned > PARALLEL_RAD:
+    if turned > MOST_TURN_RAD:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
     x, y, z = map(float, left.rectification.T @ (place_of(right) - place_of(left)))
-    if max(abs(y), abs(z)) > ASIDE * abs(x):
+    if max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x):
         return (
             f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it, so "
             "they are not side by side"
@@ -482,7 +483,7 @@ def _angle_between(first: Array, second: Array) -> float:
 
 
 def _has_square_pixels(matrix: Array) -> bool:
-    return bool(abs(matrix[0, 0] / matrix[1, 1] - 1) < SQUARE and matrix[0, 1] == 0)
+    return bool(abs(matrix[0, 0] / matrix[1, 1] - 1) < SQUARE_PIXEL_TOLERANCE and matrix[0, 1] == 0)
 
 
 def _describe_focal_lengths(matrix: Array) -> str:
@@ -495,9 +496,8 @@ def _title(eye: _Eye, where: str) -> str:
 
 
 def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
-    """The one lens that stands for two, and a sentence if they differ by more than ``ALIKE_PX``.
-
-    Raises IcyMoonError if they differ too much for one lens.
+    """The mean lens of both eyes, and a sentence if they differ by more than ``ALIKE_PX``. Raises IcyMoonError if they
+    differ too much for one lens.
     """
     if differ := _describe_unlike(left, right, width_px):
         raise IcyMoonError(
@@ -530,7 +530,7 @@ def _measure_differences(left: Lens, right: Lens) -> tuple[float, float, float]:
 
 
 def _describe_unlike(left: Lens, right: Lens, width_px: int) -> str:
-    """By what two lenses differ, if that is too much for one lens to stand for both; else nothing."""
+    """The differences of two lenses that are too large for one mean lens, in words; else empty."""
     focal, centre, bent = _measure_differences(left, right)
     if max(focal, bent) <= _MOST_FOCAL * left.focal_px and centre <= _MOST_CENTRE * width_px:
         return ""
@@ -561,11 +561,11 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     first, second = left.rotation, right.rotation
     turned = _angle_between(first, second)
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))
-    if turned > PARALLEL_RAD:
+    if turned > MOST_TURN_RAD:
         raise IcyMoonError(
             f"{where}: the eyes are turned against each other by {np.degrees(turned):.3g} degrees; {fix}."
         )
-    aside = max(abs(y), abs(z)) > ASIDE * abs(x)
+    aside = max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x)
     if x < 0 and not aside:
         raise IcyMoonError(
             describe_exchanged(_title(right, where), left.name or str(left.path), -x, (left.name, right.name))

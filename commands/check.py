@@ -26,15 +26,15 @@ from ..support.terminal import show_progress
 from .renderer_options import add_blender_option
 
 #: Level ground with patches of 8 cm that are up to a quarter darker, seen from 1.5 m by a small camera.
-_ALBEDO, _DARKER = 0.7, 0.25
-_SCENE: Parts = {
+_GROUND_ALBEDO, _DARKEST_PATCH_SHARE = 0.7, 0.25
+_TEST_SCENE: Parts = {
     "terrain": {"rms_slope_deg": 0.0, "size_m": 20.0, "resolution": 33},
     "mesh": {"kind": "GRID"},
     "surface": {
         "model": "LAMBERT",
         "grain_amplitude_m": 0.0,
-        "albedo": _ALBEDO,
-        "albedo_variation": _DARKER,
+        "albedo": _GROUND_ALBEDO,
+        "albedo_variation": _DARKEST_PATCH_SHARE,
         "albedo_patch_m": 0.08,
     },
     "light": {"sun_elevation_deg": 35.0, "planet": False},
@@ -44,7 +44,7 @@ _SCENE: Parts = {
 }
 #: Largest errors of a right installation: relative error of depth, from rounding to single precision; relative error of
 #: the mean light, from noise of samples and of the texture's mean; mean error in px of SGBM on a texture it can match.
-_MOST = {"depth": 1e-4, "light": 0.03, "sgbm": 0.3}
+_MOST_ERRORS = {"depth": 1e-4, "light": 0.03, "sgbm": 0.3}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -54,9 +54,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_check(options: argparse.Namespace) -> int:
-    before, start = _processor_s(), time.perf_counter()
+    before, start = _measure_processor_s(), time.perf_counter()
     with open_scratch_folder() as folder:
-        job = Job(folder / "check", merged(defaults(), check(_SCENE, "check")))
+        job = Job(folder / "check", merged(defaults(), check(_TEST_SCENE, "check")))
         with show_progress("Starting Blender") as show:
             (pair,) = render_job(job, options.blender, show)
         faults = list(_measure(pair, folder / "evaluation"))
@@ -66,14 +66,14 @@ def _run_check(options: argparse.Namespace) -> int:
             "with what it prints."
         )
     say(
-        f"The installation is right. This took {_processor_s() - before:.0f} s of processor time, "
+        f"The installation is right. This took {_measure_processor_s() - before:.0f} s of processor time, "
         f"{time.perf_counter() - start:.0f} s in all."
     )
     return 0
 
 
-def _processor_s() -> float:
-    """Processor seconds of this process and of those that it started and that have ended; not of these on Windows."""
+def _measure_processor_s() -> float:
+    """Processor seconds of this process and of its ended child processes; on Windows without the child processes."""
     spent = os.times()
     return spent.user + spent.system + spent.children_user + spent.children_system
 
@@ -92,7 +92,7 @@ def _measure(folder: Path, out: Path) -> Iterator[str]:
     known = fall > math.tan(math.radians(15.0))  # on the plane, not beyond it
     plane = pair.settings.rig.height_m / fall[known]
     lit = pair.sun.ground_irradiance_wm2 if pair.sun else math.nan
-    light = math.pi * float(view.radiance[known].mean()) / (lit * _ALBEDO * (1 - _DARKER / 2))
+    light = math.pi * float(view.radiance[known].mean()) / (lit * _GROUND_ALBEDO * (1 - _DARKEST_PATCH_SHARE / 2))
     (row_of_sgbm,) = evaluate([folder], parse_methods("sgbm"), out)["rows"]
     found: dict[str, tuple[str, float, Callable[[float], str]]] = {
         "depth": (
@@ -108,6 +108,6 @@ def _measure(folder: Path, out: Path) -> Iterator[str]:
         ),
     }
     for key, (text, value, show) in found.items():
-        say(f"{text[0].upper()}{text[1:]}: {show(value)} (at most {show(_MOST[key])})")
-        if not value <= _MOST[key]:
-            yield f"the {text} is {show(value)}, above {show(_MOST[key])}"
+        say(f"{text[0].upper()}{text[1:]}: {show(value)} (at most {show(_MOST_ERRORS[key])})")
+        if not value <= _MOST_ERRORS[key]:
+            yield f"the {text} is {show(value)}, above {show(_MOST_ERRORS[key])}"

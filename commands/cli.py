@@ -18,7 +18,7 @@ from ..support.version import version
 #: The verbs of ``python -m icymoon.stereo``, for the help of ``stereo``.
 STEREO_VERBS = ("check", "methods", "match", "metrics", "evaluate", "decide", "truth", "export", "develop", "poses")
 #: Each verb: its meaning, the module here that runs it, and the function there that adds its arguments.
-_VERBS = {
+_MODULE_BY_VERB = {
     "demo": (
         "build two scenes, render a pair of each, evaluate them, show the report",
         "render_scenes",
@@ -118,7 +118,7 @@ def make_parser(only: str | None = None) -> argparse.ArgumentParser:
     parser = Parser(prog="icymoon", description="Icy-moon landing sites seen by a stereo camera.")
     parser.add_argument("--version", action="version", version=version())
     verbs = parser.add_subparsers(required=True, metavar="VERB")
-    for name, (meaning, module, add_options) in _VERBS.items():
+    for name, (meaning, module, add_options) in _MODULE_BY_VERB.items():
         verb = verbs.add_parser(name, help=meaning, add_help=bool(module))
         if module and only in (None, name):
             getattr(import_module(f"{__package__}.{module}"), add_options)(verb)

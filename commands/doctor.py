@@ -20,7 +20,7 @@ from ..support.printer import print_table
 from ..support.system import run
 from .renderer_options import add_blender_option
 
-#: The subject of the finding that names the matchers of plug-ins.
+#: The subject of the finding on matchers of plug-ins.
 PLUGINS = "Matchers of plug-ins"
 
 
@@ -65,7 +65,7 @@ def examine_blender(executable: str) -> list[Finding]:
     try:
         facts = probe_blender(executable)
     except IcyMoonError as error:
-        fact, _, fix = str(error).partition("; ")  # a known fault says what to do
+        fact, _, fix = str(error).partition("; ")  # the message of a known fault names the fix
         return [
             Finding(
                 "Blender",
@@ -139,7 +139,7 @@ def examine_landforms() -> list[Finding]:
 
 
 def examine_kernels(kernels: str) -> list[Finding]:
-    """Whether SPICE kernels that are named are there; nothing if none are, since few scenes need them."""
+    """Findings on the named SPICE kernels; empty without any, since few scenes need them."""
     if not kernels:
         return []
     folder = Path(kernels)

@@ -121,7 +121,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
         *plan.describe_trajectories(),
         *list(centred)[:_MOST_ADVICE],
         *_bake_lines(pairs),
-        *_refusal_lines(plan),
+        *_make_refusal_lines(plan),
     ]
     if options.json:
         emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.to_json() | {"lines": lines})
@@ -152,7 +152,7 @@ def _bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
     return [f"In {len(found)} of {format_count(len(pairs), 'pair')}: {found[0]}"] if found else []
 
 
-def _refusal_lines(plan: Plan) -> list[str]:
+def _make_refusal_lines(plan: Plan) -> list[str]:
     """A line on the pairs that a render will set aside, with the reason for the first one, if there are any."""
     refused = plan.refused()
     if not refused:

@@ -131,7 +131,7 @@ def _run_quality(options: argparse.Namespace) -> int:
 
 
 def _ask_abilities(blender: str) -> Abilities:
-    """What a Blender can do; all, where it cannot be asked: a render will report that."""
+    """The abilities of a Blender; all of them if it does not answer, since a render will report that."""
     try:
         return ask_abilities(blender)
     except IcyMoonError:
@@ -146,13 +146,13 @@ def _run_bench(
     repeats: int = 1,
 ) -> int:
     """Do ``work`` with a bench as the options describe it, showing progress, then ``show`` its result."""
-    from ..stereo.trade.measure_variants import TradeBench, scaled_view
+    from ..stereo.trade.measure_variants import TradeBench, scale_view
 
     with report_errors(options.json_lines), tell_events(title, options.json_lines) as on_event:
         view = description.merged(read_settings(options), {"dataset": {"headings": 1}})
         found = work(
             TradeBench(
-                scaled_view(view, options.scale),
+                scale_view(view, options.scale),
                 options.out.absolute(),
                 options.blender,
                 options.methods,
@@ -178,9 +178,9 @@ def _run_trade(options: argparse.Namespace) -> int:
     page = options.out.absolute() / "trade.html"
 
     def show(report: dict[str, Any]) -> None:
-        _say_all(report["advice"])
+        _print_all(report["advice"])
         _print_decided(report)
-        _say_all(report["decision_advice"])
+        _print_all(report["decision_advice"])
         printer.say(str(page))
 
     groups = list_named([group for group in options.groups.split(",") if group])
@@ -193,7 +193,7 @@ def _print_decided(report: dict[str, Any]) -> None:
     """Print a table of how the decisions of each variant differ from the reference's, if there are decisions."""
     from ..stereo.matchers.methods import describe_method
     from ..stereo.report.table_columns import format_number
-    from ..stereo.trade.report import DECISION_COLUMNS, SAME
+    from ..stereo.trade.report import DECISION_COLUMNS, SAME_VERDICTS
 
     rows = [row for row in report["rows"] if row["decisions"]]
     if not rows:
@@ -205,7 +205,7 @@ def _print_decided(report: dict[str, Any]) -> None:
                 row["name"],
                 f"{row['cpu_s'] or 0.0:.1f}",
                 describe_method(method),
-                SAME[found["same"]],
+                SAME_VERDICTS[found["same"]],
                 *(format_number(found, column) for column in DECISION_COLUMNS),
             )
             for row in sorted(rows, key=lambda row: row["cpu_s"] or 0.0)
@@ -218,7 +218,7 @@ def _print_decided(report: dict[str, Any]) -> None:
     printer.say(report["decision_rule"])
 
 
-def _say_all(sentences: Iterable[str]) -> None:
+def _print_all(sentences: Iterable[str]) -> None:
     for sentence in sentences:
         printer.say(sentence)
 
@@ -230,7 +230,7 @@ def _run_auto(options: argparse.Namespace) -> int:
 
     def show(found: dict[str, Any]) -> None:
         *tried, last = found["said"]
-        _say_all(tried)
+        _print_all(tried)
         if found["chosen"] is None:
             raise IcyMoonError(last)
         printer.say(f"{last} Add --settings {found['file']} to a command to use it:")

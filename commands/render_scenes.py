@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..render.cost.blender_abilities import check_abilities
 from ..render.workers.assign_cards import choose_cards
-from ..render.workers.job_commands import Job, absolute_folder, render_job
+from ..render.workers.job_commands import Job, render_job, resolve_dataset_folder
 from ..settings import description, preset_files
 from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
@@ -91,7 +91,7 @@ def _run_render(options: argparse.Namespace) -> int:
     settings = read_settings(options)
     if settings.source.file and settings.source.kind == "PROCEDURAL":
         printer.warn("source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.")
-    dataset = options.out.absolute() if options.out else absolute_folder(str(settings.dataset.folder))
+    dataset = options.out.absolute() if options.out else resolve_dataset_folder(str(settings.dataset.folder))
     render_settings(settings, dataset, options.blender, again=options.again)
     printer.say(str(dataset))
     return 0
@@ -114,7 +114,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
 
     packages.require_modules(*packages.PACKAGES)
     from ..stereo.images.gallery import write_picture, write_sheet
-    from ..stereo.trade.measure_variants import scaled_view
+    from ..stereo.trade.measure_variants import scale_view
 
     known = [name.removeprefix("gallery/") for name in preset_files.preset_names("gallery")]
     out = options.out.absolute()
@@ -135,7 +135,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
         command = f"icymoon render --preset {preset}"
         if name in shown:
             printer.say(f"{title}. {text}: python -m {command} --out DATASET", at_once=True)
-            (pair,) = render_settings(scaled_view(described[name], options.scale), out, options.blender)
+            (pair,) = render_settings(scale_view(described[name], options.scale), out, options.blender)
             write_picture(pair, picture, options.stops)
         if picture.is_file():
             shown_on_sheet.append((picture, title, command))

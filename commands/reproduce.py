@@ -38,8 +38,8 @@ PAPERS = ("guiss",)
 _MEASURE_S_PER_MPX, _REPORT_S, _MEASURE_BYTES_PER_MPX = 4.5, 30.0, 6.5e6
 #: Smallest share of the paper's 640 x 480 px: 32 x 24 px, with the least window of StereoBM.
 _LEAST_SCALE = 0.05
-#: Work of matching a pair, over the work of rendering one, in the progress.
-_MATCHING = 0.3
+#: Cost of matching a pair relative to rendering it, for the progress.
+_MATCHING_COST = 0.3
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -79,8 +79,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def _run_reproduce(options: argparse.Namespace) -> int:
     packages.require_modules(*packages.PACKAGES)
     from ..stereo.paper.methods import find_methods
-    from ..stereo.paper.paper_datasets import QUICK, make_parts
-    from ..stereo.paper.printed import GROUPS
+    from ..stereo.paper.paper_datasets import QUICK_SHARE, make_parts
+    from ..stereo.paper.printed import PAIRS_BY_GROUP
 
     check_least(options, 1, "pairs")
     _check_options(options)
@@ -88,7 +88,7 @@ def _run_reproduce(options: argparse.Namespace) -> int:
         how = parse_workers(options)
         methods, missing = find_methods(options.scale, options.option)
         overrides = merged(*map(override, options.set))
-        count = round(QUICK * GROUPS["All"]) if options.quick else options.pairs
+        count = round(QUICK_SHARE * PAIRS_BY_GROUP["All"]) if options.quick else options.pairs
         parts = make_parts(count, options.scale, overrides, options.files, options.glossy)
         if options.no_figures:
             del parts["figures"]
@@ -169,7 +169,7 @@ def _write_paper(
     labels = [method.label for method in methods]
     measured = {}
     for name, (part, folder, response) in EVALUATIONS.items():
-        tell = steps.begin(f"Measuring {name.replace('_', ', ')}", _MATCHING * len(parts[part].pairs))
+        tell = steps.begin(f"Measuring {name.replace('_', ', ')}", _MATCHING_COST * len(parts[part].pairs))
         evaluation = out / part / folder
         report = evaluate([out / part], methods, evaluation, response, partial(_forward_event, tell), guiss=True)
         measured[name] = read_measured(evaluation, [pair["pair"] for pair in report["pairs"]], labels)
@@ -186,7 +186,7 @@ class _Steps:
     def __init__(self, tell: Event, parts: dict[str, Part]) -> None:
         self._tell = tell
         matched = _list_matched_pairs(parts)
-        self._total = sum(len(part.pairs) for part in parts.values()) + _MATCHING * len(matched)
+        self._total = sum(len(part.pairs) for part in parts.values()) + _MATCHING_COST * len(matched)
         self._before = self._work = 0.0
 
     def begin(self, title: str, work: float) -> Callable[..., None]:
@@ -209,7 +209,7 @@ class _Steps:
 
 @contextmanager
 def _open_output(as_json: bool) -> Iterator[Event]:
-    """Where messages go: standard output as JSON lines, or a progress bar."""
+    """Open the output for messages: standard output as JSON lines, or a progress bar."""
     if as_json:
         yield printer.emit_json
         return
@@ -225,7 +225,7 @@ def _list_matched_pairs(parts: dict[str, Part]) -> list[PlannedPair]:
 
 
 def _print_estimate(parts: dict[str, Part], options: argparse.Namespace) -> int:
-    """Print what the parts will take, and all together."""
+    """Print the estimated cost of the parts, and of all together."""
     from ..stereo.paper.paper_datasets import EVALUATIONS
 
     lines, hours, seconds, space = [], 0.0, 0.0, 0.0

@@ -20,7 +20,7 @@ from ..validation.tables import list_sources, make_markdown_section, replace_sec
 
 
 def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) -> list[Comparison]:
-    """The comparisons that are asked for. Raises IcyMoonError for one that is not known, and for two of one name."""
+    """The selected comparisons. Raises IcyMoonError for an unknown one, and for two of one name."""
     known = [*load_comparisons(), *(load_own_comparison(path) for path in own)]
     names = [each.name for each in known]
     if double := next((name for name in names if names.count(name) > 1), None):

@@ -24,9 +24,9 @@ from .scene_options import add_scene_options, read_settings
 
 #: Most dates of a table.
 _MOST_ROWS = 1000
-#: Characters of a row that goes into a pipe.
-_WIDTH = 132
-_COLUMNS = (
+#: Characters of a row in a pipe.
+_PIPE_WIDTH = 132
+_TABLE_COLUMNS = (
     "Date (UTC)",
     "Sun el.°",
     "az.°",
@@ -62,7 +62,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run_sky)
 
 
-def _settings_of(options: argparse.Namespace) -> Settings:
+def _make_settings(options: argparse.Namespace) -> Settings:
     """The settings with the place and the time that the options state."""
     by_date = bool(options.date or options.kernels)
     stated = {
@@ -90,7 +90,7 @@ def _settings_of(options: argparse.Namespace) -> Settings:
 
 
 def _run_sky(options: argparse.Namespace) -> int:
-    settings = _settings_of(options)
+    settings = _make_settings(options)
     place = None if options.latitude is not None or options.longitude is not None else _find_site(settings)
     rows = []
     for date in _list_dates(settings.light.date_utc, settings.light.directions_from, options.hours, options.every):
@@ -102,7 +102,7 @@ def _run_sky(options: argparse.Namespace) -> int:
             emit_json({"date_utc": date if dated else None, "body": light.body, **facts})
         rows.append(_make_row(date.replace("T", " ").removesuffix(":00") if dated else "by angles", facts))
     if not options.json:
-        print_table(_COLUMNS, rows, narrowest=_WIDTH)
+        print_table(_TABLE_COLUMNS, rows, narrowest=_PIPE_WIDTH)
         site = (place.latitude_deg, place.longitude_deg) if place else (light.latitude_deg, light.longitude_deg)
         where = (
             f"{light.body.title()}, {show_place(*site)}, by "

@@ -20,7 +20,7 @@ from ..settings.topics.scene import Settings
 from ..settings.topics.stand_ins import MeshItem
 from ..support.errors import IcyMoonError
 
-#: What stands for a preset where none states the value.
+#: Texts in place of a preset where no preset states the value.
 DEFAULT, BY_HAND, STAND_IN = "default", "stated", "stand-in"
 
 
@@ -73,7 +73,7 @@ def _measure_likeness(stated: Settings, settings: Settings, defaults: Settings) 
 
 
 def _rank_presets(settings: Settings) -> list[_Preset]:
-    """The presets that count: first the one most like the settings and the presets that it includes."""
+    """The presets that count: first the preset most similar to the settings, and the presets that it includes."""
     defaults, known = description.defaults(), {name: _read_preset(name) for name in preset_files.preset_names()}
     whole = {name: preset_files.load_preset(name) for name in known}
     family = [max(known, key=lambda name: _measure_likeness(whole[name], settings, defaults))]

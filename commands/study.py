@@ -12,7 +12,7 @@ from ..render.pairs.pair_folder import is_complete
 from ..render.plans.frozen_plan import freeze_plan
 from ..render.plans.render_order import order_pairs
 from ..render.workers.process import report_errors
-from ..stereo.study.design import Study, find_study, read_study, study_names
+from ..stereo.study.design import Study, find_study, list_study_names, read_study
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.files import write_text
@@ -22,7 +22,7 @@ from .batch import Say, add_worker_options, parse_workers, render_missing
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``study``."""
-    parser.add_argument("study", help=f"{' or '.join(study_names())}, or a TOML file of that form")
+    parser.add_argument("study", help=f"{' or '.join(list_study_names())}, or a TOML file of that form")
     parser.add_argument("--out", type=as_path, required=True, metavar="FOLDER", help="folder of its pairs and tables")
     parser.add_argument(
         "--methods", help="matchers, separated by commas, instead of the study's: another set makes another study"
@@ -51,7 +51,7 @@ def _run_study(options: argparse.Namespace) -> int:
 
 
 def _render_missing(study: Study, out: Path, options: argparse.Namespace) -> int:
-    """Render what is missing, round by round; the exit status is 1 if pairs were set aside."""
+    """Render the missing pairs, round by round; the exit status is 1 if pairs were set aside."""
     rounds = [
         order_pairs([pair for view in views for pair in study.pairs_of(view).values()]) for views in study.rounds()
     ]
@@ -68,7 +68,7 @@ def _render_missing(study: Study, out: Path, options: argparse.Namespace) -> int
 
 
 def _make_teller(show: Callable[[dict[str, Any]], None]) -> Say:
-    """What tells a progress bar of renders."""
+    """Make a function that reports renders to a progress bar."""
     return lambda kind, **facts: show({"type": kind, **facts})
 
 

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from ..stereo.twin.photographs import Rectification
     from ..stereo.twin.plan import Described, Twin
 
-#: Folders of the twins and of their measures, in the folder of the results.
-_TWINS, _MEASURED = "twins", "measured"
+#: Folders of the twins and of their measurements, in the folder of the results.
+_TWINS_FOLDER, _MEASUREMENTS_FOLDER = "twins", "measured"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -127,7 +127,7 @@ def _describe(options: argparse.Namespace, rig: Settings) -> Described:
 
 def _render(twins: list[Twin], out: Path, options: argparse.Namespace) -> int:
     """Render the twins that are missing; the exit status is 1 if some were set aside."""
-    how, dataset = parse_workers(options), out / _TWINS
+    how, dataset = parse_workers(options), out / _TWINS_FOLDER
     planned = [twin.planned for twin in twins]
     missing = freeze_plan(dataset, planned, "").find_missing(dataset)
     if not missing:
@@ -160,17 +160,22 @@ def _measure(
     with show_count("Measuring") as show:
         for number, twin in enumerate(twins):
             show(number, len(twins))
-            folder = twin.planned.folder(out / _TWINS)
+            folder = twin.planned.folder(out / _TWINS_FOLDER)
             if is_complete(folder):
                 done.append(twin)
                 records.append(
                     read_or_measure(
-                        twin.photographs, rectification, folder, twin.planned.settings, methods, out / _MEASURED
+                        twin.photographs,
+                        rectification,
+                        folder,
+                        twin.planned.settings,
+                        methods,
+                        out / _MEASUREMENTS_FOLDER,
                     )
                 )
     if not done:
-        raise IcyMoonError(f"{out / _TWINS} has no twin that is whole; run the same command again.")
+        raise IcyMoonError(f"{out / _TWINS_FOLDER} has no twin that is whole; run the same command again.")
     rows, needed = summarise(records, methods)
     ground = str(options.ground) if options.ground else ""
     limits = list_limits(done, records, described, rectification, needed, ground)
-    return write_page(out, out / _MEASURED, done, records, rows, methods, limits, notes)
+    return write_page(out, out / _MEASUREMENTS_FOLDER, done, records, rows, methods, limits, notes)

@@ -146,15 +146,15 @@ def _sort_matchers(
 def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response: Parts, scratch: Path) -> Path:
     """Run a function on all pairs; the folder with a disparity map for each. Raises IcyMoonError."""
     from ..stereo.images.image_files import write_npy
-    from ..stereo.matchers.search_range import MOST_PX, find_rig_range
-    from ..stereo.measure.prepare_pair import distinct_pairs, prepare_pair
+    from ..stereo.matchers.search_range import MOST_SEARCHED_PX, find_rig_range
+    from ..stereo.measure.prepare_pair import list_distinct_pairs, prepare_pair
 
     asked = [key for key in _ASKED if key in inspect.signature(function).parameters]
     found = scratch / name
-    for folder in distinct_pairs(folders):
+    for folder in list_distinct_pairs(folders):
         prepared = prepare_pair(folder, response)
         seen = find_rig_range(prepared.facts["settings"], not prepared.facts["rendered"].get("edited_by_hand"))
-        given = {"max_disparity_px": seen.most_px if seen else MOST_PX, "camera": prepared.depth_camera}
+        given = {"max_disparity_px": seen.most_px if seen else MOST_SEARCHED_PX, "camera": prepared.depth_camera}
         images = prepared.left.copy(), prepared.right.copy()
         disparity = np.asarray(function(*images, **{key: given[key] for key in asked}))
         if disparity.shape != prepared.left.shape or disparity.dtype.kind not in "fiu":

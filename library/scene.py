@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..render.pairs.pair_folder import is_complete, read_unchanged_pair
 from ..render.plans.planned_pair import expand_headings
-from ..render.workers.job_commands import absolute_folder
+from ..render.workers.job_commands import resolve_dataset_folder
 from ..settings import description, user_files
 from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings
@@ -158,7 +158,9 @@ class Scene:
         on_event: Hear = ignore_message,
     ) -> list[RenderedPair]:
         """The pairs of this scene, one for each of ``dataset.headings``; see ``render``."""
-        folder = Path(dataset).absolute() if dataset is not None else absolute_folder(self._settings.dataset.folder)
+        folder = (
+            Path(dataset).absolute() if dataset is not None else resolve_dataset_folder(self._settings.dataset.folder)
+        )
         settings = self.stored(folder)
         folders = [pair.folder(folder) for pair in expand_headings(settings, user_files.hash_content(settings))]
         if again or not all(map(is_complete, folders)):

@@ -30,22 +30,22 @@ from .surface.ground_and_rock_materials import build_ground_material
 AUTHOR, LICENSE = "Icy Moon developers", "GPL-3.0-or-later"
 #: Vertices of the ground of a landscape: 32 000 need 1.6 MB, and are 4 to 30 px from the exact ground.
 MOST_VERTICES = 32_000
-_CHANGES: Parts = {"mesh": {"most": MOST_VERTICES}, "hapke": {"backend": "NODES", "accuracy": "FAST"}}
+_ASSET_SETTINGS: Parts = {"mesh": {"most": MOST_VERTICES}, "hapke": {"backend": "NODES", "accuracy": "FAST"}}
 
 
-#: The asset that is from no preset, and the preset with whose picture it is shown.
-SKY, _PICTURE_OF_SKY = "skies/airless", "lights/guiss_europa"
+#: The asset without a preset, and the preset whose picture it gets.
+SKY, _SKY_PICTURE_PRESET = "skies/airless", "lights/guiss_europa"
 
 
 def list_asset_names() -> list[str]:
     """Names of the presets that become assets, and of the sky."""
-    return [*(name for kind in _MAKERS for name in preset_files.preset_names(kind)), SKY]
+    return [*(name for kind in _MAKER_BY_KIND for name in preset_files.preset_names(kind)), SKY]
 
 
 def make_asset_settings(name: str) -> Settings:
     """The complete settings from which the asset of a preset is made."""
     preset: Parts = preset_files.load_preset(name) if name != SKY else {}
-    return description.merged(description.defaults(), preset, _CHANGES)
+    return description.merged(description.defaults(), preset, _ASSET_SETTINGS)
 
 
 def _read_header(name: str) -> tuple[str, str]:
@@ -64,7 +64,7 @@ def write_asset(name: str, path: Path) -> None:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     kind = name.split("/")[0]
     settings = make_asset_settings(name)
-    block = _MAKERS[kind](settings)
+    block = _MAKER_BY_KIND[kind](settings)
     title, text = _read_header(name)
     _give_to_user(title)
     block.name = title
@@ -74,7 +74,7 @@ def write_asset(name: str, path: Path) -> None:
     facts.description = text
     for tag in _make_tags(kind, settings):
         facts.tags.new(tag, skip_if_exists=True)
-    _set_picture(block, preset_files.find_preview(_PICTURE_OF_SKY if name == SKY else name))
+    _set_picture(block, preset_files.find_preview(_SKY_PICTURE_PRESET if name == SKY else name))
     path.parent.mkdir(parents=True, exist_ok=True)
     _forget_scene()
     # In Blender 5.0, ``libraries.write`` leaves out the pictures of collections.
@@ -128,7 +128,7 @@ def _make_sky(settings: Settings) -> bpy.types.World:
     return build_sky(NAME)
 
 
-_MAKERS: dict[str, Any] = {
+_MAKER_BY_KIND: dict[str, Any] = {
     "scenes": _make_landscape,
     "gallery": _make_landscape,
     "surfaces": _make_surface,
@@ -157,7 +157,7 @@ def _forget_scene() -> None:
 
 
 def _describe_resolution(settings: Settings) -> str:
-    """What a stereo camera needs and Blender's camera does not store."""
+    """The settings of a stereo camera that Blender's camera does not store, in words."""
     rig = settings.rig
     return f"Set the resolution to {rig.width_px} x {rig.height_px} px. "
 

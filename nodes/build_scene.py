@@ -107,7 +107,7 @@ def _adopt_children(removed: list[bpy.types.Object], terrain: bpy.types.Object) 
 
 
 def update_sunlight(collection: bpy.types.Collection) -> None:
-    """Update what surfaces, lamps and scenes know of each other, after any of them has changed.
+    """Update surfaces, lamps and scenes with each other's state, after any of them has changed.
 
     Surfaces get the directions of Sun and planet. A lamp no longer lights surfaces that trace it themselves. Scenes use
     Open Shading Language if a surface needs it.
@@ -315,14 +315,14 @@ def _link_objects(collection: bpy.types.Collection, objects: list[bpy.types.Obje
 
 
 def _name_blocks(objects: list[bpy.types.Object], kept: list[Any], skies: list[bpy.types.World]) -> None:
-    """Give the data-blocks their names, but for those that keep the names of earlier ones."""
+    """Give the data-blocks their names, except where the names of earlier blocks are kept."""
     made, others = find_parts(objects)
     named = [*made, *(item.data for item in made), *others, *find_materials(made), *skies]
     free_names([block for block in named if block not in kept])
 
 
 def _record_build(built: Built, made: MadeObjects) -> None:
-    """Write into the collection what was built, for those who find it later."""
+    """Record the build in the collection, for later readers."""
     collection, settings, own = built.collection, built.settings, made.own
     collection[SETTINGS] = json.dumps(settings)
     on_map = {"map": own.map_place} if own and own.map_place else {}
@@ -338,7 +338,7 @@ def _record_build(built: Built, made: MadeObjects) -> None:
 
 
 def clear_scene(scene: bpy.types.Scene) -> bool:
-    """Remove what Build Scene made, and restore the earlier world, camera, frame and view exposure.
+    """Remove the scene that Build Scene made, and restore the earlier world, camera, frame and view exposure.
 
     Objects that the user put into the collection move to the scene's own collection. Returns whether anything was
     built.

@@ -51,10 +51,10 @@ EXCAVATION = "icymoon_excavation"  # volumes and masses of the excavation, see `
 PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Build Scene would show them
 REFINED = "icymoon_refined"  # geometry of the settings that will follow a coarse ground at full resolution
 NOTES = "icymoon_notes"  # why some settings are not shown
-#: Tables by topic; the marks of parts by their names.
-TABLES, _MARKS = Each(TABLE, TEXT), Each(TEXT, TEXT)
+#: Shapes of the stored JSON: tables by topic, and the marks of parts by their names.
+TABLES_SHAPE, _MARKS_SHAPE = Each(TABLE, TEXT), Each(TEXT, TEXT)
 #: Settings that shape the ground.
-_SHAPING = [
+_SHAPE_SETTINGS = [
     (topic.key, setting.key)
     for topic in TOPICS.values()
     for setting in topic.settings
@@ -102,7 +102,8 @@ class Built:
 
     @property
     def extra(self) -> str:
-        """What identifies the scene besides its settings: the user's own files, nodes instead of OSL, edits by hand.
+        """All that identifies the scene besides its settings: the user's own files, nodes instead of OSL, edits by
+        hand.
 
         Raises IcyMoonError if there are edits that no mark can identify.
         """
@@ -124,14 +125,14 @@ class Built:
         """The marks of the scene as it was built. Raises IcyMoonError if they cannot be compared with present marks."""
         if self.outdated:
             raise IcyMoonError(self.outdated)
-        return dict(read_stored(self.collection, FINGERPRINT, _MARKS))
+        return dict(read_stored(self.collection, FINGERPRINT, _MARKS_SHAPE))
 
     @property
     def outdated(self) -> str:
         """Why Icy Moon cannot detect edits by hand, in a sentence; empty if it can."""
         if why := check_cycles.why_unavailable():  # marks include the settings of Cycles
             return why
-        if read_stored(self.collection, FINGERPRINT, _MARKS).get(MAKER) == describe_maker():
+        if read_stored(self.collection, FINGERPRINT, _MARKS_SHAPE).get(MAKER) == describe_maker():
             return ""
         return (
             "The scene was built by another version of Icy Moon or Blender, so edits by hand cannot be detected; "
@@ -185,13 +186,13 @@ class Built:
     @property
     def preview(self) -> Settings:
         """Settings that are shown as a preview and override ``settings``; empty without a preview."""
-        return typed(read_stored(self.collection, PREVIEW, TABLES))
+        return typed(read_stored(self.collection, PREVIEW, TABLES_SHAPE))
 
     def remember(self, settings: Settings, preview: Parts, *changed: str) -> None:
         """Store the settings that the scene shows now, and new marks of the ``changed`` parts or roles."""
         self.settings = merged(settings)
         self.collection[SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
-        known = read_stored(self.collection, FINGERPRINT, _MARKS)
+        known = read_stored(self.collection, FINGERPRINT, _MARKS_SHAPE)
         self.collection[FINGERPRINT] = json.dumps(update_marks(self.collection, known, *changed))
 
 
@@ -236,8 +237,10 @@ def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) ->
 
 
 def describe_ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Three lines: a heading, the statistics that the settings of roughness ask of ground built from them, and those
-    that it has, landforms, layers and snow included; empty for other ground. Short, since the sidebar is narrow."""
+    """Three lines on the ground: a heading, the statistics that the settings of roughness ask for, and the measured
+    statistics, with landforms, layers and snow. Empty for other ground. The lines are short, since the sidebar is
+    narrow.
+    """
     built = find_built(scene)
     found = built.statistics if built else {}
     if built is None or "made" not in found:
@@ -256,7 +259,7 @@ def shows_earlier_ground(scene: bpy.types.Scene, settings: Settings) -> bool:
         return False
     known = _read_settings(collection)
     return collection.get(PREVIEW, "{}") != "{}" or any(
-        known.get(topic, {}).get(key) != settings[topic][key] for topic, key in _SHAPING
+        known.get(topic, {}).get(key) != settings[topic][key] for topic, key in _SHAPE_SETTINGS
     )
 
 
@@ -269,7 +272,7 @@ def _read_settings(collection: bpy.types.Collection) -> Settings:
 @lru_cache(maxsize=4)
 def _parse_settings(text: str, where: str) -> Settings:
     """Settings from their text, read once, since the window asks at every redraw."""
-    return typed(parse_stored(text, where, TABLES))
+    return typed(parse_stored(text, where, TABLES_SHAPE))
 
 
 def _adds_to_roughness(settings: Settings) -> bool:

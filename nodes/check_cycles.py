@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 
-_OFF = (
+_DISABLED_MESSAGE = (
     "Cycles is switched off, but Icy Moon renders with it; enable the add-on Cycles Render Engine in Preferences ▸ "
     "Add-ons."
 )
@@ -13,7 +13,7 @@ _OFF = (
 
 def why_unavailable() -> str:
     """Why this Blender cannot build and render, in a sentence; empty if it can."""
-    return "" if compat.has_cycles() else _OFF
+    return "" if compat.has_cycles() else _DISABLED_MESSAGE
 
 
 def require_cycles() -> None:

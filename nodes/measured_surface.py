@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ..formats import ply
-from ..stereo.images.colours import ERROR, colour_signed_errors
+from ..stereo.images.colours import ERROR_SCALE, colour_signed_errors
 from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
@@ -25,16 +25,16 @@ from .tree.builder import Tree
 
 NAME = "Icy Moon Measured Surface"
 ROLE = "measured surface"  # value of the custom property ``TAG`` of objects, collection and material
-_COLOUR, _ERROR = "error", "error_m"  # attributes: the colour of a vertex, the error of a square
-_COUNTS = "icymoon_points"  # custom property, see ``_count_kinds``
+_COLOUR_ATTRIBUTE, _ERROR_ATTRIBUTE = "error", "error_m"  # attributes: the colour of a vertex, the error of a square
+_COUNTS_PROPERTY = "icymoon_points"  # custom property, see ``_count_kinds``
 #: Depth error, m, that counts as right, and the text of each kind of pixel, with its icon.
-RIGHT_M = ERROR.low
+RIGHT_M = ERROR_SCALE.low
 KINDS = {
     "far": ("Too far, red", "COLORSET_01_VEC"),
     "near": ("Too near, blue", "COLORSET_04_VEC"),
     "right": (f"Within {100 * RIGHT_M:g} cm, white", "BLANK1"),
 }
-_CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+_SQUARE_CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
 def read_points(path: Path) -> tuple[Array, Array, Array, Array]:
@@ -54,16 +54,16 @@ def read_points(path: Path) -> tuple[Array, Array, Array, Array]:
 
 def make_squares(position: Array, toward: Array, width: Array) -> Array:
     """Corners (n, 4, 3), counter-clockwise seen from the camera, of squares of ``width`` that face it."""
-    # Two axes across the line of sight. Where it is nearly vertical, they start from y instead of z.
+    # Two axes across the line of sight. For a nearly vertical line, they start from y in place of z.
     up = np.where(np.abs(toward[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
     right = np.cross(up, toward)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
     axes = np.stack([right, np.cross(toward, right)], axis=1)
-    return np.asarray(position[:, None] + np.einsum("ck,nkx->ncx", _CORNERS, axes) * width[:, None, None])
+    return np.asarray(position[:, None] + np.einsum("ck,nkx->ncx", _SQUARE_CORNERS, axes) * width[:, None, None])
 
 
 def build_points(
-    scene: bpy.types.Scene, paths: Iterable[Path], title: str, full_m: float = ERROR.high
+    scene: bpy.types.Scene, paths: Iterable[Path], title: str, full_m: float = ERROR_SCALE.high
 ) -> bpy.types.Object:
     """Show the points of the files as one object in its own collection, which replaces an earlier one.
 
@@ -77,11 +77,11 @@ def build_points(
         raise IcyMoonError(f"{title} measured nothing here; choose another matcher.")
     clear_points(scene)
     mesh = _build_mesh(make_squares(position, toward, width), error)
-    mesh.materials.append(build_material(_COLOUR))
+    mesh.materials.append(build_material(_COLOUR_ATTRIBUTE))
     _colour_mesh(mesh, full_m)
     item = bpy.data.objects.new(f"{NAME}: {title}", mesh)
     item[TAG] = ROLE
-    item[_COUNTS] = _count_kinds(error, [ply.read_comment_number(path, "missing") for path in paths])
+    item[_COUNTS_PROPERTY] = _count_kinds(error, [ply.read_comment_number(path, "missing") for path in paths])
     item.hide_render = True
     item.show_in_front = True
     collection = bpy.data.collections.new(NAME)
@@ -106,7 +106,7 @@ def _count_kinds(error_m: Array, missing: list[int | None]) -> dict[str, int]:
 def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     """The meaning of the colours of the shown surface and the share of points of each: (text, icon) of each line."""
     item = find_points(scene)
-    stored: object = item.get(_COUNTS) if item else None
+    stored: object = item.get(_COUNTS_PROPERTY) if item else None
     counts = (
         {key: number for key, number in stored.items() if isinstance(number, int)} if hasattr(stored, "items") else {}
     )
@@ -140,16 +140,16 @@ def _build_mesh(corners: Array, error_m: Array) -> bpy.types.Mesh:
     mesh.loops.foreach_set("vertex_index", np.arange(4 * count, dtype=np.int32))
     mesh.polygons.add(count)
     mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
-    mesh.attributes.new(_ERROR, "FLOAT", "FACE").data.foreach_set("value", error_m.astype(np.float32))
-    mesh.color_attributes.active_color = mesh.color_attributes.new(_COLOUR, "BYTE_COLOR", "POINT")
+    mesh.attributes.new(_ERROR_ATTRIBUTE, "FLOAT", "FACE").data.foreach_set("value", error_m.astype(np.float32))
+    mesh.color_attributes.active_color = mesh.color_attributes.new(_COLOUR_ATTRIBUTE, "BYTE_COLOR", "POINT")
     mesh.update(calc_edges=True)
     mesh.validate()
     return mesh
 
 
 def _colour_mesh(mesh: bpy.types.Mesh, full_m: float) -> None:
-    error = read_property(mesh.attributes[_ERROR].data, "value")
-    set_colours(mesh.attributes[_COLOUR], np.repeat(colour_signed_errors(error, full_m), 4, axis=0))
+    error = read_property(mesh.attributes[_ERROR_ATTRIBUTE].data, "value")
+    set_colours(mesh.attributes[_COLOUR_ATTRIBUTE], np.repeat(colour_signed_errors(error, full_m), 4, axis=0))
     mesh.update_tag()
 
 
@@ -163,7 +163,9 @@ def set_colours(attribute: bpy.types.Attribute, rgb: Array) -> None:
 def recolour_points(scene: bpy.types.Scene, full_m: float) -> None:
     """Let errors of ``full_m`` metres and more have the full colour on the surface that is shown, if any."""
     item = find_points(scene)
-    if item is not None and {_ERROR, _COLOUR} <= set(item.data.attributes.keys()):  # older files have no errors
+    if item is not None and {_ERROR_ATTRIBUTE, _COLOUR_ATTRIBUTE} <= set(
+        item.data.attributes.keys()
+    ):  # older files have no errors
         _colour_mesh(item.data, full_m)
 
 

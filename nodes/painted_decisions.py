@@ -1,4 +1,4 @@
-"""What a lander would decide, shown on the ground: a map as colours of its vertices, the chosen site and the reach.
+"""A lander's decisions, shown on the ground: a map as colours of its vertices, the chosen site and the reach.
 
 It is painted as errors are: attributes that no render reads and that are no part of the ground's marks, and a
 collection that is not rendered, which ``painted_errors.clear_painted`` removes.
@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..stereo.decisions.map_colours import KINDS, colour_cells, count_cells
+from ..stereo.decisions.map_colours import LEGEND_BY_MAP, colour_cells, count_cells
 from ..stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, trace_outlines
 from ..stereo.images.colours import SKY_GREY
 from ..support.arrays import Array
@@ -27,21 +27,21 @@ from .painted_errors import (
     darken_meshes,
     find_other_meshes,
     find_painted,
-    read_corners,
+    read_vertex_positions,
     to_world,
 )
 
 NAME = "Icy Moon Decisions"
 SITE, REACH = "Chosen Site", "Reach"
-#: Colours of the marks (sRGB), which no map has, and what a legend states of them, with its icon.
+#: Colours of the marks (sRGB), which no map has, with their text and icon in a legend.
 _MARKS = {
     SITE: ((255, 0, 188), "Chosen site, magenta ring", "COLORSET_05_VEC"),
     REACH: ((0, 243, 255), "Reach of the arm, cyan line", "COLORSET_08_VEC"),
 }
-#: The maps, as what a legend calls them.
+#: Names of the maps in a legend.
 TITLES = {SUITABILITY: "Suitability", SLOPE: "Slope", HEIGHT_ERROR: "Height error"}
-_COUNTS = "icymoon_cells"  # custom property of the collection
-_ICONS = {
+_COUNTS_PROPERTY = "icymoon_cells"  # custom property of the collection
+_LEGEND_ICONS = {
     "safe": "COLORSET_03_VEC",
     "unsafe": "COLORSET_02_VEC",
     "gentle": "COLORSET_03_VEC",
@@ -54,10 +54,10 @@ _ICONS = {
 }
 #: How far marks lie above the ground, metres.
 _ABOVE_M = 0.01
-#: Half the thickness of the lines of marks, metres, and points of a ring.
-_RADIUS_M, _RING_POINTS = 0.006, 48
+#: Half the thickness of the lines of marks, m, and number of points of a ring.
+_LINE_RADIUS_M, _RING_POINTS = 0.006, 48
 #: Sides of these lines, and the least of 1 plus the cosine of a turn, which bounds how far a sharp corner reaches.
-_SIDES, _SHARPEST = 6, 0.25
+_LINE_SIDES, _LEAST_TURN_COSINE = 6, 0.25
 
 
 def paint_decisions(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -> bpy.types.Collection:
@@ -66,7 +66,7 @@ def paint_decisions(scene: bpy.types.Scene, built: Built, stored: StoredMap, tit
     Raises IcyMoonError before any change if no vertex of the ground is within the map.
     """
     mesh = built.terrain.data
-    cell = stored.grid.find_cells(to_world(built.terrain.matrix_world, read_corners(mesh)))
+    cell = stored.grid.find_cells(to_world(built.terrain.matrix_world, read_vertex_positions(mesh)))
     inside = cell >= 0
     if not inside.any():
         raise IcyMoonError(
@@ -75,7 +75,7 @@ def paint_decisions(scene: bpy.types.Scene, built: Built, stored: StoredMap, tit
         )
     collection = begin_painting(scene, mesh, NAME)
     there = {SITE: stored.chosen is not None, REACH: stored.reach is not None and bool(stored.reach.any())}
-    collection[_COUNTS] = {**count_cells(stored), **there, "title": title, "map": stored.kind}
+    collection[_COUNTS_PROPERTY] = {**count_cells(stored), **there, "title": title, "map": stored.kind}
     colours = np.full((len(cell), 3), SKY_GREY, np.uint8)
     colours[inside] = colour_cells(stored).reshape(-1, 3)[cell[inside]]
     set_colours(add_colours(mesh), colours)
@@ -90,7 +90,7 @@ def paint_decisions(scene: bpy.types.Scene, built: Built, stored: StoredMap, tit
 def find_shown_map(scene: bpy.types.Scene) -> tuple[str, str]:
     """The title and the kind of the map that is shown; both empty if none is."""
     collection = find_painted(scene)
-    stored: Any = collection.get(_COUNTS) if collection else None
+    stored: Any = collection.get(_COUNTS_PROPERTY) if collection else None
     kind = stored.get("map") if hasattr(stored, "items") else None
     return (str(stored.get("title")), str(kind)) if kind in TITLES else ("", "")
 
@@ -101,13 +101,13 @@ def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     collection = find_painted(scene)
     if not kind or collection is None:
         return ()
-    stored = collection[_COUNTS]
-    counts = {key: stored[key] for key in KINDS[kind] if isinstance(stored.get(key), int)}
+    stored = collection[_COUNTS_PROPERTY]
+    counts = {key: stored[key] for key in LEGEND_BY_MAP[kind] if isinstance(stored.get(key), int)}
     return (
         *make_share_lines(
             f"{TITLES[kind]} by {title}",
             counts,
-            {key: (text, _ICONS[key]) for key, text in KINDS[kind].items()},
+            {key: (text, _LEGEND_ICONS[key]) for key, text in LEGEND_BY_MAP[kind].items()},
             max(1, sum(counts.values())),
         ),
         *((text, icon) for mark, (_, text, icon) in _MARKS.items() if stored.get(mark)),
@@ -152,21 +152,23 @@ def _draw_lines(name: str, ways: list[Array]) -> bpy.types.Object:
 
 
 def _make_tube(way: Array) -> tuple[Array, Array]:
-    """Positions (n _SIDES, 3) and triangles of a tube along a closed line through positions (n, 3), as wide at corners
-    seen from above as between them."""
+    """Positions (n _LINE_SIDES, 3) and triangles of a tube along a closed line through positions (n, 3).
+
+    Seen from above, the tube has the same width at corners as between them.
+    """
     along = np.roll(way, -1, axis=0) - way
     across = np.stack([along[:, 1], -along[:, 0]], axis=1)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
     before = np.roll(across, 1, axis=0)
-    sharp = np.maximum(1 + (before * across).sum(axis=1, keepdims=True), _SHARPEST)
+    sharp = np.maximum(1 + (before * across).sum(axis=1, keepdims=True), _LEAST_TURN_COSINE)
     mitre = np.pad((before + across) / sharp, ((0, 0), (0, 1)))
-    angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
+    angle = 2 * np.pi * np.arange(_LINE_SIDES) / _LINE_SIDES
     round_ = np.cos(angle)[:, None] * mitre[:, None] + np.sin(angle)[:, None] * np.array((0.0, 0.0, 1.0))
-    here = np.arange(len(way) * _SIDES).reshape(-1, _SIDES)
+    here = np.arange(len(way) * _LINE_SIDES).reshape(-1, _LINE_SIDES)
     there = np.roll(here, -1, axis=0)
     corners = np.stack([here, np.roll(here, -1, axis=1), np.roll(there, -1, axis=1), there], axis=-1)
     return (
-        (way[:, None] + _RADIUS_M * round_).reshape(-1, 3),
+        (way[:, None] + _LINE_RADIUS_M * round_).reshape(-1, 3),
         np.concatenate([corners[..., (0, 1, 2)].reshape(-1, 3), corners[..., (0, 2, 3)].reshape(-1, 3)]),
     )
 

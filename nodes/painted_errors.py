@@ -1,7 +1,7 @@
 """The depth errors of a matcher, painted on the ground itself, as colours of its vertices.
 
 The ground's mesh gets attributes that no render reads and that are no part of its marks. Rocks are instances of a few
-shapes, so those that the left eye sees are shown as copies in a collection of their own, slightly larger, which is not
+shapes, so the rocks that the left eye sees are shown as slightly larger copies, in a separate collection that is not
 rendered.
 """
 
@@ -22,7 +22,7 @@ from ..settings import rebuilt_parts
 from ..settings.description import digest, merged
 from ..stereo.ground_errors import (
     COARSE,
-    COARSE_PX,
+    MOST_EDGE_PX,
     UNSEEN,
     DepthErrors,
     VertexErrors,
@@ -47,9 +47,13 @@ ROLE = "painted errors"  # value of the custom property ``TAG`` of collection, o
 #: Attributes of vertices: the signed error in metres, NaN if unknown; the kind of the error, see ``ground_errors``; and
 #: the colour.
 ERROR_M, KIND, COLOUR = f"{PAINTED}_m", f"{PAINTED}_kind", f"{PAINTED}_colour"
-_COUNTS, _BEFORE = "icymoon_pixels", "icymoon_colours_before"  # custom properties of the collection
-#: Copies of rocks are larger and nearer to the eye, so that they hide the rocks however coarse the view's depths are.
-_LARGER, _NEARER = 1.01, 0.005
+_COUNTS_PROPERTY, _COLOURS_BEFORE_PROPERTY = (
+    "icymoon_pixels",
+    "icymoon_colours_before",
+)  # custom properties of the collection
+#: Copies of rocks are this much larger and nearer to the eye (factor, share), so that they hide the rocks at any
+#: precision of the view's depths.
+_COPY_SCALE, _COPY_SHIFT_SHARE = 1.01, 0.005
 _AT_ONCE = 1_000_000  # vertices of rocks
 _MOST_DIVISIONS = 4  # of triangles of rocks
 _GROUND_AND_CAMERA = ("terrain object", "terrain data", "rock object", "rock data", "camera")
@@ -109,7 +113,7 @@ def paint_errors(
     """
     mesh, places = built.terrain.data, [np.empty((0, 2))] * len(found)
     ground = _find_vertex_errors(
-        found, to_world(built.terrain.matrix_world, read_corners(mesh)), _read_edges(mesh), places
+        found, to_world(built.terrain.matrix_world, read_vertex_positions(mesh)), _read_edges(mesh), places
     )
     instances = _find_rock_instances(built)
     rocks = list(_find_seen_rocks(instances, found, places))
@@ -120,7 +124,7 @@ def paint_errors(
         )
     collection = begin_painting(scene, mesh, NAME)
     counts = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
-    collection[_COUNTS] = {key: sum(count[key] for count in counts) for key in counts[0]} | {"title": title}
+    collection[_COUNTS_PROPERTY] = {key: sum(count[key] for count in counts) for key in counts[0]} | {"title": title}
     _fill_attributes(mesh, ground, full_m)
     for shape in instances:  # dark, as if unseen; the copies hide them where an eye sees them
         n = len(shape.data.vertices)
@@ -156,7 +160,10 @@ def begin_painting(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> b
     clear_painted(scene)
     collection = bpy.data.collections.new(name)
     collection[TAG] = ROLE
-    collection[_BEFORE] = [mesh.attributes.active_color_name or "", mesh.attributes.default_color_name or ""]
+    collection[_COLOURS_BEFORE_PROPERTY] = [
+        mesh.attributes.active_color_name or "",
+        mesh.attributes.default_color_name or "",
+    ]
     collection.hide_render = True
     scene.collection.children.link(collection)
     return collection
@@ -177,7 +184,7 @@ def find_painted(scene: bpy.types.Scene) -> bpy.types.Collection | None:
 def clear_painted(scene: bpy.types.Scene) -> bool:
     """Remove everything that was painted in a scene, decisions too; whether there was anything."""
     collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
-    before: Sequence[str] | None = collections[0].get(_BEFORE) if collections else None
+    before: Sequence[str] | None = collections[0].get(_COLOURS_BEFORE_PROPERTY) if collections else None
     for mesh in _find_painted_meshes(scene):
         for name in (ERROR_M, KIND, COLOUR):
             if name in mesh.attributes:
@@ -198,7 +205,7 @@ def clear_painted(scene: bpy.types.Scene) -> bool:
 def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     """The meaning of the colours, with the share of the pixels of each: (text, icon) of each line."""
     collection = find_painted(scene)
-    stored: Any = collection.get(_COUNTS) if collection else None
+    stored: Any = collection.get(_COUNTS_PROPERTY) if collection else None
     counts = (
         {key: number for key, number in stored.items() if isinstance(number, int)} if hasattr(stored, "items") else {}
     )
@@ -217,7 +224,7 @@ def _find_painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
     return {item.data for item in (*scene.objects, *rocks) if item.type == "MESH" and COLOUR in item.data.attributes}
 
 
-def read_corners(mesh: bpy.types.Mesh) -> Array:
+def read_vertex_positions(mesh: bpy.types.Mesh) -> Array:
     return read_property(mesh.vertices, "co", width=3).reshape(-1, 3).astype(np.float64)
 
 
@@ -233,7 +240,7 @@ def to_world(matrix: ArrayLike, position: Array) -> Array:
 def _find_vertex_errors(
     found: Sequence[DepthErrors], position: Array, edges: Array, places: list[Array]
 ) -> VertexErrors:
-    """What vertices show, of all pairs; adds where each pair sees them to ``places``."""
+    """The errors at vertices, over all pairs. The vertices' places in each pair are added to ``places``."""
     shown: VertexErrors | None = None
     for k, errors in enumerate(found):
         one = sample_vertex_errors(errors, position, edges)
@@ -256,14 +263,13 @@ def _find_rock_instances(built: Built) -> dict[bpy.types.Object, Array]:
 def _find_seen_rocks(
     instances: Mapping[bpy.types.Object, Array], found: Sequence[DepthErrors], places: list[Array]
 ) -> Iterator[tuple[Array, Array, VertexErrors]]:
-    """Positions, triangles and what vertices show, of the rocks with a vertex that an eye sees.
-
-    Triangles too wide to show an error are divided.
+    """Positions, triangles and vertex errors of the rocks with a vertex that an eye sees. Triangles too wide to show an
+    error are divided.
     """
     for shape, matrices in instances.items():
         mesh = shape.data
         mesh.calc_loop_triangles()
-        whole = read_corners(mesh), read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
+        whole = read_vertex_positions(mesh), read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
         divisions = _count_divisions(found, matrices, *whole)
         for times in np.unique(divisions):
             corners, faces = whole
@@ -286,7 +292,7 @@ def _count_divisions(found: Sequence[DepthErrors], matrices: Array, corners: Arr
             longest[k : k + step] = np.maximum(
                 longest[k : k + step], np.where(inside, np.nan_to_num(sides).max(axis=(1, 2), initial=0.0), 0.0)
             )
-    needed = np.ceil(np.log2(np.maximum(longest / COARSE_PX, 1.0)))
+    needed = np.ceil(np.log2(np.maximum(longest / MOST_EDGE_PX, 1.0)))
     return np.asarray(np.minimum(needed, _MOST_DIVISIONS).astype(np.intp))
 
 
@@ -302,9 +308,9 @@ def _find_seen_copies(
         rocks = (shown.kind.reshape(-1, n) <= COARSE).any(axis=1)
         if rocks.any():
             own = np.repeat(rocks, n)
-            larger = _place_instances(some[rocks], corners * _LARGER)
+            larger = _place_instances(some[rocks], corners * _COPY_SCALE)
             yield (
-                larger + _NEARER * (found[0].pose[:3, 3] - larger),
+                larger + _COPY_SHIFT_SHARE * (found[0].pose[:3, 3] - larger),
                 _repeat_indices(faces, int(rocks.sum()), n),
                 VertexErrors(shown.error_m[own], shown.kind[own], shown.depth_m[own]),
             )
@@ -349,7 +355,9 @@ def _link_rocks(
 
 
 def _fill_attributes(mesh: bpy.types.Mesh, shown: VertexErrors, full_m: float) -> None:
-    """Add the attributes to a mesh, and show their colours. What a render takes for the mesh's colours stays."""
+    """Add the attributes to a mesh, and show their colours. The attribute that renders use as the mesh's
+    colours stays.
+    """
     mesh.attributes.new(ERROR_M, "FLOAT", "POINT").data.foreach_set("value", shown.error_m)
     mesh.attributes.new(KIND, "INT8", "POINT").data.foreach_set("value", shown.kind.astype(np.int8))
     add_colours(mesh)

@@ -54,9 +54,9 @@ from .tree.builder import copy_values
 MOST_ROCKS = 1000
 #: Maximum number of vertices of the whole ground that ``build_coarse`` makes in about a second.
 MOST_VERTICES = 20000
-_EDITED = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
-_TURNED = "Preview: fine relief and broken walls are real only where the camera looked; press Build Scene"
-_UNDUG = "Preview without the trench: press Build Scene"
+_EDITED_MESSAGE = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
+_TURNED_MESSAGE = "Preview: fine relief and broken walls are real only where the camera looked; press Build Scene"
+_UNDUG_MESSAGE = "Preview without the trench: press Build Scene"
 
 
 def read_notes(scene: bpy.types.Scene) -> list[str]:
@@ -74,7 +74,7 @@ def read_notes(scene: bpy.types.Scene) -> list[str]:
     undug = previewed.get("excavation", {}).get("path", "NONE") != "NONE" and collection.get(
         scenes.REFINED
     ) != json.dumps(previewed)
-    return [_TURNED if turned else _UNDUG if undug else "Preview: press Build Scene"]
+    return [_TURNED_MESSAGE if turned else _UNDUG_MESSAGE if undug else "Preview: press Build Scene"]
 
 
 def set_notes(built: scenes.Built, sentences: list[str]) -> None:
@@ -116,7 +116,7 @@ def await_ground(built: scenes.Built, settings: Settings) -> None:
 
 
 def awaits_ground(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
-    """The built scene if its ground at full resolution is to follow; None after a change of the ground's settings."""
+    """The built scene if its fine ground is still to come; None after a change of the ground's settings."""
     built = scenes.find_built(scene)
     marked = built is not None and built.collection.get(scenes.REFINED) == json.dumps(select_geometry(settings))
     return built if marked and built is not None and built.preview else None
@@ -140,14 +140,14 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
     messages += _show_surfaces(built, settings, before)
     if list_light_settings(settings) != list_light_settings(before):
         if built.edited_parts("sun"):
-            messages.append(_EDITED.format("Sun"))
+            messages.append(_EDITED_MESSAGE.format("Sun"))
         else:
             messages += _show_lights(built, settings)
     if merged(built.settings, built.preview) != before:
         _show_sunlight(built)
     if jitter_rig(settings) != jitter_rig(before) or settings.rig != before.rig or ground is not None:
         if built.edited_parts("camera"):
-            messages.append(_EDITED.format("camera"))
+            messages.append(_EDITED_MESSAGE.format("camera"))
         else:
             _show_rig(built, settings, ground)
     messages += _show_lander(built, settings, before, ground is not None)
@@ -156,9 +156,8 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
 
 
 def _show_sunlight(built: scenes.Built) -> None:
-    """Update what surfaces and lamps know of each other, without losing the marks of the user's edits.
-
-    The Sun's direction in surfaces is no part of their marks.
+    """Update surfaces and lamps with each other's state, without losing the marks of the user's edits. The Sun's
+    direction in surfaces does not count in their marks.
     """
     parts = ("sun object", "planetshine object", "terrain object", "rock object")
     by_hand = built.edited_parts(*parts)
@@ -181,7 +180,7 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         part.split()[0] for part in built.edited_parts("terrain object", "terrain data", "rock object", "rock data")
     }
     if by_hand:
-        raise IcyMoonError(_EDITED.format("ground" if "terrain" in by_hand else "field of rocks"))
+        raise IcyMoonError(_EDITED_MESSAGE.format("ground" if "terrain" in by_hand else "field of rocks"))
     coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings.terrain.resolution))}})
     ground = scenes.make_ground(settings)
     positions, faces = make_grid(coarse.terrain, ground)
@@ -271,7 +270,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
         mark_elevation(built.terrain.data, settings.surface, _make_drop_function(built))
     for role, (name, make, items) in builders.items():
         if f"{role} materials" in by_hand:
-            messages.append(_EDITED.format(f"surface of the {name}"))
+            messages.append(_EDITED_MESSAGE.format(f"surface of the {name}"))
         elif items:
             try:
                 _replace_material(items[0].data.materials[0], make(settings, built.terrain.data))
@@ -329,7 +328,7 @@ def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_
     if rebuilt_parts.select_lander(settings) == rebuilt_parts.select_lander(before) and not (new_ground and there):
         return []
     if built.edited_parts("lander"):
-        return [_EDITED.format("lander")]
+        return [_EDITED_MESSAGE.format("lander")]
     if reasons := list(scene_checks.find_lander_reasons(settings)):
         return [str(reason) for reason in reasons]
     old = {role: item for role, item in find_built_objects(built.collection).items() if role in LANDER_ROLES.values()}

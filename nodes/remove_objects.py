@@ -49,7 +49,7 @@ def remove_leftovers() -> None:
 
 
 def find_leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set[Any]]:
-    """What may have no users after objects are removed: their parts, their data and their materials."""
+    """Objects that may lose their users when objects are removed: their parts, their data and their materials."""
     every, others = find_parts(objects)
     parts = [*others, *(item for item in every if item not in objects)]
     return (
@@ -85,6 +85,6 @@ def _release_blocks(blocks: list[Any]) -> None:
 
 
 def free_names(blocks: Iterable[Any]) -> None:
-    """Give data-blocks the names of those that they replaced, without a number at the end."""
+    """Rename data-blocks to the names of the blocks that they replaced, without a number at the end."""
     for block in blocks:
         block.name = block.name.split(".")[0]

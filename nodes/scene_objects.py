@@ -36,8 +36,8 @@ from .ground.heights_under import probe_heights
 from .ground.rocks import build_rocks
 from .ground.terrain_mesh import (
     MeshedGround,
+    compute_vertex_spacing_m,
     site_wavelength_m,
-    vertex_spacing_m,
 )
 from .ground.user_ground import UserGround, is_from_file, load_ground
 from .head_cameras import build_head_cameras
@@ -55,7 +55,7 @@ from .surface.patches_and_grain import mark_elevation
 
 @dataclass
 class MadeObjects:
-    """What a scene consists of, not in any collection yet."""
+    """The parts of a scene, before they are in a collection."""
 
     objects: list[bpy.types.Object]  # the terrain, the Sun, the camera, then others
     sky: bpy.types.World
@@ -176,7 +176,7 @@ def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> t
     rig, size = settings.rig, settings.terrain.size_m
     height = find_site_ground_m(settings, ground)
     if own is not None and math.isnan(height):
-        return own.nearest_height_m(rig.x_m, rig.y_m), [
+        return own.find_nearest_height_m(rig.x_m, rig.y_m), [
             "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
             "and source.origin_y_m."
         ]
@@ -232,4 +232,4 @@ def _find_nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types
         return float(ground.grading.spacing_at(math.sqrt(max(nearest_ground_m(settings.rig) ** 2 - height_m**2, 0.0))))
     if is_from_file(settings):
         return math.sqrt(sum(each.area for each in mesh.polygons) / max(len(mesh.vertices), 1))
-    return vertex_spacing_m(settings.terrain)
+    return compute_vertex_spacing_m(settings.terrain)

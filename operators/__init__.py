@@ -1,4 +1,4 @@
-"""What buttons and F3 do: thin operators that call the builders, the worker and the evaluator."""
+"""The operators behind buttons and F3: thin functions that call the builders, the worker and the evaluator."""
 
 from __future__ import annotations
 
@@ -84,8 +84,8 @@ if find_spec(f"{__package__}.install_evaluator"):  # a store build has it not
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
-#: The modules that follow events, in the order in which listeners are told of a change.
-_FOLLOWING: tuple[Any, ...] = (
+#: The modules that follow events, in the order in which they learn of a change.
+_EVENT_MODULES: tuple[Any, ...] = (
     window_events,
     session,
     build,
@@ -105,13 +105,13 @@ _FOLLOWING: tuple[Any, ...] = (
 def register() -> None:
     """Register the operators, and follow events."""
     _register()
-    for module in _FOLLOWING:
+    for module in _EVENT_MODULES:
         module.register()
 
 
 def unregister() -> None:
     """Follow nothing any more, stop running jobs and unregister the operators."""
-    for module in reversed(_FOLLOWING):
+    for module in reversed(_EVENT_MODULES):
         module.unregister()
     variation_pictures.unregister()
     _unregister()

@@ -52,10 +52,10 @@ class _AddOperator(OperatorMixin):
         return {"FINISHED"}
 
 
-#: Settings of the ground itself that the redo panel shows at once; the others are under Advanced.
-_MAIN = ("size_m", "resolution", "rms_slope_deg", "hurst")
-_LANDFORMS = tuple(key for key, topic in TOPICS.items() if topic.parent == LANDFORMS)
-_OPTIONS: dict[str, dict[str, Any]] = {"resolution": {"default": 257}}
+#: Settings of the ground that the redo panel shows at once; the others are under Advanced.
+_MAIN_SETTINGS = ("size_m", "resolution", "rms_slope_deg", "hurst")
+_LANDFORM_TOPICS = tuple(key for key, topic in TOPICS.items() if topic.parent == LANDFORMS)
+_PROPERTY_OPTIONS: dict[str, dict[str, Any]] = {"resolution": {"default": 257}}
 
 
 def _list_terrains(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
@@ -75,7 +75,9 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
 
     own_settings = list_ground_settings()
     __annotations__ = {
-        name: scene_properties.make_property(TOPICS[topic][key], options={"SKIP_SAVE"}, **_OPTIONS.get(name, {}))
+        name: scene_properties.make_property(
+            TOPICS[topic][key], options={"SKIP_SAVE"}, **_PROPERTY_OPTIONS.get(name, {})
+        )
         for name, (topic, key) in own_settings.items()
     }
     preset: bpy.props.EnumProperty(
@@ -92,7 +94,9 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
         start = scene_properties.read_settings(context.scene.icymoon)
         if self.preset != _AS_IN_SIDEBAR[0]:
             start = description.merged(
-                start, {key: description.defaults()[key] for key in ("terrain", *_LANDFORMS)}, load_preset(self.preset)
+                start,
+                {key: description.defaults()[key] for key in ("terrain", *_LANDFORM_TOPICS)},
+                load_preset(self.preset),
             )
         if self.filled_from != self.preset:
             self._fill(start)
@@ -119,9 +123,9 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
         layout.use_property_split = True
         layout.prop(self, "preset")
         ground = [name for name, (topic, _) in self.own_settings.items() if topic == "terrain"]
-        for name in (*_MAIN, "seed"):
+        for name in (*_MAIN_SETTINGS, "seed"):
             layout.prop(self, name)
-        for topic in _LANDFORMS:
+        for topic in _LANDFORM_TOPICS:
             names = [name for name, (owner, _) in self.own_settings.items() if owner == topic]
             column = layout.column(align=True)
             column.prop(self, names[0], text=f"{TOPICS[topic].label}: {TOPICS[topic].settings[0].label}")
@@ -129,7 +133,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
                 column.prop(self, name)
         layout.prop(self, "advanced")
         for name in ground if self.advanced else ():
-            if name not in _MAIN:
+            if name not in _MAIN_SETTINGS:
                 layout.prop(self, name)
 
 

@@ -37,7 +37,7 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Setting
     view_exposure.expose_view(scene, settings, anew=before is None)
 
 
-_SHADING = ("type", "use_scene_lights_render", "use_scene_world_render")
+_SHADING_PROPERTIES = ("type", "use_scene_lights_render", "use_scene_world_render")
 
 
 def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
@@ -52,7 +52,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     session.views_before.setdefault(
         space.as_pointer(),
         {
-            "shading": {key: getattr(space.shading, key) for key in _SHADING},
+            "shading": {key: getattr(space.shading, key) for key in _SHADING_PROPERTIES},
             "overlays": space.overlay.show_overlays,
             "perspective": space.region_3d.view_perspective,
             "local": space.local_view is not None,

@@ -19,7 +19,7 @@ from .window_events import call_later, make_registration
 
 #: Custom property of a scene: the shading of its view before the colours.
 KEPT = "icymoon_view_before_colours"
-_KEYS = ("color_type", "light", "type")
+_SHADING_KEYS = ("color_type", "light", "type")
 
 
 def _list_views() -> Iterator[tuple[bpy.types.Scene, Any]]:
@@ -81,7 +81,7 @@ def restore_views() -> None:
         kept = session.shading_before.get(space.as_pointer(), {})
         if kept:
             session.colours_left[space.as_pointer()] = "type" in kept
-        for key in _KEYS:
+        for key in _SHADING_KEYS:
             if key in kept:
                 with suppress(TypeError):  # a file may contain any text
                     setattr(space.shading, key, kept[key])
@@ -109,7 +109,7 @@ def _read_earlier_shading() -> None:
     for scene, space in _list_views():
         stored: Any = scene.get(KEPT)
         kept = (
-            {key: str(stored[key]) for key in _KEYS if key in stored}
+            {key: str(stored[key]) for key in _SHADING_KEYS if key in stored}
             if hasattr(stored, "keys") and is_shown(scene)
             else {}
         )

@@ -13,7 +13,7 @@ import bpy
 
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import find_plan, read_plan_header
-from ..render.workers.detached_process import Detached, find_left_running
+from ..render.workers.detached_process import DetachedProcess, find_left_running
 from ..render.workers.job_commands import blender_command
 from ..render.workers.process import Message, clean_environment
 from ..settings.blender import scene_properties
@@ -33,7 +33,7 @@ from .sidebar_text import format_for_window
 from .window_areas import push_undo
 from .window_events import call_later, make_registration
 
-_TITLE = "Render Data Set"
+_JOB_TITLE = "Render Data Set"
 _LOOK_S = 0.5
 _plans: list[tuple[str, str, str]] = []
 #: The plan and lines of the last dry run, the pairs that were set aside and why, and the pair that was rendered last.
@@ -167,13 +167,12 @@ class DatasetJob(jobs.Job):
 
 
 def make_batch_command(settings: Settings, plan: str) -> list[str]:
-    """The command that renders a plan into the data set folder, and evaluates it if the settings ask for that.
-
-    Raises IcyMoonError if it is to evaluate and there is no evaluator.
+    """The command that renders a plan into the data set folder, and evaluates it if the settings ask for that. Raises
+    IcyMoonError if an evaluation is wanted without an evaluator.
     """
     wanted, folder = settings.dataset, find_dataset_folder(settings)
     count = wanted.workers or count_workers()
-    # The same process evaluates, so that it does so even after this Blender is closed.
+    # The same process evaluates, so that the evaluation runs even after this Blender is closed.
     after = (
         [
             *evaluate.make_matcher_arguments(settings, "--evaluate"),
@@ -197,16 +196,16 @@ def make_batch_command(settings: Settings, plan: str) -> list[str]:
     )
 
 
-def start_batch(settings: Settings, command: list[str], plan: str) -> Detached:
+def start_batch(settings: Settings, command: list[str], plan: str) -> DetachedProcess:
     """Start a ``make_batch_command``; ``plan`` is the plan as the setting ``dataset.plan`` names it.
 
     Raises IcyMoonError if the data set is being rendered.
     """
     folder = find_dataset_folder(settings)
-    return Detached.start(
+    return DetachedProcess.start(
         command,
         find_state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
-        {"title": _TITLE, "dataset": str(folder), "plan": plan, "evaluate": settings.dataset.evaluate},
+        {"title": _JOB_TITLE, "dataset": str(folder), "plan": plan, "evaluate": settings.dataset.evaluate},
         jobs.make_environment_with_cards("GPU", clean_environment()),
     )
 
@@ -215,13 +214,13 @@ class DatasetOperator(JobOperator):
     """Mix-in: an operator that watches a data set."""
 
     escapes = False
-    _process: Detached
+    _process: DetachedProcess
     _keeper: evaluate.ResultKeeper
 
     def watch(self, context: bpy.types.Context) -> None:
         self._process.leave = bool(context.scene.icymoon.dataset.leave_running)
 
-    def _make_job(self, process: Detached, context: bpy.types.Context) -> jobs.Job:
+    def _make_job(self, process: DetachedProcess, context: bpy.types.Context) -> jobs.Job:
         readout.update(set_aside=[], last=None)
         self._process = process
         # An earlier Blender may have started it.
@@ -233,7 +232,7 @@ class DatasetOperator(JobOperator):
             self._keeper(message)
             _note_pairs(message)
 
-        job = DatasetJob(_TITLE, process, handle, started=began)
+        job = DatasetJob(_JOB_TITLE, process, handle, started=began)
         job.evaluates = bool(process.facts.get("evaluate"))
         return job
 
@@ -248,7 +247,7 @@ class ICYMOON_OT_render_dataset(DatasetOperator, bpy.types.Operator):
     """Render the missing pairs of the plan into the data set folder, in separate processes. The present scene is neither used nor changed"""  # noqa: E501
 
     bl_idname = "icymoon.render_dataset"
-    bl_label = _TITLE
+    bl_label = _JOB_TITLE
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)

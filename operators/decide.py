@@ -1,4 +1,4 @@
-"""Decide Where to Dig: what a lander would decide by each matcher, in the evaluator's Python."""
+"""Decide Where to Dig: a lander's decisions by each matcher, computed in the evaluator's Python."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
         dataset = find_dataset_folder(settings)
-        # For security, the page that is opened later is this one, not one that a message names.
+        # For security, the page to open later is fixed here, and not taken from a message.
         self._page = dataset / "decisions" / "decisions.html"
         command = python_command(
             find_evaluator_python(),

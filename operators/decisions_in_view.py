@@ -1,4 +1,4 @@
-"""Decisions in the 3D View: a map of what a lander would decide, on the ground, with the chosen site and the reach."""
+"""Decisions in the 3D View: a map of a lander's decisions on the ground, with the chosen site and the reach."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .coloured_views import give_back_views, show_colours
 from .render import find_dataset_folder
 from .sidebar_text import format_for_window
 
-#: The maps, as the buttons call them.
+#: The maps, with the names on their buttons.
 MAPS = (
     (stored_maps.SUITABILITY, "Suitability", "How far each place keeps the rules of a safe site"),
     (stored_maps.SLOPE, "Slope", "Slope under the disc of a site, as the matcher measured it"),

@@ -89,10 +89,10 @@ class ICYMOON_OT_paint_errors(ResultOperator, bpy.types.Operator):
 
 
 def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, list[DepthErrors]]:
-    """The built scene, and the errors of a matcher on its evaluated pairs.
+    """The built scene, and the errors of a matcher on its evaluated pairs: the pairs of the present settings, or else
+    pairs of the same ground and cameras.
 
-    These are the pairs of the present settings, or else pairs of the same ground and cameras. Raises IcyMoonError if
-    there is no such pair.
+    Raises IcyMoonError if there is no such pair.
     """
     files = find_disparity_files(scene, method)
     if not files:

@@ -14,7 +14,7 @@ from ..settings.blender import scene_properties
 from ..settings.table import list_all_settings
 from ..settings.topics.scene import Settings
 from ..settings.topics.trust_boundary import OWN
-from ..stereo.matchers import matcher_needs, matcher_titles
+from ..stereo.matchers import get_matcher_needs, list_matcher_titles
 from ..stereo.matchers.methods import toggle_method
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
@@ -103,7 +103,7 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
             return {"CANCELLED"}
         return super().invoke(context, event)
 
-    def _command(self, settings: Settings, paths: Sequence[Path]) -> list[str]:
+    def _make_command(self, settings: Settings, paths: Sequence[Path]) -> list[str]:
         return python_command(
             find_evaluator_python(),
             "stereo",
@@ -120,7 +120,7 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
         found = [] if self.scope == "DATASET" else find_rendered_pairs(context, settings)
-        command = self._command(settings, found or [find_dataset_folder(settings)])
+        command = self._make_command(settings, found or [find_dataset_folder(settings)])
         self._keeper = ResultKeeper(context.scene, self.scope, settings, [folder.name for folder in found])
         return jobs.Job.start("Evaluate", command, self._keeper)
 
@@ -145,7 +145,7 @@ class ICYMOON_OT_evaluate_folder(JobOperator, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """What to choose, beside the folders."""
+        """Draw the choices beside the folders."""
         column = self.layout.column(align=True)
         for line in (
             "Choose a folder: a data set",
@@ -161,7 +161,7 @@ class ICYMOON_OT_evaluate_folder(JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         folder = absolute_path(self.directory, "the folder", bpy.path.abspath("//"))
-        # For security, the page that is opened later is this one, not one that a message names.
+        # For security, the page to open later is fixed here, and not taken from a message.
         self._page = folder / "evaluation" / "report.html"
         command = python_command(
             find_evaluator_python(),
@@ -199,12 +199,12 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         """The tooltip, with the requirements of the matcher, if any."""
-        needs = matcher_needs(properties.matcher)
+        needs = get_matcher_needs(properties.matcher)
         return f"{cls.__doc__}. It needs {needs}" if needs else str(cls.__doc__)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon.dataset
-        known = (*matcher_titles(), *list_plugin_matchers())
+        known = (*list_matcher_titles(), *list_plugin_matchers())
         if not self.matcher.startswith(f"{OWN}:") and self.matcher not in known:
             self.report(
                 {"ERROR"},

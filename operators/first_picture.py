@@ -20,9 +20,9 @@ from ..nodes import build_scene as scenes
 from ..support.blender import compat
 from .window_areas import redraw
 
-#: How often the view is drawn with the ground at full resolution before the picture goes: once for a light path of each
-#: pixel, or more often where the mouse moves.
-_DRAWN = 8
+#: Number of draws of the view with the fine ground before the picture is removed: one for a light path of each pixel,
+#: more if the mouse moves.
+_DRAWS_BEFORE_REMOVAL = 8
 
 
 class FirstPicture:
@@ -30,7 +30,7 @@ class FirstPicture:
 
     def __init__(self) -> None:
         self._find_scene = ""
-        self._left: int | None = None  # how often it will be drawn; None until the ground is there
+        self._left: int | None = None  # number of draws that remain; None until the fine ground exists
         self._texture: Any = None
         self._handler: object = None
 
@@ -44,7 +44,7 @@ class FirstPicture:
     def count(self, scene: bpy.types.Scene) -> None:
         """The view now shows its final ground: remove the picture once the view is clear."""
         if self.is_shown(scene) and self._left is None:
-            self._left = _DRAWN
+            self._left = _DRAWS_BEFORE_REMOVAL
 
     def is_shown(self, scene: bpy.types.Scene) -> bool:
         """Whether a picture covers the view of a scene."""

@@ -23,11 +23,11 @@ class WatchingOperator(OperatorMixin):
     _job: jobs.Job | None = None
 
     def start(self, context: bpy.types.Context) -> jobs.Job | None:
-        """Start the job; None if there is nothing to wait for. Raises IcyMoonError if it cannot start."""
+        """Start the job; None if it has nothing to wait for. Raises IcyMoonError if it cannot start."""
         raise NotImplementedError
 
     def report_success(self, context: bpy.types.Context) -> None:
-        """Use what the job has made. Raises IcyMoonError if that fails."""
+        """Use the results of the job. Raises IcyMoonError if that fails."""
         raise NotImplementedError
 
     def run_blocking(self, context: bpy.types.Context) -> None:
@@ -104,7 +104,7 @@ class WatchingOperator(OperatorMixin):
 class JobOperator(WatchingOperator):
     """Mix-in: an operator whose job the sidebar shows. There is one such job at a time."""
 
-    #: Whether Esc stops the job. It does not stop jobs of hours, during which the user presses Esc for other reasons.
+    #: Whether Esc stops the job. Esc never stops jobs of hours, during which the user presses it for other reasons.
     escapes = True
     _job: jobs.Job
 

@@ -13,15 +13,15 @@ import bpy
 
 from ..render.graphics_cards import find_ticked_cards
 from ..render.workers.assign_cards import ENVIRONMENT, add_cards
-from ..render.workers.detached_process import Detached
+from ..render.workers.detached_process import DetachedProcess
 from ..render.workers.process import Message, Process, clean_environment
 from ..render.workers.watched_thread import Calculation
 from ..support.errors import IcyMoonError
 
 #: Seconds between two looks at a job.
 INTERVAL_S = 0.1
-#: Share of a job, or seconds, from which on the remaining time is shown.
-_SURE_FROM, _SURE_FROM_S = 0.1, 120.0
+#: Least finished share of a job, or least seconds, for which the remaining time is shown.
+_LEAST_SHARE, _LEAST_SECONDS = 0.1, 120.0
 
 
 def make_environment_with_cards(device: str, environment: Mapping[str, str] | None = None) -> Mapping[str, str] | None:
@@ -33,7 +33,7 @@ def make_environment_with_cards(device: str, environment: Mapping[str, str] | No
 
 
 def find_this_blender() -> str:
-    """The program that starts another Blender like this one: Blender, or Python if Blender is a module of it."""
+    """The program that starts another Blender of this kind: Blender, or Python if Blender is a module of it."""
     return str(bpy.app.binary_path or sys.executable)
 
 
@@ -42,7 +42,7 @@ class Job:
     """One running process or thread and its reports so far, which the panel shows."""
 
     title: str
-    process: Process | Detached | Calculation
+    process: Process | DetachedProcess | Calculation
     handle: Callable[[Message], object] = lambda message: None  # called with every message
     clean_up: Callable[[], object] = lambda: None  # called at the end, however it ends
     started: float = field(default_factory=time.monotonic)
@@ -84,9 +84,11 @@ class Job:
 
     @property
     def remaining_s(self) -> float | None:
-        """Estimate of the remaining seconds; None at first, when the start of the process would distort it."""
+        """Estimate of the remaining seconds; None at first, because the start of the process would distort the
+        estimate.
+        """
         past_s = time.monotonic() - self.started
-        if self.fraction <= 0.02 or (self.fraction < _SURE_FROM and past_s < _SURE_FROM_S):
+        if self.fraction <= 0.02 or (self.fraction < _LEAST_SHARE and past_s < _LEAST_SECONDS):
             return None
         return past_s * (1.0 - self.fraction) / self.fraction
 

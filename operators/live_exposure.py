@@ -61,7 +61,7 @@ def develop_waiting() -> float | None:
 
 
 def _start_development() -> jobs.Job | None:
-    """Start to develop the shown images of a waiting scene; None without such images, or while another job runs."""
+    """Start to develop the shown images of a waiting scene. None without such images, or while another job runs."""
     if session.job is not None:
         return None  # the other job may be writing the same images
     scene = bpy.data.scenes.get(session.to_develop.pop()) if session.to_develop else None

@@ -27,8 +27,8 @@ from .window_events import call_later, make_registration
 
 #: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
 BUDGET_S = 0.08
-_SHOWN = {"geometry", "material", "light", "lander", "camera"}
-_NO_SKY = "The light is as before: see Light"  # the panel that tells why
+_SHOWN_EFFECTS = {"geometry", "material", "light", "lander", "camera"}
+_NO_SKY = "The light is as before: see Light"  # the panel that shows the reason
 
 
 def has_window() -> bool:
@@ -79,7 +79,7 @@ def _has_changed(built: scenes.Built, settings: Settings) -> bool:
 
 def schedule_update(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Show a change of settings, or schedule it; a listener of ``scene_properties``."""
-    if not has_window() or not effects & _SHOWN or scene is None:
+    if not has_window() or not effects & _SHOWN_EFFECTS or scene is None:
         return
     if bpy.app.timers.is_registered(show_waiting):
         session.to_preview.add(scene.name)

@@ -16,7 +16,7 @@ from .session import session
 from .sidebar_text import format_for_window
 from .window_areas import list_areas, override_area
 
-_NAME = "Icy Moon"
+_LIBRARY_NAME = "Icy Moon"
 
 
 def _show_in_browsers() -> None:
@@ -41,11 +41,13 @@ class ICYMOON_OT_make_asset_library(JobOperator, bpy.types.Operator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         if not find_asset_libraries():
-            library = context.preferences.filepaths.asset_libraries.new(name=_NAME, directory=str(find_asset_folder()))
+            library = context.preferences.filepaths.asset_libraries.new(
+                name=_LIBRARY_NAME, directory=str(find_asset_folder())
+            )
             library.import_method = "APPEND"  # dropped assets can be edited; Blender 5 would pack them otherwise
         _show_in_browsers()
         made = format_count(int(self._job.result["assets"]), "asset")
-        self.report({"INFO"}, f"Made {made}; choose the library {_NAME} in the Asset Browser")
+        self.report({"INFO"}, f"Made {made}; choose the library {_LIBRARY_NAME} in the Asset Browser")
 
 
 class ICYMOON_OT_remove_asset_library(bpy.types.Operator):

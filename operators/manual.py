@@ -20,11 +20,11 @@ from ..support.temporary_folders import make_scratch_folder
 from ..support.version import ROOT, version
 from .sidebar_text import format_for_window
 
-_DOCS = ROOT / "docs"
+_DOCS_FOLDER = ROOT / "docs"
 FIRST_PAGE = "index"
 #: The page about the steps in the window.
 WINDOW_PAGE = "tutorial/window"
-_PAGES = {
+_PAGE_BY_TOPIC = {
     "terrain": "theory/terrain",
     "hills": "theory/terrain",
     "mesh": "theory/mesh",
@@ -48,8 +48,8 @@ _PAGES = {
     "quality": "howto/speed",
     "dataset": "datasets",
 }
-#: The folders of the pages as the top of a page lists them.
-_GROUPS = {
+#: The folders of the pages, as a page lists them at its top.
+_GROUP_TITLES = {
     "": "Start",
     "tutorial": "Tutorials",
     "howto": "How to",
@@ -57,7 +57,7 @@ _GROUPS = {
     "reference": "Reference",
     "notebooks": "Notebooks",
 }
-_STYLE = """body{font:16px/1.5 sans-serif;max-width:46em;margin:2em auto;padding:0 1em;color:#222;background:#fff}
+_PAGE_STYLE = """body{font:16px/1.5 sans-serif;max-width:46em;margin:2em auto;padding:0 1em;color:#222;background:#fff}
 nav{font-size:85%;border-bottom:1px solid #999;padding-bottom:.6em}nav a{margin-right:.9em;white-space:nowrap}
 nav p{margin:.2em 0;padding-left:6em;text-indent:-6em}nav b{display:inline-block;width:6em;text-indent:0}
 math[display=block]{margin:1em 0;overflow-x:auto}
@@ -69,14 +69,14 @@ table{border-collapse:collapse}th,td{border:1px solid #999;padding:.2em .5em;tex
 @lru_cache(maxsize=1)
 def list_page_names() -> tuple[str, ...]:
     """The pages of the manual that this copy of Icy Moon has, such as ``tutorial/window``, the first one first."""
-    found = sorted(path.relative_to(_DOCS).with_suffix("").as_posix() for path in _DOCS.rglob("*.md"))
+    found = sorted(path.relative_to(_DOCS_FOLDER).with_suffix("").as_posix() for path in _DOCS_FOLDER.rglob("*.md"))
     return tuple(sorted(found, key=lambda name: name != FIRST_PAGE))
 
 
 @lru_cache(maxsize=1)
 def _read_formulas() -> dict[str, str]:
     """MathML by TeX, which ``docs/make/formulas.py`` has made."""
-    found: dict[str, str] = json.loads((_DOCS / "formulas.json").read_text(encoding="utf-8"))
+    found: dict[str, str] = json.loads((_DOCS_FOLDER / "formulas.json").read_text(encoding="utf-8"))
     return found
 
 
@@ -84,9 +84,9 @@ def _read_formulas() -> dict[str, str]:
 def write_pages() -> Path:
     """A temporary folder with all pages as HTML, written once in a session. Raises IcyMoonError if it cannot be."""
     if not list_page_names():
-        raise IcyMoonError(f"The manual is missing in {_DOCS}; install Icy Moon again.")
+        raise IcyMoonError(f"The manual is missing in {_DOCS_FOLDER}; install Icy Moon again.")
     folder = make_scratch_folder()
-    texts = {name: (_DOCS / f"{name}.md").read_text(encoding="utf-8") for name in list_page_names()}
+    texts = {name: (_DOCS_FOLDER / f"{name}.md").read_text(encoding="utf-8") for name in list_page_names()}
     titles = {name: _find_title(name, text) for name, text in texts.items()}
     for name, text in texts.items():
         target = folder / f"{name}.html"
@@ -101,7 +101,7 @@ def _find_title(name: str, text: str) -> str:
     return found[1].replace("`", "") if found else name
 
 
-def _relative_address(name: str, page: str) -> str:
+def _make_relative_address(name: str, page: str) -> str:
     """The address of a page as seen from another."""
     return posixpath.relpath(f"{name}.html", posixpath.dirname(page) or ".")
 
@@ -111,30 +111,32 @@ def _make_html_page(page: str, text: str, titles: dict[str, str]) -> str:
         if link.startswith("https://"):
             return link
         name = posixpath.normpath(posixpath.join(posixpath.dirname(page), link.partition("#")[0]))
-        return _relative_address(name.removesuffix(".md"), page) if name.removesuffix(".md") in titles else None
+        return _make_relative_address(name.removesuffix(".md"), page) if name.removesuffix(".md") in titles else None
 
     def links(folder: str) -> str:
         return " ".join(
-            f'<a href="{_relative_address(name, page)}">{html.escape(title)}</a>'
+            f'<a href="{_make_relative_address(name, page)}">{html.escape(title)}</a>'
             for name, title in titles.items()
             if posixpath.dirname(name) == folder
         )
 
-    groups = "".join(f"<p><b>{heading}</b> {links(folder)}</p>" for folder, heading in _GROUPS.items())
+    groups = "".join(f"<p><b>{heading}</b> {links(folder)}</p>" for folder, heading in _GROUP_TITLES.items())
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(titles[page])} · Icy Moon '
-        f"{version()}</title><style>{_STYLE}</style></head><body><nav>{groups}</nav>\n"
+        f"{version()}</title><style>{_PAGE_STYLE}</style></head><body><nav>{groups}</nav>\n"
         f"{render_page(text, address, _read_formulas().get)}\n</body></html>\n"
     )
 
 
 def find_page_of_topic(topic: str) -> str:
     """The page on a topic of the settings."""
-    return _PAGES["terrain" if TOPICS[topic].parent == LANDFORMS else topic]
+    return _PAGE_BY_TOPIC["terrain" if TOPICS[topic].parent == LANDFORMS else topic]
 
 
 def _make_manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
-    """Where Online Manual leads in the context menu of our fields and buttons: (beginning, (pattern, end) of each)."""
+    """The targets of Online Manual in the context menu of our fields and buttons: (beginning, (pattern, end) of
+    each).
+    """
     try:
         start = write_pages().as_uri()
     except IcyMoonError:

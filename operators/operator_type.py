@@ -1,4 +1,4 @@
-"""What Blender gives every operator, as a type for mix-ins. Blender sees no class here."""
+"""The attributes that Blender gives every operator, as a type for mix-ins. Blender sees no class here."""
 
 from __future__ import annotations
 

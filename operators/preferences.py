@@ -22,7 +22,7 @@ from ..support.system import find_venv_python
 from ..support.version import ROOT
 
 #: Packages that the evaluator's Python needs, as shown to the user.
-_NEEDED = ", ".join(name for name, *_ in PACKAGES.values())
+_NEEDED_PACKAGES = ", ".join(name for name, *_ in PACKAGES.values())
 
 #: The name by which Blender knows the add-on: its package, which the room is in.
 ADD_ON = __package__.rpartition(".")[0]
@@ -65,7 +65,7 @@ def has_own_evaluator() -> bool:
 
 
 def find_asset_folder() -> Path:
-    """The folder of the asset library. Raises IcyMoonError if there is no extension's folder."""
+    """The folder of the asset library. Raises IcyMoonError if the extension has no folder."""
     return find_extension_folder() / "assets"
 
 
@@ -78,7 +78,7 @@ def has_assets() -> bool:
 
 
 def find_asset_libraries() -> list[Any]:
-    """The entries of Blender's preferences for our asset library, under whatever name."""
+    """The entries of Blender's preferences for our asset library, under any name."""
     try:
         folder = find_asset_folder()
     except IcyMoonError:
@@ -126,21 +126,21 @@ def find_evaluator_python() -> str:
 
 
 def _describe_how_to_get_evaluator() -> str:
-    """What to do where there is no evaluator, as a sentence."""
+    """A sentence on how to get an evaluator."""
     if not can_install_evaluator():
         return (
             "The Python of this Blender was not found as a program, or it lacks numpy, so it cannot evaluate; "
-            f"choose a Python that has {_NEEDED} in Preferences ▸ Add-ons ▸ Icy Moon, or name it by "
+            f"choose a Python that has {_NEEDED_PACKAGES} in Preferences ▸ Add-ons ▸ Icy Moon, or name it by "
             "ICYMOON_EVALUATOR."
         )
     if bpy.app.background:
         return (
             'There is no evaluator yet; install it with blender --online-mode -b --python-expr "import bpy; '
-            f'bpy.ops.icymoon.install_evaluator()", or set ICYMOON_EVALUATOR to a Python that has {_NEEDED}.'
+            f'bpy.ops.icymoon.install_evaluator()", or set ICYMOON_EVALUATOR to a Python that has {_NEEDED_PACKAGES}.'
         )
     return (
         "There is no evaluator yet; open Preferences ▸ Add-ons ▸ Icy Moon and press Install Evaluator, or choose a "
-        f"Python that has {_NEEDED}."
+        f"Python that has {_NEEDED_PACKAGES}."
     )
 
 
@@ -217,7 +217,7 @@ def _choose_cache(preferences: bpy.types.AddonPreferences, context: bpy.types.Co
 _found_matchers: list[str] = []
 #: Findings of the last Check in this session, which the preferences show.
 findings: list[Finding] = []
-_ICONS = {"ok": "CHECKMARK", "limited": "INFO", "missing": "ERROR"}
+_ICON_BY_STATUS = {"ok": "CHECKMARK", "limited": "INFO", "missing": "ERROR"}
 
 
 class ICYMOON_PG_matcher(bpy.types.PropertyGroup):
@@ -251,8 +251,8 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         name="Evaluator's Python",
         subtype="FILE_PATH",
         default="",
-        description=f"Python that evaluates pairs, with {_NEEDED}. Empty for the one that comes with the extension or "
-        "that Install Evaluator installs",
+        description=f"Python that evaluates pairs, with {_NEEDED_PACKAGES}. "
+        "Empty for the one that comes with the extension or that Install Evaluator installs",
     )
     kernels: bpy.props.StringProperty(
         name="SPICE Kernels",
@@ -311,7 +311,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
             )
         for finding in findings:
             column = layout.column(align=True)
-            column.label(text=f"{finding.subject}: {finding.fact}", icon=_ICONS[finding.state])
+            column.label(text=f"{finding.subject}: {finding.fact}", icon=_ICON_BY_STATUS[finding.state])
             if finding.fix:
                 column.label(text=finding.fix, icon="BLANK1")
         row = layout.row()

@@ -32,12 +32,12 @@ from .sidebar_text import format_for_window, measure_line_length, remember_answe
 
 #: Prefix of the names of the user's own presets.
 OWN = "own/"
-_PICTURE = ".png"
-_CHANGED = ", changed"
-#: Characters that the icons and buttons beside a preset's title take, and fewest of a title that still say which.
-_BESIDE, _FEWEST = 13, 6
-#: Topics that are the user's, whatever scene is loaded.
-_KEPT = ("dataset", "quality")
+_PICTURE_SUFFIX = ".png"
+_CHANGED_MARK = ", changed"
+#: Characters that the icons and buttons beside a preset's title take, and fewest characters of a recognisable title.
+_BUTTON_CHARACTERS, _FEWEST_TITLE_CHARACTERS = 13, 6
+#: Topics that belong to the user and stay when a scene is loaded.
+_KEPT_TOPICS = ("dataset", "quality")
 #: Columns and rows of a preset's picture at most.
 PICTURE_PX = 256
 _shipped: list[tuple[str, str, str]] = []
@@ -74,7 +74,7 @@ def find_picture(name: str) -> Path:
     return (
         preset_files.find_preview(name)
         if not name.startswith(OWN)
-        else find_own_folder() / (f"{name.removeprefix(OWN)}{_PICTURE}")
+        else find_own_folder() / (f"{name.removeprefix(OWN)}{_PICTURE_SUFFIX}")
     )
 
 
@@ -119,15 +119,16 @@ def find_title(name: str) -> str:
 
 
 def make_button_title(scene: bpy.types.Scene) -> str:
-    """The title of the scene's preset on its button, and that the scene was changed since; cut to what fits there, and
-    without the title where next to nothing of it does."""
+    """The title of the scene's preset on its button, with a mark if the scene was changed since. The title is cut to
+    the width, and left out if almost none of it fits.
+    """
     title = find_title(scene.icymoon.preset)
     if not is_changed(scene):
         return title
-    room = measure_line_length() - _BESIDE - len(_CHANGED)
-    if room < _FEWEST:
+    room = measure_line_length() - _BUTTON_CHARACTERS - len(_CHANGED_MARK)
+    if room < _FEWEST_TITLE_CHARACTERS:
         return "Changed"
-    return f"{title if len(title) <= room else f'{title[: room - 1].rstrip()}…'}{_CHANGED}"
+    return f"{title if len(title) <= room else f'{title[: room - 1].rstrip()}…'}{_CHANGED_MARK}"
 
 
 def is_changed(scene: bpy.types.Scene) -> bool:
@@ -154,7 +155,7 @@ def _differs(settings: Settings, path: Path, modified_ns: int) -> bool:
         loaded = description.merged(description.defaults(), preset_files.load(path))
     except IcyMoonError:
         return False  # the user's file has become unreadable, which loading it reports
-    return any(settings[topic] != loaded[topic] for topic in loaded if topic not in _KEPT)
+    return any(settings[topic] != loaded[topic] for topic in loaded if topic not in _KEPT_TOPICS)
 
 
 def find_known_sources(settings: Settings, preset: str) -> dict[str, str]:
@@ -285,8 +286,8 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
             settings = scene_properties.read_settings(group)
             wanted = make_paths_absolute(settings)
             wanted.pop("dataset")
-            remove(find_own_folder() / f"{stem}{_PICTURE}")  # of a preset that had this name
-            pictured = _save_picture(context, settings, find_own_folder() / f"{stem}{_PICTURE}")
+            remove(find_own_folder() / f"{stem}{_PICTURE_SUFFIX}")  # of a preset that had this name
+            pictured = _save_picture(context, settings, find_own_folder() / f"{stem}{_PICTURE_SUFFIX}")
             write_text(
                 find_own_folder() / f"{stem}.toml",
                 preset_files.make_preset_text(
@@ -325,7 +326,7 @@ class ICYMOON_OT_remove_preset(bpy.types.Operator):
             path = find_preset(group.preset)
             with explain_disk_errors("delete", path):
                 remove(path)
-                remove(path.with_suffix(_PICTURE))
+                remove(path.with_suffix(_PICTURE_SUFFIX))
         except IcyMoonError as error:
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}

@@ -27,8 +27,8 @@ from .window_events import call_later, make_registration
 
 #: Text in the sidebar while the fine ground is computed.
 NOTE = "Coarse ground; the fine one follows"
-#: Beginnings of the names of operators that hold the data they change, or that a wait would interrupt.
-_BUSY = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
+#: First letters of the names of operators that hold the data they change, or that a wait would interrupt.
+_BUSY_OPERATORS = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
 
 
 def begin_refining() -> None:
@@ -56,7 +56,7 @@ def _find_next() -> tuple[scenes.Built, Settings] | None:
 def _is_busy() -> bool:
     """Whether Blender renders, or the user drags something."""
     return bpy.app.is_job_running("RENDER") or any(
-        operator.bl_idname.startswith(_BUSY)
+        operator.bl_idname.startswith(_BUSY_OPERATORS)
         for window in bpy.context.window_manager.windows
         for operator in window.modal_operators
     )
@@ -83,9 +83,9 @@ def _refine_next() -> float | None:
 
 
 def _show_refined(built: scenes.Built, settings: Settings, job: jobs.Job) -> None:
-    """Build a scene at full resolution from its ground and note its warnings, or note why it is not built.
+    """Build a scene at full resolution from its ground and record its warnings, or the reason why it is not built.
 
-    It is not built if something was edited by hand.
+    A scene that was edited by hand is not built.
     """
     views = find_views_through(bpy.context, built.camera)
     try:

@@ -14,7 +14,7 @@ from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
 from ..render.workers.job_commands import Job as JobFiles
-from ..render.workers.job_commands import absolute_folder, blender_command
+from ..render.workers.job_commands import blender_command, resolve_dataset_folder
 from ..render.workers.process import Message
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
@@ -31,7 +31,7 @@ from .window_areas import find_scene, push_undo
 def find_dataset_folder(settings: Settings) -> Path:
     """The absolute path of the data set folder that the settings name."""
     saved = os.path.dirname(bpy.data.filepath) if bpy.data.filepath else None
-    return absolute_folder(str(settings.dataset.folder), saved)
+    return resolve_dataset_folder(str(settings.dataset.folder), saved)
 
 
 def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:

@@ -28,10 +28,10 @@ from .sidebar_text import recall_known_speed, replace_keys_by_labels
 from .window_areas import push_undo
 from .window_events import keep_until_change
 
-#: Rendered pairs whose pictures the sidebar offers, and characters of a line of the dialog.
-_PICTURES, _DIALOG_LINE = 24, 60
-#: Number of pairs over which the estimate takes the mean.
-_SAMPLE = 16
+#: Most pairs whose pictures the sidebar offers, and characters of a line of the dialog.
+_MOST_PICTURES, _DIALOG_LINE_CHARACTERS = 24, 60
+#: Number of pairs over which the estimate averages.
+_SAMPLED_PAIRS = 16
 
 
 def list_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
@@ -46,7 +46,7 @@ def _make_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
     variations = scene_properties.read_variations(scene.icymoon)
     try:
         told = describe_variations(settings, variations)
-        some, grounds = sample_settings(settings, variations, _SAMPLE)
+        some, grounds = sample_settings(settings, variations, _SAMPLED_PAIRS)
     except IcyMoonError as error:
         return (str(error),)
     speed = recall_known_speed(str(settings.quality.device))
@@ -57,7 +57,7 @@ def _make_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 def _choose_spread(pairs: Sequence[Any]) -> list[Any]:
     """All pairs, or as many as the sidebar can show: the first, the last and others at equal steps."""
-    count = min(_PICTURES, len(pairs))
+    count = min(_MOST_PICTURES, len(pairs))
     return [pairs[round(k * (len(pairs) - 1) / max(1, count - 1))] for k in range(count)]
 
 
@@ -96,7 +96,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
     def draw(self, context: bpy.types.Context) -> None:
         column, group = self.layout.column(), context.scene.icymoon.dataset
         for sentence in list_lines(context.scene):
-            for line in textwrap.wrap(replace_keys_by_labels(sentence), _DIALOG_LINE):
+            for line in textwrap.wrap(replace_keys_by_labels(sentence), _DIALOG_LINE_CHARACTERS):
                 column.label(text=line)
         variation_pictures.draw_icons(column, context.scene)
         column.prop(self, "folder")
@@ -107,8 +107,8 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not self._asked:
             return super().execute(context)
-        # A dialog runs it as a script does, which would wait until all pairs are there; and Blender does not free an
-        # operator that becomes modal when its dialog is confirmed. So another operator does the work.
+        # A dialog runs this operator as a script does, so it would wait until all pairs are rendered, and Blender does
+        # not free an operator that becomes modal when its dialog is confirmed. So another operator does the work.
         try:
             bpy.ops.icymoon.render_variations("INVOKE_DEFAULT", folder=self.folder)
         except RuntimeError as error:  # with the operator's report

@@ -8,7 +8,7 @@ import bpy
 
 from ..render.workers.job_commands import python_command
 from ..settings.blender import scene_properties
-from ..stereo.paper import PAGE
+from ..stereo.paper import PAPER_PAGE
 from ..support.printer import show_controls
 from . import jobs
 from .job_operators import DialogJobOperator
@@ -43,8 +43,8 @@ class ICYMOON_OT_reproduce(DialogJobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
         folder, count = find_dataset_folder(settings) / "guiss", settings.dataset.workers or count_workers()
-        # For security, the page that is opened later is this one, not one that a message names.
-        self._page = folder / PAGE
+        # For security, the page to open later is fixed here, and not taken from a message.
+        self._page = folder / PAPER_PAGE
         command = python_command(
             find_evaluator_python(),
             "reproduce",

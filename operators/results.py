@@ -18,7 +18,7 @@ from ..settings.table import list_all_settings
 from ..settings.topics.declaration import Setting
 from ..settings.topics.scene import Settings, typed
 from ..stereo.matchers.methods import describe_method
-from ..stereo.report.table_columns import NO_RESULT, RANKING
+from ..stereo.report.table_columns import NO_RESULT, RANKING_METRIC
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
 from ..support.files import explain_disk_errors
@@ -32,7 +32,7 @@ from .window_areas import push_undo
 
 #: Columns of a matcher's row in a report that the scene keeps.
 METRICS = ("total_bad_1", "coverage", "l1_m", "l1_rate_10", "si_rmse", "dod")
-_ROW = {
+_ROW_SHAPE = {
     "method": TEXT,
     **{name: Maybe(NUMBER, null=True) for name in METRICS},
     "n": Maybe(COUNT),
@@ -40,28 +40,28 @@ _ROW = {
     "ranks": Maybe(Each(Each(COUNT), TEXT)),
 }
 #: Lists of sentences of a report that the scene keeps, see ``KeptResults``.
-_SENTENCES = ("notes", "briefs", "rare_failures", "doubts", "typical_differences")
-_SHAPE = {
+_SENTENCE_LISTS = ("notes", "briefs", "rare_failures", "doubts", "typical_differences")
+_RESULTS_SHAPE = {
     "made": TEXT,
     "scope": TEXT,
     "pairs": Each(TEXT),
     "settings": Each(TABLE, TEXT),
-    "summary": Each(_ROW),
-    **dict.fromkeys(_SENTENCES, Maybe(Each(TEXT))),
+    "summary": Each(_ROW_SHAPE),
+    **dict.fromkeys(_SENTENCE_LISTS, Maybe(Each(TEXT))),
 }
-_FILES = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
-_REPORT = {
-    "summary": Each(_ROW),
-    "shown": _FILES,
-    "rows": _FILES,
+_FILES_SHAPE = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
+_REPORT_SHAPE = {
+    "summary": Each(_ROW_SHAPE),
+    "shown": _FILES_SHAPE,
+    "rows": _FILES_SHAPE,
     "curves": Maybe(Each(TEXT, TEXT)),
-    **dict.fromkeys(_SENTENCES, Maybe(Each(TEXT))),
+    **dict.fromkeys(_SENTENCE_LISTS, Maybe(Each(TEXT))),
     "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)}),
 }
-#: Maximum length of a text from a file, and maximum number of settings that a note names.
-_LONGEST, _MOST_NAMED = 40, 3
-#: The same of a note on the results, and maximum number of notes that the panel shows; the report has all.
-_LONGEST_NOTE, _MOST_NOTES = 400, 2
+#: Most characters of a text from a file, and most settings that a note names.
+_MOST_TEXT_CHARACTERS, _MOST_NAMED = 40, 3
+#: Most characters of a note on the results, and most notes in the panel; the report has all.
+_MOST_NOTE_CHARACTERS, _MOST_NOTES = 400, 2
 #: Settings of the data set, with the effect "run", on which the results of each scope depend nevertheless.
 _COUNT_TOO = {"DATASET": ("folder", "methods"), "SCENE": ("folder", "methods", "headings")}
 
@@ -103,9 +103,9 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
         "pairs": list(pairs),
         "settings": settings,
         "summary": [
-            {key: value for key, value in _complete_row(row).items() if key in _ROW} for row in report["summary"]
+            {key: value for key, value in _complete_row(row).items() if key in _ROW_SHAPE} for row in report["summary"]
         ],
-        **{key: report.get(key, [])[:_MOST_NOTES] for key in _SENTENCES},
+        **{key: report.get(key, [])[:_MOST_NOTES] for key in _SENTENCE_LISTS},
     }
     scene.icymoon.results = json.dumps(kept)
 
@@ -121,7 +121,7 @@ def _parse_results(text: str) -> KeptResults | None:
         found = parse_json(text)
     except ValueError:
         return None
-    if find_fault(found, _SHAPE):
+    if find_fault(found, _RESULTS_SHAPE):
         return None
     return KeptResults(
         _clean_text(found["made"]),
@@ -129,30 +129,35 @@ def _parse_results(text: str) -> KeptResults | None:
         tuple(map(_clean_text, found["pairs"])),
         typed(found["settings"]),
         tuple(sorted(map(_complete_row, found["summary"]), key=_sort_key)),
-        *(tuple(_clean_text(note, _LONGEST_NOTE) for note in found.get(key, ())[:_MOST_NOTES]) for key in _SENTENCES),
+        *(
+            tuple(_clean_text(note, _MOST_NOTE_CHARACTERS) for note in found.get(key, ())[:_MOST_NOTES])
+            for key in _SENTENCE_LISTS
+        ),
     )
 
 
 def _complete_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row of a summary with all entries that are shown, of the ranks only that by ``RANKING``. A summary of an older
-    version has no ranks, and does not state the number of measured pixels."""
-    rank = row.get("ranks", {}).get(RANKING, ())
+    """A row of a summary with all shown entries, and the rank by ``RANKING_METRIC`` only.
+
+    A summary of an older version lacks ranks and the number of measured pixels.
+    """
+    rank = row.get("ranks", {}).get(RANKING_METRIC, ())
     return {
         **dict.fromkeys(METRICS),
         "n": 1,
         **row,
         "method": _clean_text(row["method"]),
-        "ranks": {RANKING: rank} if len(rank) == 2 else {},
+        "ranks": {RANKING_METRIC: rank} if len(rank) == 2 else {},
     }
 
 
 def _sort_key(row: Mapping[str, Any]) -> tuple[float, float]:
-    """What matchers are sorted by: pixels that are wrong or missing, and the error of the others only if equal."""
+    """The sorting key of a matcher: its wrong or missing pixels, and then the error of the others."""
     wrong, error = row.get("total_bad_1") if row.get("n", 1) else None, row.get("l1_m")
     return math.inf if wrong is None else wrong, math.inf if error is None else error
 
 
-def _clean_text(text: str, longest: int = _LONGEST) -> str:
+def _clean_text(text: str, longest: int = _MOST_TEXT_CHARACTERS) -> str:
     return "".join(c if c.isprintable() else " " for c in text[:longest])
 
 
@@ -177,7 +182,7 @@ def list_limits(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 
 def list_brief_limits(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """The same in brief; empty if an older version wrote the results."""
+    """The limits of the results in brief; empty if an older version wrote the results."""
     found = kept_results(scene)
     return found.briefs if found else ()
 
@@ -264,7 +269,7 @@ def _read_report(folder: Path) -> dict[str, Any]:
 
 @lru_cache(maxsize=8)
 def _read_once(path: Path, written_ns: int) -> dict[str, Any]:
-    return dict(read_record(path, _REPORT, "press Evaluate again"))
+    return dict(read_record(path, _REPORT_SHAPE, "press Evaluate again"))
 
 
 def _read_creation_time(report: Mapping[str, Any]) -> str:

@@ -1,4 +1,6 @@
-"""What the window holds of the open file: jobs, the shown pair, the first picture, and views as they were before."""
+"""The state of the window for the open file: jobs, the shown pair, the first picture, and views before their
+changes.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ class ShownPair:
 class Session:
     """The state of the window. Names of scenes and addresses of views hold for the open file only."""
 
-    job: Job | None = None  # the one that the sidebar shows
+    job: Job | None = None  # the preset that the sidebar shows
     reading: Job | None = None  # of the pair that is shown next
     shown: ShownPair | None = None
     developing: Job | None = None  # of the camera images that Image Editors show

@@ -146,7 +146,7 @@ def _show_other_eye() -> float | None:
 
 
 class ShowsPair(WatchingOperator):
-    """Mix-in: an operator that shows a pair in an Image Editor. It reads and develops it in a thread."""
+    """Mix-in: an operator that shows a pair in an Image Editor, and reads and develops it in a thread."""
 
     #: One of VIEWS, and whether it is shown without being asked for: then in the view that is shown already.
     view: str = VIEWS[0][0]
@@ -224,11 +224,12 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
         return found[min(self.number, len(found)) - 1]
 
 
-# ---- what panels show -----------------------------------------------------------------------------------------------
+# ---- shown in panels
+# ---------------------------------------------------------------------------------------------------
 
 
 def find_shown_pair(scene: bpy.types.Scene) -> ShownPair | None:
-    """The pair and view that are shown; None if they are not of this scene."""
+    """The shown pair and view; None if they belong to another scene."""
     now = session.shown
     return now if now is not None and now.folder in find_kept_pairs(scene) else None
 

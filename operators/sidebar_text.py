@@ -41,15 +41,18 @@ DISPARITY_ERROR_PX = 0.25
 Found = TypeVar("Found")
 _MOST_KEPT = 4
 LINE = 36  # characters that fit the sidebar as Blender opens it
-_ICON = 6  # characters that an icon takes; a narrow sidebar has wide characters
-_WIDTH_PX, _SHORTEST = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
+_ICON_CHARACTERS = 6  # characters that an icon takes; a narrow sidebar has wide characters
+_WIDTH_PX, _SHORTEST_LINE = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
 #: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH', 'quality.truth = DEPTH', 'quality.truth DEPTH'
-_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")
-_UNIT = re.compile(r" [(][^)]*[)]$")
-#: Settings that a panel of another name has.
-_PANELS = {("dataset", "methods"): "Evaluation"}
-#: The space between a number and its unit, at which no line is broken, and what takes its place meanwhile.
-_BEFORE_UNIT, _HOLD = re.compile(r"(?<=\d) (?=(?:%|px|[kcmµ]?m|[mµ]?s|min|h|[kMG]B|W/m²)(?![\w/]))"), "\u00a0"
+_SETTING_NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")
+_UNIT_SUFFIX = re.compile(r" [(][^)]*[)]$")
+#: Settings that a panel of another name shows, with that name.
+_OTHER_PANELS = {("dataset", "methods"): "Evaluation"}
+#: The space between a number and its unit, where a line must not break, and its temporary replacement.
+_SPACE_BEFORE_UNIT, _HELD_SPACE = (
+    re.compile(r"(?<=\d) (?=(?:%|px|[kcmµ]?m|[mµ]?s|min|h|[kMG]B|W/m²)(?![\w/]))"),
+    "\u00a0",
+)
 
 
 def remember_answers(function: Callable[..., Found]) -> Callable[..., Found]:
@@ -76,8 +79,8 @@ def replace_keys_by_labels(sentence: str) -> str:
     """
     topic, colon, rest = sentence.partition(": ")
     if colon and topic in TOPICS:
-        return f"{TOPICS[topic].label}: {_NAME.sub(_find_label, rest)}"
-    text = _NAME.sub(_find_label, sentence)
+        return f"{TOPICS[topic].label}: {_SETTING_NAME.sub(_find_label, rest)}"
+    text = _SETTING_NAME.sub(_find_label, sentence)
     return text[:1].upper() + text[1:]
 
 
@@ -91,8 +94,8 @@ def _find_label(found: re.Match[str]) -> str:
 
 
 def describe_place(topic: str, setting: Setting) -> str:
-    """Where the sidebar has a setting: its panel and its label, without the unit."""
-    return f"{_PANELS.get((topic, setting.key), TOPICS[topic].label)} ▸ {_UNIT.sub('', setting.label)}"
+    """The place of a setting in the sidebar: its panel and its label, without the unit."""
+    return f"{_OTHER_PANELS.get((topic, setting.key), TOPICS[topic].label)} ▸ {_UNIT_SUFFIX.sub('', setting.label)}"
 
 
 def format_for_window(message: object) -> str:
@@ -105,7 +108,7 @@ def measure_line_length() -> int:
     region = bpy.context.region
     if region is None or region.type != "UI":
         return LINE
-    return max(_SHORTEST, int(LINE * region.width / (_WIDTH_PX * bpy.context.preferences.system.ui_scale)))
+    return max(_SHORTEST_LINE, int(LINE * region.width / (_WIDTH_PX * bpy.context.preferences.system.ui_scale)))
 
 
 def wrap_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]:
@@ -113,7 +116,7 @@ def wrap_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]
 
     Later lines begin with ``hang``, or a little further in than a first line that is indented.
     """
-    width = measure_line_length() - _ICON * icon
+    width = measure_line_length() - _ICON_CHARACTERS * icon
     if len(text) <= width:
         return (text,)
     indent = len(text) - len(text.lstrip())
@@ -122,12 +125,14 @@ def wrap_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]
 
 @lru_cache(maxsize=256)
 def _wrap_held(text: str, width: int, hang: str) -> tuple[str, ...]:
-    held = _BEFORE_UNIT.sub(_HOLD, text)
-    return tuple(line.replace(_HOLD, " ") for line in textwrap.wrap(held, width, subsequent_indent=hang))
+    held = _SPACE_BEFORE_UNIT.sub(_HELD_SPACE, text)
+    return tuple(line.replace(_HELD_SPACE, " ") for line in textwrap.wrap(held, width, subsequent_indent=hang))
 
 
 def list_omission_lines(settings: Settings) -> tuple[str, ...]:
-    """Sentences on what a render would omit, as in ``pair.json``; none on the planet if the sky cannot be computed."""
+    """Sentences on the details that a render would omit, as in ``pair.json``; none on the planet if the sky cannot be
+    computed.
+    """
     try:
         lights = _compute_sky_facts(tuple(find_light(settings).items()), bpy.data.filepath)
     except IcyMoonError:
@@ -300,15 +305,15 @@ def _make_row_lines(name: str, row: GroundRow, rig: RigSettings) -> list[str]:
     ]
 
 
-#: Number of triangles in estimates, for ground that is not built yet. The time depends little on it.
-_TRIANGLES = 1e6
+#: Number of triangles that estimates assume for ground that is not built. The time depends little on it.
+_ASSUMED_TRIANGLES = 1e6
 
 
 def list_quality_presets(settings: Settings) -> list[QualityPreset]:
     """The qualities of the described scene, each with its seconds a pair on this machine; see ``list_qualities``."""
     return _list_qualities(
         settings,
-        _TRIANGLES,
+        _ASSUMED_TRIANGLES,
         recall_known_speed(str(settings.quality.device)),
         Abilities(compat.has_osl(), compat.has_oidn()),
     )
@@ -318,7 +323,7 @@ _list_qualities = remember_answers(list_qualities)
 
 
 def describe_speed(settings: Settings) -> str:
-    """Of which machine the seconds are."""
+    """The machine that the estimated seconds are for."""
     speed = recall_known_speed(str(settings.quality.device))
     return f"Timed on {speed.basis}" if speed else "Timed on another machine"
 

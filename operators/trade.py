@@ -95,7 +95,7 @@ class ICYMOON_OT_trade(_MeasureDialog, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         self._find_scene = context.scene.name
-        # For security, the page that is opened later is this one, not one that a message names.
+        # For security, the page to open later is fixed here, and not taken from a message.
         self._page = _find_folder(scene_properties.read_settings(context.scene.icymoon)) / "trade.html"
         return _start_measuring(context, "trade", self.bl_label, *self._common_arguments())
 

@@ -14,19 +14,19 @@ from ..support.errors import IcyMoonError
 from ..support.file_schemas import TABLE, read_record
 from ..support.files import hash_file, write_json
 
-#: Maximum number of checksums in the file, the newest last.
-_MOST = 500
+#: Most checksums in the file, the newest last.
+_MOST_CHECKSUMS = 500
 #: Checksums of this session, in case the cache folder is not writable.
 _session: set[str] = set()
 
 
-def _checksums_file() -> Path:
+def _find_checksums_file() -> Path:
     return own_cache_folder() / "reports.json"
 
 
 def _read_checksums() -> list[str]:
     with suppress(OSError, IcyMoonError):
-        return list(read_record(_checksums_file(), TABLE, "delete it"))
+        return list(read_record(_find_checksums_file(), TABLE, "delete it"))
     return []
 
 
@@ -37,12 +37,14 @@ def remember_report(page: Path) -> None:
         _session.add(checksum)
         with suppress(IcyMoonError):
             write_json(
-                _checksums_file(),
-                dict.fromkeys([*_read_checksums(), checksum][-_MOST:], "sha256 of a report that was made here"),
+                _find_checksums_file(),
+                dict.fromkeys(
+                    [*_read_checksums(), checksum][-_MOST_CHECKSUMS:], "sha256 of a report that was made here"
+                ),
             )
 
 
 def is_own_report(page: Path) -> bool:
-    """Whether a page is one that was recorded, byte for byte. Raises OSError if it cannot be read."""
+    """Whether a page equals a recorded page, byte for byte. Raises OSError if it cannot be read."""
     checksum = hash_file(page)
     return checksum in _session or checksum in _read_checksums()

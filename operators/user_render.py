@@ -23,10 +23,10 @@ from ..support.file_schemas import TEXT, Each, Kind
 from .view_exposure import TRANSFORM
 
 NOTE = "icymoon_user_render"
-#: On an object that was hidden from renders, so that Clear Scene finds it under any name.
+#: Mark of an object that was hidden from renders, by which Clear Scene finds it under any name.
 HIDDEN = "icymoon_hidden"
-#: Types of objects that a render shows or that light it.
-_RENDERED = (
+#: Types of objects that a render shows, or that light the scene.
+_RENDERED_TYPES = (
     "MESH",
     "CURVE",
     "SURFACE",
@@ -41,14 +41,14 @@ _RENDERED = (
     "LIGHT_PROBE",
     "EMPTY",
 )
-#: It decides which looks there are.
-_FIRST = "view_settings.view_transform"
-#: Light paths per pixel of a 3D View at most. With Blender's 1024, a view without a graphics card takes all processors
-#: for minutes, also those that a pair is rendered with meanwhile.
+#: The setting that decides which looks exist, so it is restored first.
+_FIRST_RESTORED = "view_settings.view_transform"
+#: Most light paths per pixel of a 3D View. With Blender's 1024, a view without a graphics card would use all processors
+#: for minutes, and slow down the render of a pair.
 _VIEW_SAMPLES = 64
-#: A value before and after it was changed.
-_TWO = Kind("two values", lambda value: isinstance(value, list) and len(value) == 2)
-_VALUES = ("BOOLEAN", "INT", "FLOAT", "ENUM", "STRING")
+#: A value before and after its change.
+_TWO_VALUES = Kind("two values", lambda value: isinstance(value, list) and len(value) == 2)
+_VALUE_TYPES = ("BOOLEAN", "INT", "FLOAT", "ENUM", "STRING")
 
 
 def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
@@ -80,7 +80,7 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     hidden = [
         item
         for item in scene.objects
-        if item not in ours and item.type in _RENDERED and not item.hide_render and item.is_editable
+        if item not in ours and item.type in _RENDERED_TYPES and not item.hide_render and item.is_editable
     ]
     for item in hidden:
         item.hide_render = item[HIDDEN] = True
@@ -88,13 +88,15 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
 
 
 def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
-    """Set back what ``prepare_render`` changed, where it is still as that left it. Call before the scene is cleared."""
+    """Restore the settings that ``prepare_render`` changed, unless the user has changed them since. Call it before the
+    scene is cleared.
+    """
     for item in [item for item in scene.objects if HIDDEN in item]:
         del item[HIDDEN]
         item.hide_render = False
     present = _read_values(scene)
-    noted = read_stored(collection, NOTE, Each(_TWO, TEXT))
-    for name, (before, after) in sorted(noted.items(), key=lambda each: each[0] != _FIRST):
+    noted = read_stored(collection, NOTE, Each(_TWO_VALUES, TEXT))
+    for name, (before, after) in sorted(noted.items(), key=lambda each: each[0] != _FIRST_RESTORED):
         if present.get(name) == after:
             group, _, key = name.partition(".")
             with suppress(TypeError, ValueError, OverflowError):  # a choice that this Blender does not have
@@ -108,7 +110,7 @@ def _read_values(scene: bpy.types.Scene) -> dict[str, Any]:
         for group in ("render", "cycles", "view_settings")
         if hasattr(scene, group)  # cycles is missing while its add-on is off
         for prop in getattr(scene, group).bl_rna.properties
-        if prop.type in _VALUES
+        if prop.type in _VALUE_TYPES
         and not prop.is_readonly
         and not getattr(prop, "is_array", False)
         and not getattr(prop, "is_enum_flag", False)

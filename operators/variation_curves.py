@@ -21,7 +21,7 @@ def sort_curves(scene: bpy.types.Scene) -> dict[str, Path]:
 
 
 def describe_curve(name: str) -> str:
-    """What a curve of the error against a setting is called."""
+    """The name of a curve of the error against a setting."""
     return f"Error against {find_label(name)}"
 
 

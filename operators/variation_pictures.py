@@ -35,8 +35,8 @@ from .window_events import keep_until_change
 SIDE_PX, SAMPLES = (128, 96), (8, 48)
 #: ``quality.walk_px`` at least: paths inside the snow that are shorter than a pixel cost four times the rest.
 _WALK_PX = 1.0
-#: Maximum number of scenes whose pictures of both ends are kept.
-_MOST = 32
+#: Most scenes whose pictures of both ends are kept.
+_MOST_SCENES = 32
 _pictures = ButtonPictures()  # by the names in ``_made``
 _made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by the settings shown
 
@@ -79,11 +79,11 @@ def find_icons(scene: bpy.types.Scene) -> tuple[int, ...]:
     if not _made:
         return ()
     settings = scene_properties.read_for_display(scene.icymoon)
-    key = keep_until_change(("ends", scene.session_uid), lambda: _picture_key(scene, settings))
+    key = keep_until_change(("ends", scene.session_uid), lambda: _make_picture_key(scene, settings))
     return tuple(int(_pictures.collection[name].icon_id) for name in _made.get(key, ()))
 
 
-def _picture_key(scene: bpy.types.Scene, settings: Settings) -> str:
+def _make_picture_key(scene: bpy.types.Scene, settings: Settings) -> str:
     shown = {topic: values for topic, values in settings.items() if topic not in ("quality", "dataset")}
     wanted = settings.dataset
     return json.dumps([shown, wanted.seed, wanted.headings, repr(scene_properties.read_variations(scene.icymoon))])
@@ -121,7 +121,7 @@ class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
         settings = scene_properties.read_settings(scene.icymoon)
         ends = make_end_settings(make_paths_absolute(settings), scene_properties.read_variations(scene.icymoon))
         pairs = [expand_headings(make_rough_settings(end))[0] for end in ends]
-        self._key, self._response = _picture_key(scene, settings), rebuilt_parts.select_response(settings)
+        self._key, self._response = _make_picture_key(scene, settings), rebuilt_parts.select_response(settings)
         self._ids, self._found = [pair.id for pair in pairs], dict[str, Array]()
         folder = make_scratch_folder()
         files = JobFiles(folder, pairs=list({pair.id: pair for pair in pairs}.values()))
@@ -156,8 +156,8 @@ class _PictureJob(jobs.Job):
 
 
 def _keep_pictures(key: str, pictures: list[Array]) -> None:
-    """Keep the pictures, uint8 RGB, of what a key describes."""
-    if len(_made) >= _MOST:
+    """Keep the pictures, uint8 RGB, under a key."""
+    if len(_made) >= _MOST_SCENES:
         _pictures.collection.clear()
         _made.clear()
     first, last = (f"{len(_made)} {end}" for end in ("first", "last"))

@@ -25,9 +25,9 @@ from . import dialogs
 
 #: File of the plan in the folder of its data set.
 PLAN = "plan.toml"
-#: Maximum number of pairs whose ids are compared with an existing data set: it takes a second.
-_COMPARED = 500
-_EDITED = (
+#: Most pairs whose ids are compared with an existing data set, which takes a second.
+_MOST_COMPARED_PAIRS = 500
+_EDITED_MESSAGE = (
     "The scene was edited by hand, and a plan contains settings only, so its pairs would not show the edits; "
     "press Build Scene to undo them."
 )
@@ -50,11 +50,13 @@ def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
             f"{collection.name}."
         )
     built = scenes.find_built(scene) if thorough else None
-    return _EDITED if built is not None and not built.outdated and built.edited_parts() else ""
+    return _EDITED_MESSAGE if built is not None and not built.outdated and built.edited_parts() else ""
 
 
 def make_scene_plan_text(scene: bpy.types.Scene, settings: Settings) -> str:
-    """The plan that varies a scene. Raises IcyMoonError for what cannot be, and for a scene edited by hand."""
+    """The plan that varies a scene. Raises IcyMoonError for settings that cannot be combined, and for a scene edited by
+    hand.
+    """
     if why := why_not_a_plan(scene, thorough=True):
         raise IcyMoonError(why)
     variations = scene_properties.read_variations(scene.icymoon)
@@ -81,13 +83,15 @@ def find_folder_fault(folder: Path, text: str) -> str:
     if there and (frozen is None or frozen.text != there):
         return f"{folder} contains another plan, {PLAN}; choose another folder."
     rendered |= {pair.id for pair in frozen.pairs} if frozen else set()
-    if rendered and (len(rendered) > _COMPARED or not rendered <= {p.id for p in parse_plan(path, text).pairs()}):
+    if rendered and (
+        len(rendered) > _MOST_COMPARED_PAIRS or not rendered <= {p.id for p in parse_plan(path, text).pairs()}
+    ):
         return f"{folder} contains other pairs than those of these variations; choose another folder."
     return ""
 
 
 def find_free_folder(folder: Path, text: str, title: str) -> Path:
-    """The folder if the plan can be rendered into it, or one beside it, named after what varies."""
+    """The folder if the plan can be rendered into it, or a folder beside it, named after the varied settings."""
     stem = f"{folder.name}_{re.sub(r'[^a-z0-9]+', '_', title.lower()).strip('_')}"
     candidates = [folder, folder.with_name(stem), *(folder.with_name(f"{stem}_{k}") for k in range(2, 100))]
     return next((each for each in candidates if not find_folder_fault(each, text)), folder)

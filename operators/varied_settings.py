@@ -12,8 +12,8 @@ from ..render.plans.vary_scene import (
     check_varied,
     find_label,
     list_values,
-    names_that_vary,
-    vary_around,
+    list_variable_settings,
+    make_default_variation,
     why_fixed,
 )
 from ..settings.blender import scene_properties
@@ -24,11 +24,11 @@ from ..support.number_text import format_count
 from .list_editing import EditedList, MoveEntry, RemoveEntry
 from .sidebar_text import format_for_window
 
-#: Values of a setting that the panel shows.
-_SHOWN = 12
+#: Number of values of a setting that the panel shows.
+_MOST_SHOWN_VALUES = 12
 #: Characters that a line of the list has room for.
 _LIST_LINE = 29
-_UNITS = {"deg": "°", "1": ""}
+_UNIT_TEXTS = {"deg": "°", "1": ""}
 
 
 def _find_setting(name: str) -> Setting:
@@ -39,13 +39,13 @@ def _find_setting(name: str) -> Setting:
 def find_unit(name: str) -> str:
     """The unit of a setting as the sidebar shows it."""
     unit = _find_setting(name).unit
-    return _UNITS.get(unit, unit)
+    return _UNIT_TEXTS.get(unit, unit)
 
 
 #: (name, label, description) of the settings that can vary.
-_ITEMS = [
+_SETTING_ITEMS = [
     (name, f"{TOPICS[name.partition('.')[0]].label} ▸ {find_label(name)}", _find_setting(name).description)
-    for name in names_that_vary()
+    for name in list_variable_settings()
 ]
 
 
@@ -78,7 +78,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
     bl_property = "setting"
 
     setting: bpy.props.EnumProperty(
-        items=_ITEMS,
+        items=_SETTING_ITEMS,
         name="Setting",
         options={"SKIP_SAVE"},
         description="Which setting varies",
@@ -143,7 +143,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
         )
         topic, _, key = self.setting.partition(".")
         value = scene_properties.read_unchecked(root)[topic][key]
-        wanted = there or vary_around(self.setting, value)
+        wanted = there or make_default_variation(self.setting, value)
         whole = "_whole" if _find_setting(self.setting).kind == "int" else ""
         stated = {
             f"first{whole}": wanted.first,
@@ -203,7 +203,9 @@ def describe_values(varied: VariedSetting) -> str:
     except IcyMoonError:
         return ""
     values = [f"{value:.5g}" for value in list_values(varied)]
-    return ", ".join(values if len(values) <= _SHOWN else [*values[: _SHOWN - 1], "…", values[-1]])
+    return ", ".join(
+        values if len(values) <= _MOST_SHOWN_VALUES else [*values[: _MOST_SHOWN_VALUES - 1], "…", values[-1]]
+    )
 
 
 class _VariationOperator:

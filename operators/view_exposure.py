@@ -34,12 +34,12 @@ TRANSFORM = "Raw"
 #: Properties of the built collection: the exposure that was set; the brightness of a pair as a share of the estimate.
 EXPOSED, MEASURED = "icymoon_view_exposure", "icymoon_measured_brightness"
 #: Slope toward the Sun of the brightest hundredth of the ground, as a multiple of the mean square slope.
-_STEEPEST = 2.0
-#: Landforms with walls, by what turns them on: some of their faces face the Sun.
+_STEEPEST_FACTOR = 2.0
+#: Landforms with walls, some of which face the Sun, by the setting that switches them on.
 _WITH_WALLS = (("chaos", "relief_m"), ("cracks", "depth_m"), ("pits", "depth_m"))
-_MOST = 10.0  # exposure of the view, up or down
-#: The light of ground that faces the planet, as a share of white, below which nobody sees it: a step of 8 bits.
-_UNSEEN = 1 / 255
+_MOST_EXPOSURE_STOPS = 10.0  # exposure of the view, up or down
+#: Light of ground that faces the planet, as a share of white, below which it is invisible: a step of 8 bits.
+_LEAST_VISIBLE_SHARE = 1 / 255
 
 
 def estimate_white(settings: Settings, measured: float = 1.0) -> float:
@@ -58,7 +58,7 @@ def _estimate_brightest(settings: Settings) -> float:
     """About the radiance of the ground's brightest hundredth, W/(m² sr)."""
     walls = settings.source.kind == "PROCEDURAL" and any(settings[topic][key] > 0 for topic, key in _WITH_WALLS)
     wm2 = sidebar_text.compute_brightness_wm2(
-        sidebar_text.find_light(settings), 90.0 if walls else _STEEPEST * settings.terrain.rms_slope_deg
+        sidebar_text.find_light(settings), 90.0 if walls else _STEEPEST_FACTOR * settings.terrain.rms_slope_deg
     )
     return wm2 * _find_albedo(settings) / math.pi
 
@@ -84,10 +84,12 @@ def expose_view(scene: bpy.types.Scene, settings: Settings, anew: bool = False) 
     measured = stored if isinstance(stored, float) and 0 < stored < math.inf else 1.0
     white = estimate_white(merged(settings, present), measured)
     if white > 0:
-        scene.view_settings.exposure = max(-_MOST, min(_MOST, -math.log2(white)))
+        scene.view_settings.exposure = max(-_MOST_EXPOSURE_STOPS, min(_MOST_EXPOSURE_STOPS, -math.log2(white)))
         collection[EXPOSED] = scene.view_settings.exposure
     planet_wm2 = sidebar_text.compute_planetshine_wm2(sidebar_text.find_light(settings))
-    _show_planetshine(collection, white <= 0 or planet_wm2 * _find_albedo(settings) / math.pi > _UNSEEN * white)
+    _show_planetshine(
+        collection, white <= 0 or planet_wm2 * _find_albedo(settings) / math.pi > _LEAST_VISIBLE_SHARE * white
+    )
 
 
 def _show_planetshine(collection: bpy.types.Collection, shown: bool) -> None:

@@ -17,15 +17,15 @@ from .session import session
 from .window_areas import list_areas
 from .window_events import call_later, make_registration
 
-#: Pixels of the screen, across, for one of the view.
-_LARGE = "2"
-#: Property of the built collection: the user's choice, and the one that replaced it.
-_NOTE = "icymoon_view_pixels"
+#: Screen pixels along a side of a pixel of the view.
+_LARGE_PIXELS = "2"
+#: Property of the built collection: the user's choice, and the choice that replaced it.
+_CHOICE_PROPERTY = "icymoon_view_pixels"
 #: Seconds that the first picture with the user's pixels may take, in which only its coarse beginning is seen.
 _LONGEST_S = 2.0
 _INTERVAL_S = 1.0
-#: A view rests when all of this Blender takes less than this fraction of one processor.
-_RESTING = 0.1
+#: A view rests when Blender takes less than this share of one processor.
+_RESTING_SHARE = 0.1
 
 
 def has_window() -> bool:
@@ -47,8 +47,8 @@ def begin_coarse(scene: bpy.types.Scene) -> None:
     users = users or scene.render.preview_pixel_size
     if users not in ("AUTO", "1"):
         return
-    scene.render.preview_pixel_size = _LARGE
-    collection[_NOTE] = f"{users} {_LARGE}"
+    scene.render.preview_pixel_size = _LARGE_PIXELS
+    collection[_CHOICE_PROPERTY] = f"{users} {_LARGE_PIXELS}"
     session.traced_since_s = time.monotonic()
     session.load_measured_s = time.monotonic(), time.process_time()
     call_later(_refine_resting_view, _INTERVAL_S)
@@ -60,7 +60,7 @@ def restore_resolution(scene: bpy.types.Scene, collection: bpy.types.Collection)
     if ours and scene.render.preview_pixel_size == ours:
         with suppress(TypeError):  # of a file, which anyone may have written
             scene.render.preview_pixel_size = users
-    collection.pop(_NOTE, None)
+    collection.pop(_CHOICE_PROPERTY, None)
 
 
 def is_coarse(scene: bpy.types.Scene) -> bool:
@@ -68,14 +68,14 @@ def is_coarse(scene: bpy.types.Scene) -> bool:
     collection = scenes.find_collection(scene)
     return (
         collection is not None
-        and _NOTE in collection
+        and _CHOICE_PROPERTY in collection
         and scene.render.preview_pixel_size == _read_noted_choices(collection)[1]
     )
 
 
 def _read_noted_choices(collection: bpy.types.Collection) -> tuple[str, str]:
-    """The user's choice and the one that replaced it; empty if none did."""
-    users, _, ours = str(collection.get(_NOTE, "")).partition(" ")
+    """The user's choice and the choice that replaced it; empty if none did."""
+    users, _, ours = str(collection.get(_CHOICE_PROPERTY, "")).partition(" ")
     return users, ours
 
 
@@ -97,7 +97,7 @@ def _refine_resting_view() -> float | None:
         session.traced_since_s = time.monotonic()
         return _INTERVAL_S if waiting else None
     seconds, busy_s = (late - early for late, early in zip(now, before, strict=True))
-    if busy_s > _RESTING * seconds:
+    if busy_s > _RESTING_SHARE * seconds:
         return _INTERVAL_S
     for scene in traced:
         collection = scenes.find_collection(scene)

@@ -48,8 +48,8 @@ def redraw_panels() -> None:
 def push_undo(message: str) -> None:
     """Push an undo step after a change outside Blender's own steps.
 
-    Without it, undoing the previous step would revert this change too. Does nothing without a window, where there is
-    no undo.
+    Without it, undoing the previous step would revert this change too. Without a window, undo does not exist, and
+    nothing happens.
     """
     windows = bpy.context.window_manager.windows
     if windows and not bpy.app.background:

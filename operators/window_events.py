@@ -1,4 +1,6 @@
-"""What the window follows: changes of settings, Blender's handlers and timers. And what is known until any of them."""
+"""The events that the window follows: changes of settings, Blender's handlers and timers; and values that are cached
+until such an event.
+"""
 
 from __future__ import annotations
 

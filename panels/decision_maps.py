@@ -28,7 +28,7 @@ def draw_decisions(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         if shown[0] == name:
             _draw_legend(box, meanings)
             meanings = ()
-    if meanings:  # of a matcher whose decisions are no longer there
+    if meanings:  # a matcher whose decisions were removed
         _draw_legend(layout.column(align=True), meanings)
 
 

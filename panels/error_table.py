@@ -1,5 +1,6 @@
-"""The table of Stereo Error: for each matcher its rank, its metrics and the buttons that show its errors, and what its
-names mean."""
+"""The table of Stereo Error: for each matcher its rank, its metrics and the buttons that show its errors; then the
+meanings of the names.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +12,11 @@ import bpy
 from ..operators import results
 from ..stereo.inference.typical_scene import count_scenes_for_methods
 from ..stereo.matchers.methods import describe_method
-from ..stereo.report.table_columns import NO_RESULT, RANKING, format_rank, is_best
+from ..stereo.report.table_columns import NO_RESULT, RANKING_METRIC, format_rank, is_best
 from .fields import draw_lines, draw_sentence
 
-#: The part of a line that the name of a metric takes.
-_NAMES = 0.62
+#: Share of a line for the name of a metric.
+_NAME_SHARE = 0.62
 
 
 def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -61,7 +62,10 @@ def _draw_name(box: bpy.types.UILayout, row: Mapping[str, Any], rows: Sequence[M
     if not row["n"]:
         line.label(text=NO_RESULT)
     elif row["ranks"]:
-        line.label(text=f"Rank {format_rank(row, RANKING)}", icon="SOLO_ON" if is_best(row, RANKING, rows) else "NONE")
+        line.label(
+            text=f"Rank {format_rank(row, RANKING_METRIC)}",
+            icon="SOLO_ON" if is_best(row, RANKING_METRIC, rows) else "NONE",
+        )
 
 
 def _list_main_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
@@ -79,7 +83,7 @@ def _list_other_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
 
 def _draw_metric(column: bpy.types.UILayout, name: str, value: str) -> None:
     """Draw a name, and its value at the right of the line: below each other, values of one unit are aligned."""
-    line = column.split(factor=_NAMES)
+    line = column.split(factor=_NAME_SHARE)
     line.label(text=name)
     right = line.row()
     right.alignment = "RIGHT"

@@ -15,11 +15,11 @@ from ..settings.topics.declaration import Setting
 from ..settings.topics.scene import Settings
 
 #: Choices that the panel explains, by the first sentence of their tooltip.
-_EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
+_EXPLAINED_CHOICES = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
 
 
 #: Characters that the icon of a button takes.
-_BESIDE_WORDS = 4
+_ICON_CHARACTERS = 4
 
 
 class _Field(NamedTuple):
@@ -55,7 +55,7 @@ def find_fields(root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]
 
 def _describe(topic: str, key: str, settings: Settings) -> _Field:
     setting, value = TOPICS[topic][key], settings[topic][key]
-    meanings = (each[2] for each in setting.choices if each[0] == value and (topic, key) in _EXPLAINED)
+    meanings = (each[2] for each in setting.choices if each[0] == value and (topic, key) in _EXPLAINED_CHOICES)
     return _Field(setting, TOPICS[topic].has_effect(key, settings), next(meanings, "").partition(". ")[0])
 
 
@@ -81,7 +81,7 @@ def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str =
 
     Where the sidebar is too narrow for both, it has the words without the icon.
     """
-    icon = icon if len(text) <= measure_line_length() - _BESIDE_WORDS else "NONE"
+    icon = icon if len(text) <= measure_line_length() - _ICON_CHARACTERS else "NONE"
     if session.job is not None:
         layout.operator("icymoon.wait", text=text, icon=icon)
         return
@@ -116,7 +116,7 @@ def _draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, sett
 
 
 def label_with_zero(setting: Setting) -> str:
-    """The label of a number that is 0, with what that stands for: 'Threads (0: all)', 'Pixel Pitch (µm, 0: by …)'."""
+    """The label of a number that is 0, with the meaning of 0: 'Threads (0: all)', 'Pixel Pitch (µm, 0: by …)'."""
     if setting.label.endswith(")"):
         return f"{setting.label[:-1]}, 0: {setting.zero})"
     return f"{setting.label} (0: {setting.zero})"

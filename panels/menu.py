@@ -11,10 +11,10 @@ from ..settings.preset_files import KINDS
 
 #: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
 _BAR_UNITS = 15
-_STORED = "_draw_orig"
+_ORIGINAL_DRAW = "_draw_orig"
 
 
-_TITLES = {"own": "Yours", **KINDS}
+_KIND_TITLES = {"own": "Yours", **KINDS}
 
 
 def group_presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
@@ -22,7 +22,7 @@ def group_presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:
     kinds: dict[str, list[tuple[str, str]]] = {}
     for name, title, _ in list_preset_items():
         kinds.setdefault(name.split("/")[0], []).append((name, title))
-    return [(title, kinds[kind]) for kind, title in _TITLES.items() if kind in kinds]
+    return [(title, kinds[kind]) for kind, title in _KIND_TITLES.items() if kind in kinds]
 
 
 class _KindMenu:
@@ -40,14 +40,14 @@ class _KindMenu:
             self.layout.operator("icymoon.load_preset", text=title).preset = name
 
 
-_KINDS = {f"ICYMOON_MT_presets_{kind}": title for kind, title in _TITLES.items()}
+_MENU_TITLES = {f"ICYMOON_MT_presets_{kind}": title for kind, title in _KIND_TITLES.items()}
 _KIND_MENUS = [
     type(
         name,
         (_KindMenu, bpy.types.Menu),
         {"__doc__": f"Presets: {title}", "bl_idname": name, "bl_label": title, "kind": title},
     )
-    for name, title in _KINDS.items()
+    for name, title in _MENU_TITLES.items()
 ]
 
 
@@ -59,7 +59,7 @@ class ICYMOON_MT_presets(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         there = {title for title, _ in group_presets_by_kind()}
-        for name, title in _KINDS.items():
+        for name, title in _MENU_TITLES.items():
             if title in there:
                 self.layout.menu(name)
 
@@ -222,18 +222,18 @@ def _append_to_status_bar() -> None:
     restores this function. Blender calls it while it installs an extension, so a later addition would be lost.
     """
     header, shown = bpy.types.STATUSBAR_HT_header, bpy.types.STATUSBAR_HT_header.draw
-    stored = getattr(header, _STORED, None)
+    stored = getattr(header, _ORIGINAL_DRAW, None)
     if stored is not None:
         header.draw = stored
     header.append(_draw_status)
     if stored is not None:
-        setattr(header, _STORED, header.draw)
+        setattr(header, _ORIGINAL_DRAW, header.draw)
         header.draw = header.draw if shown is stored else shown  # a text that is shown just now
 
 
 def _remove_from_status_bar() -> None:
     header = bpy.types.STATUSBAR_HT_header
-    for draw in (header.draw, getattr(header, _STORED, None)):
+    for draw in (header.draw, getattr(header, _ORIGINAL_DRAW, None)):
         functions = getattr(draw, "_draw_funcs", [])
         if _draw_status in functions:
             functions.remove(_draw_status)

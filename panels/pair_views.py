@@ -10,7 +10,7 @@ from ..operators import show_pair
 from ..operators.session import ShownPair
 from .fields import draw_lines
 
-_COLUMNS = 3
+_BUTTON_COLUMNS = 3
 
 
 def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
@@ -21,8 +21,8 @@ def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     now = show_pair.find_shown_pair(scene)
     number = 1 + pairs.index(now.folder) if now is not None else 1
     column = layout.column(align=True)
-    for start in range(0, len(show_pair.VIEWS), _COLUMNS):
-        _draw_views(column.row(align=True), show_pair.VIEWS[start : start + _COLUMNS], now, number)
+    for start in range(0, len(show_pair.VIEWS), _BUTTON_COLUMNS):
+        _draw_views(column.row(align=True), show_pair.VIEWS[start : start + _BUTTON_COLUMNS], now, number)
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
     draw_lines(layout, show_pair.list_lines(scene), "IMAGE_DATA")

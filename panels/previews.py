@@ -13,8 +13,8 @@ from ..settings.preset_files import find_preview, is_whole_scene
 
 #: Property of the window manager, which is not saved: the scene preset whose picture the sidebar shows.
 CHOICE = "icymoon_scene_preset"
-_NONE = ("NONE", "Choose a Scene", "The settings are not from one of these scenes")
-_KINDS = ("gallery", "scenes", "own")  # landscapes first
+_NO_CHOICE = ("NONE", "Choose a Scene", "The settings are not from one of these scenes")
+_SHOWN_KINDS = ("gallery", "scenes", "own")  # landscapes first
 Item = tuple[str, str, str, int, int]
 _pictures = ButtonPictures()
 _items: dict[tuple[tuple[str, int], ...], list[Item]] = {}  # by picture and time; Blender needs the texts kept alive
@@ -25,11 +25,11 @@ def load_choices(_self: object = None, _context: object = None) -> list[Item]:
     whole = [(item, find_picture(item[0])) for item in list_preset_items() if is_whole_scene(item[0])]
     shown = sorted(
         (each for each in whole if _exists(each[0][0], each[1])),
-        key=lambda each: _KINDS.index(each[0][0].split("/")[0]),
+        key=lambda each: _SHOWN_KINDS.index(each[0][0].split("/")[0]),
     )
     state = tuple((item[0], path.stat().st_mtime_ns if item[0].startswith(OWN) else 0) for item, path in shown)
     if state not in _items:
-        items = [(*_NONE, _load_icon("choose", find_preview("choose")), 0)]
+        items = [(*_NO_CHOICE, _load_icon("choose", find_preview("choose")), 0)]
         for (name, changed_ns), (item, path) in zip(state, shown, strict=True):
             items.append((*item, _load_icon(f"{name} {changed_ns}", path), len(items)))
         _items[state] = items

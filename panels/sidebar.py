@@ -21,7 +21,7 @@ from ..operators.preferences import list_own_matchers, list_plugin_matchers
 from ..operators.session import session
 from ..settings.blender import scene_properties
 from ..settings.topics.trust_boundary import OWN
-from ..stereo.matchers import matcher_needs, matcher_titles
+from ..stereo.matchers import get_matcher_needs, list_matcher_titles
 from ..stereo.matchers.methods import names_method
 from ..stereo.report.table_columns import NOISE_DECIDES
 from . import previews
@@ -31,12 +31,12 @@ from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 from .pair_views import draw_pair
 from .view_line import describe_view
 
-#: ``bl_order`` of the topics' panels begins at the first of these and ends before the second.
+#: ``bl_order`` of the topics' panels: from the first of these to before the second.
 FIRST, LAST = 10, 1000
 
 
-#: Characters that the icons of a header take beside the title, for a panel and for a panel within another panel.
-_BESIDE, _WITHIN = 9, 11
+#: Characters that the icons of a header take beside the title, in a panel and in a panel within another one.
+_HEADER_CHARACTERS, _INNER_HEADER_CHARACTERS = 9, 11
 
 
 class Sidebar:
@@ -51,7 +51,7 @@ class Sidebar:
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         if len(self.bl_label) > sidebar_text.measure_line_length() - (
-            _WITHIN if hasattr(self, "bl_parent_id") else _BESIDE
+            _INNER_HEADER_CHARACTERS if hasattr(self, "bl_parent_id") else _HEADER_CHARACTERS
         ):
             return  # the button would hide the end of the title
         self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
@@ -170,7 +170,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         methods = context.scene.icymoon.dataset.methods
         column = self.layout.column(align=True)
         listed = {
-            **matcher_titles(),
+            **list_matcher_titles(),
             **{name: name for name in list_plugin_matchers()},
             **{f"{OWN}:{own}": own for own in list_own_matchers()},
         }
@@ -182,7 +182,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
                 depress=chosen,
                 icon="CHECKBOX_HLT" if chosen else "CHECKBOX_DEHLT",
             ).matcher = name
-            if chosen and (needs := matcher_needs(name)):
+            if chosen and (needs := get_matcher_needs(name)):
                 draw_sentence(column, f"{title} needs {needs}.", "INFO")
         draw_settings(self.layout, context.scene.icymoon, "dataset", ("methods",))
         column = self.layout.column(align=True)

@@ -59,7 +59,8 @@ def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
     column = layout.column(align=True)
     column.active = not earlier
     draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))
-    fits = len(lines[2]) <= sidebar_text.measure_line_length() - 2  # characters that the ends of a button take
+    # A button's margins take the room of two characters.
+    fits = len(lines[2]) <= sidebar_text.measure_line_length() - 2
     draw_lines(column, () if fits else (lines[2],))
     column.operator("icymoon.show_roughness", text=lines[2] if fits else "Measured Roughness")
 
@@ -95,10 +96,11 @@ def _draw_expose(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def _draw_qualities(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """A button for each quality with its seconds and its error; the one that the scene has is pressed."""
+    """Draw a button for each quality with its seconds and its error; the button of the scene's quality is pressed."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     column = layout.column(align=True)
-    narrow = sidebar_text.measure_line_length() < sidebar_text.LINE - 4  # then what a quality takes is below its button
+    # Then the cost of a quality is below its button.
+    narrow = sidebar_text.measure_line_length() < sidebar_text.LINE - 4
     titles = column if narrow else column.split(factor=0.45, align=True)
     for title in ("A pair, stereo error",) if narrow else ("", "A pair, stereo error"):
         titles.label(text=title)

@@ -129,12 +129,12 @@ def _make_section_panel(topic: Topic, section: Section, order: int) -> type:
     )
 
 
-#: Blender registers a panel after the one that it is in.
-_PANELS = {topic.key: _make_topic_panel(topic, FIRST + k) for k, topic in enumerate(TOPICS.values())}
-_TOPS = [key for key, topic in TOPICS.items() if not topic.parent and not topic.inside]
+#: Blender registers a panel after its parent panel.
+_PANEL_BY_TOPIC = {topic.key: _make_topic_panel(topic, FIRST + k) for k, topic in enumerate(TOPICS.values())}
+_TOP_TOPICS = [key for key, topic in TOPICS.items() if not topic.parent and not topic.inside]
 CLASSES = (
-    *(_PANELS[key] for key in _TOPS),
+    *(_PANEL_BY_TOPIC[key] for key in _TOP_TOPICS),
     ICYMOON_PT_landforms,
-    *(panel for key, panel in _PANELS.items() if key not in _TOPS),
+    *(panel for key, panel in _PANEL_BY_TOPIC.items() if key not in _TOP_TOPICS),
     *(_make_section_panel(topic, section, k) for topic in TOPICS.values() for k, section in enumerate(topic.sections)),
 )

@@ -13,15 +13,15 @@ from ..operators import (
     variation_plan,
     varied_settings,
 )
-from ..render.plans.vary_scene import find_label, names_that_vary
+from ..render.plans.vary_scene import find_label, list_variable_settings
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from .fields import draw_list, draw_sentence, draw_settings, draw_start
 from .sidebar import Sidebar
 
-_VARY = frozenset(names_that_vary())
-#: Curves that have a button; the report shows all.
-_CURVES = 6
+_VARIABLE_SETTINGS = frozenset(list_variable_settings())
+#: Number of curves with a button; the report shows all.
+_MOST_CURVES = 6
 
 
 class ICYMOON_UL_variations(bpy.types.UIList):
@@ -107,7 +107,7 @@ def _draw_pictures(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
 
 def _draw_varied(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, item: bpy.types.PropertyGroup) -> None:
     """Draw the values of the selected setting, and a warning if it has no effect."""
-    if item.setting not in _VARY:
+    if item.setting not in _VARIABLE_SETTINGS:
         draw_sentence(layout, "This setting cannot vary; remove it.", "ERROR")
         return
     topic, _, key = item.setting.partition(".")
@@ -131,7 +131,7 @@ def _draw_curves(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if not found:
         return
     column = layout.column(align=True)
-    for name in found[:_CURVES]:
+    for name in found[:_MOST_CURVES]:
         column.operator("icymoon.show_curve", text=variation_curves.describe_curve(name), icon="FCURVE").setting = name
     column.operator("icymoon.open_report", icon="URL")
 
@@ -144,7 +144,7 @@ def _draw_context_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None
     self.layout.separator()
     self.layout.operator_context = "INVOKE_DEFAULT"
     button = self.layout.operator("icymoon.vary", text="Vary…", icon="DRIVER_DISTANCE")
-    if name in _VARY:
+    if name in _VARIABLE_SETTINGS:
         button.setting = name
 
 

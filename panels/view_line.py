@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-#: Comparison with a pair, by the result of ``view_exposure.describe_exposure``.
-_TRACED = {
+#: Texts on the comparison with a pair, by the result of ``view_exposure.describe_exposure``.
+_COMPARISON_TEXTS = {
     "": "as the pair, but for noise",
     "other": "as the pair, but for exposure and noise",
     "estimated": "as the pair, exposure estimated",
@@ -22,7 +22,7 @@ def describe_view(
 ) -> str:
     """How the picture in a 3D View differs from a pair, if the scene has this render engine; empty without a view.
 
-    ``exposed`` is one of the keys of ``_TRACED``. A ``coarse`` view has larger pixels than the user has chosen. A
+    ``exposed`` is a key of ``_COMPARISON_TEXTS``. A ``coarse`` view has larger pixels than the user has chosen. A
     ``covered`` view shows the picture by which the scene was chosen. A view ``without_planetshine`` leaves out
     planetshine that is too faint to see.
     """
@@ -46,7 +46,7 @@ def describe_view(
         if covered:
             return f"{name}: a picture of the scene until it is clear"
         return (
-            f"{name}: {_TRACED[exposed]}{', at half resolution' if coarse else ''}"
+            f"{name}: {_COMPARISON_TEXTS[exposed]}{', at half resolution' if coarse else ''}"
             f"{', without faint planetshine' if without_planetshine else ''}"
         )
     return f"{name} by EEVEE: approximate light and shadows"

@@ -14,13 +14,13 @@ from ..support.printer import emit
 from ..support.temporary_folders import open_scratch_folder
 from .worker import run_to_exit
 
-_NO_MEMORY = "There is not enough memory to make the asset library; close other programs and make it again."
+_NO_MEMORY_MESSAGE = "There is not enough memory to make the asset library; close other programs and make it again."
 
 
 def make_library(folder: Path, names: Sequence[str], send: Callable[..., None] = emit) -> None:
     """Make the assets of shipped presets and install them as a library in ``folder``.
 
-    They are made in a temporary folder, so that a library that was there stays whole until all are made.
+    The assets are made in a temporary folder, so an earlier library stays whole until the new one is complete.
     ``send(type, **facts)`` receives ``progress`` and ``done`` messages. Raises IcyMoonError.
     """
     with open_scratch_folder() as made:
@@ -32,6 +32,6 @@ def make_library(folder: Path, names: Sequence[str], send: Callable[..., None] =
 
 
 def main(arguments: list[str]) -> int:
-    """Make the library in the folder that is the first argument and end the process, see ``run_to_exit``."""
+    """Make the library in the folder that is the first argument, and end the process (``run_to_exit``)."""
     folder, *names = arguments
-    run_to_exit(lambda: make_library(Path(folder), names or list_asset_names()), lambda: _NO_MEMORY)
+    run_to_exit(lambda: make_library(Path(folder), names or list_asset_names()), lambda: _NO_MEMORY_MESSAGE)

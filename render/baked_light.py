@@ -1,10 +1,10 @@
 """Indirect light baked to the vertices of the ground, once for all images of a ground under one sky.
 
-Light that Lambert ground gets from other ground does not depend on where it is seen from. Cycles bakes it to texels
-within the facets, from which the vertices get theirs (``baked_texels``), and images then take direct light only: fewer
-samples, and no denoiser. While it bakes, ground is smooth between its vertices, since a sample would meet one point of
-the relief. Light of the Sun and of the planet is baked apart, since both have a light group of their own. With
-``quality.bake_area`` VIEW only facets that the cameras may see get texels, and those around them.
+Light that Lambert ground gets from other ground is the same from all directions of view. Cycles bakes this light to
+texels within the facets, and the vertices get the mean of their texels (``baked_texels``). Images then need direct
+light only: fewer samples, and no denoiser. During the bake, ground is smooth between its vertices, since a sample would
+meet one point of the relief. Light of the Sun and of the planet is baked apart, since both have a light group of their
+own. With ``quality.bake_area`` VIEW only the facets that the cameras may see, and the facets around them, get texels.
 """
 
 from __future__ import annotations
@@ -44,31 +44,35 @@ from .pairs.baked_file import BakedLight
 from .plans.planned_pair import PlannedPair
 from .workers.shared_light import KeptLight, SharedLight
 
-#: Raise this number when the same settings are baked in another way, or files of baked light contain more.
-_SCHEME = 5
-#: Samples of each half of the first two bakes, whose difference shows how many it takes.
-_FIRST = 8
-#: Height above the ground of the eye from which the share of indirect light is found, m: the height of a mast.
-_EYE_M = 1.5
-#: Margin by which the noise over all light, in the direction with most indirect light, is kept below
-#: quality.bake_noise. Images show other parts of the ground, and images with more noise are traced after all, which
-#: costs more than some more samples.
-_MARGIN = 1.1
-#: Samples of the direct light; only its mean over the ground is needed.
-_DIRECT = 2
-#: Samples that show whether a texel is within a rock, and most samples of each of the three texels of a rock's point.
-_OPEN, _MOST_OF_ROCKS = 8, 16
-_NO_ROCKS = np.zeros((0, TERMS, 3), np.float32)
-#: Parts of names and seeds by which the bakes of a light group differ from the Sun's.
-_OTHERS: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
+#: Version of the bake. Raise this number when the same settings are baked in another way, or when files of baked light
+#: contain more.
+_BAKE_VERSION = 5
+#: Samples of each half of the first two bakes. The difference of the halves shows how many samples the noise limit
+#: takes.
+_FIRST_HALF_SAMPLES = 8
+#: Height above the ground, m, of the eye for which the share of indirect light is measured: the height of a mast.
+_EYE_HEIGHT_M = 1.5
+#: Factor by which the bake stays below quality.bake_noise, over all light in the direction with most indirect light.
+#: Images show other parts of the ground, and an image above the limit is traced in the end, which costs more than some
+#: more samples.
+_NOISE_MARGIN = 1.1
+#: Samples of the direct light. A few are enough, because only the mean over the ground is needed.
+_DIRECT_LIGHT_SAMPLES = 2
+#: Samples that show whether a texel is within a rock.
+_OPEN_SKY_SAMPLES = 8
+#: Most samples of each of the three texels of a rock's point.
+_MOST_ROCK_SAMPLES = 16
+_LIGHT_OF_NO_ROCKS = np.zeros((0, TERMS, 3), np.float32)
+#: By light group: parts of names and seeds that tell its bakes from the Sun's.
+_KEY_PARTS_BY_GROUP: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
 
 
 @dataclass(frozen=True)
 class IndirectLight:
     """How the indirect light of a pair is made: baked ``lights`` by light group, or traced if ``lights`` is empty.
 
-    ``why_traced`` is the reason if the settings ask for baked light. ``tried`` is the baked light that was found unfit
-    for an image, which is traced. ``spent_s`` are the processor seconds that baking took just now.
+    ``why_traced`` is the reason if the settings ask for baked light. ``tried`` is baked light that proved unfit for an
+    image, so the image is traced. ``spent_s`` are the processor seconds of bakes in this call.
     """
 
     lights: Mapping[str, KeptLight] = field(default_factory=dict)
@@ -77,8 +81,9 @@ class IndirectLight:
     spent_s: float = 0.0
 
     def to_json(self, shares: Mapping[str, Mapping[str, float]], noise_of_image: float | None) -> dict[str, Any] | None:
-        """What ``pair.json`` states, with the shares of baked light in the images by eye and light group, and its noise
-        over all light in the left one; None if nothing was asked."""
+        """The entry of ``pair.json``: the shares of baked light in the images by eye and light group, and the noise of
+        baked light over all light in the left image. None if the settings ask for traced light.
+        """
         if not self.lights:
             tried = {group: {"file": kept.file, "sha256": kept.sha256} for group, kept in self.tried.items()}
             stated = {"method": "TRACED", "why": self.why_traced, **({"tried": tried} if tried else {})}
@@ -95,7 +100,8 @@ class IndirectLight:
         }
 
     def why_unfit(self, stated: dict[str, Any] | None, limit: float) -> str:
-        """Why an image must be traced after all, as a clause, by what ``to_json`` states of it; empty if it need not.
+        """Why an image must be traced after all, as a clause, from the ``stated`` entry of ``to_json``; empty if baked
+        light is fit.
 
         The noise of baked light is fixed to the ground and passes for texture, so where much light is indirect it would
         make matching easier than it is. A ``limit`` of 0 means no limit.
@@ -104,8 +110,8 @@ class IndirectLight:
             return ""
         if math.isnan(stated["share"]):
             return (
-                "the image shows ground to which no light was baked, as of an eye that moves far during the "
-                "exposure; set quality.bake_area to GROUND"
+                "the image shows ground without baked light, as of an eye that moves far during the exposure; set "
+                "quality.bake_area to GROUND"
             )
         if not 0 < limit < stated["noise"]:
             return ""
@@ -131,7 +137,7 @@ def provide_baked_light(
     lights: dict[str, KeptLight] = {}
     spent, mesh = 0.0, built.terrain.data
     shining = _find_light_groups(built)
-    seen = find_seen(built, planned) if settings.quality.bake_area == "VIEW" else None
+    seen = find_visible_facets(built, planned) if settings.quality.bake_area == "VIEW" else None
     unlit = np.zeros(len(mesh.vertices), bool) if seen is None else ~_find_facet_vertices(mesh, seen)
     for group in BAKED_ATTRIBUTES.keys() - shining.keys():
         _write_attribute(mesh, BAKED_ATTRIBUTES[group], np.zeros((len(mesh.vertices), 3), np.float32))
@@ -152,7 +158,7 @@ def provide_baked_light(
 
 
 def _find_light_groups(built: Built) -> dict[str, list[bpy.types.Object]]:
-    """The light groups that light the ground, each with the lamps of the other one."""
+    """The light groups that light the ground, each with the lamps of the other groups."""
     shine = built.planetshine
     if shine is None:
         return {"Sun": []}
@@ -169,7 +175,7 @@ def _find_or_bake(
     dark: list[bpy.types.Object],
     seen: Array | None,
 ) -> tuple[KeptLight, float]:
-    """A light group's baked light, and processor seconds that it took just now."""
+    """A light group's baked light, and the processor seconds that this call took."""
     rocks = built.rocks
     return shared.get(
         make_bake_key(built, settings, group, seen),
@@ -180,9 +186,9 @@ def _find_or_bake(
 
 
 def _why_unsuitable(built: Built) -> str:
-    """Why the built scene rules out baked light, as a clause; empty if it does not."""
+    """Why the built scene cannot use baked light, as a clause; empty if it can."""
     if find_added_objects(built.collection):
-        return "objects were added to the scene, which have no baked light of their own"
+        return "objects without baked light were added to the scene"
     if built.edited_parts("terrain object", "terrain materials"):
         return "the ground was edited by hand"
     if built.edited_parts("rock object", "rock data", "rock materials"):
@@ -194,7 +200,7 @@ def _why_unsuitable(built: Built) -> str:
     return f"facets of the ground have more than {most} corners" if totals.max(initial=0) > most else ""
 
 
-def find_seen(built: Built, planned: PlannedPair) -> Array:
+def find_visible_facets(built: Built, planned: PlannedPair) -> Array:
     """Which facets of the ground the cameras of a pair may see, bool (facets,)."""
     mesh, camera = built.terrain.data, built.camera
     with turn_about_eye(camera, planned.turn_deg):
@@ -213,14 +219,15 @@ def _find_facet_vertices(mesh: bpy.types.Mesh, facets: Array) -> Array:
 
 
 def make_bake_key(built: Built, settings: Settings, group: str = "Sun", seen: Array | None = None) -> str:
-    """What baked light depends on, as 12 hexadecimal digits: ground, surface, lights, bounces, seed and samples, the
-    light group, and the facets that are ``seen`` if not all are to be baked.
+    """The key of baked light, 12 hexadecimal digits of all that the light depends on: ground, surface, lights, bounces,
+    seed and samples, the light group, and the facets that are ``seen`` if only some are baked.
 
-    The mesh of a graded ground is made for the rig; otherwise neither heading, rig nor sensor count.
+    The mesh of a graded ground is made for the rig, so there the rig counts too; otherwise heading, rig and sensor do
+    not.
     """
     quality = settings.quality
     parts = [
-        _SCHEME,
+        _BAKE_VERSION,
         compat.find_series(),
         rebuilt_parts.select_scene(settings),
         rebuilt_parts.select_look(settings),
@@ -229,7 +236,7 @@ def make_bake_key(built: Built, settings: Settings, group: str = "Sun", seen: Ar
         quality.bake_samples,
         quality.bake_noise,
         built.extra,
-        *_OTHERS[group],
+        *_KEY_PARTS_BY_GROUP[group],
     ]
     if seen is not None:
         parts.append(hashlib.sha256(np.packbits(seen).tobytes()).hexdigest())
@@ -244,13 +251,15 @@ def _bake_halves(
     triangles: Array,
     eye: Array,
 ) -> tuple[Array, list[Array], int]:
-    """Direct light, two halves of the indirect light with different seeds, and the samples of each, as ``run`` bakes
-    them: few at first, then as many more as the noise requires."""
-    direct = run("DIRECT", _DIRECT, int(seeds[4]))
-    count = min(_FIRST, quality.bake_samples // 2)
+    """Direct light, two halves of the indirect light with different seeds, and the number of samples of each half.
+
+    ``run`` bakes each: a few samples at first, then as many more as the noise limit requires.
+    """
+    direct = run("DIRECT", _DIRECT_LIGHT_SAMPLES, int(seeds[4]))
+    count = min(_FIRST_HALF_SAMPLES, quality.bake_samples // 2)
     halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
     share = find_largest_share(direct, (halves[0] + halves[1]) / 2, positions, triangles, eye)
-    noise, asked = measure_bake_noise(halves, triangles), quality.bake_noise / _MARGIN
+    noise, asked = measure_bake_noise(halves, triangles), quality.bake_noise / _NOISE_MARGIN
     more = count_samples_needed(noise, share, count, asked, quality.bake_samples // 2) - count
     if more > 0:
         halves = [
@@ -270,27 +279,27 @@ def bake_indirect_light(
     rocks: bpy.types.Object | None = None,
     seen: Array | None = None,
 ) -> BakedLight:
-    """Bake the indirect light of a ground and its ``rocks`` by a light group, while the lamps of others are ``dark``,
-    see ``BakedLight``.
+    """Bake the indirect light of a ground and its ``rocks`` by a light group, while the lamps of other groups are
+    ``dark``; see ``BakedLight``.
 
-    Only vertices of facets that are ``seen`` (facets,) get light; the others have 0. Light is baked in two halves with
-    different seeds, whose difference is the noise: first with few samples, then with as many more as the noise
+    Only vertices of facets that are ``seen`` (facets,) get light; other vertices have 0. Light is baked in two halves
+    with different seeds, whose difference is the noise: first with few samples, then with as many more as the noise
     requires. Half of that difference has the same variance as the error of their mean, between vertices too. Raises
     IcyMoonError if Cycles cannot bake.
     """
     start = time.process_time()
     quality = settings.quality
     kept = scene.render.use_persistent_data, scene.render.use_multiview
-    seeds = seed_stream(int(settings.dataset.seed), "bake", *_OTHERS[group]).generate_state(5) >> 1
+    seeds = seed_stream(int(settings.dataset.seed), "bake", *_KEY_PARTS_BY_GROUP[group]).generate_state(5) >> 1
     mesh = terrain.data
     lit = np.ones(len(mesh.vertices), bool) if seen is None else _find_facet_vertices(mesh, seen)
     triangles = (np.cumsum(lit) - 1)[
         _find_rendered_triangles(mesh, seen)
-    ]  # by the order of the vertices that get light
+    ]  # in the order of the vertices that get light
     positions = read_vertices(mesh)
     under = np.argmin((positions[:, :2] ** 2).sum(axis=1))
-    eye = np.array([0.0, 0.0, positions[under, 2] + _EYE_M])
-    numbers = _NO_ROCKS
+    eye = np.array([0.0, 0.0, positions[under, 2] + _EYE_HEIGHT_M])
+    numbers = _LIGHT_OF_NO_ROCKS
     with _hide_lamps(dark), _open_bake(terrain, scene, settings, lit) as (found, bake_texels):
         covered = _find_covered_texels(bake_texels, int(seeds[4])) if rocks is not None else None
 
@@ -303,7 +312,7 @@ def bake_indirect_light(
         direct, halves, count = _bake_halves(run, seeds, quality, positions[lit], triangles, eye)
     if rocks is not None and len(rocks.data.vertices):
         with _hide_lamps(dark):
-            numbers = _bake_rocks(rocks, terrain, scene, settings, group, min(2 * count, _MOST_OF_ROCKS))
+            numbers = _bake_rocks(rocks, terrain, scene, settings, group, min(2 * count, _MOST_ROCK_SAMPLES))
     scene.render.use_persistent_data, scene.render.use_multiview = kept
     values, error = np.zeros((len(lit), 3), np.float32), np.zeros(len(lit), np.float32)
     values[lit] = np.maximum((halves[0] + halves[1]) / 2, 0.0)
@@ -317,7 +326,7 @@ def bake_indirect_light(
 
 @contextmanager
 def _hide_lamps(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
-    """Lamps give no light for a while."""
+    """Switch lamps off, until the end of the ``with`` block."""
     before = [lamp.hide_render for lamp in lamps]
     for lamp in lamps:
         lamp.hide_render = True
@@ -329,8 +338,8 @@ def _hide_lamps(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
 
 
 def _find_covered_texels(bake_texels: Callable[[str, int, int], Array], seed: int) -> Array:
-    """Whether texels (n,) of the ground are within rocks: from there no ray gets away."""
-    return bake_texels("AO", _OPEN, seed)[:, :3].max(axis=1) <= 0
+    """Which texels (n,) of the ground are within rocks: no ray leaves a rock."""
+    return bake_texels("AO", _OPEN_SKY_SAMPLES, seed)[:, :3].max(axis=1) <= 0
 
 
 def _bake_rocks(
@@ -341,8 +350,8 @@ def _bake_rocks(
     group: str,
     samples: int,
 ) -> Array:
-    """The numbers (rocks, terms, 3) of the indirect light on rocks."""
-    random = make_generator(int(settings.dataset.seed), "bake", 2, *_OTHERS[group])
+    """The terms (rocks, terms, 3) of the indirect light on rocks, see ``physics.light.baked_rocks``."""
+    random = make_generator(int(settings.dataset.seed), "bake", 2, *_KEY_PARTS_BY_GROUP[group])
     points = baked_rocks.draw_points(rocks, random)
     used = baked_rocks.are_above_ground(points, terrain)
     seeds = random.integers(0, 2**31 - 1, 2)
@@ -367,7 +376,7 @@ def _open_bake(
     with ExitStack() as undo:
         image = texel_bakes.add_target(mesh, found, undo)
         for material in mesh.materials:
-            _smooth_normals(material.node_tree, undo)
+            _remove_relief_from_normals(material.node_tree, undo)
             texel_bakes.aim_bake(material.node_tree, image, undo)
 
         def run(kind: str, samples: int, seed: int) -> Array:
@@ -381,13 +390,13 @@ def _open_bake(
 
 
 def _find_rendered_triangles(mesh: bpy.types.Mesh, seen: Array | None) -> Array:
-    """Vertices of the triangles that a mesh, or facets of it that are ``seen``, is rendered as, (n, 3)."""
+    """Vertices (n, 3) of the triangles that Cycles makes of a mesh, or of the facets of it that are ``seen``."""
     loops, facets = read_triangles(mesh)
     return read_corners(mesh)[loops if seen is None else loops[seen[facets]]]
 
 
-def _smooth_normals(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
-    """Take the fine relief from the normals of a surface."""
+def _remove_relief_from_normals(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
+    """Remove the fine relief from the shading normals of a surface's node tree; ``undo`` restores the tree."""
     for node in tree.nodes:
         for link in list(node.inputs["Normal"].links) if node.bl_idname == "ShaderNodeBsdfDiffuse" else ():
             undo.callback(tree.links.new, link.from_socket, node.inputs["Normal"])
@@ -401,8 +410,9 @@ def _run_bake(scene: bpy.types.Scene, item: bpy.types.Object, kind: str) -> None
 
 
 def _write_attribute(mesh: bpy.types.Mesh, name: str, values: Array) -> None:
-    """Let the vertices of a mesh carry vectors (n, 3) or numbers (n,) of a name, unless they do; a change makes Cycles
-    build its tree again."""
+    """Give the vertices of a mesh an attribute: vectors (n, 3) or numbers (n,). Equal values stay untouched, since a
+    change makes Cycles build its tree again.
+    """
     there = mesh.attributes.get(name)
     if there is None and not values.any():
         return

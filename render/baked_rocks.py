@@ -1,6 +1,6 @@
-"""Light baked to points of rocks, for the few numbers that a rock carries of it (``physics.light.baked_rocks``).
+"""Indirect light baked to points of rocks, for the few terms per rock that ``physics.light.baked_rocks`` fits to it.
 
-A small triangle stands just above each point. It is seen by no ray, so it changes no light.
+A small triangle stands just above each point. No ray sees the triangle, so the light stays as it is.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from ..support.blender import compat
 from ..support.labels import BAKED_ATTRIBUTES
 from .mesh_arrays import read_corners, read_vertices
 
-_NAME = "Icy Moon Baked Rocks"
+_POINT_OBJECT_NAME = "Icy Moon Baked Rocks"
 
 
 def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> RockPoints:
-    """Points of all rocks of a built object of rocks; of the largest there are most."""
+    """Random points on all rocks of a built object of rocks; large rocks get most points."""
     mesh = rocks.data
     count = len(mesh.vertices)
     shape = _read_attribute(mesh, SHAPE, np.int32, 1)[:, 0]
@@ -40,7 +40,7 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> RockPoi
     )
     drawn = []
     for number, of in enumerate(shapes):
-        vertices, triangles = _read_shape_arrays(of.data)
+        vertices, triangles = _read_triangles(of.data)
         for some, points in enumerate(baked_rocks.POINTS):
             these = np.flatnonzero((shape == number) & (level == some))
             if len(these):
@@ -55,7 +55,7 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> RockPoi
 
 
 def are_above_ground(points: RockPoints, terrain: bpy.types.Object) -> Array:
-    """Whether points (n,) are over the ground, or beside it."""
+    """Which points (n,) are above the ground, or beside its edge."""
     middle = points.corners.mean(axis=1)
     with probe_heights(terrain) as heights:
         return ~(middle[:, 2] < heights(middle[:, 0], middle[:, 1]))
@@ -63,17 +63,17 @@ def are_above_ground(points: RockPoints, terrain: bpy.types.Object) -> Array:
 
 @contextmanager
 def add_point_object(points: RockPoints, scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
-    """An object of the points' triangles in a scene, white and seen by no ray."""
+    """An object of the points' triangles in a scene, white and invisible to rays."""
     corners = points.corners.reshape(-1, 3)
-    mesh = build_mesh_from_arrays(_NAME, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+    mesh = build_mesh_from_arrays(_POINT_OBJECT_NAME, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
     mesh.polygons.foreach_set("use_smooth", np.zeros(len(points.rock), bool))
-    material = bpy.data.materials.new(_NAME)
+    material = bpy.data.materials.new(_POINT_OBJECT_NAME)
     tree = compat.ensure_nodes(material)
     tree.nodes.clear()
     white = tree.nodes.new("ShaderNodeBsdfDiffuse")
     tree.links.new(white.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
     mesh.materials.append(material)
-    item = bpy.data.objects.new(_NAME, mesh)
+    item = bpy.data.objects.new(_POINT_OBJECT_NAME, mesh)
     for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
         setattr(item, f"visible_{ray}", False)
     scene.collection.objects.link(item)
@@ -86,7 +86,7 @@ def add_point_object(points: RockPoints, scene: bpy.types.Scene) -> Iterator[bpy
 
 
 def write_rock_light(rocks: bpy.types.Object, group: str, numbers: Array) -> None:
-    """Let rocks carry the numbers (rocks, terms, 3) of a light group, unless they do."""
+    """Give rocks the terms (rocks, terms, 3) of a light group as attributes. Equal values stay untouched."""
     mesh, changed = rocks.data, False
     for term in range(baked_rocks.TERMS):
         name = f"{BAKED_ATTRIBUTES[group]}_{term}"
@@ -102,12 +102,12 @@ def write_rock_light(rocks: bpy.types.Object, group: str, numbers: Array) -> Non
 
 
 def _read_attribute(mesh: bpy.types.Mesh, name: str, kind: type, width: int) -> Array:
-    """An attribute of points, (n, width)."""
+    """An attribute of a mesh's points, (n, width)."""
     found: Array = np.empty(len(mesh.vertices) * width, kind)
     mesh.attributes[name].data.foreach_get("vector" if width == 3 else "value", found)
     return found.reshape(-1, width)
 
 
-def _read_shape_arrays(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
-    """Vertices (n, 3) and triangles (m, 3) of a shape."""
+def _read_triangles(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
+    """Vertices (n, 3) and triangles (m, 3) of a mesh."""
     return read_vertices(mesh).astype(np.float64), read_corners(mesh).reshape(-1, 3)

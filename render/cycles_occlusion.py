@@ -1,4 +1,4 @@
-"""Which pixels of an eye show a point that is hidden from the other eye, found by rays of the other eye."""
+"""Pixels of an eye that show a point hidden from the other eye, found by rays of the other eye."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from ..support.arrays import Array
 from ..support.labels import HIDDEN, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
 
-#: From a pixel's centre to the rays between it and the next one. ``python benchmarks occlusion`` has what more rays
-#: find.
+#: Offsets from a pixel's centre to the rays between it and the next pixel. ``python benchmarks occlusion`` measures how
+#: many more pixels further rays find.
 STEPS_PX = (0.25, 0.5, 0.75)
 
 
 def add_hidden_pass(truth: Mapping[str, Path], between: Mapping[str, Sequence[Array]], camera: StereoCamera) -> None:
-    """Write the pass ``HIDDEN`` into the files of the truth, by eye: 1 where the point is hidden from the other.
+    """Write the pass ``HIDDEN`` into the files of the truth, by eye: 1 where the point is hidden from the other eye.
 
-    ``between`` are the disparities, by eye, in frames that are each of STEPS_PX to the right. Raises ValueError,
-    KeyError or OverBudgetError for a file that Blender did not write.
+    ``between`` are disparity maps by eye, one for each offset of STEPS_PX to the right. Raises ValueError, KeyError or
+    OverBudgetError for a file that Blender did not write.
     """
     data = {eye: truth[eye].read_bytes() for eye in EYES}
     disparity = {eye: read_disparity(data[eye], camera) for eye in EYES}
@@ -37,12 +37,12 @@ def add_hidden_pass(truth: Mapping[str, Path], between: Mapping[str, Sequence[Ar
 
 
 def read_disparity(data: bytes, camera: StereoCamera) -> Array:
-    """Disparity (H, W), px, of the depth in an EXR file, NaN for sky. Raises what ``add_hidden_pass`` does."""
+    """Disparity (H, W), px, from the depth in an EXR file, NaN for sky. Raises the errors of ``add_hidden_pass``."""
     return camera.disparity(read_depth(data))
 
 
 def read_depth(data: bytes) -> Array:
-    """Depth (H, W) in metres in an EXR file, NaN for sky. Raises what ``add_hidden_pass`` does."""
+    """Depth (H, W), m, in an EXR file, NaN for sky. Raises the errors of ``add_hidden_pass``."""
     for piece in read_pieces(data):
         pixels = Pixels(piece)
         for k, name in enumerate(pixels.channels):

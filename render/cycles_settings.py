@@ -1,4 +1,6 @@
-"""The settings of Cycles that make the image radiance. All that matter are set, so no default decides."""
+"""The settings of Cycles for the radiance images. Every setting that affects them is set, so they never depend on
+Blender's defaults.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +16,18 @@ from .cost.blender_abilities import Abilities, describe_lack, describe_lack_for_
 from .graphics_cards import select_cards
 
 _GLOSSY_BOUNCES = 2
-#: Refractions of one path in clear ice: into a rock, out of it, and through two more.
+#: Refractions of one path in clear ice: into a rock, out of it, and through a second rock.
 _CLEAR_BOUNCES = 6
-#: Of Cycles, for all qualities.
-_CYCLES: dict[str, Any] = {
+#: Settings of Cycles at all qualities.
+_CYCLES_SETTINGS: dict[str, Any] = {
     "use_animated_seed": False,
-    "adaptive_min_samples": 0,  # as Cycles chooses: 16 threshold^-0.3, so 64 samples at 0.01
+    "adaptive_min_samples": 0,  # 0: Cycles takes 16 threshold^-0.3, which is 64 samples at 0.01
     "time_limit": 0.0,
     "sample_clamp_direct": 0.0,
     "sample_clamp_indirect": 0.0,
     "light_sampling_threshold": 0.0,
-    # By power the tree asks the planet once for fifty times the Sun; in turn they are stratified: 15x less noise.
+    # A light tree by power samples the planet once for fifty samples of the Sun; lights in turn are stratified: 15x
+    # less noise.
     "use_light_tree": False,
     "glossy_bounces": _GLOSSY_BOUNCES,
     "volume_bounces": 0,
@@ -38,8 +41,8 @@ _CYCLES: dict[str, Any] = {
     "use_fast_gi": False,
     "shading_system": False,
 }
-#: Of the render, for all qualities; most would change radiance on its way to the file.
-_RENDER: dict[str, Any] = {
+#: Settings of the render at all qualities; most would otherwise change radiance on its way to the file.
+_RENDER_SETTINGS: dict[str, Any] = {
     "threads_mode": "AUTO",
     "film_transparent": False,
     "use_motion_blur": False,
@@ -54,18 +57,19 @@ _RENDER: dict[str, Any] = {
 
 
 def detect_abilities(quality: QualitySettings) -> Abilities:
-    """What this Blender can do; graphics cards are looked for only if the quality asks for them, as that selects
-    them."""
+    """Abilities of this Blender. Graphics cards are looked for only if the quality asks for them, because the search
+    selects them.
+    """
     return Abilities(compat.has_osl(), compat.has_oidn(), quality.device != "GPU" or bool(select_cards()))
 
 
 def find_lack(settings: Settings) -> str:
-    """What this Blender lacks for complete settings, as a sentence with the fix; empty if nothing."""
+    """The feature that this Blender lacks for complete settings, as a sentence with the fix; empty if it has all."""
     return describe_lack(settings, detect_abilities(settings.quality))
 
 
 def check_possible(quality: QualitySettings) -> None:
-    """Raise IcyMoonError if this Blender cannot render at the asked quality."""
+    """Raise IcyMoonError if this Blender cannot render at this quality."""
     if lack := describe_lack_for_quality(quality, detect_abilities(quality)):
         raise IcyMoonError(lack)
 
@@ -76,15 +80,17 @@ def apply_quality(
     """Set the render engine of a scene from ``quality`` settings; ``blurred`` if lens or movement blur the image,
     ``through`` if light passes through clear ice.
 
-    Beside the settings: no clamping (clamp 5 loses 5 to 12 % of Europa's light), no light-sampling
-    threshold (its roulette puts up to 32x errors at grazing light), no caustics, exposure 1, and a stated
-    pixel filter.
+    Fixed at all qualities: no clamping (clamp 5 loses 5 to 12 % of Europa's light), no light-sampling threshold (its
+    roulette puts up to 32x errors at grazing light), no caustics, exposure 1, and a stated pixel filter.
     """
-    if scene.render.engine != "CYCLES":  # setting it frees all that Cycles has kept
+    if scene.render.engine != "CYCLES":  # setting the engine frees all data that Cycles has kept
         scene.render.engine = "CYCLES"
     for of, values in (
         (scene.cycles, _cycles(quality, seed, blurred, through)),
-        (scene.render, _RENDER | ({"threads_mode": "FIXED", "threads": quality.threads} if quality.threads else {})),
+        (
+            scene.render,
+            _RENDER_SETTINGS | ({"threads_mode": "FIXED", "threads": quality.threads} if quality.threads else {}),
+        ),
         (scene.view_settings, {"exposure": 0.0, "gamma": 1.0}),
     ):
         for name, value in values.items():
@@ -96,15 +102,17 @@ def _cycles(quality: QualitySettings, seed: int, blurred: bool, through: bool) -
     denoised = {
         "denoiser": "OPENIMAGEDENOISE",
         "denoising_input_passes": "RGB_ALBEDO_NORMAL" if quality.denoiser == "OIDN" else "RGB",
-        # Guides are without noise unless the image is blurred; cleaning them costs matchers detail (guiss_cost.py).
+        # The denoiser's guide images have no noise unless lens or movement blur the image; cleaning them would cost
+        # matchers detail (``python benchmarks guiss_cost``).
         "denoising_prefilter": "FAST" if blurred else "NONE",
     }
     clean = quality.denoiser == "NONE"
-    return _CYCLES | {
+    return _CYCLES_SETTINGS | {
         "device": quality.device,
         "samples": quality.samples,
         "seed": seed,
-        # Blue noise leaves a denoiser less to remove; of both eyes it is a little alike, so what stays noisy has none.
+        # Blue noise leaves less work to a denoiser. Blue noise of both eyes correlates a little, so images without a
+        # denoiser get white noise.
         "sampling_pattern": "TABULATED_SOBOL" if clean else "BLUE_NOISE",
         "use_adaptive_sampling": quality.noise_threshold > 0,
         "adaptive_threshold": quality.noise_threshold,

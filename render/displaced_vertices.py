@@ -2,13 +2,13 @@
 
 Cycles moves each vertex along its normal by the height that the material has there. Geometry nodes compute the height
 of our own materials, see ``nodes.tree.evaluate_field``. For other materials Cycles bakes positions to texels, which
-takes four times as long. They are baked twice: of the moved surface, and of the surface at rest, with the same material
-as shading only. The second place of a texel shows where within its triangle it is, and the difference of both is the
-shift there, which is linear within the triangle. As many texels as a facet has corners so determine the shifts of the
-corners, to a few units of single precision. (A bake at the vertices themselves is moved 1e-4 of the coordinates into
-the facets.)
+takes four times as long. Positions are baked twice: on the moved surface, and on the surface at rest, with the same
+material as shading only. The position at rest locates a texel within its triangle. The difference of both positions is
+the shift there, which is linear within the triangle. So a texel for each corner of a facet determines the shifts of the
+corners, to a few units of single precision. (Cycles bakes vertices 1e-4 of the coordinates inside the facets, so texels
+are more exact.)
 
-A mesh with instances is moved once, where the first of them stands, as Cycles does it.
+A mesh with instances is moved once, at the place of the first instance, as in Cycles.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ from . import texel_bakes
 from .mesh_arrays import (
     read_corner_normals,
     read_corners,
-    read_smooth,
+    read_smooth_shading,
     read_triangles,
     read_vertex_normals,
     read_vertices,
 )
 
-#: Facets whose texels are baked at a time: about 600 MB.
+#: Number of facets whose texels are baked together: about 600 MB.
 _BAKED_FACETS = 2_000_000
-#: Facets whose shifts are solved at a time: about 300 MB.
+#: Number of facets whose shifts are solved together: about 300 MB.
 _SOLVED_FACETS = 250_000
-#: Smallest determinant of the weights of corners at texels that determine shifts: they have 0.25 for triangles and more
-#: than 0.1 for quadrilaterals, less only where the facet is too narrow for single precision.
+#: Smallest determinant of the corner weights at texels from which shifts are solved. It is 0.25 for triangles and above
+#: 0.1 for quadrilaterals; only facets too narrow for single precision have less.
 _LEAST_DETERMINANT = 0.05
-#: How much a narrow facet counts beside the others around a vertex: only where there is no other.
-_NARROW = 1e-6
-_NAME = "Icy Moon Moved"
+#: Weight of a narrow facet beside the other facets around a vertex, so it counts only alone.
+_NARROW_FACET_WEIGHT = 1e-6
+_TEMPORARY_NAME = "Icy Moon Moved"
 
 
 def is_moved(mesh: bpy.types.Mesh) -> bool:
-    """Whether a material of a mesh moves its vertices when it is rendered."""
+    """Whether a material of a mesh moves its vertices in renders."""
     return any(
         material is not None
         and material.displacement_method != "BUMP"
@@ -67,16 +67,16 @@ def is_moved(mesh: bpy.types.Mesh) -> bool:
 def open_rendered_mesh(
     mesh: bpy.types.Mesh, place: Array, threads: int = 0, still_m: float = math.inf
 ) -> Iterator[bpy.types.Mesh]:
-    """A mesh of triangles like ``mesh``, with its vertices where Cycles moves them, while the context is open.
+    """Open a mesh of triangles like ``mesh``, with its vertices where Cycles moves them.
 
-    ``place`` (4, 4) is the matrix of the mesh's object, of the first instance if there are several; ``threads`` as in
-    ``quality.threads``. Vertices whose attribute ``SPACING`` is ``still_m`` or more are known not to move. Raises
-    IcyMoonError if Cycles cannot bake.
+    ``place`` (4, 4) is the matrix of the mesh's object, or of its first instance. ``threads`` is as in
+    ``quality.threads``. Vertices whose attribute ``SPACING`` is ``still_m`` or more never move. Raises IcyMoonError if
+    Cycles cannot bake.
     """
     moved, groups = move_corners(mesh, place, threads, still_m)
     loops, polygons = read_triangles(mesh)
-    flat = ~read_smooth(mesh)[polygons]
-    made = build_mesh_from_arrays(_NAME, moved, groups[loops].astype(np.int32))
+    flat = ~read_smooth_shading(mesh)[polygons]
+    made = build_mesh_from_arrays(_TEMPORARY_NAME, moved, groups[loops].astype(np.int32))
     made.polygons.foreach_set("use_smooth", ~flat)
     try:
         yield made
@@ -87,8 +87,9 @@ def open_rendered_mesh(
 def move_corners(
     mesh: bpy.types.Mesh, place: Array, threads: int = 0, still_m: float = math.inf
 ) -> tuple[Array, Array]:
-    """Positions (n, 3) float32, in the coordinates of a mesh, where Cycles moves its vertices, and of each corner of a
-    facet which of them it is. See ``open_rendered_mesh``."""
+    """Positions (n, 3) float32, in the coordinates of a mesh, to which Cycles moves its vertices, and the position's
+    number for each corner of a facet (k,). For the arguments see ``open_rendered_mesh``.
+    """
     groups, vertex, normals = _group_corners(mesh)
     vertices = read_vertices(mesh)
     if (height := _find_heights(mesh, vertices, place, still_m)) is not None:
@@ -99,7 +100,9 @@ def move_corners(
 
 
 def _find_heights(mesh: bpy.types.Mesh, vertices: Array, place: Array, still_m: float) -> Array | None:
-    """By how much (n,) the material of a mesh moves its vertices (n, 3); None if geometry nodes cannot tell."""
+    """Distances (n,), m, by which the material of a mesh moves its vertices (n, 3); None if geometry nodes cannot
+    compute them.
+    """
     if len(mesh.materials) != 1:
         return None
     displacement = mesh.materials[0].node_tree.get_output_node("CYCLES").inputs["Displacement"].links[0].from_node
@@ -129,11 +132,11 @@ def _find_heights(mesh: bpy.types.Mesh, vertices: Array, place: Array, still_m: 
 
 
 def _group_corners(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array]:
-    """For each corner, the group of corners that move together; for each group, its vertex, and the normal (3) that it
-    moves along.
+    """Groups of corners that move together: the group of each corner, and for each group its vertex and the normal (3,)
+    along which it moves.
 
-    A group is a vertex. Only where edges are sharp or the mesh has custom normals, Cycles makes a vertex for each
-    normal, and moves them apart.
+    A group is usually a vertex. Where edges are sharp or the mesh has custom normals, Cycles makes a vertex for each
+    normal, and moves these apart.
     """
     corners = read_corners(mesh)
     sharp = mesh.attributes.get("sharp_edge")
@@ -146,7 +149,8 @@ def _group_corners(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array]:
             along[corners[::-1]] = read_corner_normals(mesh)[::-1]
         return corners, np.arange(len(mesh.vertices)), along
     normals = read_corner_normals(mesh)
-    rows = np.column_stack([corners.view(np.float32), normals + np.float32(0)])  # no negative zeros
+    # Adding 0 turns negative zeros into zeros.
+    rows = np.column_stack([corners.view(np.float32), normals + np.float32(0)])
     _, first, groups = np.unique(
         rows.view(np.dtype((np.void, rows.itemsize * 4))), return_index=True, return_inverse=True
     )
@@ -154,7 +158,7 @@ def _group_corners(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array]:
 
 
 def _find_shifts(mesh: bpy.types.Mesh, place: Array, groups: Array, many: int, threads: int) -> Array:
-    """The shifts (many, 3), in the world, of the ``groups`` of corners of a mesh that move together."""
+    """Shifts (many, 3), m, in the world, of ``many`` ``groups`` of corners that move together."""
     starts, counts, corners, areas = texel_bakes.read_facets(mesh)
     at_rest = read_vertices(mesh) @ place[:3, :3].T + place[:3, 3]
     diagonals = _find_diagonals(mesh, starts)
@@ -178,7 +182,7 @@ def _find_shifts(mesh: bpy.types.Mesh, place: Array, groups: Array, many: int, t
                 shifts, sure = solve_corner_shifts(
                     at_rest[corners[own]], rest, moved[texels[some], :3] - rest, diagonals[facets[some]]
                 )
-                weight = np.broadcast_to(np.where(sure, 1.0, _NARROW)[:, None], own.shape).ravel()
+                weight = np.broadcast_to(np.where(sure, 1.0, _NARROW_FACET_WEIGHT)[:, None], own.shape).ravel()
                 weights += np.bincount(groups[own].ravel(), weight, many)
                 for axis in range(3):
                     total[:, axis] += np.bincount(groups[own].ravel(), weight * shifts[..., axis].ravel(), many)
@@ -186,7 +190,7 @@ def _find_shifts(mesh: bpy.types.Mesh, place: Array, groups: Array, many: int, t
 
 
 def _find_diagonals(mesh: bpy.types.Mesh, starts: Array) -> Array:
-    """Whether facets of four corners are rendered as triangles 0 1 3 and 1 2 3, not as 0 1 2 and 0 2 3."""
+    """Which facets of four corners are rendered as triangles 0 1 3 and 1 2 3, in place of 0 1 2 and 0 2 3."""
     loops, facets = read_triangles(mesh)
     first = np.zeros(len(starts), np.int64)
     first[facets[::-1]] = np.arange(len(facets))[::-1]
@@ -194,10 +198,11 @@ def _find_diagonals(mesh: bpy.types.Mesh, starts: Array) -> Array:
 
 
 def solve_corner_shifts(corners: Array, rest: Array, shift: Array, across: Array) -> tuple[Array, Array]:
-    """Shifts (n, k, 3) of the corners (n, k, 3) of facets with k = 3 or 4 corners, from places ``rest`` (n, k, 3) on
-    them, before they were moved, and the ``shift`` (n, k, 3) there; and whether (n,) the places determine them.
+    """Shifts (n, k, 3) of the ``corners`` (n, k, 3) of facets with k = 3 or 4 corners, and whether (n,) they are
+    determined.
 
-    ``across`` (n,) is whether a facet of four corners has its diagonal from the second to the last.
+    They are solved from places on the facets: ``rest`` (n, k, 3) before the movement, and their ``shift`` (n, k, 3).
+    ``across`` (n,) tells whether a facet of four corners has its diagonal from the second corner to the last.
     """
     count, sides = corners.shape[:2]
     weights, least = np.zeros((count, sides, sides)), np.full((count, sides), -np.inf)
@@ -231,12 +236,12 @@ def _barycentric(triangles: Array, points: Array) -> Array:
 def _bake_positions(
     mesh: bpy.types.Mesh, place: Array, found: baked_texels.Texels, threads: int
 ) -> tuple[Array, Array]:
-    """Positions at texels (n, 4) in the world, of a mesh at rest and of the moved one."""
+    """Positions (n, 4) at texels in the world, of a mesh at rest and of the moved mesh."""
     baked = []
     with ExitStack() as undo:
-        scene = bpy.data.scenes.new(_NAME)
+        scene = bpy.data.scenes.new(_TEMPORARY_NAME)
         undo.callback(bpy.data.scenes.remove, scene)
-        item = bpy.data.objects.new(_NAME, mesh)
+        item = bpy.data.objects.new(_TEMPORARY_NAME, mesh)
         undo.callback(bpy.data.objects.remove, item)
         scene.collection.objects.link(item)
         item.matrix_world = Matrix(place.tolist())
@@ -256,7 +261,8 @@ def _bake_positions(
                 material.displacement_method = method
             if why := texel_bakes.run_bake(scene, item, type="POSITION"):
                 raise IcyMoonError(
-                    f"Cycles could not bake where the fine relief moves the ground{why}; set surface.relief to BUMP."
+                    f"Cycles could not bake the positions to which the fine relief moves the ground{why}; set "
+                    "surface.relief to BUMP."
                 )
             baked.append(texel_bakes.read_texels(image))
     return baked[0], baked[1]

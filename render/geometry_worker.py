@@ -51,13 +51,15 @@ from .workers.job_commands import read_job
 
 #: Positions and normals (n, 3) and triangles (m, 3) of a mesh.
 Triangles = tuple[Array, Array, Array]
-_NO_MEMORY = "There is not enough memory to write the geometry; close other programs, or make the ground coarser."
+_NO_MEMORY_MESSAGE = (
+    "There is not enough memory to write the geometry; close other programs, or make the ground coarser."
+)
 
 
 def read_mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
     """Positions and shading normals (n, 3) of a mesh, and its triangles (m, 3), in its own coordinates.
 
-    Corners share a vertex where the surface is smooth. Otherwise each corner of a triangle has a separate vertex.
+    Triangles share a vertex where the surface is smooth. Elsewhere each corner of a triangle has a vertex of its own.
     """
     loops, corners, positions = read_triangles(mesh)[0].ravel(), read_corners(mesh), read_vertices(mesh)
     smooth, split = read_vertex_normals(mesh), read_corner_normals(mesh)
@@ -76,8 +78,7 @@ def read_mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
 
 @dataclass
 class _FoundMesh:
-    """A mesh that a render shows: its kind of object, its numbers of vertices and triangles, the matrices of its
-    places."""
+    """A mesh in a render: kind of object, number of vertices and of triangles, matrices of its places."""
 
     kind: str
     vertices: int
@@ -86,7 +87,7 @@ class _FoundMesh:
 
 
 def _list_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
-    """Evaluated objects with a mesh of the site that a render shows."""
+    """Evaluated objects of the site that have a mesh and are shown by renders."""
     for found in scene.view_layers[0].depsgraph.object_instances:
         item = found.object
         if (
@@ -107,10 +108,10 @@ def _find_label(mesh: bpy.types.Mesh) -> int:
 def write_geometry(
     built: Built, scene: bpy.types.Scene, folder: Path, kind: str = "ply", cell_m: float | None = None
 ) -> dict[str, Any]:
-    """Write the ground of a built scene that ``scene`` renders in a format; what ``geometry.json`` contains.
+    """Write the ground that ``scene`` renders in a format, and return the content of ``geometry.json``.
 
-    The planet, its rings and stars are left out: they are no geometry of the site. Relief that is shading only, which
-    no depth has, is named under ``left_out``.
+    The planet, its rings and stars are left out, since they are not part of the site. ``left_out`` names the relief
+    that is shading only, which depth maps lack too.
     """
     facts = make_frame_facts(built.settings, built.ground)
     if kind == "dem":
@@ -131,7 +132,7 @@ def write_geometry(
 
 
 def _count_triangles(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
-    """Triangles that are rendered of meshes, and in how many places the meshes stand."""
+    """Number of rendered triangles, of distinct meshes (``shapes``) and of their places (``instances``)."""
     return {
         "triangles": sum(len(mesh.triangles) * len(mesh.places) for mesh in meshes),
         "shapes": len(meshes),
@@ -140,28 +141,29 @@ def _count_triangles(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
 
 
 def _list_mesh_omissions(settings: Settings) -> list[str]:
-    """The rendered details that meshes lack, a sentence each."""
+    """The rendered details that meshes lack, one sentence each."""
     if settings.surface.grain_amplitude_m > 0 and settings.surface.relief != "DISPLACEMENT":
         return [
-            "surface.grain_amplitude_m: relief where it is shading only, as it is where the mesh is coarser; the "
-            "true depth does not have it either"
+            "surface.grain_amplitude_m: relief that is shading only, where the mesh is coarser than the relief; "
+            "the true depth lacks it too"
         ]
     return []
 
 
 def _list_map_omissions(settings: Settings) -> list[str]:
-    """The rendered details that the maps lack, a sentence each."""
+    """The rendered details that maps lack, one sentence each."""
     found = _list_mesh_omissions(settings)
     if settings.rocks.coverage > 0 and any(
         principled.lets_light_through(settings[topic]) for topic in surface_topics(settings)
     ):
-        found.append("clear ice: such rocks have the albedo of the rest of their ice")
+        found.append("clear ice: such rocks have the albedo of their other ice")
     return found
 
 
 def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[PlacedMesh]:
-    """The meshes that ``scene`` renders, with their places. Raises IcyMoonError if it renders no mesh, or more
-    triangles than a file of this suffix should have."""
+    """The meshes that ``scene`` renders, with their places. Raises IcyMoonError without a mesh, and for more triangles
+    than a file of this suffix can hold.
+    """
     scene.view_layers[0].update()
     counted: dict[str, _FoundMesh] = {}
     for item, found in _list_instances(scene):
@@ -178,7 +180,7 @@ def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> 
     if not counted:
         raise IcyMoonError("The scene has no meshes to write; build a ground first.")
     refuse_too_many([(len(each.places), each.vertices, each.triangles) for each in counted.values()], suffix)
-    # Places first: moving vertices evaluates another scene, and then the objects that were evaluated here are gone.
+    # Moved vertices need another evaluated scene, which frees the objects evaluated here. So the places come first.
     ready: dict[str, Triangles] = {}
     moved: dict[str, bpy.types.Mesh] = {}
     for item, _ in _list_instances(scene):
@@ -198,20 +200,20 @@ def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> 
 
 @contextmanager
 def _open_pair_folder(folder: Path) -> Iterator[Path]:
-    """The folder of a pair, which does not stay if it gets no file."""
+    """The folder of a pair; an empty folder is removed at the end."""
     with explain_disk_errors("write to", folder):
         folder.mkdir(parents=True, exist_ok=True)
     try:
         yield folder
     finally:
-        with suppress(OSError):  # it has files
+        with suppress(OSError):  # the folder has files
             folder.rmdir()
 
 
-def _drop_quality(planned: PlannedPair) -> PlannedPair:
-    """The same ground, asked for so that any Blender can make it: without denoiser, graphics card and OSL.
+def _lower_quality(planned: PlannedPair) -> PlannedPair:
+    """The same ground at a quality that every Blender can make: without denoiser, graphics card and OSL.
 
-    A pair that is not what its id names, as where a file has changed, stays as it is, and is refused as in a render.
+    A pair whose files changed, so that its id no longer fits, stays as it is; the build refuses it as a render does.
     """
     settings = planned.settings
     known = (
@@ -226,22 +228,23 @@ def _drop_quality(planned: PlannedPair) -> PlannedPair:
 def run_job(
     job: dict[str, Any], folder: Path, send: Callable[..., None] = emit, kind: str = "ply", cell_m: float | None = None
 ) -> None:
-    """Write the ground of each pair of a job in a format. Raises IcyMoonError for what a user can fix."""
+    """Write the ground of each pair of a job in a format. Raises IcyMoonError for errors that a user can fix."""
     if job.get("blend"):
         raise IcyMoonError("The geometry of a scene in a .blend file cannot be written; give settings or pairs.")
     pairs = list_job_pairs(job)
     with ScenesFromSettings(lambda warning: send("warning", message=warning)) as source:
         for k, planned in enumerate(pairs):
             send("progress", fraction=k / len(pairs), message=f"Geometry {k + 1} of {len(pairs)}")
-            built, scene, _ = source.prepare(_drop_quality(planned))
+            built, scene, _ = source.prepare(_lower_quality(planned))
             with _open_pair_folder(folder / planned.id) as own:
                 write_geometry(built, scene, own, kind, cell_m)
     send("done", folders=[str(folder / planned.id) for planned in pairs])
 
 
 def main(arguments: list[str]) -> int:
-    """Run the job in a file, the first argument, into a folder, the second, and end the process; the third is the
-    format, the fourth the size of a cell in metres."""
+    """Run the job in a file, and end the process. Arguments: the job's file, the folder to write to, the format and the
+    size of a cell in metres.
+    """
     job, folder, kind = Path(arguments[0]), Path(arguments[1]), (arguments[2:3] or ["ply"])[0]
     cell_m = float(arguments[3]) if len(arguments) > 3 else None
-    run_to_exit(lambda: run_job(read_job(job), folder, emit, kind, cell_m), lambda: _NO_MEMORY)
+    run_to_exit(lambda: run_job(read_job(job), folder, emit, kind, cell_m), lambda: _NO_MEMORY_MESSAGE)

@@ -12,8 +12,8 @@ from .workers.assign_cards import BACKENDS, Cards, choose_card_numbers, read_cho
 def select_cards() -> list[str]:
     """Number and name of each graphics card that Cycles is to render on, such as "0: Name".
 
-    They are the cards of ``read_chosen_cards``, or all. Selects them and their backend in the preferences of this
-    session, which are not saved. Raises IcyMoonError if a chosen card is missing.
+    The cards are the ones that ``read_chosen_cards`` names, or all. They and their backend are selected in the
+    preferences of this session only. Raises IcyMoonError if a chosen card is missing.
     """
     add_on = bpy.context.preferences.addons.get("cycles")
     if add_on is None:
@@ -44,7 +44,7 @@ def list_selected_cards() -> list[str]:
 
 
 def _list_cards(cycles: bpy.types.AddonPreferences, backend: str) -> list[Any]:
-    """The cards of a backend, which becomes the selected one; none if this build does not know it."""
+    """Select a backend and list its cards; empty if this build of Blender lacks the backend."""
     try:
         cycles.compute_device_type = backend
     except TypeError:
@@ -53,7 +53,9 @@ def _list_cards(cycles: bpy.types.AddonPreferences, backend: str) -> list[Any]:
 
 
 def find_ticked_cards() -> Cards:
-    """The graphics cards that the user has ticked in the preferences of Blender; none if none, or all of them."""
+    """The graphics cards that the user has ticked in the preferences of Blender; empty for no card and for all
+    cards.
+    """
     add_on = bpy.context.preferences.addons.get("cycles")
     backend = getattr(add_on.preferences, "compute_device_type", "NONE") if add_on else "NONE"
     if add_on is None or backend not in BACKENDS:

@@ -1,4 +1,6 @@
-"""Files of the ground of a scene: maps as GeoTIFF; meshes as PLY, OBJ, USD and glTF; the frame of both."""
+"""Writes the ground of a scene: maps as GeoTIFF, meshes as PLY, OBJ, USD or glTF, and the description of their
+frame.
+"""
 
 from __future__ import annotations
 
@@ -17,18 +19,18 @@ from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
 from .ground_maps import GroundMap
 
-#: Most triangles in files that have no instances. Readers take about 100 bytes for each, as trimesh does with its
-#: 64-bit numbers, so these are 5 GB in memory.
+#: Most triangles in formats without instances. Readers such as trimesh, with 64-bit numbers, take about 100 bytes for
+#: each, so this is 5 GB of memory.
 MOST_TRIANGLES = 50_000_000
-#: Formats that have no instances, and their bytes for a vertex with its normal and for a triangle.
-_WITHOUT_INSTANCES = {"ply": (24, 13), "obj": (75, 50)}
-#: Files of a map, and what their values are.
+#: Formats without instances: bytes of a vertex with its normal, and of a triangle.
+_BYTES_WITHOUT_INSTANCES = {"ply": (24, 13), "obj": (75, 50)}
+#: Files of a map, with the meaning of their values.
 MAPS = {
     "dem.tif": "height of the ground, m",
     "dsm.tif": "height of ground and rocks, m",
     "albedo.tif": "albedo in even light: R 620 nm, G 550 nm, B 460 nm",
 }
-_AXES = "x east, y north, z up, metres, right-handed"
+_AXES_TEXT = "x east, y north, z up, metres, right-handed"
 
 
 def describe_frame(settings: Settings, ground: Mapping[str, Any] | None = None) -> str:
@@ -37,13 +39,15 @@ def describe_frame(settings: Settings, ground: Mapping[str, Any] | None = None) 
     place = find_sky_place(settings, (ground or {}).get("map"))
     latitude = place.latitude_deg if place else light.latitude_deg
     return (
-        f"Icy Moon site, local frame on {str(light.body).title()} at latitude {latitude:g}: {_AXES}, "
+        f"Icy Moon site, local frame on {str(light.body).title()} at latitude {latitude:g}: {_AXES_TEXT}, "
         "origin at the origin of the site"
     )
 
 
 def make_frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str, Any]:
-    """The site's frame, for a file beside the ground's files; ``ground`` is its report, with its place on a map."""
+    """Facts on the site's frame, for a file beside the ground's files. ``ground`` is the report of the ground, with its
+    place on a map.
+    """
     place = describe_map_place(ground)
     zero = (
         f"the height {place['height_zero_m']!r} m of the ground's file"
@@ -52,7 +56,7 @@ def make_frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str,
     )
     return {
         "frame": describe_frame(settings, ground),
-        "axes": _AXES,
+        "axes": _AXES_TEXT,
         "unit": "m",
         "height_zero": zero,
         **({"map": place} if place else {}),
@@ -60,9 +64,9 @@ def make_frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str,
 
 
 def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Write the files of ``MAPS``, float32 GeoTIFF with NaN where there is no ground; facts about them.
+    """Write the files of ``MAPS`` as float32 GeoTIFF, NaN where there is no ground, and return facts on them.
 
-    Their metadata ``map`` is the place that ``ground`` states, as JSON.
+    The TIFF tag ``map`` is the place that ``ground`` states, as JSON.
     """
     extent, notes = made.extent, describe_map_notes(ground)
     for (name, text), values in zip(MAPS.items(), (made.ground_m, made.surface_m, made.albedo), strict=True):
@@ -78,20 +82,21 @@ def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], fo
         "west_m": extent.west_m,
         "north_m": extent.north_m,
         "nodata": "NaN",
-        "cells": "a value is that at the centre of its cell; the first row is the northernmost",
+        "cells": "each value is at the centre of its cell; the first row is the northernmost",
     }
 
 
 def _write_bytes(path: Path, data: bytes) -> None:
-    def fill(part: Path) -> None:
+    def write_part(part: Path) -> None:
         part.write_bytes(data)
 
-    write_atomically(path, fill)
+    write_atomically(path, write_part)
 
 
 def write_meshes(meshes: Sequence[PlacedMesh], suffix: str, settings: Settings, folder: Path) -> list[str]:
-    """Write meshes: a PLY file of each kind, such as terrain and rock, or one OBJ, USD or glTF file of all; the names
-    of the files."""
+    """Write meshes, and return the names of the files: one PLY file for each kind, such as terrain and rock, or one
+    OBJ, USD or glTF file for all.
+    """
     frame = describe_frame(settings)
     if suffix == "ply":
         kinds = group_by_kind(meshes)
@@ -108,9 +113,11 @@ def write_meshes(meshes: Sequence[PlacedMesh], suffix: str, settings: Settings, 
 
 
 def refuse_too_many(counts: Sequence[tuple[int, int, int]], suffix: str) -> None:
-    """Raise IcyMoonError if a file without instances would have too many triangles; ``counts`` are places, vertices
-    and triangles of each mesh."""
-    if suffix not in _WITHOUT_INSTANCES:
+    """Raise IcyMoonError if a file without instances would have too many triangles.
+
+    ``counts`` are places, vertices and triangles of each mesh.
+    """
+    if suffix not in _BYTES_WITHOUT_INSTANCES:
         return
     places, vertices, triangles = (
         sum(column)
@@ -118,10 +125,10 @@ def refuse_too_many(counts: Sequence[tuple[int, int, int]], suffix: str) -> None
     )
     if triangles <= MOST_TRIANGLES:
         return
-    of_vertex, of_triangle = _WITHOUT_INSTANCES[suffix]
+    of_vertex, of_triangle = _BYTES_WITHOUT_INSTANCES[suffix]
     size = (vertices * of_vertex + triangles * of_triangle) / 1e9
     raise IcyMoonError(
-        f"The {places} meshes of the ground have {triangles / 1e6:.0f} million triangles, about "
-        f"{size:.1f} GB as {suffix} and several times that in the memory of what reads it; export usd "
-        "or gltf, where rocks of one shape share their triangles, or lower rocks.coverage."
+        f"The {places} meshes of the ground have {triangles / 1e6:.0f} million triangles. As {suffix} they take "
+        f"about {size:.1f} GB, and several times as much memory when read; export usd or gltf, where rocks of one "
+        "shape share their triangles, or lower rocks.coverage."
     )

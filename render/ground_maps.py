@@ -1,7 +1,7 @@
-"""Maps of a built scene from straight above, as Cycles gets it: heights and albedo on square cells, north up.
+"""Maps of a built scene from straight above, as Cycles renders it: heights and albedo on square cells, north up.
 
-An orthographic camera looks down on the ground and takes one sample at the centre of each cell, so relief that moves
-vertices and the shapes of rocks are in the heights, and nothing is blended at edges.
+An orthographic camera looks down and takes one sample at the centre of each cell. So heights include rocks and relief
+that moves vertices, and nothing is blended at edges.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from ..support.errors import IcyMoonError, first_line
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import ALBEDO_AOV, ROCK, SALT_AOV, SKY_DEPTH_M, TERRAIN, TRUTH
 from . import cycles_settings, passes, separate_lights
-from .pairs.workspace_cells import MOST_CELLS, PLACES, Extent
+from .pairs.workspace_cells import MOST_CELLS, PLACES_PER_SIDE, Extent
 from .render_camera import SAMPLE_OFFSET_PX
 from .traced_triangles import SceneRays
 
-#: Cells along the longer side if none are asked for.
-CELLS = 1024
-#: From the highest point to the camera, in metres.
-_ABOVE_M = 1.0
+#: Default number of cells along the longer side.
+DEFAULT_CELLS = 1024
+#: Height of the camera above the highest point, m.
+_CAMERA_CLEARANCE_M = 1.0
 _DOWN = np.array([0.0, 0.0, -1.0])
-#: Tags of the objects that are ground or rocks.
+#: Tags of the objects that count as ground or rocks.
 _GROUND_AND_ROCKS = ("terrain", "rock", "rock shape")
 
 
@@ -61,7 +61,7 @@ class GroundMap:
 def find_extent(built: Built, cell_m: float | None) -> Extent:
     """The cells that cover a ground: its patch, or the bounding box of a ground from a file.
 
-    Raises IcyMoonError for more than ``MOST_CELLS`` along a side.
+    Raises IcyMoonError for more than ``MOST_CELLS`` cells along a side.
     """
     if is_from_file(built.settings):
         corners = np.array(built.terrain.bound_box) @ np.array(built.terrain.matrix_world)[:3, :3].T
@@ -71,8 +71,8 @@ def find_extent(built: Built, cell_m: float | None) -> Extent:
         half = built.settings.terrain.size_m / 2
         west, south, east, north = -half, -half, half, half
     width, height = east - west, north - south
-    cell = cell_m or max(width, height) / CELLS
-    # An excess of less than a millionth of a cell adds no further cell.
+    cell = cell_m or max(width, height) / DEFAULT_CELLS
+    # An excess below a millionth of a cell adds no cell.
     columns, rows = (max(1, int(np.ceil(side / cell - 1e-6))) for side in (width, height))
     if max(columns, rows) > MOST_CELLS:
         raise IcyMoonError(
@@ -86,20 +86,25 @@ def find_extent(built: Built, cell_m: float | None) -> Extent:
 def make_heights(rays: SceneRays, extent: Extent) -> Array:
     """Heights, float32 (2, rows, columns), of the ground with rocks and of the ground alone, in the site's frame.
 
-    A height is the median of the heights at 3 x 3 places of its cell, as matchers' points are gridded by medians. Other
-    objects, such as a lander, are left out.
+    The height of a cell is the median at 3 x 3 places in it, as matchers' points are gridded by medians too. Other
+    objects, such as a lander, do not count.
     """
-    fine = replace(extent, cell_m=extent.cell_m / PLACES, rows=PLACES * extent.rows, columns=PLACES * extent.columns)
+    fine = replace(
+        extent,
+        cell_m=extent.cell_m / PLACES_PER_SIDE,
+        rows=PLACES_PER_SIDE * extent.rows,
+        columns=PLACES_PER_SIDE * extent.columns,
+    )
     made = []
     for rocks in (True, False):
-        with rays.ground(rocks) as (world, tracer):
+        with rays.open_ground(rocks) as (world, tracer):
             made.append(_median_by_cell(_find_heights(world, tracer, fine)))
     return np.stack(made).astype(np.float32)
 
 
 def _find_heights(world: World, tracer: Tracer, extent: Extent) -> Array:
-    """Heights (rows, columns) of the highest of a world at the centres of cells, NaN where there is nothing."""
-    top_m = world.highest_m() + _ABOVE_M
+    """Heights (rows, columns) of the highest surface of a world at the centres of cells, NaN without a surface."""
+    top_m = world.highest_m() + _CAMERA_CLEARANCE_M
     heights = np.full(extent.rows * extent.columns, np.nan)
     for cells in list_squares(extent.rows, extent.columns):
         row, column = np.divmod(cells, extent.columns)
@@ -118,15 +123,15 @@ def _find_heights(world: World, tracer: Tracer, extent: Extent) -> Array:
 
 
 def _median_by_cell(height_m: Array) -> Array:
-    """The medians of squares of ``PLACES`` rows and columns, NaN where a part is not known."""
-    rows, columns = (count // PLACES for count in height_m.shape)
-    squares = height_m.reshape(rows, PLACES, columns, PLACES).swapaxes(1, 2)
+    """The medians of squares of ``PLACES_PER_SIDE`` rows and columns, NaN where one of the heights is unknown."""
+    rows, columns = (count // PLACES_PER_SIDE for count in height_m.shape)
+    squares = height_m.reshape(rows, PLACES_PER_SIDE, columns, PLACES_PER_SIDE).swapaxes(1, 2)
     return np.asarray(np.median(squares.reshape(rows, columns, -1), axis=2))
 
 
 @contextmanager
-def _hide_objects(items: Sequence[bpy.types.Object]) -> Iterator[None]:
-    """Renders do not show these objects."""
+def _hide_from_renders(items: Sequence[bpy.types.Object]) -> Iterator[None]:
+    """Hide objects from renders until the end of the ``with`` block."""
     shown = [item for item in items if not item.hide_render]
     for item in shown:
         item.hide_render = True
@@ -138,70 +143,74 @@ def _hide_objects(items: Sequence[bpy.types.Object]) -> Iterator[None]:
 
 
 def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: float | None = None) -> GroundMap:
-    """The map of a built scene that ``scene`` renders, without its lander; images are written to ``folder`` meanwhile.
+    """The map of a built scene that ``scene`` renders, without its lander. Temporary images are in ``folder``.
 
-    Raises IcyMoonError for cells that are too small, and where Cycles fails.
+    Raises IcyMoonError for cells that are too small, and if Cycles fails.
     """
     extent = find_extent(built, cell_m)
     lander = [item for item in built.collection.all_objects if item.get(TAG) in LANDER_ROLES.values()]
-    with _from_above(built, scene, extent, {ALBEDO_AOV: "COLOR"}) as top_m, _hide_objects(lander):
+    with _open_view_from_above(built, scene, extent, {ALBEDO_AOV: "COLOR"}) as top_m, _hide_from_renders(lander):
         whole = _render_cells(scene, folder / "ground_map")
         surface = _depth_to_heights(whole, top_m)
         rocks = [item for item in built.collection.all_objects if item.get(TAG) == "rock" and not item.hide_render]
-        with _hide_objects(rocks):
+        with _hide_from_renders(rocks):
             ground = _depth_to_heights(_render_cells(scene, folder / "ground_map"), top_m) if rocks else surface
-    albedo = np.stack(_find_pass(whole, ALBEDO_AOV), axis=-1)
-    return GroundMap(extent, ground, surface, _of_ground(whole, albedo, top_m))
+    albedo = np.stack(_find_pass_channels(whole, ALBEDO_AOV), axis=-1)
+    return GroundMap(extent, ground, surface, _mask_other_objects(whole, albedo, top_m))
 
 
 def make_materials(built: Built, scene: bpy.types.Scene, folder: Path, extent: Extent) -> Array:
-    """What lies on top in the cells, float32 (4, rows, columns): the albedo in even light in the bands R, G, B, and the
-    share of salt, of ground and rocks at the centres of cells; NaN where there is neither. Other objects are left out.
+    """The materials on top of the cells, float32 (4, rows, columns): albedo in even light in the bands R, G, B, and
+    share of salt, at the centres of cells. NaN where there is neither ground nor rock.
 
-    An image is written to ``folder`` meanwhile. Raises IcyMoonError where Cycles fails.
+    A temporary image is in ``folder``. Raises IcyMoonError if Cycles fails.
     """
     others = [item for item in built.collection.all_objects if item.get(TAG) not in _GROUND_AND_ROCKS]
     with (
-        _from_above(built, scene, extent, {ALBEDO_AOV: "COLOR", SALT_AOV: "VALUE"}) as top_m,
-        _hide_objects([item for item in others if item.type != "CAMERA"]),
+        _open_view_from_above(built, scene, extent, {ALBEDO_AOV: "COLOR", SALT_AOV: "VALUE"}) as top_m,
+        _hide_from_renders([item for item in others if item.type != "CAMERA"]),
     ):
         found = _render_cells(scene, folder / "materials")
-    values = np.stack([*_find_pass(found, ALBEDO_AOV), *_find_pass(found, SALT_AOV)], axis=-1)
-    return np.moveaxis(_of_ground(found, values, top_m), -1, 0)
+    values = np.stack([*_find_pass_channels(found, ALBEDO_AOV), *_find_pass_channels(found, SALT_AOV)], axis=-1)
+    return np.moveaxis(_mask_other_objects(found, values, top_m), -1, 0)
 
 
 @contextmanager
-def _from_above(built: Built, scene: bpy.types.Scene, extent: Extent, aovs: Mapping[str, str]) -> Iterator[float]:
-    """``scene`` renders a map with these value passes, by their types; the height of its camera in metres."""
+def _open_view_from_above(
+    built: Built, scene: bpy.types.Scene, extent: Extent, aovs: Mapping[str, str]
+) -> Iterator[float]:
+    """Let ``scene`` render a map from above with value passes (name to type), and yield the height of its camera, m."""
     cycles_settings.apply_quality(scene, built.settings.quality, 0)
     layer = scene.view_layers[0]
     for name, kind in aovs.items():
         made = layer.aovs.add()
         made.name, made.type = name, kind
-    top_m = _find_top_m(scene) + _ABOVE_M
+    top_m = _find_top_m(scene) + _CAMERA_CLEARANCE_M
     with _use_albedo_materials(built), _look_down(scene, extent, top_m), _disable_osl(scene, built):
         yield top_m
     for name in aovs:
         layer.aovs.remove(layer.aovs[name])
 
 
-def _of_ground(channels: dict[str, Array], values: Array, top_m: float) -> Array:
-    """float32 ``values`` (rows, columns, n) of a map where it shows ground or rocks, elsewhere NaN."""
-    label = np.rint(_find_pass(channels, "Material Index", "IndexMA")[0])
+def _mask_other_objects(channels: dict[str, Array], values: Array, top_m: float) -> Array:
+    """float32 ``values`` (rows, columns, n) of a map where it shows ground or rocks, NaN elsewhere."""
+    label = np.rint(_find_pass_channels(channels, "Material Index", "IndexMA")[0])
     ours = np.isin(label, (TERRAIN, ROCK)) & np.isfinite(_depth_to_heights(channels, top_m))
     return np.where(ours[..., None], values, np.nan).astype(np.float32)
 
 
 @contextmanager
 def _disable_osl(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
-    """Value passes are written, which Cycles does not do with Open Shading Language."""
+    """Switch Open Shading Language off until the end of the ``with`` block, because Cycles writes no value passes with
+    it.
+    """
     prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
     with separate_lights.disable_osl(scene):
         yield
 
 
 def _find_top_m(scene: bpy.types.Scene) -> float:
-    """Height of the highest corner of a box around a mesh of the site."""
+    """Height, m, of the highest corner of the bounding boxes of the site's meshes."""
     scene.view_layers[0].update()
     tops = [0.0]
     for found in scene.view_layers[0].depsgraph.object_instances:
@@ -216,18 +225,18 @@ def _find_top_m(scene: bpy.types.Scene) -> float:
 
 @contextmanager
 def _use_albedo_materials(built: Built) -> Iterator[None]:
-    """Ground and rocks have materials that write ``ALBEDO_AOV``."""
+    """Give ground and rocks materials that write ``ALBEDO_AOV``, until the end of the ``with`` block."""
     ground, settings = built.terrain.data, built.settings
     lent: list[tuple[bpy.types.Mesh, bpy.types.Material]] = []
     made: list[bpy.types.Material] = []
 
-    def lend(mesh: bpy.types.Mesh, material: bpy.types.Material) -> None:
+    def set_material(mesh: bpy.types.Mesh, material: bpy.types.Material) -> None:
         lent.append((mesh, mesh.materials[0]))
         mesh.materials[0] = material
 
     try:
         made.append(build_ground_material(settings, ground, albedo_pass=True))
-        lend(ground, made[0])
+        set_material(ground, made[0])
         rocks = [item for item in built.collection.all_objects if item.get(TAG) == "rock"]
         if rocks:
             made.append(build_rock_material(settings, ground, albedo_pass=True))
@@ -238,7 +247,7 @@ def _use_albedo_materials(built: Built) -> Iterator[None]:
             if isinstance(each.data, bpy.types.Mesh) and len(each.data.materials)
         }
         for mesh in meshes:
-            lend(mesh, made[1])
+            set_material(mesh, made[1])
         yield
     finally:
         for mesh, material in lent:
@@ -249,7 +258,9 @@ def _use_albedo_materials(built: Built) -> Iterator[None]:
 
 @contextmanager
 def _look_down(scene: bpy.types.Scene, extent: Extent, top_m: float) -> Iterator[None]:
-    """The camera of ``scene`` looks straight down on the map, north up, from the height ``top_m``."""
+    """Turn the camera of ``scene`` straight down on the map, north up, at the height ``top_m``, until the end of the
+    ``with`` block.
+    """
     item, render = scene.camera, scene.render
     lens = item.data
     lens.type, lens.sensor_fit, lens.dof.use_dof = "ORTHO", "AUTO", False
@@ -272,7 +283,7 @@ def _look_down(scene: bpy.types.Scene, extent: Extent, top_m: float) -> Iterator
 
 
 def _render_cells(scene: bpy.types.Scene, stem: Path) -> dict[str, Array]:
-    """The channels, (rows, columns), of a render of one sample at the centres of cells."""
+    """Channels (rows, columns) of a render with one sample at the centre of each cell."""
     stem.parent.mkdir(parents=True, exist_ok=True)
     passes.choose_layer(scene, TRUTH, stem, "FULL")
     file = stem.with_name(f"{stem.name}.exr")
@@ -282,7 +293,8 @@ def _render_cells(scene: bpy.types.Scene, stem: Path) -> dict[str, Array]:
         raise IcyMoonError(f"Cycles could not render the map: {first_line(error)}") from None
     if not is_whole(file):
         raise IcyMoonError(
-            f"Blender could not write the map to {file}; the disk is full or the folder may not be written to."
+            f"Blender could not write the map to {file}: the disk is full, or you may not write to the folder; free "
+            "some space or choose another folder."
         )
     try:
         return {name: values for _, channels in decode_parts(file.read_bytes()) for name, values in channels.items()}
@@ -292,8 +304,10 @@ def _render_cells(scene: bpy.types.Scene, stem: Path) -> dict[str, Array]:
         system.remove(file)
 
 
-def _find_pass(channels: dict[str, Array], *names: str) -> list[Array]:
-    """The channels of a pass, which has another name in each version, in the order R, G, B, or the only one."""
+def _find_pass_channels(channels: dict[str, Array], *names: str) -> list[Array]:
+    """The channels of a pass under any of its names, which differ between versions of Blender: R, G, B, or one
+    channel.
+    """
     found = {key: values for key, values in channels.items() if key.split(".")[-2] in names}
     if not found:
         raise IcyMoonError(f"The map that Blender wrote has no pass {names[0]}; write it again.")
@@ -302,5 +316,5 @@ def _find_pass(channels: dict[str, Array], *names: str) -> list[Array]:
 
 
 def _depth_to_heights(channels: dict[str, Array], top_m: float) -> Array:
-    depth = _find_pass(channels, "Depth")[0].astype(np.float64)
+    depth = _find_pass_channels(channels, "Depth")[0].astype(np.float64)
     return np.where((depth > 0) & (depth < SKY_DEPTH_M), top_m - depth, np.nan).astype(np.float32)

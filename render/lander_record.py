@@ -1,4 +1,4 @@
-"""The lander in ``pair.json``: poses of its links in both eyes, joints, contact, keypoints."""
+"""The entry "lander" of ``pair.json``: poses of its links in both eyes, joints, contact, keypoints."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from ..support.arrays import Array
 from .cycles_occlusion import read_depth
 from .pairs.pair_folder import EYES, TRUTH_FILE
 
-#: Metres and sines by which the pose of an object may differ from its pose by the settings before it counts as moved
-#: by hand: Blender stores single precision.
-_ROUNDING = 2e-5
+#: Metres, or sines of angles, by which an object may differ from its pose by the settings before it counts as moved by
+#: hand. Blender stores single precision.
+_POSE_TOLERANCE = 2e-5
 
 
 def make_lander_json(built: Built, settings: Settings, poses: Mapping[str, Array], folder: Path) -> dict[str, Any]:
-    """The part "lander" of ``pair.json``, or nothing if there is no lander.
+    """The entry "lander" of ``pair.json``; empty without a lander.
 
-    ``poses`` are the camera-to-world matrices of the rectified eyes, ``folder`` has the pair's images. Lengths are
-    metres, cameras have OpenCV's axes.
+    ``poses`` are the camera-to-world matrices of the rectified eyes in OpenCV's axes. ``folder`` has the pair's images.
+    Lengths are in metres.
     """
     objects = {role: item for role, item in find_built_objects(built.collection).items() if role in ROLES.values()}
     if settings.lander.kind == "NONE" or not objects:
         return {}
     links = _find_real_poses(objects, settings, built.site_m)
     keys = list_link_keys(settings)
-    links.pop(HEAD, None)  # the cameras are in it
+    links.pop(HEAD, None)  # the cameras are in the head
     camera, contact = StereoCamera.from_settings(settings.rig), find_contact(settings, built.site_m, built.terrain)
     pads_m = read_pad_heights_m(objects[ROLES[BODY]])
     matrix = np.array([[camera.focal_px, 0.0, camera.cx_px], [0.0, camera.focal_px, camera.cy_px], [0.0, 0.0, 1.0]])
@@ -67,7 +67,7 @@ def make_lander_json(built: Built, settings: Settings, poses: Mapping[str, Array
 
 
 def _crop_margins(values: Array, camera: StereoCamera) -> Array:
-    """An image of the size of the final ones, of one that was rendered with margins."""
+    """Crop an image that was rendered with margins to the size of the final images."""
     x, y = camera.margin_x_px, camera.margin_y_px
     return values[y : y + camera.height_px, x : x + camera.width_px]
 
@@ -78,10 +78,12 @@ def _find_truth_file(folder: Path, eye: str) -> Path:
 
 
 def _find_real_poses(objects: Mapping[str, Any], settings: Settings, site_m: float) -> dict[str, Array]:
-    """Poses of the links: in double precision from the settings, unless the user has moved the object."""
+    """Poses of the links: in double precision from the settings, or from Blender where the user has moved the
+    object.
+    """
     found, keys = {}, list_link_keys(settings)
     for link, pose in find_link_poses(settings, site_m).items():
         if (role := ROLES[keys[link]]) in objects:
             there = np.array(objects[role].matrix_world)
-            found[link] = pose if np.abs(there - pose).max() < _ROUNDING else there
+            found[link] = pose if np.abs(there - pose).max() < _POSE_TOLERANCE else there
     return found

@@ -1,5 +1,5 @@
-"""Which meshes renders show, and their arrays. Attributes are copied as a whole, where Blender's properties are asked
-facet by facet.
+"""The meshes that renders show, and their arrays. Attributes are copied as a whole, which is faster than Blender's
+properties of each facet.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from ..support.arrays import Array
 
 
 def is_rendered(found: bpy.types.DepsgraphObjectInstance) -> bool:
-    """Whether renders show an instance of an evaluated scene: neither its object nor its instancer is hidden."""
+    """Whether renders show an instance of an evaluated scene: both its object and its instancer are visible."""
     shown = [found.object, *([found.parent] if found.parent is not None else [])]
     return bool(found.show_self) and not any(item.original.hide_render for item in shown)
 
@@ -45,7 +45,7 @@ def read_corner_normals(mesh: bpy.types.Mesh) -> Array:
 
 
 def read_triangles(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
-    """Corners (m, 3) of the triangles that a mesh is rendered as, and the facet (m,) of each."""
+    """Corners (m, 3) of the rendered triangles of a mesh, and the facet (m,) of each triangle."""
     mesh.calc_loop_triangles()
     loops, facets = np.empty(3 * len(mesh.loop_triangles), np.int32), np.empty(len(mesh.loop_triangles), np.int32)
     mesh.loop_triangles.foreach_get("loops", loops)
@@ -53,18 +53,18 @@ def read_triangles(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
     return loops.reshape(-1, 3), facets
 
 
-def read_smooth(mesh: bpy.types.Mesh) -> Array:
-    """Whether (n,) the facets of a mesh are shaded smoothly."""
+def read_smooth_shading(mesh: bpy.types.Mesh) -> Array:
+    """Which facets (n,) of a mesh are shaded smoothly, bool."""
     return ~_read_facets(mesh, "sharp_face", bool)
 
 
-def read_slots(mesh: bpy.types.Mesh) -> Array:
-    """The number (n,) int32 of the material of each facet of a mesh."""
+def read_material_slots(mesh: bpy.types.Mesh) -> Array:
+    """The material slot (n,) int32 of each facet of a mesh."""
     return _read_facets(mesh, "material_index", np.int32)
 
 
 def _read_facets(mesh: bpy.types.Mesh, name: str, kind: type) -> Array:
-    """The values (n,) of an attribute of facets, 0 without it."""
+    """The values (n,) of an attribute of facets, 0 if the mesh lacks it."""
     values: Array = np.zeros(len(mesh.polygons), kind)
     attribute = mesh.attributes.get(name)
     if attribute is not None:

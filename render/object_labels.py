@@ -1,7 +1,7 @@
 """Labels for objects that the user added to the scene, for the time of a render.
 
-A lander that the user puts into the collection "Icy Moon" has no instance label and no semantic label, unless the
-user gave pass indices to it or to its materials. A render sets both, and resets them at the end.
+A lander that the user puts into the collection "Icy Moon" has no labels, unless the user gave pass indices to it or to
+its materials. A render gives it an instance label and a semantic label, and resets them at the end.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ def _list_materials(item: bpy.types.Object) -> set[bpy.types.Material]:
 
 
 def _find_user_objects(scene: bpy.types.Scene) -> dict[bpy.types.Object, set[bpy.types.Material]]:
-    """The objects with a surface that the builders did not make, by name, with all their materials.
+    """The objects with a surface that the builders did not make, each with all its materials, in the order of their
+    names.
 
-    Those count that a collection instance or a geometry node brings in, and the materials that a
-    modifier sets.
+    Objects of collection instances and of geometry nodes count too, as do the materials that a modifier sets.
     """
     layer = scene.view_layers[0]
     layer.update()
     found: dict[bpy.types.Object, set[bpy.types.Material]] = {}
 
-    def note(item: bpy.types.Object) -> None:
+    def add_object(item: bpy.types.Object) -> None:
         if TAG not in item.original and hasattr(item.data, "materials"):
             found.setdefault(item.original, set()).update(_list_materials(item))
 
     for instance in layer.depsgraph.object_instances:
-        note(instance.object)  # gone at the next turn: Blender crashes if it is kept
+        add_object(instance.object)  # the instance is invalid at the next turn: Blender crashes if it is kept
     for item in scene.objects:
-        note(item)
+        add_object(item)
     return dict(sorted(found.items(), key=lambda entry: entry[0].name))
 
 
 def _make_grey_material() -> bpy.types.Material:
-    """A material like that which Cycles uses where a surface has none: diffuse, 0.8."""
+    """A material like Cycles' material for surfaces without one: diffuse, 0.8."""
     material = bpy.data.materials.new("Icy Moon Unlabelled")
     tree = compat.ensure_nodes(material)
     tree.nodes.clear()
@@ -58,7 +58,8 @@ def _make_grey_material() -> bpy.types.Material:
 
 @contextmanager
 def lend_labels(scene: bpy.types.Scene) -> Iterator[None]:
-    """Every surface in the scene has a semantic label, and every object its own instance label.
+    """Give each surface in the scene a semantic label, and each object an instance label, until the end of the ``with``
+    block.
 
     Pass indices that the user set are kept. Raises IcyMoonError if there are more objects than labels.
     """
@@ -69,7 +70,7 @@ def lend_labels(scene: bpy.types.Scene) -> Iterator[None]:
         grey = _make_grey_material()
         undo.callback(bpy.data.materials.remove, grey)
 
-        def lend(datablock: bpy.types.bpy_struct, name: str, value: object) -> None:
+        def set_index(datablock: bpy.types.bpy_struct, name: str, value: object) -> None:
             undo.callback(setattr, datablock, name, getattr(datablock, name))
             setattr(datablock, name, value)
 
@@ -78,16 +79,16 @@ def lend_labels(scene: bpy.types.Scene) -> Iterator[None]:
                 label = next(free, None)
                 if label is None:
                     raise IcyMoonError(
-                        f"The collection Icy Moon contains more than {LAST_OBJECT_INSTANCE} objects "
-                        "of yours, which is the number of instance labels; join some of them."
+                        f"The collection Icy Moon contains more objects of yours than the {LAST_OBJECT_INSTANCE} "
+                        "instance labels; join some of them."
                     )
-                lend(item, "pass_index", label)
+                set_index(item, "pass_index", label)
             for material in materials:
                 if material.pass_index == 0:
-                    lend(material, "pass_index", LANDER)
+                    set_index(material, "pass_index", LANDER)
             for slot in item.material_slots:
                 if slot.material is None:
-                    lend(slot, "material", grey)
+                    set_index(slot, "material", grey)
             if not materials and not item.material_slots:
                 item.data.materials.append(grey)
                 undo.callback(item.data.materials.pop)

@@ -32,7 +32,9 @@ from .plans.planned_pair import PlannedPair
 
 
 def make_light_json(built: Built, source: str) -> dict[str, Any]:
-    """The sky as it stands: by ``source``, the value of ``light.directions_from``, or as the user turned its lamp."""
+    """The entry "light" of ``pair.json``: the sky by ``source``, a value of ``light.directions_from``, or as the user
+    turned the lamp.
+    """
     facts = built.sky
     sun = read_scene_sun(built.sun, facts["sun"], source)
     facts["sun"] = sun.to_json()
@@ -45,14 +47,14 @@ def make_light_json(built: Built, source: str) -> dict[str, Any]:
 
 
 def _eye_pose(pose: Array, rotation: Array) -> Array:
-    """The camera-to-world matrix (4, 4) of an eye of the parallel rig that is turned by ``rotation`` (3, 3)."""
+    """The camera-to-world matrix (4, 4) of an eye of the parallel rig after a turn by ``rotation`` (3, 3)."""
     turned = pose.copy()
     turned[:3, :3] = pose[:3, :3] @ rotation.T
     return turned
 
 
-#: The loss of files with ``quality.files`` COMPACT, in words.
-_COMPACT = (
+#: The loss of precision in files with ``quality.files`` COMPACT, in words.
+_COMPACT_LOSS = (
     "radiance as 16-bit floats, off by at most 0.05 % or 3e-8, unless 16 bits cannot carry it; normals as "
     "16-bit floats, off by at most 0.03°; no Beauty.Combined where it is the sum of Combined_Sun and "
     "Combined_Planet; all else in 32 bits"
@@ -60,12 +62,12 @@ _COMPACT = (
 
 
 def _describe_channels(truth: str, files: str) -> dict[str, Any]:
-    """The content of the images with this ``quality.truth`` and these ``quality.files``, in words."""
+    """The content of the images at this ``quality.truth`` and ``quality.files``, in words."""
     light: dict[str, Any] = {
         "radiance": "W/(m² sr), linear, in the bands R, G, B at 620, 550, 460 nm: over all "
         "wavelengths, if all light were as bright, relative to sunlight, as there",
         "depth": "planar Z in m at pixel centres, sky 1e10",
-        **({"stored": _COMPACT} if files == "COMPACT" else {}),
+        **({"stored": _COMPACT_LOSS} if files == "COMPACT" else {}),
     }
     if truth == "DEPTH":
         return light
@@ -84,7 +86,9 @@ def _describe_channels(truth: str, files: str) -> dict[str, Any]:
 
 
 def _list_omissions(built: Built, settings: Settings, indirect: dict[str, Any] | None) -> list[str]:
-    """The parts that are not rendered, and why light is traced if only the scene or the image shows the reason."""
+    """The details that the render left out, and why light is traced, if only the scene or the image shows the
+    reason.
+    """
     sentences = find_left_out(settings, built.sky)
     traced = [traced_sentence(indirect["why"])] if indirect and "why" in indirect else []
     return [*sentences, *(each for each in traced if each not in sentences)]
@@ -101,7 +105,7 @@ def make_pair_json(
     indirect: dict[str, Any] | None,
     head: list[dict[str, Any]],
 ) -> dict[str, Any]:
-    """The content of ``pair.json``, except for facts that are known only when it is finished.
+    """The content of ``pair.json`` without the facts that are known at the end of the render.
 
     ``light`` is from ``make_light_json``, ``denoiser`` is the denoiser that was used, ``indirect`` the statement about
     baked light, if any, ``head`` the entries of the cameras beside the pair.

@@ -1,8 +1,8 @@
-"""Which images a render writes: radiance in one, truth in another.
+"""The passes of each render: one render has the radiance, another one the truth.
 
-Truth is rendered by itself because Cycles averages normals and value passes over samples; at one
-sample every pass is taken at the pixel centre and nothing is blended at edges. Both renders are of the
-same view layer, since Cycles would build its tree of triangles for each layer again.
+Truth needs a separate render because Cycles averages normals and value passes over samples. With one sample each pass
+is taken at the pixel centre, and edges are not blended. Both renders use the same view layer, since Cycles builds its
+tree of triangles for each layer.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import bpy
 from ..support.blender import compat
 from ..support.labels import BAKED_AOVS, BAKED_ERROR_AOVS, BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 
-_SUFFIX = {"left": "_L", "right": "_R"}
+_FILE_SUFFIX_BY_EYE = {"left": "_L", "right": "_R"}
 
 
-def _enable_passes(layer: bpy.types.ViewLayer, *passes: str) -> None:
-    """Switch exactly these passes of a view layer on."""
+def _enable_only(layer: bpy.types.ViewLayer, *passes: str) -> None:
+    """Enable exactly these passes of a view layer."""
     for settings in (layer, layer.cycles):
         for prop in settings.bl_rna.properties:
             if prop.identifier.startswith("use_pass_"):
@@ -30,12 +30,11 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
     eye), value passes, with ``baked`` also for baked light and its error and, with ``light_groups``, a pass for each
     group.
 
-    The passes must stay as they are as long as Cycles keeps the scene: its shaders write them without asking again
-    whether they are wanted.
+    The passes must stay the same as long as Cycles keeps the scene, since its shaders go on writing them.
     """
     layer = scene.view_layers[0]
     layer.material_override = None
-    layer.samples = 0  # as many as the scene has
+    layer.samples = 0  # 0: as many as the scene has
     light = (
         [
             (names[group], kind)
@@ -61,21 +60,21 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
         view.use = view.name in ("left", "right")
     compat.use_multilayer_exr(render.image_settings)
     render.image_settings.color_depth = "32"
-    # These files are read once, changed and removed; a pair's files are compressed as they are put together.
+    # These files are read once, changed and removed. The pair's own files are compressed when they are written.
     render.image_settings.exr_codec = "NONE"
     render.image_settings.views_format = "INDIVIDUAL"
     render.use_file_extension = True
     render.use_overwrite, render.use_placeholder = True, False
 
 
-#: Passes of the truth that Cycles takes from the first sample, so they may come with the radiance, by
-#: ``quality.truth``; and all passes of the truth. It averages normals and value passes over samples.
-_FIRST_SAMPLE: dict[str, tuple[str, ...]] = {
+#: Passes of the truth by ``quality.truth``: those that Cycles takes from the first sample, which may come with the
+#: radiance, and all of them. Cycles averages normals and value passes over samples.
+_FIRST_SAMPLE_PASSES: dict[str, tuple[str, ...]] = {
     "DEPTH": ("use_pass_z",),
     "SEMANTIC": ("use_pass_z", "use_pass_material_index"),
     "FULL": (),
 }
-_TRUTH_PASSES = _FIRST_SAMPLE | {
+_TRUTH_PASSES = _FIRST_SAMPLE_PASSES | {
     "FULL": ("use_pass_z", "use_pass_normal", "use_pass_object_index", "use_pass_material_index")
 }
 
@@ -84,25 +83,25 @@ def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> d
     """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``; of
     a camera that is no pair the one file, with an empty name.
 
-    ``truth`` is the wanted truth, as in ``quality.truth``. All but FULL comes with the radiance.
+    ``truth`` is as in ``quality.truth``. All truth but FULL comes with the radiance.
     """
     layer = scene.view_layers[0]
     layer.name = name
     if name == BEAUTY:
-        _enable_passes(layer, "use_pass_combined", *_FIRST_SAMPLE[truth])
+        _enable_only(layer, "use_pass_combined", *_FIRST_SAMPLE_PASSES[truth])
     else:
         scene.cycles.samples = 1
-        scene.cycles.max_bounces = 0  # light after the first hit is not used
+        scene.cycles.max_bounces = 0  # light after the first hit has no effect on truth
         scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
-        _enable_passes(layer, "use_pass_combined", *_TRUTH_PASSES[truth])
+        _enable_only(layer, "use_pass_combined", *_TRUTH_PASSES[truth])
     scene.render.filepath = str(stem)
-    suffixes = _SUFFIX if scene.render.use_multiview else {"": ""}
+    suffixes = _FILE_SUFFIX_BY_EYE if scene.render.use_multiview else {"": ""}
     return {eye: stem.with_name(f"{stem.name}{suffix}.exr") for eye, suffix in suffixes.items()}
 
 
-#: Passes that renders have and nobody needs: those that mean something in the other render only, the colour of the
-#: truth's one sample, the image before the denoiser, and baked light, which has been added to the image.
-UNWANTED = {
+#: Passes that are dropped: the passes that mean something only in the other render, the colour of the truth's one
+#: sample, the image before the denoiser, and baked light, which the image already contains.
+UNWANTED_PASSES = {
     *(f"{BEAUTY}.{name}" for name in (NORMAL_AOV, INSTANCE_AOV)),
     f"{TRUTH}.Combined",
     *(f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in BAKED_AOVS.values()),

@@ -14,7 +14,7 @@ from . import graphics_cards
 
 
 def main(arguments: list[str]) -> int:
-    """Say version and abilities; ends the process, as the Blender module may hang when it ends."""
+    """Print version and abilities, and end the process, since the Blender module may hang when it ends."""
     emit(
         "probe",
         blender=bpy.app.version_string,

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import bpy
 
-_SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
+_SAMPLE_STATUS = re.compile(r"Sample (\d+)/(\d+)")
 
 
 class SampleCounter:
@@ -30,11 +30,11 @@ class SampleCounter:
         """Add to ``seconds`` if Cycles has been sampling since the last status line."""
         if self._since is not None:
             self.seconds += now_s - self._since
-        self._since = now_s if _SAMPLE.search(status) else None
+        self._since = now_s if _SAMPLE_STATUS.search(status) else None
 
     def read(self, status: str) -> float | None:
-        """The fraction in [0, 1] after this status line, or None if it does not change it."""
-        found = _SAMPLE.search(status)
+        """The fraction in [0, 1] after this status line, or None if it is unchanged."""
+        found = _SAMPLE_STATUS.search(status)
         if not found:
             return None
         now = int(found[1])
@@ -53,15 +53,15 @@ def watch_samples(
     """Call ``report`` with the fraction done whenever Cycles has finished samples; see SampleCounter."""
     counter = SampleCounter(samples, truths, others, eyes)
 
-    def listen(*arguments: object) -> None:
+    def read_arguments(*arguments: object) -> None:
         status = str(arguments[0]) if arguments else ""
         counter.add_time(status, time.perf_counter())
         fraction = counter.read(status)
         if fraction is not None:
             report(fraction)
 
-    bpy.app.handlers.render_stats.append(listen)
+    bpy.app.handlers.render_stats.append(read_arguments)
     try:
         yield counter
     finally:
-        bpy.app.handlers.render_stats.remove(listen)
+        bpy.app.handlers.render_stats.remove(read_arguments)

@@ -1,4 +1,4 @@
-"""The truth of a pair by rays of our own, in files like those that Cycles writes of it."""
+"""The truth of a pair from rays of our own, in files like those of Cycles."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from ..support.files import explain_disk_errors
 from ..support.labels import DISTANCE, FIRST_ROCK_INSTANCE, HIDDEN, INSTANCE_AOV, NORMAL_AOV, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
 
-#: The files of a truth: their stem, and on which pixels it is: those of the parallel eyes, the same turned in, or those
-#: of the sensors of calibrated eyes.
-Wanted = tuple[Path, Literal["PARALLEL", "TOED", "SENSORS"]]
+#: A file of truth: its stem, and its pixels: of the parallel eyes, of the eyes turned in, or of the sensors of
+#: calibrated eyes.
+TruthRequest = tuple[Path, Literal["PARALLEL", "TOED", "SENSORS"]]
 
 
 def trace_truth(
     stage: Stage,
-    asked: Wanted,
+    asked: TruthRequest,
     camera: StereoCamera,
     poses: Mapping[str, Array],
     clip_m: tuple[float, float],
     wanted: str,
     rounded: Collection[str],
 ) -> dict[str, Path]:
-    """Write the truth that is ``wanted``, as in ``quality.truth``, into the files that are ``asked`` for, the passes
-    ``rounded`` as 16-bit floats, and return the files by eye. It asks nothing of Blender, which may render meanwhile.
+    """Trace the truth that ``wanted`` names, as in ``quality.truth``, into the files ``asked``, and return the files by
+    eye. The passes ``rounded`` are stored as 16-bit floats. Blender is not called, so it may render meanwhile.
 
-    ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes. Surfaces nearer or further away than
-    ``clip_m`` have no truth.
+    ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes. Surfaces outside the depths ``clip_m`` have
+    no truth.
     """
     stem, kind = asked
-    make = _calibrated_eye if kind == "SENSORS" else partial(_rendered_eye, kind == "TOED")
+    make = _make_calibrated_eye if kind == "SENSORS" else partial(_make_rendered_eye, kind == "TOED")
     eyes = {eye: make(camera, eye, poses[eye]) for eye in EYES}
     files = {eye: stem.with_name(f"{stem.name}-{eye}.exr") for eye in EYES}
     for eye, truth in trace_eyes(stage, eyes, camera.baseline_m, *clip_m).items():
@@ -51,7 +51,7 @@ def trace_truth(
     return files
 
 
-def _rendered_eye(toed: bool, camera: StereoCamera, eye: str, pose: Array) -> AnyEye:
+def _make_rendered_eye(toed: bool, camera: StereoCamera, eye: str, pose: Array) -> AnyEye:
     columns, rows = camera.rendered_px
     return Eye(
         columns,
@@ -64,26 +64,26 @@ def _rendered_eye(toed: bool, camera: StereoCamera, eye: str, pose: Array) -> An
     )
 
 
-def _calibrated_eye(camera: StereoCamera, eye: str, pose: Array) -> AnyEye:
+def _make_calibrated_eye(camera: StereoCamera, eye: str, pose: Array) -> AnyEye:
     own = camera.own_eye(eye)
     assert own is not None
     return CalibratedEye(own, camera.focal_px, pose[:3, :3], pose[:3, 3])
 
 
 @contextmanager
-def trace_beside(
+def trace_in_background(
     stage: Stage | None,
-    asked: Mapping[int, Wanted],
+    asked: Mapping[int, TruthRequest],
     camera: StereoCamera,
     poses: Mapping[str, Array],
     clip_m: tuple[float, float],
     wanted: str,
     rounded: Collection[str],
 ) -> Iterator[dict[int, Future[dict[str, Path]]]]:
-    """Trace the truths that are ``asked`` for, by a number each, in a thread while something else is done; for the rest
-    see ``trace_truth``. Without a ``stage`` nothing is traced.
+    """Trace the truths ``asked``, by number, in another thread; empty without a ``stage``. For the other arguments see
+    ``trace_truth``.
 
-    Cycles lets other threads run while it renders, and its own are not all busy all the time.
+    Cycles lets other threads run while it renders, and often leaves processors idle.
     """
     with ThreadPoolExecutor(1) as beside:
         yield (
@@ -97,7 +97,7 @@ def trace_beside(
 
 
 #: Passes by ``quality.truth``; all passes for another value.
-_PASSES = {"DEPTH": ("Depth", DISTANCE), "SEMANTIC": ("Depth", DISTANCE, "Material Index")}
+_PASSES_BY_TRUTH = {"DEPTH": ("Depth", DISTANCE), "SEMANTIC": ("Depth", DISTANCE, "Material Index")}
 
 
 def encode_truth(truth: EyeTruth, wanted: str = "FULL", rounded: Collection[str] = ()) -> bytes:
@@ -127,6 +127,6 @@ def _encode_passes(passes: dict[str, dict[str, Array]], wanted: str, rounded: Co
         [
             encode_part(f"{TRUTH}.{name}", channels, f"{TRUTH}.{name}" in rounded)
             for name, channels in passes.items()
-            if name in _PASSES.get(wanted, passes)
+            if name in _PASSES_BY_TRUTH.get(wanted, passes)
         ]
     )

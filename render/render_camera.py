@@ -1,7 +1,7 @@
-"""The camera that images are taken with: a copy of the built one.
+"""The camera of the images: a copy of the built camera.
 
-The built camera is the parallel rig without blur, and stays that. Only the copy gets the changes that would disturb the
-user in the scene: the place where Cycles samples a pixel, overscan, toe-in, depth of field and motion.
+The built camera stays the parallel rig without blur. Only the copy gets the changes that would disturb the user in the
+scene: the place of Cycles' first sample in a pixel, overscan, toe-in, depth of field and motion.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 
-#: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
-#: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
+#: Place of Cycles' first sample of a pixel, right of and above its centre, at the pixel filter of ``quality``: half a
+#: bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
 SAMPLE_OFFSET_PX = 5.4e-4
-#: Parts of a lens; Cycles' own properties are a part until 4.5.
-_PARTS = ("stereo", "dof", "cycles")
-_OF_ANY_DATABLOCK = {prop.identifier for prop in bpy.types.ID.bl_rna.properties}
+#: Property groups of a lens; Cycles' own properties are one until 4.5.
+_LENS_GROUPS = ("stereo", "dof", "cycles")
+_COMMON_PROPERTIES = {prop.identifier for prop in bpy.types.ID.bl_rna.properties}
 
 
 @contextmanager
 def add_render_camera(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterator[None]:
-    """Give ``scene`` a separate camera, which ``set_up_camera`` turns into copies of the ``built`` one.
+    """Give ``scene`` a camera of its own, which ``set_up_camera`` turns into copies of the ``built`` one.
 
-    All takes share it: Cycles builds its scene again when an object comes or goes, but not when one changes.
+    All renders share it: Cycles builds its scene again when an object comes or goes, but not when an object changes.
     """
     lens = bpy.data.cameras.new(built.data.name)
     item = bpy.data.objects.new(built.name, lens)
@@ -57,7 +57,7 @@ def set_up_camera(
     toed: bool,
     wide: bool = False,
 ) -> Iterator[None]:
-    """Let the camera of ``scene``, see ``add_render_camera``, be a copy of the ``built`` one, in its frame.
+    """Make the camera of ``scene``, see ``add_render_camera``, a copy of the ``built`` one, in its frame.
 
     With ``toed`` eyes are turned in by the angle of ``camera``, else they are parallel; with ``wide`` they have its
     panorama. ``blur`` is given to the copy's lens and movement; the scene's present frame is the middle of the
@@ -108,12 +108,12 @@ def set_up_head_camera(scene: bpy.types.Scene, projection: Projection, pose: Arr
 
 
 def _copy_lens(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct) -> None:
-    """Copy the properties of a lens, or of a part of it, to another."""
+    """Copy the properties of a lens, or of a group in it."""
     for prop in source.bl_rna.properties:
         name = prop.identifier
-        if name in _OF_ANY_DATABLOCK or name.startswith("angle"):  # follows from focal length and sensor
+        if name in _COMMON_PROPERTIES or name.startswith("angle"):  # the angle follows from focal length and sensor
             continue
-        if name in _PARTS:
+        if name in _LENS_GROUPS:
             _copy_lens(getattr(source, name), getattr(target, name))
         elif not prop.is_readonly and getattr(target, name) != getattr(source, name):
             setattr(target, name, getattr(source, name))
@@ -132,13 +132,13 @@ def _set_frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCam
         return
     wider = width / camera.width_px
     lens.sensor_width *= wider
-    # Shifted by what Cycles' sampling is off the pixel centre, so that truth is exact.
+    # The frame is shifted by the offset of Cycles' sample from the pixel centre, so that truth is exact.
     lens.shift_x, lens.shift_y = (shift / wider - SAMPLE_OFFSET_PX / width for shift in (lens.shift_x, lens.shift_y))
 
 
 @contextmanager
 def shift_frame(scene: bpy.types.Scene, columns: float) -> Iterator[None]:
-    """Move the frame of the camera of ``scene`` to the right by ``columns`` of its pixels."""
+    """Move the frame of the camera of ``scene`` to the right by ``columns`` pixels."""
     lens = scene.camera.data
     before = lens.shift_x
     lens.shift_x = before + columns / scene.render.resolution_x
@@ -160,10 +160,10 @@ def _set_focus(lens: bpy.types.Camera, blur: Blur) -> None:
 def _set_motion(
     scene: bpy.types.Scene, item: bpy.types.Object, pose: Matrix, middle: float, blur: Blur, exposure_s: float
 ) -> None:
-    """Let the camera move while the shutter is open, one frame long.
+    """Move the camera while the shutter is open, which lasts one frame.
 
-    Cycles takes the camera's pose at the beginning, in the middle and at the end of the exposure, and keys are at
-    exactly these, so how Blender goes from one key to the next makes no difference.
+    Cycles takes the camera's pose at the beginning, the middle and the end of the exposure. Keys are at exactly these
+    times, so Blender's interpolation between keys has no effect.
     """
     render = scene.render
     render.use_motion_blur, render.motion_blur_shutter, render.motion_blur_position = True, 1.0, "CENTER"

@@ -53,25 +53,25 @@ from .pairs.baked_file import LIGHT
 from .pairs.dataset_file_names import check_no_link, pairs_folder
 from .pairs.pair_folder import RAW_TRUTH_FILE, TOED_TRUTH_FILE, TRUTH_FILE
 from .pairs.publish_pair import check_place, discard_unfinished, publish_pair
-from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, workspace_files
+from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, list_workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
-from .ray_truth import Wanted, trace_beside
+from .ray_truth import TruthRequest, trace_in_background
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .render_head import render_head
 from .traced_triangles import CannotTrace, SceneRays
 from .workers.pair_claims import CLAIMS_FOLDER
 
-#: Bytes for a pair's pixel in Blender's own files, which are not compressed: 32-bit floats of all passes of the light,
-#: and of the truth where Cycles renders it.
-_ROOM_WHILE_WRITING = 4 * 48
+#: Bytes per pixel of a pair in Blender's own uncompressed files: 32-bit floats of all passes of the light, and of the
+#: truth if Cycles renders it.
+_TEMPORARY_BYTES_PER_PIXEL = 4 * 48
 
 
-#: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
+#: Most triangles for which Cycles' data is kept between two renders, which takes half a gigabyte more.
 MOST_KEPT_TRIANGLES = 8_000_000
-_TRACED = IndirectLight()
-#: The eye on whose pixels the noise of a pair is judged: its file alone has the error of baked light.
-_JUDGED = "left"
+_TRACED_LIGHT = IndirectLight()
+#: The eye in whose image the noise of a pair is judged: only its file has the error of baked light.
+_NOISE_JUDGED_EYE = "left"
 
 
 @contextmanager
@@ -98,13 +98,15 @@ def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
 
 
 def _count_triangles(built: Built) -> int:
-    """Triangles of the collection's meshes; a mesh with several instances counts once."""
+    """Number of triangles of the collection's meshes; a mesh with several instances counts once."""
     meshes = {item.data for item in built.collection.all_objects if isinstance(item.data, bpy.types.Mesh)}
     return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
 
 
 def _turn_head(built: Built, turn_deg: float) -> AbstractContextManager[None]:
-    """Turn the lander's head with the cameras in it, if there is a lander."""
+    """Turn the lander's head with the cameras in it, until the end of the ``with`` block; without a lander do
+    nothing.
+    """
     head = find_built_objects(built.collection).get(ROLES[HEAD])
     return turn_about_eye(head, turn_deg, built.camera) if head is not None else nullcontext()
 
@@ -119,7 +121,7 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
         system.remove(probe)
         free = shutil.disk_usage(dataset).free
     left = count_bytes_left(pairs, dataset, again)
-    needed = left + _ROOM_WHILE_WRITING * max(count_pixels(pair.settings) for pair in pairs) if left else 0.0
+    needed = left + _TEMPORARY_BYTES_PER_PIXEL * max(count_pixels(pair.settings) for pair in pairs) if left else 0.0
     if needed > free:
         raise IcyMoonError(
             f"{dataset} has {free / 1e6:.0f} MB free, {format_count(len(pairs), 'pair')} may need "
@@ -138,7 +140,7 @@ def render_pair(
     lost: Callable[[], bool],
     rays: SceneRays,
     again: bool = False,
-    indirect: IndirectLight = _TRACED,
+    indirect: IndirectLight = _TRACED_LIGHT,
 ) -> Path:
     """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
@@ -249,7 +251,7 @@ def _render_into(
     made = _render_takes(part, built, scene, planned, report, bool(indirect.lights), rays, quality, rounded)
     start = time.perf_counter()
     written, shares, noise_of_image = _write_files(part, made.files, planned, bool(indirect.lights), rounded)
-    written |= {name: _describe_file(part / name) for name in workspace_files(settings.workspace)}
+    written |= {name: _describe_file(part / name) for name in list_workspace_files(settings.workspace)}
     seconds = {**made.seconds, "write": round(time.perf_counter() - start, 3)}
     return {
         **make_pair_json(
@@ -269,7 +271,7 @@ def _render_into(
 
 
 def _count_truths(takes: list[_CameraSetup], planned: PlannedPair) -> int:
-    """How often Cycles renders truth of a pair."""
+    """Number of truth renders of Cycles for a pair."""
     images = sum(layer == TRUTH for take in takes for layer, _ in take.images)
     return images + (len(cycles_occlusion.STEPS_PX) if _has_full_truth(planned) else 0)
 
@@ -298,10 +300,10 @@ def _render_takes(
         clip_m = built.camera.data.clip_start, built.camera.data.clip_end
         stage, asked, engine = _plan_rays(part, rays, settings, takes, camera)
         head_stage = _stage_of_rays(rays, "of cameras beside the pair", "empty rig.head_file") if others else None
-        truths = 0 if asked.keys() - {_ON_SENSORS} or not has_eyes else _count_truths(takes, planned)
+        truths = 0 if asked.keys() - {_SENSOR_TRUTH_NUMBER} or not has_eyes else _count_truths(takes, planned)
         with (
             watch_samples(len(lights) * int(quality.samples), truths, report, others, 2 * has_eyes) as sampling,
-            trace_beside(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded) as traced,
+            trace_in_background(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded) as traced,
         ):
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed, take.wide):
@@ -366,7 +368,7 @@ def _write_files(
             unwanted = {*BAKED_ERROR_PASSES.values()}
             if baked and BEAUTY in found:
                 found[BEAUTY], shares[Path(name).stem] = add_baked(found[BEAUTY])
-                if name == f"{_JUDGED}.exr":
+                if name == f"{_NOISE_JUDGED_EYE}.exr":
                     noise_of_image, unwanted = measure_baked_noise(found[BEAUTY]), set()
             compact = planned.settings.quality.files == "COMPACT"
             written[name] = _write_layers(found, part / name, rounded, compact, unwanted)
@@ -389,30 +391,31 @@ def _choose_engine(
     return stage, {"by": stage.ground_tracer.name}
 
 
-#: The number of the truth on the sensors of calibrated eyes among those that rays find; the others have their take's.
-_ON_SENSORS = -1
+#: The number of the truth on the sensors of calibrated eyes among the truths by rays; others have the number of their
+#: render.
+_SENSOR_TRUTH_NUMBER = -1
 
 
 def _plan_rays(
     part: Path, rays: SceneRays, settings: Settings, takes: list[_CameraSetup], camera: StereoCamera
-) -> tuple[Stage | None, dict[int, Wanted], dict[str, str]]:
+) -> tuple[Stage | None, dict[int, TruthRequest], dict[str, str]]:
     """The stage for rays, the truths that they find by number, and the statement of ``_choose_engine``. The truths are
     those of ``takes``, unless Cycles renders them, and those on the sensors of calibrated eyes."""
     stage, engine = _choose_engine(rays, settings, takes)
-    asked: dict[int, Wanted] = {
+    asked: dict[int, TruthRequest] = {
         k: (part / f"{TRUTH}{k}", "TOED" if take.toed else "PARALLEL")
         for k, take in enumerate(takes)
         if stage and TRUTH in dict(take.images)
     }
     if camera.eyes and takes:
-        asked[_ON_SENSORS] = part / f"{TRUTH}-sensors", "SENSORS"
+        asked[_SENSOR_TRUTH_NUMBER] = part / f"{TRUTH}-sensors", "SENSORS"
         stage = stage or _stage_of_rays(rays, "on the sensors of calibrated eyes", "set rig.eyes to ALIKE")
     return stage, asked, engine
 
 
 def _files_on_sensors(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str, dict[str, Path]]:
     """The files of the truth on the sensors of calibrated eyes, by name in the pair and by layer."""
-    found = traced[_ON_SENSORS].result() if _ON_SENSORS in traced else {}
+    found = traced[_SENSOR_TRUTH_NUMBER].result() if _SENSOR_TRUTH_NUMBER in traced else {}
     return {RAW_TRUTH_FILE.format(eye): {TRUTH: file} for eye, file in found.items()}
 
 
@@ -427,11 +430,11 @@ def _stage_of_rays(rays: SceneRays, whose: str, fix: str) -> Stage:
 
 
 def _write_workspace(part: Path, rays: SceneRays, built: Built, frame: int) -> None:
-    """Write the true maps of the workspace, see ``workspace_files``, into the folder ``part``."""
+    """Write the true maps of the workspace, see ``list_workspace_files``, into the folder ``part``."""
     extent = find_workspace_extent(built.settings.workspace)
     maps = {WORKSPACE_FILE: make_heights(rays, extent)}
     if built.settings.workspace.materials:
-        with open_render_scene(built, frame) as scene:  # apart, so that nothing of the pair's scene changes
+        with open_render_scene(built, frame) as scene:  # a separate scene, so that the pair's scene stays unchanged
             maps[MATERIALS_FILE] = make_materials(built, scene, part, extent)
     for name, values in maps.items():
         with explain_disk_errors("write", part / name), (part / name).open("wb") as stream:
@@ -498,8 +501,8 @@ def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
     """Render depth that is read once and removed: without surfaces where that saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
-    too_many = kept and _count_triangles(built) > truth_without_light.MOST_TRIANGLES_A_PIXEL * pixels
-    with truth_without_light.take_surfaces_off([] if too_many else built.materials):
+    too_many = kept and _count_triangles(built) > truth_without_light.MOST_TRIANGLES_PER_PIXEL * pixels
+    with truth_without_light.remove_surfaces([] if too_many else built.materials):
         yield
 
 
@@ -549,7 +552,7 @@ def _write_layers(
     twice = {IMAGE_PASS} if compact and BEAUTY in layers and is_sum_of_lights(layers[BEAUTY]) else set[str]()
 
     def less(piece: Piece) -> Piece | None:
-        kept = drop_passes(piece, passes.UNWANTED | twice | unwanted)
+        kept = drop_passes(piece, passes.UNWANTED_PASSES | twice | unwanted)
         return kept and compress(round_passes(kept, rounded))
 
     data = join_layers(layers, less)

@@ -1,4 +1,4 @@
-"""Scenes that are rendered one after the other in this process, each reusing parts of the one before."""
+"""Scenes rendered one after another in this process; each reuses parts of the one before."""
 
 from __future__ import annotations
 
@@ -47,23 +47,23 @@ class ResidentScenes:
             render_from(self._find_position_source, pairs, dataset, send, again)
         folders = [pair.folder(dataset) for pair in pairs]
         if missing := [folder for folder in folders if not is_complete(folder)]:
-            raise IcyMoonError(f"{missing[0]} is not complete although it was rendered; render it again.")
+            raise IcyMoonError(f"{missing[0]} is incomplete after its render; render it again.")
         return folders
 
     def close(self) -> None:
-        """Remove the scene that is rendered in, and free what Cycles keeps for it."""
+        """Remove the scene of the renders, and free the data that Cycles keeps for it."""
         self._find_position_source.__exit__(None, None, None)
 
 
-class InThisProcess:
+class RendererInThisProcess:
     """Renders in this process, which is Blender in the background, or has Blender as a module."""
 
     def __init__(self) -> None:
         """Raises IcyMoonError in a Blender with a window, whose open file would be lost."""
         if not bpy.app.background:
             raise IcyMoonError(
-                "This Blender has a window, and rendering here would close your file; render with "
-                "icymoon.Worker, which starts another one."
+                "This Blender has a window, and rendering here would close your file; render with icymoon.Worker, "
+                "which starts another Blender."
             )
         if not hasattr(bpy.types.Scene, "icymoon"):
             scene_properties.register()

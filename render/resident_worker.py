@@ -1,7 +1,7 @@
 """The worker that stays: it renders job after job, and each scene reuses parts of the one before.
 
-Whoever started it puts a file into its inbox for each job, named by the number of the job and containing the path of
-the job's file. Nothing is written to its standard input, whose end tells it that its starter has ended.
+For each job the starter puts a file into the worker's inbox, with the number of the job as name and the path of the
+job's file as content. The worker's standard input stays empty; its end means that the starter has ended.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from .worker import run_to_exit
 from .workers.job_commands import read_job
 from .workers.out_of_memory import describe_shortage
 
-_LOOK_S = 0.02
+_POLL_S = 0.02
 
 
 def main(arguments: list[str]) -> NoReturn:
-    """Render the jobs that appear in the folder that is the one argument, until this process is ended."""
+    """Render the jobs that appear in a folder, the one argument, until this process is ended."""
     run_to_exit(partial(_serve, Path(arguments[0])), lambda: "There is not enough memory to start Blender.")
 
 
 def _serve(inbox: Path) -> None:
-    """Each job ends with a message ``done``, with its ``folders``, or ``error``."""
+    """Render the jobs of an inbox. Each job ends with a message: ``done`` with its ``folders``, or ``error``."""
     scenes = ResidentScenes()
     emit("ready")
     for number in itertools.count(1):
         file = inbox / str(number)
         while not file.is_file():
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
         job = read_job(Path(read_text(file)))
         settings = typed(job["settings"])
         try:

@@ -1,4 +1,4 @@
-"""Where the scene of the next pair comes from: one built scene, or one built from each pair's settings."""
+"""The source of the scene for each pair: one built scene, or a scene built from each pair's settings."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from .plans.planned_pair import PlannedPair
 from .render_pair import check_camera, open_render_scene
 from .traced_triangles import SceneRays
 
-#: The scene of a pair: the built objects, the scene to render, the seconds that building took.
+#: The scene of a pair: the built objects, the scene to render, and the seconds of the build.
 PreparedScene = tuple[Built, bpy.types.Scene, float]
 
 
 class FixedScene:
-    """A built scene that is rendered as it is, with all that the user has changed in it."""
+    """A built scene that is rendered as it is, with all changes of the user."""
 
     def __init__(self, built: Built, frame: int, seconds_build: float) -> None:
         """Raises IcyMoonError if the scene shows a preview, or if a hand changed its camera, see ``check_camera``."""
@@ -56,7 +56,7 @@ class FixedScene:
         self._held.close()
 
     def prepare(self, planned: PlannedPair) -> PreparedScene:
-        """Where this pair is rendered."""
+        """The scene in which a pair is rendered."""
         assert self._find_scene is not None
         cycles_settings.check_possible(planned.settings.quality)
         _raise_reasons(
@@ -72,7 +72,7 @@ class ScenesFromSettings:
     """Scenes built from settings. Each scene reuses parts of the one before."""
 
     def __init__(self, warn: Callable[[str], None], extra: str = "") -> None:
-        """``warn`` is told each warning once; ``extra`` counts for the pairs' ids beside their description."""
+        """``warn`` receives each warning once; ``extra`` counts in the pairs' ids beside their settings."""
         self._warn, self._extra = warn, extra
         self._warned: set[str] = set()
         self._built: Built | None = None
@@ -89,13 +89,15 @@ class ScenesFromSettings:
         self._held.close()
 
     def prepare(self, planned: PlannedPair) -> PreparedScene:
-        """Where this pair is rendered. Raises IcyMoonError if its scene cannot be built; the next one may."""
+        """The scene in which a pair is rendered. Raises IcyMoonError if the scene cannot be built; the next one may
+        succeed.
+        """
         start = time.perf_counter()
         before, self._built = self._built, None
         cycles_settings.check_possible(planned.settings.quality)
         scene_checks.refuse_scene(planned.settings)
         shared = before is not None and _same_scene_and_light(before.settings, planned.settings)
-        if not shared:  # the data that Cycles keeps are of no use any more
+        if not shared:  # the data that Cycles keeps is useless now
             self._held.close()
             self._warn_once(warn_of_cost(planned.settings))
         built, kept = adapt_scene(before, planned.settings)
@@ -109,7 +111,7 @@ class ScenesFromSettings:
             )
         assert self._find_scene is not None
         self._built = built
-        # Not in a scene that comes and goes, after which Cycles would build its tree of triangles again.
+        # A scene that comes and goes would make Cycles build its tree of triangles again.
         _raise_reasons(eyes_above_ground.find_reasons_when_built(built, self._find_scene))
         return built, self._find_scene, time.perf_counter() - start
 
@@ -127,7 +129,7 @@ def _raise_reasons(reasons: Iterable[str]) -> None:
 
 
 def _same_scene_and_light(one: Settings, other: Settings) -> bool:
-    """Whether two descriptions differ in nothing but camera, sampling, response and run."""
+    """Whether two settings differ only in camera, sampling, response and run."""
     return all(
         part(one) == part(other)
         for part in (
@@ -142,8 +144,8 @@ def _same_scene_and_light(one: Settings, other: Settings) -> bool:
 def _check_id(planned: PlannedPair, built: Built, extra: str) -> None:
     if digest(planned.settings, built.extra + extra + describe_blur_identity(planned.settings)) != planned.id:
         why = (
-            "a file that its description names has another content than when it was planned"
+            "a file that its settings name has changed since the plan"
             if built.content
             else "nodes stand in for OSL here (set hapke.backend to NODES), or another version planned it"
         )
-        raise IcyMoonError(f"Pair {planned.id} would not be what was planned: {why}; plan the data set again.")
+        raise IcyMoonError(f"Pair {planned.id} would differ from its plan: {why}; plan the data set again.")

@@ -1,8 +1,8 @@
 """The lights that are rendered one by one, and the scene for each of these renders.
 
-With Open Shading Language Cycles writes no value passes, so truth is rendered without it. And a surface whose
-nodes use the direction of the light can follow one source, and gives its own light to one light group. So by day Sun
-and planet are rendered one after the other, and the image is their sum.
+With Open Shading Language Cycles writes no value passes, so truth is rendered without it. A surface whose nodes use the
+direction of the light can follow only one source, and gives its own light to one light group. So by day Sun and planet
+are rendered one after the other, and the image is their sum.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from ..nodes.surface import sun_inputs
 
 @dataclass(frozen=True)
 class LightPass:
-    """The light in one of the renders of an image: the roles that are left out, and the light group of the light that
-    surfaces give by themselves; None leaves that as in the scene."""
+    """The light in one render of an image: the roles that are left out, and the light group of the light that surfaces
+    emit; None keeps the group of the scene.
+    """
 
     dark: tuple[str, ...] = ()
     group: str | None = None
@@ -36,7 +37,7 @@ def _find_sun_materials(built: Built) -> list[bpy.types.Material]:
 def list_light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
     """The renders whose sum is the image.
 
-    A denoised image is one render: its parts would be denoised one by one.
+    A denoised image is one render, since its parts would be denoised one by one.
     """
     if (
         not scene.view_layers[0].lightgroups
@@ -55,24 +56,24 @@ def list_light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
 
 @contextmanager
 def use_light(built: Built, light: LightPass) -> Iterator[None]:
-    """Give the scene this light only."""
+    """Limit the scene to this light, until the end of the ``with`` block."""
     if light.group is None:
         yield
         return
     sun = sun_inputs.Sun.from_lamp(built.sun, built.sun.matrix_world)
     with ExitStack() as undo:
 
-        def lend(datablock: bpy.types.bpy_struct, name: str, value: object) -> None:
+        def set_value(datablock: bpy.types.bpy_struct, name: str, value: object) -> None:
             undo.callback(setattr, datablock, name, getattr(datablock, name))
             setattr(datablock, name, value)
 
         undo.callback(lambda: sun_inputs.aim_surfaces(_find_sun_materials(built), sun, built.planetshine))
         for item in list(built.collection.all_objects):
             if item.get(TAG) in light.dark:
-                lend(item, "hide_render", True)
+                set_value(item, "hide_render", True)
             for each in (item, *find_instanced_objects(item)) if item.get(TAG) in ("terrain", "rock") else ():
                 if each.lightgroup:
-                    lend(each, "lightgroup", light.group)
+                    set_value(each, "lightgroup", light.group)
         shining = replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun
         sun_inputs.aim_surfaces(_find_sun_materials(built), shining, built.planetshine)
         yield
@@ -80,8 +81,9 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
 
 @contextmanager
 def disable_osl(scene: bpy.types.Scene) -> Iterator[None]:
-    """Open Shading Language is off, as truth needs it. Surfaces made with it, which rays would pass through then, are
-    plain surfaces."""
+    """Switch Open Shading Language off, as truth needs, until the end of the ``with`` block. Surfaces with OSL, through
+    which rays would pass then, become plain surfaces.
+    """
     if not scene.cycles.shading_system:
         yield
         return

@@ -14,14 +14,16 @@ from .mesh_arrays import read_corners
 
 
 def lay_out_mesh_texels(mesh: bpy.types.Mesh, lit: Array) -> baked_texels.Texels:
-    """The texels of the facets around the vertices of a mesh that are to be ``lit``."""
+    """The texels of the facets around the vertices of a mesh that are ``lit``."""
     starts, counts, corners, areas = read_facets(mesh)
     wanted = np.logical_or.reduceat(lit[corners], starts) if len(starts) else np.zeros(0, bool)
     return baked_texels.lay_out_texels(starts, counts, corners, areas, wanted)
 
 
 def read_facets(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array, Array]:
-    """Of each facet its first corner, number of corners and, last, its area in m²; of each corner its vertex."""
+    """For each facet: its first corner, number of corners and area in m² (last in the tuple). For each corner: its
+    vertex.
+    """
     count = len(mesh.polygons)
     starts, corners, areas = np.empty(count, np.int32), read_corners(mesh), np.empty(count, np.float32)
     mesh.polygons.foreach_get("loop_start", starts)
@@ -30,7 +32,9 @@ def read_facets(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array, Array]:
 
 
 def add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack) -> bpy.types.Image:
-    """An image with the texels of a mesh, whose places are its active texture coordinates until ``undo``."""
+    """An image with the texels of a mesh. The texels' places are the mesh's active texture coordinates until
+    ``undo``.
+    """
     name, before = f"{BAKED_ATTRIBUTES['Sun']}_target", mesh.uv_layers.active_index
     undo.callback(setattr, mesh.uv_layers, "active_index", before)
     mesh.uv_layers.new(name=name, do_init=False)
@@ -43,15 +47,15 @@ def add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack
 
 
 def aim_bake(tree: bpy.types.NodeTree, image: bpy.types.Image, undo: ExitStack) -> None:
-    """Let a bake of a surface go to an image, until ``undo``."""
+    """Direct a bake of a surface to an image, until ``undo``."""
     before, node = tree.nodes.active, tree.nodes.new("ShaderNodeTexImage")
     node.image = image
 
-    def remove() -> None:
+    def remove_node() -> None:
         tree.nodes.remove(node)
         tree.nodes.active = before
 
-    undo.callback(remove)
+    undo.callback(remove_node)
     tree.nodes.active = node
 
 
@@ -63,7 +67,9 @@ def read_texels(image: bpy.types.Image) -> Array:
 
 
 def run_bake(scene: bpy.types.Scene, item: bpy.types.Object, **what: object) -> str:
-    """Bake ``what`` of an object to its target. Returns why Cycles did not, to begin a sentence; empty if it did."""
+    """Bake ``what`` of an object to its target. Returns the reason if Cycles failed, as the beginning of a sentence;
+    else empty.
+    """
     layer = scene.view_layers[0]
     layer.objects.active = item
     item.select_set(True, view_layer=layer)

@@ -1,7 +1,7 @@
 """The triangles that Cycles traces of a scene, with their places and labels, for rays of our own.
 
-Blender evaluates the objects of a view layer for its window. An object that a render would show otherwise, or that is
-no mesh, is refused with a reason; Cycles then renders the truth too.
+Blender evaluates the objects of a view layer for its window. An object without a mesh, or one that looks different in a
+render, is refused with a reason. Cycles then renders the truth too.
 """
 
 from __future__ import annotations
@@ -25,23 +25,32 @@ from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.labels import INSTANCE_ATTRIBUTE
 from .displaced_vertices import is_moved, move_corners
-from .mesh_arrays import is_rendered, read_corners, read_slots, read_smooth, read_triangles, read_vertices
+from .mesh_arrays import (
+    is_rendered,
+    read_corners,
+    read_material_slots,
+    read_smooth_shading,
+    read_triangles,
+    read_vertices,
+)
 from .tree_tracer import TreeTracer
 from .truth_without_light import is_opaque
 
-#: Objects without a surface.
-_NO_SURFACE = {"CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
-_SKY = ("planet", "rings", "stars")
-_GROUND, _ROCKS = ("terrain",), ("rock", "rock shape")
+#: Types of objects without a surface.
+_SURFACELESS_TYPES = {"CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
+_SKY_TAGS = ("planet", "rings", "stars")
+_GROUND_TAGS, _ROCK_TAGS = ("terrain",), ("rock", "rock shape")
 
 
 class CannotTrace(Exception):  # noqa: N818  it is an answer, not a fault
-    """Rays of our own would not meet what Cycles renders; the reason is a part of a sentence."""
+    """Raised if rays of our own would not meet the surfaces that Cycles renders; its message is a part of a
+    sentence.
+    """
 
 
 @dataclass
 class _LabelledMesh:
-    """A mesh with the labels of its materials, where it stands and the numbers of these places."""
+    """A mesh with the labels of its materials, the matrices of its places and the numbers of these places."""
 
     shape: Shape | None
     places: list[Array]
@@ -50,7 +59,7 @@ class _LabelledMesh:
 
 
 class SceneRays:
-    """Rays through a scene that is rendered, for one pair after the other. Trees are built for the first of them."""
+    """Rays through a scene that is rendered for one pair after another. Trees are built for the first pair."""
 
     def __init__(self, scene: bpy.types.Scene, still_m: float) -> None:
         """For ``still_m`` see ``displaced_vertices.open_rendered_mesh``."""
@@ -62,19 +71,20 @@ class SceneRays:
         self._stage: Stage | None = None
 
     def prepare(self) -> Stage:
-        """The stage as the scene is now. Raises CannotTrace, and MemoryError for trees that memory has no room for."""
+        """The stage for the present scene. Raises CannotTrace, and MemoryError if the trees need too much memory."""
         self._refresh()
         if self._refused:
             raise CannotTrace(self._refused[0])
         return self._open_stage()
 
     @contextmanager
-    def ground(self, rocks: bool) -> Iterator[tuple[World, Tracer]]:
-        """The ground of the site as the scene is now, with its rocks or without them, and what traces rays through it
-        while the context is open. Other objects are left out, whatever they are. Raises MemoryError as ``prepare``."""
+    def open_ground(self, rocks: bool) -> Iterator[tuple[World, Tracer]]:
+        """Yield the ground of the site in the present scene, with or without its rocks, and a tracer of rays through
+        it. Other objects are left out. Raises MemoryError as ``prepare`` does.
+        """
         self._refresh()
-        stage, roles = self._open_stage(), _GROUND + (_ROCKS if rocks else ())
-        near = [part for part in self._parts if part.role not in _SKY]
+        stage, roles = self._open_stage(), _GROUND_TAGS + (_ROCK_TAGS if rocks else ())
+        near = [part for part in self._parts if part.role not in _SKY_TAGS]
         world = World(
             [
                 placed if part.role in roles else Placed(placed.shape, placed.places[:0], placed.numbers[:0])
@@ -88,8 +98,8 @@ class SceneRays:
             stage.ground_tracer.place(stage.ground)
 
     def _refresh(self) -> None:
-        """Read the scene again, as far as it has changed."""
-        items = [item for item in self._find_scene.objects if item.type not in _NO_SURFACE]
+        """Read the changed parts of the scene again."""
+        items = [item for item in self._find_scene.objects if item.type not in _SURFACELESS_TYPES]
         meshes = [(item.name_full, item.data.as_pointer(), item.hide_render) for item in items]
         standing = [tuple(map(tuple, item.matrix_world)) for item in items]
         if meshes != self._meshes:
@@ -103,7 +113,7 @@ class SceneRays:
         self._parts, self._refused = _collect_parts(self._find_scene, self._still_m)
 
     def _move_shapes(self) -> None:
-        """The same shapes in other places."""
+        """Move the same shapes to their new places."""
         made = _find_meshes(self._find_scene, read=False)
         found, self._refused = list(made.parts.values()), made.refused
         if len(found) != len(self._parts):
@@ -118,7 +128,7 @@ class SceneRays:
             self._stage = Stage(ground, self._stage.ground_tracer, sky, self._stage.sky_tracer)
 
     def _open_stage(self) -> Stage:
-        """The stage of the scene as it was read, with trees."""
+        """The stage of the scene as read, with trees."""
         if self._stage is None:
             ground, sky = self._make_worlds()
             tracers = [open_tracer(world, compat.list_library_folders(), TreeTracer) for world in (ground, sky)]
@@ -130,7 +140,9 @@ class SceneRays:
         made: tuple[list[Placed], list[Placed]] = [], []
         for part in self._parts:
             assert part.shape is not None
-            made[part.role in _SKY].append(Placed(part.shape, np.array(part.places), np.array(part.numbers, np.int64)))
+            made[part.role in _SKY_TAGS].append(
+                Placed(part.shape, np.array(part.places), np.array(part.numbers, np.int64))
+            )
         return World(made[0]), World(made[1])
 
     def close(self) -> None:
@@ -142,14 +154,14 @@ class SceneRays:
 
 
 def _list_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
-    """What a render shows of a scene."""
+    """The instances that a render shows of a scene."""
     layer = scene.view_layers[0]
     layer.update()
     for found in layer.depsgraph.object_instances:
         item = found.object
         if (
             is_rendered(found)
-            and item.type not in _NO_SURFACE
+            and item.type not in _SURFACELESS_TYPES
             and item.original.get(TAG) != "stars"
             and (item.type != "MESH" or len(item.data.polygons))
         ):
@@ -157,7 +169,7 @@ def _list_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, 
 
 
 def _collect_parts(scene: bpy.types.Scene, still_m: float) -> tuple[list[_LabelledMesh], list[str]]:
-    """The meshes of a scene with their triangles, and why others are refused."""
+    """The meshes of a scene with their triangles, and the reasons why other objects are refused."""
     found = _find_meshes(scene, read=True)
     for key, (mesh, labels) in found.moved.items():
         found.parts[key].shape = _read_moved(mesh, labels, found.parts[key].places[0], still_m)
@@ -169,7 +181,9 @@ _Key = tuple[int, tuple[int, ...]]
 
 @dataclass
 class _FoundMeshes:
-    """The meshes of a scene, those that their materials move, with their labels, and why other objects are refused."""
+    """The meshes of a scene with their labels, the meshes that their materials move, and the reasons why other objects
+    are refused.
+    """
 
     parts: dict[_Key, _LabelledMesh] = field(default_factory=dict)
     moved: dict[_Key, tuple[bpy.types.Mesh, tuple[int, ...]]] = field(default_factory=dict)
@@ -208,9 +222,9 @@ def _check_traceable(item: bpy.types.Object) -> None:
     """Raise CannotTrace if rays would not meet an object as it is rendered."""
     own = item.original
     if item.type != "MESH":
-        raise CannotTrace(f"the object {own.name} is no mesh")
+        raise CannotTrace(f"the object {own.name} has no mesh")
     if not item.visible_camera or item.is_holdout or item.is_shadow_catcher:
-        raise CannotTrace(f"the camera does not see the object {own.name} as it stands there")
+        raise CannotTrace(f"the camera does not see the object {own.name} in its place")
     if TAG in own:
         return
     for modifier in own.modifiers:
@@ -227,7 +241,7 @@ def _check_traceable(item: bpy.types.Object) -> None:
 
 
 def _find_label(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance, points: dict[str, Array]) -> int:
-    """The label of an instance: its point's label for a rock, its pass index otherwise. Raises CannotTrace."""
+    """The label of an instance: of its point for a rock, else its pass index. Raises CannotTrace."""
     parent = found.parent.original if found.is_instance and found.parent is not None else None
     if parent is None or INSTANCE_ATTRIBUTE not in getattr(parent.data, "attributes", ()):
         return int(item.original.pass_index)
@@ -238,13 +252,13 @@ def _find_label(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance
         points[parent.name_full] = values
     index = found.persistent_id[0]
     if not 0 <= index < len(points[parent.name_full]):
-        raise CannotTrace(f"the rocks of {parent.name} have other numbers than their points")
+        raise CannotTrace(f"the rocks of {parent.name} have other numbers than its points")
     return int(points[parent.name_full][index])
 
 
 def _label_triangles(mesh: bpy.types.Mesh, labels: Sequence[int], facets: Array) -> Array:
-    """The labels (m,) uint8 of triangles that belong to ``facets`` (m,)."""
-    return np.asarray(labels, np.uint8)[np.clip(read_slots(mesh), 0, len(labels) - 1)[facets]]
+    """The label (m,) uint8 of each triangle: ``labels`` by material slot, looked up by the triangle's facet (m,)."""
+    return np.asarray(labels, np.uint8)[np.clip(read_material_slots(mesh), 0, len(labels) - 1)[facets]]
 
 
 def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
@@ -254,16 +268,19 @@ def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
     return Shape(
         read_vertices(mesh),
         read_corners(mesh)[loops].astype(np.uint32),
-        read_smooth(mesh)[facets],
+        read_smooth_shading(mesh)[facets],
         label,
         read_numbers(mesh, TRANSMISSION),
-    )  # of rings
+    )  # a disc of rings
 
 
 def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: Array, still_m: float) -> Shape:
-    """The triangles of a mesh whose vertices are moved by its material, the first time at ``place`` (4, 4)."""
+    """The triangles of a mesh whose vertices its material moves, at its first place (4, 4)."""
     vertices, groups = move_corners(mesh, place, still_m=still_m)
     loops, facets = read_triangles(mesh)
     return Shape(
-        vertices, groups[loops].astype(np.uint32), read_smooth(mesh)[facets], _label_triangles(mesh, labels, facets)
+        vertices,
+        groups[loops].astype(np.uint32),
+        read_smooth_shading(mesh)[facets],
+        _label_triangles(mesh, labels, facets),
     )

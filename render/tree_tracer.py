@@ -1,4 +1,4 @@
-"""Rays traced by Blender's own trees of triangles, where its Embree is not found."""
+"""Traces rays by Blender's own trees of triangles, where Embree is missing."""
 
 from __future__ import annotations
 
@@ -8,25 +8,29 @@ from mathutils.bvhtree import BVHTree
 from ..rays.shapes import Hits, World, cross_products, dot_products, normalize
 from ..support.arrays import Array
 
-#: Rays in a row that are tested together for the spheres they may meet. They start at one point, or each is alone.
-_TOGETHER = 16
-#: Rays traced at a time, a multiple of that: Blender's answer for a ray takes 500 bytes.
+#: Number of consecutive rays that are tested together for the spheres that they may meet. They start at one point, or
+#: each is alone.
+_RAYS_PER_BUNDLE = 16
+#: Most rays traced at a time, a multiple of ``_RAYS_PER_BUNDLE``: Blender's answer for a ray takes 500 bytes.
 _MOST_RAYS = 2**16
-#: Spheres in the next greater one.
-_GROUP = 8
-#: Parts of the spheres' axes that their order tells apart, as bits.
-_BITS = 10
-#: Share by which spheres are greater than their contents, more than the error of single precision.
-_SPARE = 1e-5
-#: Cosine of half the angle between rays from which on they are asked about everything.
-_WIDE = 0.1
-#: Blender takes longer rays for infinite ones.
-_LONGEST = 1e37
+#: Number of spheres in the next larger one.
+_SPHERES_PER_GROUP = 8
+#: Bits per axis by which the order of spheres tells their places apart.
+_BITS_PER_AXIS = 10
+#: Share by which spheres are larger than their contents, above the error of single precision.
+_SPHERE_MARGIN = 1e-5
+#: Cosine of half the angle between rays. Bundles wider than that are tested against everything.
+_LEAST_BUNDLE_COSINE = 0.1
+#: Longest ray that Blender accepts as finite.
+_LONGEST_RAY = 1e37
 
 
 class TreeTracer:
-    """A ``rays.surface.Tracer`` with a tree for each shape. Places are found by spheres around them, so nothing is
-    copied for them. A ray takes some microseconds, six to nine times as long as with Embree."""
+    """A ``rays.surface.Tracer`` with a tree for each shape.
+
+    Places are found by spheres around them, so the shapes are not copied for each place. A ray takes some microseconds,
+    six to nine times as long as with Embree.
+    """
 
     name = "BVHTree"
 
@@ -58,15 +62,16 @@ class TreeTracer:
         self._trees = []
 
     def intersect(self, origin: Array, direction: Array, near: float, far: float) -> Hits:
-        """What rays (n, 3) meet first from ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
+        """The first hits of rays (n, 3) from ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
 
-        It is fastest if sixteen rays in a row go about the same way. Distances are of single precision.
+        Rays are traced fastest if sixteen in a row have similar directions. Distances have single precision.
         """
         return self._trace(origin, direction, near, np.full(len(direction), far))
 
     def is_blocked(self, origin: Array, direction: Array, near: float, far: Array) -> Array:
-        """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction; a ray that ends
-        before it begins meets nothing."""
+        """Which (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction; a ray that ends
+        before it begins meets nothing.
+        """
         return self._trace(origin, direction, near, np.asarray(far, float)).met
 
     def _trace(self, origin: Array, direction: Array, near: float, far: Array) -> Hits:
@@ -89,12 +94,12 @@ class TreeTracer:
             begins = np.flatnonzero(np.diff(ray, prepend=-1))
             turn = np.arange(len(ray)) - np.repeat(begins, np.diff(begins, append=len(ray)))
             by_turn = np.split(np.argsort(turn, kind="stable"), np.cumsum(np.bincount(turn))[:-1])
-            for pairs in by_turn:  # the nearest place of every ray, then the second, until it has met something nearer
+            for pairs in by_turn:  # the nearest place of each ray, then the second, until the ray has a nearer hit
                 end = np.minimum(far, hits.along)[ray[pairs]]
-                self._note_hits(hits, origin, direction, near, end, ray[pairs], place[pairs], entry[pairs] <= end)
+                self._record_hits(hits, origin, direction, near, end, ray[pairs], place[pairs], entry[pairs] <= end)
         return hits
 
-    def _note_hits(
+    def _record_hits(
         self,
         hits: Hits,
         origin: Array,
@@ -105,7 +110,7 @@ class TreeTracer:
         place: Array,
         asked: Array,
     ) -> None:
-        """Note what rays (k,) meet at places (k,) before ``far`` (k,), for those that are ``asked``."""
+        """Record the hits of rays (k,) at places (k,) before ``far`` (k,), for the rays that are ``asked``."""
         asked &= far > near
         far, ray, place = far[asked], ray[asked], place[asked]
         start = (origin if origin.ndim == 1 else origin[ray]) + near * direction[ray]
@@ -115,7 +120,7 @@ class TreeTracer:
         of = self._world.of[place]
         entered = _enters_box(self._boxes[of], own, toward)
         length = np.sqrt(dot_products(toward, toward))
-        most = np.minimum((far - near) * length, _LONGEST)
+        most = np.minimum((far - near) * length, _LONGEST_RAY)
         for number in np.unique(of[entered]):
             rays = np.flatnonzero(entered & (of == number))
             told = [
@@ -136,9 +141,9 @@ class TreeTracer:
 
 
 def _enters_box(boxes: Array, origin: Array, direction: Array) -> Array:
-    """Whether (n,) rays (n, 3) enter boxes (n, 2, 3), which are taken as a little greater than they are."""
+    """Which (n,) rays (n, 3) enter boxes (n, 2, 3), which are slightly enlarged."""
     low, high = boxes[:, 0], boxes[:, 1]
-    spare = _SPARE * (high - low).max(axis=1, keepdims=True)
+    spare = _SPHERE_MARGIN * (high - low).max(axis=1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         sides = (low - spare - origin) / direction, (high + spare - origin) / direction
     into, out = np.minimum(*sides).max(axis=1), np.maximum(*sides).min(axis=1)
@@ -146,7 +151,7 @@ def _enters_box(boxes: Array, origin: Array, direction: Array) -> Array:
 
 
 def _find_in_triangle(corners: Array, origin: Array, direction: Array) -> tuple[Array, Array]:
-    """Where in triangles (n, 3, 3) rays (n, 3) meet them, as the shares of the second and the third corner."""
+    """Where rays (n, 3) meet triangles (n, 3, 3), as the barycentric weights of the second and the third corner."""
     second, third = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     away, beside = origin - corners[:, 0], cross_products(direction, third)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -157,22 +162,27 @@ def _find_in_triangle(corners: Array, origin: Array, direction: Array) -> tuple[
 
 
 class _Spheres:
-    """Spheres about things, and greater ones about ``_GROUP`` of them each, up to one about all."""
+    """Bounding spheres, in a hierarchy with ``_SPHERES_PER_GROUP`` spheres in each larger one, up to one around all."""
 
     def __init__(self, centre: Array, radius: Array) -> None:
-        """``centre`` (n, 3) and ``radius`` (n,)."""
+        """Make the hierarchy of spheres with ``centre`` (n, 3) and ``radius`` (n,)."""
         self._order = _order_along_curve(centre)
-        self._levels = [(centre[self._order], radius[self._order] * (1 + _SPARE))]
+        self._levels = [(centre[self._order], radius[self._order] * (1 + _SPHERE_MARGIN))]
         while len(self._levels[0][1]) > 1:
             self._levels.insert(0, _group_spheres(*self._levels[0]))
 
     def find_entered(self, origin: Array, direction: Array, far: Array) -> tuple[Array, Array, Array]:
-        """Which rays (n, 3) enter which spheres, in pairs, and how many times its direction a ray goes to there.
-        ``origin`` is (3,) or (n, 3); rays go to ``far`` (n,) times their direction."""
+        """Pairs of rays (n, 3) and spheres that they enter: the ray, the sphere, and the distance in units of the ray's
+        direction.
+
+        ``origin`` is (3,) or (n, 3); rays go to ``far`` (n,) times their direction.
+        """
         length = np.sqrt(dot_products(direction, direction))
         ahead = direction / length[:, None]
-        side = _TOGETHER if origin.ndim == 1 else 1
-        bundle, sphere = self._entered_by_bundles(origin, _pad_bundles(ahead, side), _pad_bundles(far * length, side))
+        side = _RAYS_PER_BUNDLE if origin.ndim == 1 else 1
+        bundle, sphere = self._find_entered_by_bundles(
+            origin, _pad_bundles(ahead, side), _pad_bundles(far * length, side)
+        )
         ray = (bundle[:, None] * side + np.arange(side)).reshape(-1)
         sphere = np.repeat(sphere, side)[ray < len(direction)]
         ray = ray[ray < len(direction)]
@@ -185,52 +195,60 @@ class _Spheres:
         entered = (dot_products(aside, aside) <= radius[sphere] ** 2) & (middle + half >= 0) & (entry <= far[ray])
         return ray[entered], self._order[sphere[entered]], entry[entered]
 
-    def _entered_by_bundles(self, origin: Array, ahead: Array, far: Array) -> tuple[Array, Array]:
-        """Which bundles of rays, unit vectors (m, k, 3) to (m, k) metres, may enter which spheres, in pairs."""
+    def _find_entered_by_bundles(self, origin: Array, ahead: Array, far: Array) -> tuple[Array, Array]:
+        """Pairs of bundles and spheres that the bundles may enter. The rays of bundles are unit vectors (m, k, 3) of up
+        to (m, k) metres.
+        """
         axis = normalize(ahead.sum(axis=1))
         cosine = np.einsum("mkj,mj->mk", ahead, axis).min(axis=1, initial=1.0)
         sine, end = np.sqrt(np.maximum(1 - cosine**2, 0.0)), far.max(axis=1, initial=0.0)
         bundle, node = np.arange(len(ahead)), np.zeros(len(ahead), int)
         for level, (centre, radius) in enumerate(self._levels):
             if level:
-                bundle = np.repeat(bundle, _GROUP)
-                node = (node[:, None] * _GROUP + np.arange(_GROUP)).reshape(-1)
+                bundle = np.repeat(bundle, _SPHERES_PER_GROUP)
+                node = (node[:, None] * _SPHERES_PER_GROUP + np.arange(_SPHERES_PER_GROUP)).reshape(-1)
             bundle, node = bundle[node < len(radius)], node[node < len(radius)]
             away = centre[node] - (origin if origin.ndim == 1 else origin[bundle])
             distance = np.sqrt(dot_products(away, away))
             along = dot_products(away, axis[bundle])
             across = np.sqrt(np.maximum(distance**2 - along**2, 0.0))
             inside = distance <= radius[node]
-            # Beside the cone of the bundle by less than the radius, and not behind its apex.
+            # The sphere is beside the bundle's cone by less than its radius, and not behind the apex.
             touched = (across * cosine[bundle] - along * sine[bundle] <= radius[node]) & (
                 along * cosine[bundle] + across * sine[bundle] >= 0
             )
-            entered = (inside | touched | (cosine[bundle] < _WIDE)) & (distance - radius[node] <= end[bundle])
+            entered = (inside | touched | (cosine[bundle] < _LEAST_BUNDLE_COSINE)) & (
+                distance - radius[node] <= end[bundle]
+            )
             bundle, node = bundle[entered], node[entered]
         return bundle, node
 
 
 def _pad_bundles(values: Array, side: int) -> Array:
-    """Values (n, …) of rays in bundles (m, side, …), the last one filled up with the last ray."""
+    """Values (n, …) of rays as bundles (m, side, …); the last bundle is filled up with the last ray."""
     more = -len(values) % side
     return np.concatenate([values, np.repeat(values[-1:], more, axis=0)]).reshape(-1, side, *values.shape[1:])
 
 
 def _group_spheres(centre: Array, radius: Array) -> tuple[Array, Array]:
-    """Spheres about ``_GROUP`` spheres in a row each."""
-    starts = np.arange(0, len(radius), _GROUP)
+    """Spheres around ``_SPHERES_PER_GROUP`` consecutive spheres each."""
+    starts = np.arange(0, len(radius), _SPHERES_PER_GROUP)
     least = np.minimum.reduceat(centre - radius[:, None], starts)
     middle = (least + np.maximum.reduceat(centre + radius[:, None], starts)) / 2
-    reach = np.linalg.norm(centre - np.repeat(middle, _GROUP, axis=0)[: len(radius)], axis=1) + radius
+    reach = np.linalg.norm(centre - np.repeat(middle, _SPHERES_PER_GROUP, axis=0)[: len(radius)], axis=1) + radius
     return middle, np.maximum.reduceat(reach, starts)
 
 
 def _order_along_curve(points: Array) -> Array:
-    """An order of points (n, 3) in which those near each other are about in a row (G. M. Morton, 1966)."""
+    """An order of points (n, 3) in which near points are close in the row, along a Morton curve (G. M. Morton,
+    1966).
+    """
     least, most = (edge(axis=0, initial=0.0) for edge in (points.min, points.max))
-    whole = ((points - least) / np.maximum(most - least, np.finfo(float).tiny) * (2**_BITS - 1)).astype(np.int64)
+    whole = ((points - least) / np.maximum(most - least, np.finfo(float).tiny) * (2**_BITS_PER_AXIS - 1)).astype(
+        np.int64
+    )
     code = np.zeros(len(points), np.int64)
-    for bit in range(_BITS):
+    for bit in range(_BITS_PER_AXIS):
         for axis in range(3):
             code |= (whole[:, axis] >> bit & 1) << (3 * bit + axis)
     return np.argsort(code, kind="stable")

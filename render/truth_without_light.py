@@ -1,7 +1,7 @@
-"""What truth is rendered without, since it is the same without: light, and for depth alone the surfaces.
+"""Renders truth faster: without light, and for depth alone without surfaces.
 
-A ray of the truth ends where it meets the ground, but Cycles would also look for the lamps from there and evaluate all
-nodes of the surface. Depth is the same to the bit without.
+A ray of the truth ends where it meets the ground, but Cycles would then sample the lamps and evaluate all nodes of the
+surface. Depth is the same to the bit without both.
 """
 
 from __future__ import annotations
@@ -11,19 +11,20 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
-#: Triangles for each pixel of an eye up to which renders of depth without surfaces save time. Cycles takes a mesh
-#: again when its surface has changed, to none and back: 0.8 µs a triangle together. Without surfaces three renders save
-#: 14 µs a pixel of plain snow, and 33 of rough ice (``python benchmarks truth_cost``).
-MOST_TRIANGLES_A_PIXEL = 16
-#: Nodes of surfaces that rays may pass as if nothing were there, or that may contain one.
-_MAYBE_PASSED = {"ShaderNodeBsdfTransparent", "ShaderNodeHoldout", "ShaderNodeGroup", "ShaderNodeScript"}
+#: Most triangles per pixel of an eye for which depth without surfaces saves time. Cycles reads a mesh again when its
+#: surface has changed, to none and back: 0.8 µs a triangle together. Without surfaces three renders save 14 µs a pixel
+#: of plain snow, and 33 of rough ice (``python benchmarks truth_cost``).
+MOST_TRIANGLES_PER_PIXEL = 16
+#: Nodes of surfaces through which rays may pass, or that may contain such a node.
+_MAYBE_TRANSPARENT_NODES = {"ShaderNodeBsdfTransparent", "ShaderNodeHoldout", "ShaderNodeGroup", "ShaderNodeScript"}
 
 
 @contextmanager
 def switch_lights_off(scene: bpy.types.Scene) -> Iterator[None]:
-    """Give the lamps of a scene no light.
+    """Switch the lamps of a scene off, until the end of the ``with`` block.
 
-    Cycles then joins the trees of its meshes anew, 0.3 CPU s for six million triangles. It saves three times as much.
+    Cycles then joins the trees of its meshes anew, which takes 0.3 CPU s for six million triangles and saves three
+    times as much.
     """
     with ExitStack() as undo:
         for lamp in {item.data for item in scene.objects if item.type == "LIGHT"}:
@@ -33,8 +34,10 @@ def switch_lights_off(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 @contextmanager
-def take_surfaces_off(materials: Sequence[bpy.types.Material]) -> Iterator[None]:
-    """Let materials have no surface, which is black and as deep as before. Those that rays may pass keep theirs."""
+def remove_surfaces(materials: Sequence[bpy.types.Material]) -> Iterator[None]:
+    """Remove the surfaces of materials, until the end of the ``with`` block: they turn black, and depth stays the same.
+    Surfaces that rays may pass stay.
+    """
     with ExitStack() as undo:
         for material in materials:
             tree = material.node_tree
@@ -48,10 +51,12 @@ def take_surfaces_off(materials: Sequence[bpy.types.Material]) -> Iterator[None]
 
 
 def is_opaque(tree: bpy.types.NodeTree, output: bpy.types.Node) -> bool:
-    """Whether every ray surely ends at a surface. With a volume, one without a surface would let rays in."""
+    """Whether every ray surely ends at a surface. A surface with a volume counts as not opaque, since rays
+    could enter.
+    """
     alphas = [node.inputs["Alpha"] for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled"]
     return (
         not output.inputs["Volume"].links
-        and not any(node.bl_idname in _MAYBE_PASSED for node in tree.nodes)
+        and not any(node.bl_idname in _MAYBE_TRANSPARENT_NODES for node in tree.nodes)
         and all(not alpha.links and alpha.default_value >= 1.0 for alpha in alphas)
     )

@@ -39,8 +39,8 @@ from .workers.pair_claims import Claims
 from .workers.shared_light import SharedLight
 
 Send = Callable[..., None]
-#: What takes long before the first sample on a graphics card.
-_COMPILING = "the driver may be compiling for the graphics card, which takes minutes at its first use"
+#: A driver may take minutes before the first sample on a graphics card.
+_COMPILING_MESSAGE = "the driver may be compiling for the graphics card, which takes minutes at its first use"
 
 
 def render_pairs(
@@ -56,7 +56,7 @@ def render_pairs(
 
     Raises IcyMoonError at the first failure, and if the scene shows a preview; finished pairs stay.
     """
-    painted_errors.clear_painted(built.scene)  # the user's own material could read what no id counts
+    painted_errors.clear_painted(built.scene)  # the user's own material could read files that no id counts
     with FixedScene(built, frame, seconds_build) as source:
         render_from(source, pairs, dataset, send, again)
     return [planned.folder(dataset) for planned in pairs]
@@ -75,23 +75,23 @@ def render_from(
     A pair that is already complete is not rendered again unless ``again``. ``send(type, **facts)`` receives
     ``progress`` (``fraction`` of all pairs, ``message``, ``pair``) and ``pair`` messages. With ``keep_going`` it
     receives ``error`` messages that name their ``pair``, and pairs that another process is rendering are left to it;
-    else IcyMoonError is raised. Errors of the disk are always raised.
+    otherwise both raise IcyMoonError. Errors of the disk are always raised.
     """
     check_space(dataset, pairs, again)
     claims = Claims(dataset)
     shared = SharedLight(dataset, claims)
-    sampled = Event()  # whether Cycles has rendered anything here
+    sampled = Event()  # set once Cycles has rendered anything here
     try:
         for k, planned in enumerate(pairs):
             with claims.hold(planned.id) as mine:
                 if not mine and not keep_going:
-                    raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
+                    raise IcyMoonError(f"Another process is rendering pair {planned.id}; wait for it.")
                 try:
                     if mine:
                         _render_one(source, planned, dataset, send, shared, again, k, len(pairs), sampled)
                 except IcyMoonError as error:
                     if claims.is_lost(planned.id) and keep_going:
-                        continue  # its new holder has also removed the files that were begun here
+                        continue  # the new holder has also removed the files that this process had begun
                     if isinstance(error, DiskError) or not keep_going:
                         raise
                     send("error", message=str(error), pair=planned.id)
@@ -126,29 +126,30 @@ def _render_one(
     start = time.perf_counter()
     if rendered:
         report(0.0)
-        check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
+        # An earlier version may have accepted settings that this one refuses.
+        check(planned.settings, f"Pair {planned.id}")
         built, scene, build_s = source.prepare(planned)
         assert source.rays is not None
         with (
-            tell_while_compiling(sampled, partial(tell, 0.0, f"{label}: {_COMPILING}"))
+            tell_while_compiling(sampled, partial(tell, 0.0, f"{label}: {_COMPILING_MESSAGE}"))
             if planned.settings.quality.device == "GPU" and not sampled.is_set()
             else nullcontext()
         ):
             indirect = baked_light.provide_baked_light(built, scene, planned, shared)
             is_lost = partial(shared.claims.is_lost, planned.id)
             render_pair(built, scene, planned, dataset, build_s, report, is_lost, source.rays, again, indirect)
-        shared.note_pair(folder)
+        shared.release_stated_light(folder)
     seconds = round(time.perf_counter() - start, 2)
     send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total, seconds=seconds)
 
 
 def list_job_pairs(job: dict[str, Any]) -> list[PlannedPair]:
-    """The pairs of a job, with the threads that it states."""
+    """The pairs of a job; the job's number of threads, if any, replaces theirs."""
     if job.get("pairs"):
         threads = check({"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}, "job")
         return [replace(pair, settings=overlaid(pair.settings, threads)) for pair in read_planned_pairs(job)]
     settings = merged(defaults(), check(job["settings"], "job"))
-    # Each pair is built as it is described: there is nothing that has to be turned.
+    # Each pair is built from its own settings, so nothing has to be turned.
     return [
         PlannedPair(pair.id, pair.settings, 0.0)
         for pair in expand_headings(settings, make_extra(settings) + _repeat_text(job))
@@ -156,19 +157,19 @@ def list_job_pairs(job: dict[str, Any]) -> list[PlannedPair]:
 
 
 def _first_settings(job: dict[str, Any]) -> Settings:
-    """The settings of a job's scene, or of its first."""
+    """The settings of a job's scene, or of its first pair."""
     if job.get("pairs"):
         return read_planned_pairs({**job, "pairs": job["pairs"][:1]})[0].settings
     return merged(defaults(), check(job.get("settings", {}), "job"))
 
 
 def _repeat_text(job: dict[str, Any]) -> str:
-    """A text that distinguishes the pairs of another repeat."""
+    """The text that distinguishes the pairs of another repeat."""
     return f" repeat {job['repeat']}" if job.get("repeat") else ""
 
 
 def run_job(job: dict[str, Any], send: Send = emit) -> None:
-    """Do a job, see ``job_commands.read_job``. Raises IcyMoonError for what a user can fix."""
+    """Do a job, see ``job.read_job``. Raises IcyMoonError for errors that a user can fix."""
     dataset, again = Path(job["dataset"]), bool(job.get("again"))
     send("progress", fraction=0.0, message="Building the scene")
     if job.get("blend"):
@@ -182,7 +183,7 @@ def run_job(job: dict[str, Any], send: Send = emit) -> None:
 
 
 def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
-    """The built scene of a .blend file, the frame that it shows, and its pairs."""
+    """The built scene of a .blend file, its current frame, and its pairs."""
     try:
         bpy.ops.wm.open_mainfile(filepath=job["blend"], load_ui=False, use_scripts=False)
     except RuntimeError as error:
@@ -198,7 +199,7 @@ def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
 
 
 def main(arguments: list[str]) -> int:
-    """Run the job in a file (the one argument) and end the process, see ``run_to_exit``."""
+    """Run the job in a file (the one argument) and end the process (``run_to_exit``)."""
     job: dict[str, Any] = {}
 
     def run() -> None:
@@ -209,11 +210,11 @@ def main(arguments: list[str]) -> int:
 
 
 def run_to_exit(run: Callable[[], None], describe_no_memory: Callable[[], str]) -> NoReturn:
-    """Run a program in Blender and end the process: 0 if all went well, 1 with an ``error`` message.
+    """Run a program in Blender and end the process: status 0 for success, 1 with an ``error`` message.
 
-    Leaves by ``os._exit``, since the Blender module may crash or hang when the interpreter ends.
+    The process ends by ``os._exit``, since the Blender module may crash or hang when the interpreter ends.
     """
-    end_at_interrupt()  # unfinished files have no final name
+    end_at_interrupt()  # unfinished files have no final name, so an interrupt may end the process
     status = 1
     try:
         scene_properties.register()

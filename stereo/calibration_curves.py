@@ -1,4 +1,4 @@
-"""How good a calibration must be: matchers measured on pairs that are rectified with one error after the other.
+"""Measures how accurate a calibration must be: matchers run on pairs that are rectified with one error after the other.
 
 A pair is read once. For each error it is developed again with the same noise, matched and compared with the truth.
 """
@@ -27,14 +27,14 @@ from .matchers import match_checked
 from .matchers.methods import Method
 from .matchers.search_range import SearchRange
 from .measure.metrics import is_usable
-from .measure.prepare_pair import LoadedPair, PreparedPair, distinct_pairs, load_pair, prepare_loaded
+from .measure.prepare_pair import LoadedPair, PreparedPair, list_distinct_pairs, load_pair, prepare_loaded
 from .measure.row_metrics import disparity_to_depth
 from .measure_pair import find_search_ranges
-from .report.charts import COLOURS, MARKS, STYLE, add_legend, make_figure
+from .report.charts import METHOD_COLOURS, METHOD_MARKS, STYLE, add_legend, make_figure
 from .report.sweep_charts import ON_WHITE
 
 TOPIC = "calibration_error"
-#: Magnitudes that are measured with both signs unless the user states others, by setting.
+#: Magnitudes by setting, measured with both signs unless the user states others.
 MAGNITUDES: dict[str, tuple[float, ...]] = {
     "right_yaw_deg": (0.02, 0.05, 0.1, 0.2, 0.5),
     "right_pitch_deg": (0.05, 0.1, 0.2, 0.3, 0.5),
@@ -47,24 +47,25 @@ MAGNITUDES: dict[str, tuple[float, ...]] = {
     "right_k1": (0.002, 0.005, 0.01, 0.02, 0.05),
     "k1": (0.005, 0.01, 0.03, 0.05, 0.1),
 }
-#: Numbers of a method on a pair in the curves and the file, with factor and name on an axis.
-SHOWN = (
+#: Numbers of a method on a pair in the curves and the file: key, factor and axis label.
+SHOWN_NUMBERS = (
     ("median_relative_error", 100.0, "Median depth error (%)"),
     ("coverage", 100.0, "Coverage (%)"),
 )
-#: The tolerances of a setting are where median depth error, and coverage, is this multiple of the one without an error.
-DEPTH_TIMES, COVERAGE_TIMES = 2.0, 0.9
-_COLUMNS = ("rig", "pair", "method", "setting", "error", *(key for key, _, _ in SHOWN))
+#: The tolerance of a setting is the error at which the median depth error, or the coverage, is this multiple of its
+#: value without an error.
+TOLERATED_DEPTH_FACTOR, TOLERATED_COVERAGE_FACTOR = 2.0, 0.9
+_CSV_COLUMNS = ("rig", "pair", "method", "setting", "error", *(key for key, _, _ in SHOWN_NUMBERS))
 
 
 @dataclass(frozen=True)
-class Measured:
-    """A method on a pair, with one error of the calibration: shares, NaN if nothing was measured."""
+class MeasuredError:
+    """The result of a method on a pair with one error of the calibration: shares, NaN if nothing was measured."""
 
     rig: str
     pair: str
     method: str
-    setting: str  # a key of the topic
+    setting: str  # a setting of the topic ``calibration_error``
     error: float
     median_relative_error: float
     coverage: float
@@ -87,7 +88,7 @@ def parse_errors(stated: Sequence[str]) -> dict[str, tuple[float, ...]]:
 
 
 def name_rig(camera: StereoCamera) -> str:
-    """A name for the rig of a pair: pairs whose rig looks the same have the same one."""
+    """A name for the rig of a pair, equal for pairs whose rigs have the same size, focal length and baseline."""
     return (
         f"{camera.width_px} x {camera.height_px} px, focal length {camera.focal_px:.4g} px, "
         f"baseline {camera.baseline_m:.3g} m"
@@ -99,34 +100,34 @@ def measure_calibration(
     methods: Sequence[Method],
     errors: Mapping[str, Sequence[float]],
     tell: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Measured]:
+) -> list[MeasuredError]:
     """Measure all rendered pairs at ``paths`` by all methods with all ``errors``, one at a time.
 
-    ``tell`` gets the numbers of finished and of all pairs. Raises IcyMoonError if there is no pair, or if a pair, an
-    error or a method cannot be used.
+    ``tell`` receives the numbers of finished and of all pairs. Raises IcyMoonError if there is no pair, or if a pair,
+    an error or a method cannot be used.
     """
-    folders, found = distinct_pairs(paths), list[Measured]()
+    folders, found = list_distinct_pairs(paths), list[MeasuredError]()
     for done, folder in enumerate(folders):
         tell(done, len(folders))
-        found += _measure_pair(load_pair(folder, {TOPIC: _without_error()}, measuring=True), methods, errors)
+        found += _measure_pair(load_pair(folder, {TOPIC: _zero_errors()}, measuring=True), methods, errors)
     tell(len(folders), len(folders))
     return found
 
 
-def _without_error() -> dict[str, float]:
+def _zero_errors() -> dict[str, float]:
     return {setting.key: 0.0 for setting in TOPICS[TOPIC].settings}
 
 
 def _measure_pair(
     loaded: LoadedPair, methods: Sequence[Method], errors: Mapping[str, Sequence[float]]
-) -> Iterator[Measured]:
+) -> Iterator[MeasuredError]:
     exact = prepare_loaded(loaded)
     ranges = find_search_ranges(exact, np.where(exact.visible, exact.pair.camera.disparity(exact.truth), np.nan))
     matched = {method.label: _match(exact, method, ranges) for method in methods}
     for key, values in errors.items():
         for value in values:
-            prepared = _with_error(loaded, exact, key, value)
-            # An error of depth alone needs no other match.
+            prepared = _redevelop_with_error(loaded, exact, key, value)
+            # An error that changes only depth needs no new match.
             alike = np.array_equal(prepared.left, exact.left) and np.array_equal(prepared.right, exact.right)
             for method in methods:
                 disparity = matched[method.label] if alike else _match(prepared, method, ranges)
@@ -139,8 +140,8 @@ def _match(prepared: PreparedPair, method: Method, ranges: Mapping[str, SearchRa
     return disparity
 
 
-def _with_error(loaded: LoadedPair, exact: PreparedPair, key: str, value: float) -> PreparedPair:
-    """The pair as a calibration with one error shows it."""
+def _redevelop_with_error(loaded: LoadedPair, exact: PreparedPair, key: str, value: float) -> PreparedPair:
+    """The pair as a calibration with one error gives it."""
     stated = check({TOPIC: {key: value}}, f"{TOPIC}.{key}")
     settings = merged(loaded.settings, stated)
     images = develop(loaded.pair, loaded.light["left"], loaded.light["right"], settings)
@@ -149,11 +150,11 @@ def _with_error(loaded: LoadedPair, exact: PreparedPair, key: str, value: float)
     return replace(exact, left=left, right=right, images=images, assumed_camera=assumed)
 
 
-def _measure(prepared: PreparedPair, method: str, disparity: Array, key: str, value: float) -> Measured:
+def _measure(prepared: PreparedPair, method: str, disparity: Array, key: str, value: float) -> MeasuredError:
     depth, known = disparity_to_depth(prepared, disparity), prepared.known
     measured = known & is_usable(depth)
     relative = np.abs(depth[measured] / prepared.truth[measured] - 1)
-    return Measured(
+    return MeasuredError(
         name_rig(prepared.pair.camera),
         prepared.pair.name,
         method,
@@ -165,10 +166,10 @@ def _measure(prepared: PreparedPair, method: str, disparity: Array, key: str, va
 
 
 def find_tolerance(errors: Sequence[float], means: Sequence[float], times: float) -> float | None:
-    """The smallest size of an error, by linear interpolation, at which the mean is ``times`` the one without an error.
+    """The smallest absolute error, by linear interpolation, at which the mean is ``times`` its value without an error.
 
-    It has grown to it if that is above 1, and fallen to it otherwise. None if it does so nowhere. ``errors`` are in
-    order, with 0 among them.
+    With ``times`` above 1 the mean has grown to that value, else it has fallen to it. None if it reaches the value
+    nowhere. ``errors`` (n,) are in order, with 0 among them.
     """
     place = list(errors).index(0.0)
     sign = 1.0 if times > 1 else -1.0
@@ -183,9 +184,10 @@ def find_tolerance(errors: Sequence[float], means: Sequence[float], times: float
     return min(crossings, default=None)
 
 
-def average_pairs(rows: Sequence[Measured], rig: str, method: str, setting: str, key: str) -> tuple[Array, Array]:
-    """The errors of a setting (n,), in order, and the means over pairs (n,) of a number ``key`` at them; NaN where no
-    pair has one."""
+def average_pairs(rows: Sequence[MeasuredError], rig: str, method: str, setting: str, key: str) -> tuple[Array, Array]:
+    """The errors (n,) of a setting, in order, and the means (n,) over pairs of the number ``key`` at them; NaN without
+    a pair.
+    """
     mine = [row for row in rows if (row.rig, row.method, row.setting) == (rig, method, setting)]
     errors = np.array(sorted({row.error for row in mine}))
     numbers = [np.array([getattr(row, key) for row in mine if row.error == error]) for error in errors]
@@ -193,7 +195,7 @@ def average_pairs(rows: Sequence[Measured], rig: str, method: str, setting: str,
     return errors, np.array(means)
 
 
-def tabulate(rows: Sequence[Measured]) -> list[dict[str, Any]]:
+def tabulate(rows: Sequence[MeasuredError]) -> list[dict[str, Any]]:
     """For each rig, method and setting: median depth error and coverage without an error, the error that changes each
     by its factor (None if none does), and the largest error that was measured."""
     found = []
@@ -208,52 +210,54 @@ def tabulate(rows: Sequence[Measured]) -> list[dict[str, Any]]:
                 "setting": setting,
                 "exact": float(medians[exact]),
                 "exact_coverage": float(coverages[exact]),
-                "tolerance": find_tolerance(errors.tolist(), medians.tolist(), DEPTH_TIMES),
-                "coverage_tolerance": find_tolerance(errors.tolist(), coverages.tolist(), COVERAGE_TIMES),
+                "tolerance": find_tolerance(errors.tolist(), medians.tolist(), TOLERATED_DEPTH_FACTOR),
+                "coverage_tolerance": find_tolerance(errors.tolist(), coverages.tolist(), TOLERATED_COVERAGE_FACTOR),
                 "largest": float(np.abs(errors).max()),
             }
         )
     return found
 
 
-def write_rows(rows: Sequence[Measured], path: Path) -> None:
+def write_rows(rows: Sequence[MeasuredError], path: Path) -> None:
     """Write a line for each pair, method and error as CSV."""
 
-    def write(part: Path) -> None:
+    def write_part(part: Path) -> None:
         with part.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(_COLUMNS)
-            writer.writerows([getattr(row, column) for column in _COLUMNS] for row in rows)
+            writer.writerow(_CSV_COLUMNS)
+            writer.writerows([getattr(row, column) for column in _CSV_COLUMNS] for row in rows)
 
-    write_atomically(path, write)
+    write_atomically(path, write_part)
 
 
-def write_curves(rows: Sequence[Measured], out: Path) -> list[Path]:
-    """Write a picture for each rig: the mean of ``SHOWN`` over its pairs against each error, a line for each method."""
+def write_curves(rows: Sequence[MeasuredError], out: Path) -> list[Path]:
+    """Write a picture for each rig: the means of ``SHOWN_NUMBERS`` against each error, a line for each method."""
     rigs, methods = (list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("rig", "method"))
     if not rigs:
         raise IcyMoonError("There is nothing to draw; measure a pair first.")
     return [_write_curves(rows, rig, methods, out / f"curves_{k}.png") for k, rig in enumerate(rigs, 1)]
 
 
-def _write_curves(rows: Sequence[Measured], rig: str, methods: Sequence[str], path: Path) -> Path:
+def _write_curves(rows: Sequence[MeasuredError], rig: str, methods: Sequence[str], path: Path) -> Path:
     settings = list(dict.fromkeys(row.setting for row in rows if row.rig == rig))
     columns = min(5, len(settings))
     blocks = -(-len(settings) // columns)
     with matplotlib.rc_context({**STYLE, **ON_WHITE}):
-        figure, axes = make_figure(columns, blocks * len(SHOWN), width=2.5 * columns, height=2.1)
+        figure, axes = make_figure(columns, blocks * len(SHOWN_NUMBERS), width=2.5 * columns, height=2.1)
         for k in range(blocks * columns):
-            for line, (key, factor, name) in enumerate(SHOWN):
-                axis = axes[k // columns * len(SHOWN) + line, k % columns]
+            for line, (key, factor, name) in enumerate(SHOWN_NUMBERS):
+                axis = axes[k // columns * len(SHOWN_NUMBERS) + line, k % columns]
                 if k >= len(settings):
                     axis.set_visible(False)
                     continue
                 for n, method in enumerate(methods):
                     errors, means = average_pairs(rows, rig, method, settings[k], key)
-                    axis.plot(errors, factor * means, color=COLOURS[n % 6], marker=MARKS[n % 6], label=method)
+                    axis.plot(
+                        errors, factor * means, color=METHOD_COLOURS[n % 6], marker=METHOD_MARKS[n % 6], label=method
+                    )
                 axis.set_ylim(bottom=0)
                 axis.locator_params(axis="x", nbins=4)
-                axis.set_xlabel(settings[k] if line == len(SHOWN) - 1 else "")
+                axis.set_xlabel(settings[k] if line == len(SHOWN_NUMBERS) - 1 else "")
                 axis.set_ylabel(name if k % columns == 0 else "")
         figure.suptitle(rig, x=0.99, ha="right")
         add_legend(figure, axes[0, 0], len(methods))

@@ -17,7 +17,8 @@ from .export.plug_in import ExportedPair, PluginExport
 from .matchers.plug_in import PluginMatcher
 from .measure.plug_in import MeasuredMap, PluginMetric
 
-#: The images of the trial, odd on purpose; the disparity grows by this much from row to row.
+#: Size of the trial's images, with odd sides on purpose; the farthest disparity, px; and its growth from row to row,
+#: px.
 _HEIGHT, _WIDTH, _FARTHEST_PX, _ROW_PX = 119, 161, 9.0, 0.1
 #: A matcher that measures is right to this, px, in most of its pixels; the wrong sign or unit is off by ten times that.
 _RIGHT_PX = 1.0
@@ -65,7 +66,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
     if found is None:
         return
     yield Check("it measures the plane of the trial, in px and with the right sign", _find_fault(plugin, found, truth))
-    yield Check("it keeps to the disparities that are searched", _outside(plugin, found))
+    yield Check("it keeps to the disparities that are searched", _describe_outside(plugin, found))
     yield check_fault(
         "the same images give the same result",
         lambda: None
@@ -85,7 +86,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
 
 
 def _find_fault(plugin: Plugin, found: Array, truth: Array) -> str:
-    """The fault of the disparities that the plug-in found in the trial, in words; empty if there is no fault."""
+    """The fault of the plug-in's disparities in the trial, in words; empty if they are right."""
 
     def share_right(values: Array) -> float:
         known = np.isfinite(values)
@@ -111,7 +112,7 @@ def _find_fault(plugin: Plugin, found: Array, truth: Array) -> str:
     )
 
 
-def _outside(plugin: Plugin, found: Array) -> str:
+def _describe_outside(plugin: Plugin, found: Array) -> str:
     count = int(((found < _LEAST_PX - 1) | (found > _LEAST_PX + _COUNT)).sum())
     return (
         f"{plugin.title} returned {count} disparities outside {_LEAST_PX} to {_LEAST_PX + _COUNT - 1} px; "

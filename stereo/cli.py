@@ -55,7 +55,7 @@ def _add_paths_argument(command: argparse.ArgumentParser, words: str = "pair fol
 
 
 def _add_report_folder(command: argparse.ArgumentParser, in_data_set: str) -> None:
-    """Add ``--out``, which may be left out if a folder of the data set is meant then."""
+    """Add ``--out``, which has a default if ``in_data_set`` names a folder of the data set."""
     beside = f" ({in_data_set} in the data set)" if in_data_set else ""
     words = f"folder for the report{beside}"
     command.add_argument("--out", required=not in_data_set, type=as_path, help=words)
@@ -68,7 +68,7 @@ def _report_failures(messages: Sequence[str], what: str) -> None:
 
 
 def _add_match_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--method", required=True, help="one of those that the command methods lists")
+    command.add_argument("--method", required=True, help="a method that the verb methods lists")
     command.add_argument("--left", required=True, type=as_path, help="left image, 8- or 16-bit PNG")
     command.add_argument("--right", required=True, type=as_path, help="right image, 8- or 16-bit PNG")
     add_list(command, "--option", "KEY=VALUE", "option of the method, such as window=21 or preset=guiss", nargs="+")
@@ -165,7 +165,7 @@ def _add_poses_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def _name_accepted_plugin(name: str, found: Found) -> str:
-    """The name of a plug-in, unless it is refused: then argparse shows why."""
+    """The name of a plug-in. A refused plug-in raises the error that argparse shows."""
     if name in found.refused and name not in found.usable:
         raise argparse.ArgumentTypeError(found.refused[name])
     return name
@@ -197,7 +197,7 @@ def _run_methods(parsed: argparse.Namespace) -> int:
         return 0
     found = find_plugins()
     unusable = list(found.refused.values())
-    for number, name in enumerate(found.usable):  # one that is broken hides no other
+    for number, name in enumerate(found.usable):  # a broken plug-in must not hide the others
         try:
             printer.say(f"{chr(10) if number else ''}{describe_matcher(name)}")
         except IcyMoonError as error:
@@ -232,8 +232,8 @@ def _run_match(parsed: argparse.Namespace) -> int:
     write_disparity(parsed.out, disparity, info["arrays"], **facts)
     if (searched := info["search"]) and searched.source == FIXED:
         printer.warn(
-            f"the rig is not known, so {parsed.method} searched {searched.least_px} to {searched.most_px} px; "
-            "give --camera PAIR or state the range.",
+            f"the rig is unknown, so {parsed.method} searched {searched.least_px} to {searched.most_px} px; give "
+            "--camera PAIR or state the range.",
             PROGRAM,
         )
     return 0
@@ -251,7 +251,7 @@ def _run_metrics(parsed: argparse.Namespace) -> int:
 
 
 def _add_method_options(command: argparse.ArgumentParser) -> None:
-    """Add the options beside ``--methods`` that state methods and their camera response."""
+    """Add the options that state methods and their camera response, except ``--methods``."""
     add_list(
         command,
         "--method",
@@ -269,7 +269,7 @@ def _add_method_options(command: argparse.ArgumentParser) -> None:
 
 
 def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
-    """Add the arguments of ``evaluate``; ``run_evaluate`` runs it. ``python -m icymoon`` has the same verb."""
+    """Add the arguments of the verb ``evaluate``, also for ``python -m icymoon``; ``run_evaluate`` reads them."""
     _add_paths_argument(command, "pair folder, data set of pairs, or foreign data such as KITTI's; may be several")
     command.add_argument(
         "--methods",
@@ -326,8 +326,8 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
     )
 
 
-def _chosen_methods(parsed: argparse.Namespace) -> list[Method]:
-    """The methods of ``evaluate``, none if there are predictions alone."""
+def _choose_methods(parsed: argparse.Namespace) -> list[Method]:
+    """The methods of ``evaluate``; empty if only predictions are evaluated."""
     from .matchers.methods import parse_methods
 
     chosen = ("" if parsed.predictions else "bm,sgbm") if parsed.methods is None else parsed.methods
@@ -343,7 +343,7 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
     from .evaluate import evaluate
     from .evaluate_while_rendering import measure_until_input_ends
 
-    methods = _chosen_methods(parsed)
+    methods = _choose_methods(parsed)
     response = _read_response([], parsed.set)
     check_least(parsed, 0, "seed")
     check_least(parsed, 1, "jobs")
@@ -386,7 +386,7 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
 
 
 def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
-    """Add the arguments of ``decide``; ``run_decide`` runs it. ``python -m icymoon`` has the same verb."""
+    """Add the arguments of the verb ``decide``, also for ``python -m icymoon``; ``run_decide`` reads them."""
     _add_paths_argument(command, "pair folder or data set of pairs; may be several")
     command.add_argument(
         "--methods", default="bm,sgbm", help="matchers, separated by commas, as in evaluate (%(default)s)"
@@ -406,10 +406,14 @@ def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True
         type=float,
         default=0.0,
         metavar="MM",
-        help="what the lander knows of the place of its camera: standard deviation of each axis (%(default)s)",
+        help="standard deviation of the camera's place as the lander knows it, on each axis (%(default)s)",
     )
     command.add_argument(
-        "--pose-error-deg", type=float, default=0.0, metavar="DEG", help="the same of its direction (%(default)s)"
+        "--pose-error-deg",
+        type=float,
+        default=0.0,
+        metavar="DEG",
+        help="standard deviation of the camera's direction as the lander knows it (%(default)s)",
     )
     _add_report_folder(command, "" if out_needed else "decisions")
     command.add_argument(
@@ -465,9 +469,9 @@ def run_decide(parsed: argparse.Namespace) -> int:
 
 def _print_decisions(report: dict[str, Any]) -> None:
     """Print the summary of ``decide`` as a table, with its limits."""
-    from .decisions.report import DEM, OTHERS, SITES, format_cell
+    from .decisions.report import DEM_COLUMNS, OTHER_COLUMNS, SITE_COLUMNS, format_cell
 
-    columns = (*SITES[:6], DEM[1], DEM[3], DEM[4], *OTHERS[2:])
+    columns = (*SITE_COLUMNS[:6], DEM_COLUMNS[1], DEM_COLUMNS[3], DEM_COLUMNS[4], *OTHER_COLUMNS[2:])
     _print_means("Means over pairs", report["summary"], columns, format_cell, narrowest=160)
     for sentence in (*report["head"], *report["notes"]):
         printer.say(sentence)
@@ -515,7 +519,7 @@ def _export_folders(exporter: PluginExport, parsed: argparse.Namespace) -> None:
 
 @contextmanager
 def _show_progress_alone(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """A progress bar that errors, which are raised, do not reach."""
+    """A progress bar. Errors are raised, and not shown on it."""
     with show_progress(title) as show:
         yield keep_progress(show)
 
@@ -560,7 +564,7 @@ def _run_poses(parsed: argparse.Namespace) -> int:
 
 
 def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """The settings of presets and ``--set``. Raises IcyMoonError for one that needs a new render."""
+    """The settings of presets and ``--set``. Raises IcyMoonError for a setting that needs a new render."""
     from ..settings.description import merged, override
     from ..settings.preset_files import load_preset
     from ..settings.table import TOPICS
@@ -598,10 +602,10 @@ def _print_summary(report: Report) -> None:
     """
     from .matchers.methods import describe_method
     from .report.table_columns import (
-        MEASURED,
-        RANKING,
-        SECONDS,
-        TOTALS,
+        MEASURED_COLUMNS,
+        RANKING_METRIC,
+        SECONDS_COLUMN,
+        TOTAL_COLUMNS,
         format_plugin,
         format_rank,
         format_result,
@@ -613,11 +617,11 @@ def _print_summary(report: Report) -> None:
     pairs = max((entry["pairs"] for entry in summary), default=0)
     means = f"Means over {format_count(pairs, 'pair')}"
     for title, ranking, columns in (
-        (f"{means}, all pixels with a true depth", RANKING, (*TOTALS, SECONDS)),
-        (f"{means}, only the pixels that each method measured", "common_l1_m", (TOTALS[0], *MEASURED)),
+        (f"{means}, all pixels with a true depth", RANKING_METRIC, (*TOTAL_COLUMNS, SECONDS_COLUMN)),
+        (f"{means}, only the pixels that each method measured", "common_l1_m", (TOTAL_COLUMNS[0], *MEASURED_COLUMNS)),
     ):
         printer.print_table(
-            ("Method", "Rank" if ranking == RANKING else "Rank by L1", *(column.title for column in columns)),
+            ("Method", "Rank" if ranking == RANKING_METRIC else "Rank by L1", *(column.title for column in columns)),
             [
                 (
                     describe_method(entry["method"]),
@@ -641,8 +645,10 @@ def _add_methods_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("method", nargs="?", help="only this one")
 
 
-#: Each verb: its meaning, the function that adds its arguments, if it has any, and the one that runs it.
-_VERBS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None] | None, Callable[[argparse.Namespace], int]]] = {
+#: Each verb: its meaning, the function that adds its arguments (if any), and the function that runs it.
+_COMMAND_BY_VERB: dict[
+    str, tuple[str, Callable[[argparse.ArgumentParser], None] | None, Callable[[argparse.Namespace], int]]
+] = {
     "check": ("report as one line of JSON whether this Python can evaluate", None, _run_check),
     "methods": ("list the matchers with their options", _add_methods_arguments, _run_methods),
     "match": ("match two images", _add_match_arguments, _run_match),
@@ -670,10 +676,10 @@ _VERBS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None] | None, C
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """The parser of the command line."""
+    """Make the parser of the command line."""
     parser = Parser(prog=f"python -m {PROGRAM}", description="Evaluate stereo on rendered pairs.")
     verbs = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, (meaning, add_options, run) in _VERBS.items():
+    for name, (meaning, add_options, run) in _COMMAND_BY_VERB.items():
         command = verbs.add_parser(name, help=meaning)
         command.set_defaults(run=run)
         if add_options:

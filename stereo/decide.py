@@ -1,6 +1,6 @@
-"""Decisions on a lander's workspace from the depths that matchers find, measured against decisions from the truth.
+"""Decisions on a lander's workspace from the depths of matchers, compared with decisions from the true depth.
 
-As in ``evaluate``, a row is one method on one pair, is written to the disk at once, and is not computed again.
+As in ``evaluate``, a row is one method on one pair. It is written to the disk at once, and never computed again.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .decisions import pictures
 from .decisions.excavation_progress import find_progress, name_series, name_site
 from .decisions.joint_faults import find_joint_faults
 from .decisions.joint_margin import has_arm
-from .decisions.report import OPENINGS, write_decisions
+from .decisions.report import FIRST_BYTES, write_decisions
 from .decisions.rules import Rules
 from .decisions.scoop_of_pair import Scoop, find_scoop, locate_scoop, read_stated_joints
 from .decisions.stored_maps import TRUE_DEPTH
@@ -54,11 +54,16 @@ from .report.row_log import Row, RowLog
 
 Event = Callable[[dict[str, Any]], None]
 
-#: Version of the decisions: increased when the same input gives other numbers or files.
-DECISIONS = 4
-_LOG = "decisions.jsonl"
-_ROW: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(TABLE, null=True), "images": Each(TEXT, TEXT)}
-_FACTS = {
+#: Increased when the same input gives other numbers or files.
+DECISIONS_VERSION = 4
+_LOG_FILE = "decisions.jsonl"
+_ROW_SHAPE: dict[str, Shape] = {
+    "status": TEXT,
+    "error": TEXT,
+    "numbers": Maybe(TABLE, null=True),
+    "images": Each(TEXT, TEXT),
+}
+_FACTS_SHAPE = {
     "pair": FILE_NAME,
     "scene": TEXT,
     "site": TEXT,
@@ -76,7 +81,7 @@ class PoseError:
     deg: float = 0.0
 
 
-EXACT = PoseError()
+EXACT_POSE = PoseError()
 
 
 @dataclass(frozen=True)
@@ -90,9 +95,9 @@ class _DecideRun:
     seed: int
 
     def digest(self, source: Source) -> str:
-        """All that the rows of a pair depend on, but for their methods."""
+        """A digest of all that the rows of a pair depend on, except their methods."""
         stated = (self.response, self.rules.to_json(), self.cell_m, self.pose.mm, self.pose.deg, self.seed)
-        return digest_json([*source.content(), *stated, DECISIONS, version()])
+        return digest_json([*source.list_dependencies(), *stated, DECISIONS_VERSION, version()])
 
 
 def decide_pairs(
@@ -103,25 +108,25 @@ def decide_pairs(
     response: Mapping[str, Mapping[str, Any]] | None = None,
     on_event: Event = lambda event: None,
     cell_m: float | None = None,
-    pose: PoseError = EXACT,
+    pose: PoseError = EXACT_POSE,
     seed: int = 0,
 ) -> dict[str, Any]:
     """Measure decisions on all pairs at ``paths`` by all methods and by the true depth; return ``decisions.json``.
 
     Writes to ``out``: ``decisions.jsonl`` (each row at once), then ``decisions.csv``, ``decisions.json`` and
     ``decisions.html``; for each pair, in ``pairs/<pair>/``, the elevation models as GeoTIFF and npy, maps of
-    suitability, slope and reach as npy, and pictures. ``cell_m``: see ``workspace.open_workspace``. ``on_event``: see
-    ``evaluate``.
+    suitability, slope and reach as npy, and pictures. For ``cell_m`` see ``workspace.open_workspace``, and for
+    ``on_event`` see ``evaluate``.
 
-    Raises IcyMoonError if there is no pair, or if ``out`` contains files that this did not write.
+    Raises IcyMoonError if there is no pair, or if ``out`` contains files of another program.
     """
     sources = find_sources(paths)
     check_response(sources, response or {})
     names = [source.name for source in sources]
-    check_output_folder(out, names, OPENINGS)
+    check_output_folder(out, names, FIRST_BYTES)
     remove_leftovers(out)
     run = _DecideRun(methods, out, dict(response or {}), rules, cell_m, pose, seed)
-    log = RowLog(out / _LOG, _ROW)
+    log = RowLog(out / _LOG_FILE, _ROW_SHAPE)
     labels = [TRUE_DEPTH, *(method.label for method in methods)]
     failed = _make_rows(sources, run, log, len(labels), on_event)
     log.compact((name, label) for name in names for label in labels)
@@ -150,7 +155,7 @@ def decide_pairs(
 def _make_rows(
     sources: Sequence[Source], run: _DecideRun, log: RowLog, methods: int, on_event: Callable[[dict[str, Any]], None]
 ) -> list[dict[str, Any]]:
-    """Make all rows that are missing; return those that failed, with the reason."""
+    """Make all missing rows, and return the failed ones with their reasons."""
     failed: list[dict[str, Any]] = []
     done, total = 0, len(sources) * methods
     try:
@@ -174,7 +179,7 @@ def _make_rows(
 
 
 def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
-    """The rows of a pair; those that are missing are made, and written to the log."""
+    """The rows of a pair. Missing rows are made and written to the log."""
     content = run.digest(source)
     keys = {TRUE_DEPTH: content} | {m.label: digest_json([content, list_method_inputs(m)]) for m in run.methods}
     there = {
@@ -206,7 +211,7 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
             continue
         method = next((each for each in run.methods if each.label == label), None)
         try:
-            row = _row(source.name, label, key, _check_status(workspace.prepared))
+            row = _make_row(source.name, label, key, _check_status(workspace.prepared))
             row |= _decide_with_method(workspace, method, pose, run.out, scoop, random)
         except DiskError:
             raise
@@ -225,16 +230,16 @@ def _log_row(log: RowLog, row: Row) -> Row:
     return row
 
 
-def _row(pair: str, label: str, key: str, status: str, error: str = "") -> Row:
+def _make_row(pair: str, label: str, key: str, status: str, error: str = "") -> Row:
     return {"pair": pair, "method": label, "key": key, "status": status, "error": error}
 
 
 def _make_failed_row(pair: str, label: str, key: str, message: str) -> Row:
-    return _row(pair, label, key, "failed", message) | {"numbers": None, "images": {}}
+    return _make_row(pair, label, key, "failed", message) | {"numbers": None, "images": {}}
 
 
 def _read_excavation_facts(workspace: Workspace) -> dict[str, Any] | None:
-    """The part of the excavation in ``pair.json`` that progress needs, and advice; None without an excavation."""
+    """The entries on the excavation in ``pair.json`` for progress and advice; None without an excavation."""
     stated = workspace.pair.data.get("excavation")
     wanted = ("state", "states", "change_in_region_by_state_m3", "region_m")
     return (
@@ -255,7 +260,7 @@ def _decide_with_method(
     scoop: Scoop | None,
     random: np.random.Generator,
 ) -> dict[str, Any]:
-    """The numbers and files of a method; of the true depth without one."""
+    """The numbers and files of a method, or of the true depth without a method."""
     depth, matching = (workspace.prepared.truth, 0.0) if method is None else _match_depth(workspace, method)
     start = time.process_time()
     found = decide_from_depth(workspace, depth, pose)
@@ -370,7 +375,7 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
 
 def _read_facts(out: Path, pair: str) -> dict[str, Any] | None:
     try:
-        found: dict[str, Any] = read_record(out / "pairs" / pair / "decisions.json", _FACTS, "decide again")
+        found: dict[str, Any] = read_record(out / "pairs" / pair / "decisions.json", _FACTS_SHAPE, "decide again")
     except (OSError, IcyMoonError):
         return None
     return found

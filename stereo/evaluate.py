@@ -1,10 +1,9 @@
-"""Running matchers on pairs and measuring the results, continuing where an earlier run stopped.
+"""Runs matchers on pairs and measures the results, continuing where an earlier run stopped.
 
-A row is the result of one method on one pair. It is written to the disk at once and is not computed again, so a run
-that is stopped loses only the row that it was working on. A pair that cannot be used is reported, recorded as failed,
-and does not stop the others. A pair whose eyes contradict each other or the truth is measured and marked as suspect,
-and counts in no average. One pair at a time is in memory; of the others only the numbers that averages need are, about
-a kilobyte per row.
+A row is the result of one method on one pair. It is written to the disk at once and never computed again, so a stopped
+run loses only the row in progress. A pair that cannot be used is reported and recorded as failed, and the others go on.
+A pair whose eyes contradict each other or the truth is measured and marked as suspect, and counts in no average. One
+pair at a time is in memory; of the others only the numbers for averages are kept, about a kilobyte per row.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
 from .environment import packages
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
 from .evaluation_files import check_output_folder, named_files_exist, remove_leftovers
-from .matchers import list_option_files, plugin_release
+from .matchers import describe_plugin_release, list_option_files
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.plug_in import load_plugin_metrics
@@ -37,8 +36,8 @@ from .report.write_results import find_facts, write_results
 
 Event = Callable[[dict[str, Any]], None]
 
-#: Version of the measurement: increased when the same input gives other numbers, so that old rows are not reused.
-MEASURE = 5
+#: Increased when the same input gives other numbers, so that old rows are not used again.
+MEASURE_VERSION = 5
 
 
 def evaluate(
@@ -96,7 +95,7 @@ def evaluate(
     finally:
         stop_residents()
     evaluation.log.compact((name, method.label) for name in names for method in methods)
-    failed, suspect = evaluation.sorted_messages()
+    failed, suspect = evaluation.sort_messages()
     return write_results(
         evaluation.log,
         names,
@@ -128,7 +127,7 @@ def _measure_here(evaluation: Evaluation, run: MeasureRun) -> Iterator[tuple[Mea
 
 
 class Evaluation:
-    """The tasks of an evaluation, the log that it writes, and the failures so far."""
+    """The tasks of an evaluation, its log, and its failures so far."""
 
     def __init__(self, sources: Sequence[Source], run: MeasureRun, on_event: Event) -> None:
         self.sources = {source.name: source for source in sources}
@@ -147,8 +146,8 @@ class Evaluation:
         """The pairs with a missing result, ordered by ``sort_by_ground``; reports the progress of the complete ones."""
         for source in sort_by_ground([*self.sources.values()]):
             name = source.name
-            content = digest_json([*source.content(), self._run.response, MEASURE, version()])
-            keys = {method.label: self._row_key(method, name, content) for method in self._run.methods}
+            content = digest_json([*source.list_dependencies(), self._run.response, MEASURE_VERSION, version()])
+            keys = {method.label: self._make_row_key(method, name, content) for method in self._run.methods}
             task = MeasureTask(
                 name,
                 content,
@@ -167,11 +166,11 @@ class Evaluation:
                 self._tell_progress(task.rows[method.label])
             self._tell_notes(name, facts)
 
-    def _row_key(self, method: Method, pair: str, content: str) -> str:
-        """Digest of everything that a row depends on."""
+    def _make_row_key(self, method: Method, pair: str, content: str) -> str:
+        """The digest of everything on which a row depends."""
         inputs = self._setups[method.label]
         if method.name == PREDICTION:
-            with suppress(IcyMoonError):  # which is reported where it is read
+            with suppress(IcyMoonError):  # reported where the file is read
                 inputs = [*inputs, read_checksum(find_prediction(method, pair))]
         return digest_json([content, inputs, *([self._metrics] if self._metrics else [])])
 
@@ -210,7 +209,7 @@ class Evaluation:
                 self._give_up(task, event["message"], done.pop(task.pair, set()))
 
     def _give_up(self, task: MeasureTask, message: str, done: set[str]) -> None:
-        """Record the undone methods of a process that ended as failed."""
+        """Record the unfinished methods of a process that ended as failed."""
         why = f"{self.sources[task.pair].folder}: {message}."
         self._tell_failure({"pair": task.pair, "message": why})
         for method in self._run.methods:
@@ -248,7 +247,7 @@ class Evaluation:
         self._failed.append(failure)
         self._tell({"type": "error", "message": failure["message"]})
 
-    def sorted_messages(self) -> tuple[list[Failure], list[Failure]]:
+    def sort_messages(self) -> tuple[list[Failure], list[Failure]]:
         """The messages about failed and about suspect pairs, in the order of the pairs."""
         place = {name: k for k, name in enumerate(self.sources)}
         failed, suspect = (
@@ -258,14 +257,15 @@ class Evaluation:
 
 
 def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
-    """The facts that an earlier run wrote of a pair, if its content is the same and its pictures are there."""
+    """The facts of a pair from an earlier run, if its content is the same and its pictures exist."""
     facts = find_facts(out, pair)
     return facts if facts and facts["key"] == content and named_files_exist(facts, out, pair) else None
 
 
 def list_method_inputs(method: Method) -> list[Any]:
-    """Everything besides the images that a method's disparity depends on: its options, the files that they name, and
-    versions."""
+    """Everything besides the images on which a method's disparity depends: its options, the files that they name, and
+    versions.
+    """
     files = {
         key: read_checksum(Path(value))
         for key, value in method.options.items()
@@ -278,7 +278,8 @@ def list_method_inputs(method: Method) -> list[Any]:
             if os.path.isfile(text)
         }
     versions = packages.find_versions()
-    release = plugin_release(method.name)  # a plug-in's; our methods have the version of Icy Moon
+    # A plug-in has a version of its own; our methods have the version of Icy Moon.
+    release = describe_plugin_release(method.name)
     return [
         method.name,
         method.options,
@@ -289,7 +290,7 @@ def list_method_inputs(method: Method) -> list[Any]:
 
 
 def digest_json(data: object) -> str:
-    """Sixteen digits that stand for JSON values."""
+    """A digest of JSON values, sixteen digits."""
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -1,7 +1,7 @@
-"""Measuring the pairs of a data set while others are being rendered.
+"""Measures the pairs of a data set while others are being rendered.
 
-Rows are written as ``evaluate`` writes them; it finds them later and measures only the rest. No report is written and
-no failure is shown: a pair that fails here fails in ``evaluate`` again, which shows it.
+Rows are written as ``evaluate`` writes them, so ``evaluate`` measures only the rest later. No report is written and no
+failure is shown: a pair that fails here fails again in ``evaluate``, which shows the failure.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import MeasureRun, MeasureTask, measure_pair
 
-#: How long to wait for another pair.
-_WAIT_S = 1.0
+#: Seconds between looks for another pair.
+_POLL_S = 1.0
 
 
 def measure_completed_pairs(
@@ -36,9 +36,9 @@ def measure_completed_pairs(
     is_over: Callable[[], bool],
     points: bool = False,
 ) -> None:
-    """Measure pairs of a data set as they are completed, until ``is_over``; of the parameters see ``evaluate``.
+    """Measure pairs of a data set as they are completed, until ``is_over``; for the other parameters see ``evaluate``.
 
-    At the end a pair that is being measured is finished. Raises IcyMoonError if ``out`` cannot be written, or contains
+    A measurement in progress at the end is finished. Raises IcyMoonError if ``out`` cannot be written, or contains
     files that no evaluation wrote.
     """
     run = MeasureRun(methods, out, dict(response), points)
@@ -53,17 +53,17 @@ def measure_completed_pairs(
                 evaluation = Evaluation(sources, run, lambda event: None)
                 evaluation.log_results(_measure_until_over(evaluation, run, is_over))
             else:
-                time.sleep(_WAIT_S)
+                time.sleep(_POLL_S)
     finally:
         stop_residents()
 
 
 def _find_new_pairs(dataset: Path, seen: set[str]) -> Iterator[Source]:
-    """The pairs that were completed since the last time."""
+    """The pairs that were completed since the last call."""
     for folder in find_pair_folders(dataset) if has_pairs(dataset) else ():
         if folder.name not in seen:
             seen.add(folder.name)
-            with suppress(IcyMoonError):  # a pair that cannot be used
+            with suppress(IcyMoonError):  # the pair cannot be used
                 yield from find_sources([folder])
 
 
@@ -80,8 +80,9 @@ def _measure_until_over(
 def measure_until_input_ends(
     dataset: Path, methods: Sequence[Method], out: Path, response: Mapping[str, Mapping[str, Any]], points: bool
 ) -> None:
-    """``measure_completed_pairs`` at a lower priority, for a process whose standard input ends when nothing more is
-    rendered, however the process at its other end does."""
+    """Measure as ``measure_completed_pairs`` does, at a lower priority, until standard input ends. It ends with the
+    renderer, also if the renderer crashes.
+    """
     lower_priority()
     over = threading.Event()
 

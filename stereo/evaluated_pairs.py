@@ -14,10 +14,10 @@ from ..settings.description import Restorer
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import FILE_NAME
 from ..support.files import read_checksum
-from .datasets.dataset_layouts import KNOWN, FoundPair, find_foreign_pairs
+from .datasets.dataset_layouts import KNOWN_LAYOUTS, FoundPair, find_foreign_pairs
 from .datasets.foreign_pair import ForeignPair
-from .measure.prepare_pair import PreparedPair, distinct_pairs, prepare_pair
-from .measure.sequences import in_time_order
+from .measure.prepare_pair import PreparedPair, list_distinct_pairs, prepare_pair
+from .measure.sequences import sort_by_time
 
 
 class Source(Protocol):
@@ -29,13 +29,15 @@ class Source(Protocol):
 
     @property
     def folder(self) -> Path:
-        """Where it is, for messages."""
+        """The folder of the pair, for messages."""
 
-    def content(self) -> list[Any]:
-        """What its numbers depend on: checksums of its files."""
+    def list_dependencies(self) -> list[Any]:
+        """All that the numbers of the pair depend on: checksums of its files."""
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """Read it, and compute what matchers and metrics need. Raises IcyMoonError if it cannot be used."""
+        """Read the pair, and compute the arrays that matchers and metrics need. Raises IcyMoonError if the pair cannot
+        be used.
+        """
 
 
 @dataclass(frozen=True)
@@ -49,12 +51,12 @@ class RenderedPair:
         """The name of its folder."""
         return self.folder.name
 
-    def content(self) -> list[Any]:
+    def list_dependencies(self) -> list[Any]:
         """The checksum of ``pair.json``, which contains the checksums of the images."""
         return [read_checksum(self.folder / "pair.json")]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """See ``measure.prepare_pair``."""
+        """Read and develop the rendered pair, see ``prepare.prepare_pair``."""
         return prepare_pair(self.folder, response)
 
 
@@ -66,7 +68,7 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
     """
     rendered = [path for path in paths if has_pairs(path)]
     found: list[Source] = [
-        RenderedPair(folder) for folder in (in_time_order(distinct_pairs(rendered)) if rendered else ())
+        RenderedPair(folder) for folder in (sort_by_time(list_distinct_pairs(rendered)) if rendered else ())
     ]
     for source in found[:1]:  # the sets of one plan are alike; another pair fails by itself
         read_pair(source.folder).image("left")
@@ -103,7 +105,8 @@ def _find_foreign(path: Path) -> list[FoundPair]:
     pairs = find_foreign_pairs(path)
     if not pairs:
         raise IcyMoonError(
-            f"{path} contains no complete stereo pair; render one first or choose another folder: a data set, {KNOWN}."
+            f"{path} contains no complete stereo pair; render one first or choose another folder: a data set, "
+            f"{KNOWN_LAYOUTS}."
         )
     return pairs
 

@@ -16,8 +16,8 @@ from .matchers.methods import Method
 from .measure.prepare_pair import PreparedPair
 from .measure.row_metrics import disparity_to_depth
 
-#: The files that an evaluation writes into its folder, beside ``pairs/``, and how each begins.
-_OPENINGS: Mapping[str, bytes] = {
+#: The files that an evaluation writes beside ``pairs/``, and the first bytes of each.
+_FIRST_BYTES: Mapping[str, bytes] = {
     "results.jsonl": b'{"pair": ',
     "results.csv": b"pair,method,status,",
     "comparisons.csv": b"a,b,metric,kind,",
@@ -27,11 +27,11 @@ _OPENINGS: Mapping[str, bytes] = {
 }
 
 
-def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, bytes] = _OPENINGS) -> None:
+def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, bytes] = _FIRST_BYTES) -> None:
     """Raise IcyMoonError if an evaluation of ``pairs`` would overwrite files in ``out`` that no evaluation wrote.
 
     A link may lead anywhere, and other programs use the same names for their results. ``openings`` are the files that
-    are written beside ``pairs/``, and how each begins.
+    are written beside ``pairs/``, with the first bytes of each.
     """
     folders = [out / "pairs", out / "curves", *(out / "pairs" / name for name in pairs)]
     for path in (*folders, *(out / name for name in openings)):
@@ -53,7 +53,7 @@ def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, 
 
 
 def _was_written_by_evaluation(path: Path, begin: bytes) -> bool:
-    """Whether a file begins as ours do; a run may have been killed within the first line."""
+    """Whether a file begins as ours do. The file may end within these bytes, since a run may have been killed there."""
     with explain_disk_errors("read", path), open_regular(path) as stream:
         return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin
 
@@ -65,13 +65,13 @@ def remove_leftovers(out: Path) -> None:
 
 
 def named_files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
-    """Whether all files that a row, or the facts of a pair, names are in the folder of the pair."""
+    """Whether all files that a row or the facts of a pair name are in the folder of the pair."""
     folder = out / "pairs" / pair
     return all((out / path).parent == folder and (out / path).is_file() for path in entry["images"].values())
 
 
 def write_pair_pictures(prepared: PreparedPair, out: Path) -> dict[str, str]:
-    """Write the left image, the right one and the true depth; return their paths relative to ``out``."""
+    """Write the left image, the right image and the true depth; return their paths relative to ``out``."""
     depth = colours.draw_true_depth(prepared.truth, prepared.scale)
     images = {
         "left": prepared.left,
@@ -86,14 +86,14 @@ def write_method_pictures(
 ) -> dict[str, str]:
     """Write depth, error and disparity of one method; return their paths relative to ``out``.
 
-    If ``info`` has the array ``flags``, which tells why each pixel was rejected, write a picture of it too.
+    If ``info`` has the array ``flags``, with the reason for each rejected pixel, a picture of the flags is written too.
     """
     depth = disparity_to_depth(prepared, disparity)
     npz = _pair_folder(prepared, out) / f"{method.file_name}.npz"
     write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.depth_camera.focal_baseline_px_m)
     written = {
         "depth": colours.add_colour_bar(colours.draw_depth(depth, prepared.scale), prepared.scale),
-        "error": colours.add_colour_bar(colours.draw_error(depth, prepared.truth), colours.ERROR),
+        "error": colours.add_colour_bar(colours.draw_error(depth, prepared.truth), colours.ERROR_SCALE),
     }
     if "flags" in info["arrays"]:
         written["flags"] = colours.draw_outcomes(info["arrays"]["flags"], disparity.shape)

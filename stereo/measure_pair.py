@@ -68,9 +68,9 @@ def measure_pair(source: Source, run: MeasureRun, task: MeasureTask) -> Iterator
         prepared = source.prepare(run.response)
     except Exception as error:
         why = describe_error(error, source.folder)
-        yield _failed_event({"pair": source.name, "message": why})
+        yield _make_failed_event({"pair": source.name, "message": why})
         for method in run.methods:
-            yield _row_event(task.rows.get(method.label) or make_failed_row(task, method, why))
+            yield _make_row_event(task.rows.get(method.label) or make_failed_row(task, method, why))
         return
     facts = prepared.facts | {"key": task.content, "images": write_pair_pictures(prepared, run.out)}
     write_json(run.out / "pairs" / source.name / "facts.json", facts)
@@ -78,11 +78,11 @@ def measure_pair(source: Source, run: MeasureRun, task: MeasureTask) -> Iterator
     yield {"type": "facts", "facts": facts}
 
 
-def _failed_event(failure: Failure) -> dict[str, Any]:
+def _make_failed_event(failure: Failure) -> dict[str, Any]:
     return {"type": "failed", "failure": failure}
 
 
-def _row_event(row: Row, kind: str = "row") -> dict[str, Any]:
+def _make_row_event(row: Row, kind: str = "row") -> dict[str, Any]:
     return {"type": kind, "row": row}
 
 
@@ -97,7 +97,7 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
         stored = _read_stored_disparity(rows.get(label), prepared, run.out)
         if stored is not None:
             disparities[label] = stored
-            yield _row_event(rows[label])
+            yield _make_row_event(rows[label])
             continue
         try:
             disparity, info = _match_method(method, prepared, ranges)
@@ -107,11 +107,11 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
             raise
         except Exception as error:
             why = describe_error(error, f"{prepared.pair.folder} by {describe_method(label)}")
-            yield _failed_event({"pair": prepared.pair.name, "method": label, "message": why})
-            yield _row_event(make_failed_row(task, method, why))
+            yield _make_failed_event({"pair": prepared.pair.name, "method": label, "message": why})
+            yield _make_row_event(make_failed_row(task, method, why))
             continue
         disparities[label] = disparity
-        yield _row_event(rows[label])
+        yield _make_row_event(rows[label])
     common = measure_common_pixels(prepared, disparities)
     points = run.points and find_left_pose(prepared) is not None
     if run.points and not points:
@@ -136,7 +136,7 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
         if frame is not None:
             row["images"] = _add_maps(row["images"], run, prepared, frame, method, disparity)
         if row != rows[label]:
-            yield _row_event(row, "update")
+            yield _make_row_event(row, "update")
 
 
 def _add_maps(
@@ -158,7 +158,7 @@ def has_maps(images: Mapping[str, str], method: Method, cell_m: float | None) ->
 
 
 def find_search_ranges(prepared: PreparedPair, shared: Array) -> dict[str, SearchRange]:
-    """The ranges that options may name; ``shared`` are the true disparities of what both eyes see."""
+    """The search ranges that options may name; ``shared`` are the true disparities of points that both eyes see."""
     pair = prepared.pair
     if isinstance(pair, Pair):
         return find_known_ranges(pair.settings, shared, bool(pair.data.get("edited_by_hand")))

@@ -22,8 +22,8 @@ from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import MeasureRun, MeasureTask, measure_pair
 
-#: Tasks that a worker has at once: one that it does, and the next.
-_EACH = 2
+#: Tasks that a worker holds at once: the one in progress, and the next.
+_TASKS_PER_WORKER = 2
 #: OpenEXR is silenced by exchanging the standard error of the whole process.
 _ONE_AT_A_TIME = Lock()
 
@@ -54,7 +54,7 @@ def measure_on_cluster(
         try:
             while True:
                 workers = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
-                while len(busy) < _EACH * workers and (task := next(tasks, None)) is not None:
+                while len(busy) < _TASKS_PER_WORKER * workers and (task := next(tasks, None)) is not None:
                     future = client.submit(measure_task, setup, asdict(task), retries=MOST_CRASHES - 1, pure=False)
                     busy[future] = task
                     ended.add(future)

@@ -101,10 +101,10 @@ class MeasuringProcesses:
         finally:
             for process in (*idle, *busy):
                 process.kill()
-            remove_leftovers(self._out)  # what each was writing when it was ended
+            remove_leftovers(self._out)  # the messages that each was writing when it was ended
 
     def _wait_for_event(self) -> tuple[_Process, dict[str, Any] | None]:
-        while True:  # Windows interrupts nobody who waits for longer
+        while True:  # Windows cannot interrupt a longer wait
             try:
                 return self._said.get(timeout=_LOOK_S)
             except queue.Empty:
@@ -196,7 +196,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _take_standard_output() -> IO[bytes]:
-    """The standard output for our lines alone: what libraries print goes to standard error from now on."""
+    """Reserve the standard output for our lines; libraries print to standard error from now on."""
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     return out

@@ -29,7 +29,7 @@ from .images.lettering import measure_text_width_px, put_text
 
 #: Columns or rows of an eye's image beyond which the views are reduced.
 MOST_PX = 1280
-_INK, _PAPER = 220, 29  # greys of captions, as Blender's own dark theme
+_INK_GREY, _PAPER_GREY = 220, 29  # greys of captions, as Blender's own dark theme
 _GAP_PX = 8  # between pictures that lie side by side, at size 1
 _COLOUR_SHARE = 0.6  # of the depth's colours over the left image
 _CAPTION_PER_PX = 1 / 800  # size of captions per column of the whole picture
@@ -46,7 +46,7 @@ class PairViews:
     shown_right: Array
     depth: Array  # (H, W) of the left image's pixels, planar metres, NaN for sky and planet
     scale: Scale  # of the depth's colours
-    range_m: tuple[float, float] | None  # nearest and farthest depth; None if all is sky
+    range_m: tuple[float, float] | None  # nearest and farthest depth; None if the image shows only sky
     exposures_s: tuple[float, ...]
     saturated: float  # share of the left pixels
     shift_px: int  # disparity of the median depth, whole pixels
@@ -56,12 +56,12 @@ class PairViews:
     def pictures(self, view: str) -> list[Array]:
         """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that take turns. KeyError for no view."""
         return {
-            "SIDE_BY_SIDE": self._side_by_side,
+            "SIDE_BY_SIDE": self._make_side_by_side,
             "LEFT": lambda: [self.shown_left],
             "RIGHT": lambda: [self.shown_right],
             "FLICKER": lambda: list(self._align(self.shown_left, self.shown_right)),
-            "ANAGLYPH": self._anaglyph,
-            "DEPTH": self._overlay,
+            "ANAGLYPH": self._make_anaglyph,
+            "DEPTH": self._make_overlay,
         }[view]()
 
     @property
@@ -82,7 +82,7 @@ class PairViews:
         size = [f"shown at 1/{self.reduced} of its size"] if self.reduced > 1 else []
         return [f"Pair {self.id}", f"{' to '.join(times)}, {share}", ", ".join([depth, *size])]
 
-    def _side_by_side(self) -> list[Array]:
+    def _make_side_by_side(self) -> list[Array]:
         depth = draw_true_depth(self.depth, self.scale)[..., ::-1]
         width = self.left.shape[1]
         size = max(1.0, (3 * width) * _CAPTION_PER_PX)
@@ -92,25 +92,25 @@ class PairViews:
             np.vstack([self.shown_right, _draw_caption("Right", legend.shape, size)]),
             np.vstack([depth, legend]),
         ]
-        gap = np.full((len(columns[0]), round(_GAP_PX * size), 3), _PAPER, np.uint8)
+        gap = np.full((len(columns[0]), round(_GAP_PX * size), 3), _PAPER_GREY, np.uint8)
         return [np.hstack([columns[0], gap, columns[1], gap, columns[2]])]
 
-    def _anaglyph(self) -> list[Array]:
+    def _make_anaglyph(self) -> list[Array]:
         left, right = self.aligned
         return [np.stack([left, right, right], axis=-1)]
 
-    def _overlay(self) -> list[Array]:
+    def _make_overlay(self) -> list[Array]:
         colour = draw_true_depth(self.depth, self.scale)[..., ::-1].astype(np.float32)
         mixed = np.rint(_COLOUR_SHARE * colour + (1 - _COLOUR_SHARE) * self.left[..., None]).astype(np.uint8)
         width = mixed.shape[1]
         return [np.vstack([mixed, self._draw_legend(width, max(1.0, 2 * width * _CAPTION_PER_PX))])]
 
     def _draw_legend(self, width: int, size: float) -> Array:
-        legend = draw_colour_bar(width, self.scale, size, _INK, _PAPER)[..., ::-1].copy()
+        legend = draw_colour_bar(width, self.scale, size, _INK_GREY, _PAPER_GREY)[..., ::-1].copy()
         if np.isnan(self.depth).any():
             letter, baseline, swatch = 8 * size, round(40 * size), round(10 * size)
             start = max(2 * swatch, width - swatch - measure_text_width_px("sky", letter))
-            put_text(legend, "sky", start, baseline, letter, _INK)
+            put_text(legend, "sky", start, baseline, letter, _INK_GREY)
             legend[baseline - swatch : baseline, start - round(1.5 * swatch) : start - swatch // 2] = SKY_GREY
         return legend
 
@@ -200,8 +200,8 @@ def _to_colour(image: Array) -> Array:
 
 
 def _draw_caption(text: str, shape: tuple[int, ...], size: float) -> Array:
-    strip = np.full(shape, _PAPER, np.uint8)
-    put_text(strip, text, round(8 * size), round(16 * size), 8 * size, _INK)
+    strip = np.full(shape, _PAPER_GREY, np.uint8)
+    put_text(strip, text, round(8 * size), round(16 * size), 8 * size, _INK_GREY)
     return strip
 
 

@@ -26,8 +26,8 @@ from .images.image_files import write_npy, write_png
 from .images.lens import make_rectification
 from .images.views import read_sensor_depth
 
-#: Files that only some settings produce; leftovers of an earlier run are removed.
-_STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|mosaic\.png|deposits\.png|distorted_depth\.npy)")
+#: Files that only some settings produce. Files of an earlier run are removed.
+_REMOVED_FILES = re.compile(r"(left|right)_(\d+\.png|distorted\.png|mosaic\.png|deposits\.png|distorted_depth\.npy)")
 FORMAT, VERSION = "icymoon-images", 1
 
 
@@ -85,9 +85,9 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     images = develop(pair, left, right, settings)
-    for stale in [path for path in out.glob("*") if _STALE.fullmatch(path.name)]:
+    for stale in [path for path in out.glob("*") if _REMOVED_FILES.fullmatch(path.name)]:
         remove(stale)
-    for name, numbers in _images_by_name(images, int(settings.sensor.bits)).items():
+    for name, numbers in _list_images(images, int(settings.sensor.bits)).items():
         write_png(out / f"{name}.png", numbers)
     maps = [make_rectification(pair.camera, settings.rig, settings.calibration_error, eye) for eye in EYES]
     for eye in EYES if any(each is not None for each in maps) else ():
@@ -108,7 +108,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
     return images
 
 
-def _images_by_name(images: DevelopedImages, sensor_bits: int) -> dict[str, Array]:
+def _list_images(images: DevelopedImages, sensor_bits: int) -> dict[str, Array]:
     """The images to write, by name; images of 8 bits are uint8, and colour images are in the order B, G, R."""
     named = {eye: (images.for_files(eye), images.bits) for eye in EYES}
     if images.is_rectified:

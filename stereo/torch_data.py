@@ -1,7 +1,7 @@
 """Pairs as training samples: a data set for PyTorch's ``DataLoader`` that develops them on the fly.
 
-A sample depends on its number, the epoch and the seed alone, so it is the same whatever worker makes it and however
-many there are. PyTorch is imported when the first sample is made.
+A sample depends on its number, the epoch and the seed alone, so it is the same in any worker and for any number of
+workers. PyTorch is imported when the first sample is made.
 """
 
 from __future__ import annotations

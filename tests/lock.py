@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from icymoon.stereo.environment.install import LOCK
+from icymoon.stereo.environment.install import LOCK_FILE
 from icymoon.stereo.environment.packages import PACKAGES, format_requirement
 
 #: Pythons of the Blenders from 4.2 on and of the systems they run on; platforms as pip names them.
@@ -110,8 +110,8 @@ def main(given: Sequence[str]) -> int:
         for name in sorted(pins)
     ]
     head = _HEAD.format(pythons=", ".join(PYTHONS), platforms=", ".join(PLATFORMS))
-    Path(LOCK).write_text(head + "\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    print("\n".join([f"{LOCK}: {len(pins)} packages", *lacking]))
+    Path(LOCK_FILE).write_text(head + "\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    print("\n".join([f"{LOCK_FILE}: {len(pins)} packages", *lacking]))
     return int(bool(lacking))
 
 

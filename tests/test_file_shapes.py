@@ -20,7 +20,7 @@ from icymoon.render.cost import estimate
 from icymoon.render.cost import machine_speed as machine
 from icymoon.render.pairs.pair_folder import is_complete, read_pair, update_response
 from icymoon.render.plans import frozen_plan as datasets
-from icymoon.render.workers.detached_process import Detached
+from icymoon.render.workers.detached_process import DetachedProcess
 from icymoon.render.workers.job_commands import Job, read_job, read_planned_pairs
 from icymoon.render.workers.manifest import write_manifest
 from icymoon.render.workers.pair_claims import CLAIMS_FOLDER, Claims
@@ -250,7 +250,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         (claim, lambda: Claims(tmp_path).find_claimed_elsewhere()),
         (claim, lambda: Claims(tmp_path).describe_holder(PAIRS[0].id)),
         (claim, lambda: claims.is_lost(PAIRS[0].id)),
-        (running, lambda: Detached.attach(tmp_path / "run")),
+        (running, lambda: DetachedProcess.attach(tmp_path / "run")),
         (facts, lambda: write_results.find_facts(tmp_path, "p")),
         (rows, lambda: RowLog(rows, schema.ROW).find("p", "bm", "k")),
     ):
@@ -338,8 +338,8 @@ def test_a_pair_that_cannot_be_written_in_a_layout_stops_no_other(broken_set, tm
             raise IcyMoonError(f"{pair.pair.folder} shows too many instances.")
         return original(pair, eye)
 
-    original = module._eye_disparity
-    monkeypatch.setattr(module, "_eye_disparity", broken)
+    original = module._get_eye_disparity
+    monkeypatch.setattr(module, "_get_eye_disparity", broken)
     assert len(export([broken_set], "pfm", tmp_path / "pfm")) == 2
     assert len(export([broken_set], "kitti", tmp_path / "kitti")) == 2
 

@@ -16,7 +16,7 @@ from icymoon.render.pairs.pair_folder import is_complete
 from icymoon.render.pairs.publish_pair import publish_pair
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import runner as running
-from icymoon.render.workers.detached_process import Detached, find_left_running
+from icymoon.render.workers.detached_process import DetachedProcess, find_left_running
 from icymoon.render.workers.pair_claims import Claims
 from icymoon.render.workers.process import Process
 from icymoon.render.workers.runner import Runner, WorkerOptions
@@ -282,7 +282,7 @@ def lives(pid: int) -> bool:
 
 def test_no_process_shows_a_window_or_hears_our_ctrl_c(layer, drive):
     process = Process(talks())
-    detached = Detached.start(talks(), drive / "running" / "one", FACTS)
+    detached = DetachedProcess.start(talks(), drive / "running" / "one", FACTS)
     program = system.start([sys.executable, "-c", ""])
     system.run([sys.executable, "-c", ""])
     for started in (process, detached):
@@ -355,27 +355,27 @@ FACTS = {"title": "Render Data Set", "dataset": "here"}
 
 
 @pytest.mark.parametrize("attached", [False, True])
-@pytest.mark.parametrize("end", [Detached.cancel, Detached.stop])
+@pytest.mark.parametrize("end", [DetachedProcess.cancel, DetachedProcess.stop])
 def test_what_goes_on_alone_is_found_again_and_stopped(drive, attached, end):
-    process = Detached.start(talks(), drive / "running" / "one", FACTS)
+    process = DetachedProcess.start(talks(), drive / "running" / "one", FACTS)
     first_word(process)
     with pytest.raises(IcyMoonError, match="running already"):
-        Detached.start(talks(), drive / "running" / "one", FACTS)
+        DetachedProcess.start(talks(), drive / "running" / "one", FACTS)
     assert find_left_running(drive / "running") is None
     if attached:
         process.leave = True
         process.stop()
         with pytest.raises(IcyMoonError, match="running already"):  # although nobody watches it
-            Detached.start(talks(), drive / "running" / "one", FACTS)
+            DetachedProcess.start(talks(), drive / "running" / "one", FACTS)
         process = find_left_running(drive / "running")
         assert process is not None
     end(process)
     messages = heard(process)
     assert not process.running
-    if end is Detached.cancel:
+    if end is DetachedProcess.cancel:
         assert messages[-1].get("what") == "stopped"
     assert find_left_running(drive / "running") is None
-    again = Detached.start(talks(), drive / "running" / "one", FACTS)
+    again = DetachedProcess.start(talks(), drive / "running" / "one", FACTS)
     first_word(again)
     time.sleep(0.6)  # more than twice as long as between two looks for a wish to stop
     assert again.poll() == []  # an earlier wish does not count
@@ -434,7 +434,7 @@ def test_a_batch_that_is_stopped_leaves_nothing_but_pairs_and_the_next_one_goes_
     done = icymoon("plan", plan, "--dry-run", "--json")
     assert done.returncode == 0, done.stdout + done.stderr
     (blender.parent / "behave.json").write_text(json.dumps({"all": "hang"}), encoding="utf-8")
-    process = Detached.start([sys.executable, MAIN, *map(str, words)], drive / "running" / "one", FACTS)
+    process = DetachedProcess.start([sys.executable, MAIN, *map(str, words)], drive / "running" / "one", FACTS)
     wait_until(lambda: any((drive / "set" / "pairs").glob("*.part")))
     process.cancel()
     messages = heard(process)

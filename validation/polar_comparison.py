@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..stereo.images.image_files import write_png
-from ..stereo.images.masks import fill_polygons, intersection_over_union
+from ..stereo.images.masks import compute_intersection_over_union, fill_polygons
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .comparison import Bench, Row
@@ -214,7 +214,7 @@ def _mask_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Lab
             "rocks",
             position,
             masks,
-            lambda each: intersection_over_union(each.our_rock, each.rock),
+            lambda each: compute_intersection_over_union(each.our_rock, each.rock),
             _ROCKS,
             _label_agreement_text(hand.rocks[position]),
         )
@@ -223,7 +223,7 @@ def _mask_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Lab
             "shadows",
             position,
             masks,
-            lambda each: intersection_over_union(each.our_shadow, each.shadow),
+            lambda each: compute_intersection_over_union(each.our_shadow, each.shadow),
             _SHADOWS,
             "The left eye's outlines, projected into the right eye over the fitted sand, agree with the right eye's to "
             f"{hand.shadows[position]:.2f}",

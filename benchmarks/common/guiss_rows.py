@@ -161,7 +161,7 @@ def measured(
     pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first: Sequence[Errors], best: Any
 ) -> dict[str, Any]:
     """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
-    from icymoon.stereo.trade.quality_losses import STEREO, measure_variant, stereo_numbers
+    from icymoon.stereo.trade.quality_losses import STEREO_KEYS, compute_stereo_numbers, measure_variant
 
     costs = [pair["pair"] for pair in pairs]
     bake = pairs[0]["bake"]
@@ -173,8 +173,10 @@ def measured(
         "stereo": {
             label: dict(
                 zip(
-                    STEREO,
-                    np.mean([stereo_numbers(each.tallies[label].sum(axis=0)) for each in found], axis=0).tolist(),
+                    STEREO_KEYS,
+                    np.mean(
+                        [compute_stereo_numbers(each.tallies[label].sum(axis=0)) for each in found], axis=0
+                    ).tolist(),
                     strict=True,
                 )
             )

@@ -14,7 +14,7 @@ from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
-from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.stereo.trade.measure_variants import scale_view
 
 PRESETS = ("rigs/guiss", "sensors/default", "qualities/guiss", "lights/guiss_enceladus")
 #: The paper's snow: lamp, ground and material of its public code. It states no mean free path: that of millimetre snow.
@@ -146,7 +146,7 @@ def snow(scale: float, ground: str = "paper") -> Settings:
         *(preset_files.load_preset(p) for p in PRESETS),
         *(description.check(dict(part), "benchmark") for part in (SNOW, GROUNDS[ground])),
     )
-    return scaled_view(made, scale)
+    return scale_view(made, scale)
 
 
 def lambert_snow(scale: float, *changes: Parts) -> Settings:

@@ -45,7 +45,7 @@ from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.rendering import QualitySettings
 from icymoon.settings.topics.scene import Settings
-from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.stereo.trade.measure_variants import scale_view
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import IMAGE_PASS, TRUTH
@@ -106,7 +106,7 @@ def rough_ice(scale: float, quality: str, headings: int, *changes: Parts) -> Set
         preset_files.load_preset(f"qualities/{quality}"),
         *changes,
     )
-    return scaled_view(made, scale)
+    return scale_view(made, scale)
 
 
 def scene(name: str, scale: float) -> Settings:
@@ -120,7 +120,7 @@ def scene(name: str, scale: float) -> Settings:
             "quality": {"samples": FEW, "denoiser": "NONE", "noise_threshold": 0.0, "indirect": "TRACED"},
         },
     )
-    return scaled_view(made, SMALL * scale)
+    return scale_view(made, SMALL * scale)
 
 
 def steps(devices: Sequence[str], scale: float) -> list[Step]:

@@ -31,7 +31,7 @@ from icymoon.render.workers.job_commands import Job, render_job
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.matchers.methods import Method, parse_methods
-from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.stereo.trade.measure_variants import scale_view
 from icymoon.stereo.trade.quality_losses import Reference, measure_variant, read_reference
 
 SCENE = "scenes/europa_rough_ice"
@@ -52,7 +52,7 @@ def view(scale: float, sun_deg: float) -> Settings:
         LAMBERT,
         {"light": {"sun_elevation_deg": sun_deg}, "dataset": {"headings": HEADINGS}},
     )
-    return scaled_view(scene, scale)
+    return scale_view(scene, scale)
 
 
 def with_quality(scene: Settings, name: str) -> Settings:

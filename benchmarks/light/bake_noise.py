@@ -27,7 +27,7 @@ from icymoon.benchmarks.common.guiss_rows import errors
 from icymoon.benchmarks.common.guiss_scene import lambert_snow, planned
 from icymoon.benchmarks.common.renders import render_planned, start_blender
 from icymoon.stereo.images.develop import average_bands
-from icymoon.stereo.inference.kendall_tau import kendall_tau_b
+from icymoon.stereo.inference.kendall_tau import compute_kendall_tau_b
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare_pair import compute_noise_free_level, find_baked_error_level, load_pair
 from icymoon.stereo.measure.render_noise import judge_render_noise, measure_hidden_share
@@ -117,7 +117,7 @@ def print_tables(options: argparse.Namespace, dataset: Path) -> None:
                 print(
                     f"  tau with {'what is truly hidden' if told == 'true' else 'the distance'}: "
                     + ", ".join(
-                        f"{what} {kendall_tau_b([row[key] for row in rows.values()], order):+.2f}"
+                        f"{what} {compute_kendall_tau_b([row[key] for row in rows.values()], order):+.2f}"
                         for what, key in (("hidden", "hidden"), ("between the eyes", "between"))
                     ),
                     flush=True,

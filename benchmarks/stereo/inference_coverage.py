@@ -103,7 +103,7 @@ def draw_errors(random: np.random.Generator, errors: str, spread: float, shape: 
 
 def differences_of(values: Array) -> Array:
     """The differences (…, comparisons) of every two methods (…, methods)."""
-    one, other = zip(*typical_scene.list_comparisons(values.shape[-1]), strict=True)
+    one, other = zip(*typical_scene.list_method_pairs(values.shape[-1]), strict=True)
     return values[..., list(one)] - values[..., list(other)]
 
 

@@ -21,9 +21,9 @@ from icymoon.stereo.export.points import make_measured_points
 from icymoon.stereo.images.disparity_and_occlusion import find_visible_in_right
 from icymoon.stereo.inference.typical_scene import compare_in_typical_scene
 from icymoon.stereo.matchers import match
-from icymoon.stereo.measure.by_pixel_class import measure_texture, sums_by_class
+from icymoon.stereo.measure.by_pixel_class import measure_texture, sum_by_class
 from icymoon.stereo.measure.common_pixels import measure_common_pixels
-from icymoon.stereo.measure.depth_order import depth_order_disagreement, sample_disagreement
+from icymoon.stereo.measure.depth_order import measure_depth_order_disagreement, sample_disagreement
 from icymoon.stereo.measure.guiss_reference_code import compute_reference_metrics
 from icymoon.stereo.measure.metrics import (
     compute_depth_metrics,
@@ -66,8 +66,8 @@ def main(options: argparse.Namespace) -> None:
         works: dict[str, Callable[[], object]] = {
             "StereoBM": lambda: match("bm", prepared.left, prepared.right),
             "SGBM, 8 directions": lambda: match("sgbm", prepared.left, prepared.right),
-            "exact DOD, measured disparities": lambda: depth_order_disagreement(flat, flat_truth),
-            "exact DOD, continuous depths": lambda: depth_order_disagreement(noisy, flat_truth),
+            "exact DOD, measured disparities": lambda: measure_depth_order_disagreement(flat, flat_truth),
+            "exact DOD, continuous depths": lambda: measure_depth_order_disagreement(noisy, flat_truth),
             "DOD, 300 000 pairs": lambda: sample_disagreement(flat, flat_truth, 300_000, np.random.default_rng(0)),
             "depth metrics with exact DOD": lambda: compute_depth_metrics(depth, truth),
             "disparity metrics": lambda: compute_disparity_metrics(disparity, true),
@@ -75,7 +75,7 @@ def main(options: argparse.Namespace) -> None:
             "reference code's metrics": lambda: compute_reference_metrics(disparity, truth, 4),
             "cumulative error": lambda: compute_error_curve(depth, truth),
             "sparsification": lambda: compute_sparsification(error.ravel()[sort_by_confidence(prepared.gradient)]),
-            "errors by stratum": lambda: sums_by_class(
+            "errors by stratum": lambda: sum_by_class(
                 prepared.cells,
                 depth[prepared.known],
                 truth[prepared.known],

@@ -17,7 +17,7 @@ from icymoon.benchmarks.common.processor import least_seconds
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.depth_order import depth_order_disagreement
+from icymoon.stereo.measure.depth_order import measure_depth_order_disagreement
 from icymoon.stereo.measure.prepare_pair import prepare_pair
 
 
@@ -36,7 +36,7 @@ def main(options: argparse.Namespace) -> None:
             ("continuous depths", truth * np.random.default_rng(0).normal(1, 0.02, truth.size)),
             ("1/16 px disparities", 1 / (np.rint(16 * 85.333 / truth) / 16)),
         ):
-            seconds = least_seconds(partial(depth_order_disagreement, prediction, truth))
+            seconds = least_seconds(partial(measure_depth_order_disagreement, prediction, truth))
             print(f"{f'exact DOD, {truth.size} px, {name}':<40}{seconds:8.3f} s")
         seconds = least_seconds(lambda: evaluate([pair], parse_methods("bm,sgbm"), folder / "out"))
         print(f"{'evaluate, bm and sgbm, with report':<40}{seconds:8.3f} s")

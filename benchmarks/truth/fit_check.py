@@ -24,7 +24,7 @@ from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.stereo.datasets.visibility import find_better_reading, find_fault_of_right
 from icymoon.stereo.evaluated_pairs import RenderedPair, find_sources
 from icymoon.stereo.images.image_values import to_grey
-from icymoon.stereo.measure.fit_check import KINDS, find_fault, find_misfit, find_places
+from icymoon.stereo.measure.fit_check import READINGS, find_fault, find_misfit, find_places
 from icymoon.stereo.measure.prepare_pair import LoadedPair, PreparedPair, load_pair
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
@@ -92,8 +92,8 @@ RIGHT_FAULTS: dict[str, tuple[Callable[[LoadedPair], Array], str, str]] = {
 MASK_FAULTS: dict[str, tuple[Callable[[Array], Array], str]] = {
     "sound": (lambda seen: seen, ""),
     "exchanged": (lambda seen: ~seen, "with seen and hidden exchanged"),
-    "upside down": (lambda seen: seen[::-1], KINDS["upside_down"]),
-    "mirrored": (lambda seen: seen[:, ::-1], KINDS["mirrored"]),
+    "upside down": (lambda seen: seen[::-1], READINGS["upside_down"]),
+    "mirrored": (lambda seen: seen[:, ::-1], READINGS["mirrored"]),
 }
 
 

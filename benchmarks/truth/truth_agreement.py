@@ -21,7 +21,7 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import typed
 from icymoon.stereo.images.exr import read_truth
-from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.stereo.trade.measure_variants import scale_view
 
 COLUMNS = ("depth, median", "of 99.9 %", "disparity", "sky", "labels", "facets", "hidden")
 _PLANET = 4  # its semantic label; it has no facets of its own
@@ -32,7 +32,7 @@ def render(scene: str, scale: float, by: str, folder: Path) -> Pair:
     whole = settings_of((scene,))
     settings = typed(
         description.merged(
-            scaled_view(whole, scale),
+            scale_view(whole, scale),
             description.check(
                 {
                     "quality": {

@@ -5,7 +5,7 @@ only depth is wanted.
 
 Each row is a process that renders as many pairs of a scene preset, or of the ``paper``'s snow (``guiss_cost``), with
 one sample of radiance. The first has depth alone, which comes with the radiance; the others have the whole truth. In
-the last row ``truth_without_light.MOST_TRIANGLES_A_PIXEL`` does not count. Needs Blender as a module.
+the last row ``truth_without_light.MOST_TRIANGLES_PER_PIXEL`` does not count. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from icymoon.render import truth_without_light
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import typed
-from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.stereo.trade.measure_variants import scale_view
 
 WAYS = ("depth alone", "by rays", "by Cycles, as it is lit", "lamps off", "depth without surfaces, too")
 #: Where the ways of Cycles begin, each of which leaves out more.
@@ -32,10 +32,10 @@ _CYCLES = 2
 def render(scene: str, way: int, scale: float, pairs_of_scene: int) -> list[float]:
     """Render in this process; processor seconds of each pair."""
     start_blender()
-    for name in ("take_surfaces_off", "switch_lights_off")[: max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
+    for name in ("remove_surfaces", "switch_lights_off")[: max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
         setattr(truth_without_light, name, lambda what: nullcontext())
-    truth_without_light.MOST_TRIANGLES_A_PIXEL = 10**9
-    made = snow(scale) if scene == "paper" else scaled_view(settings_of((f"scenes/{scene}",)), scale)
+    truth_without_light.MOST_TRIANGLES_PER_PIXEL = 10**9
+    made = snow(scale) if scene == "paper" else scale_view(settings_of((f"scenes/{scene}",)), scale)
     settings = typed(
         description.merged(
             made,

@@ -152,7 +152,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
         Mistake(
             "impossible sweep",
             "A plan varies a setting over no values",
-            "surface.albedo must list the values",
+            "surface.albedo must list its values",
             "as in [0.9",
         ),
         Mistake(

@@ -13,9 +13,9 @@ from numpy.typing import DTypeLike
 from ...support.arrays import Array
 from ...support.labels import BAKED_ATTRIBUTES
 
-_BLOCK, _HALF = 4096, np.uint64(32)
+_BLOCK_SIZE, _HALF_WORD_BITS = 4096, np.uint64(32)
 #: How attributes of each type are read: type of the array, name of the property, numbers for each element.
-_READ: dict[str, tuple[Any, str, int]] = {
+_READERS_BY_TYPE: dict[str, tuple[Any, str, int]] = {
     "FLOAT": (np.float32, "value", 1),
     "INT": (np.int32, "value", 1),
     "BOOLEAN": (np.bool_, "value", 1),
@@ -46,13 +46,13 @@ _LEFT_OUT = (
     ".pn.",
     ".corner_edge",
 )
-_INDICES = (".corner_vert", ".edge_verts")
+_INDEX_ATTRIBUTES = (".corner_vert", ".edge_verts")
 
 
 @lru_cache(maxsize=1)
 def _draw_weights() -> Array:
     numbers = np.random.default_rng(1)  # a fixed seed, so that marks can be compared
-    return numbers.integers(0, 2**64, (2, _BLOCK), np.uint64) | np.uint64(1)
+    return numbers.integers(0, 2**64, (2, _BLOCK_SIZE), np.uint64) | np.uint64(1)
 
 
 def mark_array(values: Array, indices: bool = False) -> str:
@@ -62,11 +62,11 @@ def mark_array(values: Array, indices: bool = False) -> str:
     bits of two words would cancel, so the upper halves of the words are summed too. ``indices`` never have that bit.
     """
     weights, raw = _draw_weights(), np.ascontiguousarray(values).reshape(-1).view(np.uint8)
-    words = raw[: len(raw) // (8 * _BLOCK) * 8 * _BLOCK].view(np.uint64).reshape(-1, _BLOCK)
+    words = raw[: len(raw) // (8 * _BLOCK_SIZE) * 8 * _BLOCK_SIZE].view(np.uint64).reshape(-1, _BLOCK_SIZE)
     found = hashlib.sha256(np.array([np.dot(block, weights[0]) for block in words]).tobytes())
     if not indices:
-        upper = np.empty(_BLOCK, np.uint64)
-        sums = [np.dot(np.right_shift(block, _HALF, out=upper), weights[1]) for block in words]
+        upper = np.empty(_BLOCK_SIZE, np.uint64)
+        sums = [np.dot(np.right_shift(block, _HALF_WORD_BITS, out=upper), weights[1]) for block in words]
         found.update(np.array(sums).tobytes())
     found.update(raw[words.nbytes :].tobytes())
     return found.hexdigest()
@@ -91,12 +91,12 @@ def list_attribute_marks(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
         name, kind = attribute.name, attribute.data_type
         if name.startswith(_LEFT_OUT) or not len(attribute.data):
             continue
-        if kind in _READ:
-            dtype, key, width = _READ[kind]
+        if kind in _READERS_BY_TYPE:
+            dtype, key, width = _READERS_BY_TYPE[kind]
             values = read_property(attribute.data, key, dtype, width)
             if (kind == "BOOLEAN" or name == "material_index") and not values.any():
                 continue
-            marked = mark_array(values, name in _INDICES)
+            marked = mark_array(values, name in _INDEX_ATTRIBUTES)
         else:
             marked = repr([getattr(item, "value", None) for item in attribute.data])
         found.append((name, attribute.domain, kind, marked))
@@ -111,7 +111,7 @@ def list_mesh_marks(mesh: bpy.types.Mesh) -> list[Any]:
     shown_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
     sizes = [len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)]
     colour = mesh.attributes.default_color_name or ""
-    # 5.2 keeps the name of one that was removed.
+    # 5.2 keeps the name of a removed attribute.
     if colour.startswith((PAINTED, *BAKED_ATTRIBUTES.values())) or colour not in mesh.attributes:
         colour = ""
     return [sizes, list_attribute_marks(mesh), normals, shown_uv, colour]

@@ -15,21 +15,21 @@ from typing import Any
 import bpy
 
 from ...support.blender import compat
-from .marks import Walk, hash_marks
+from .marks import BlockHasher, hash_marks
 
 NAME = "Icy Moon"  # prefix of the names of everything that the builders make
 TAG = "icymoon"  # custom property of everything that the builders make; its value is the role
 OWN = "icymoon_own_"  # prefix of the custom properties of a built collection that point to its objects, by role
 
-#: Key, among the marks, of their ``describe_maker``. Marks of different makers cannot be compared.
+#: Key of ``describe_maker`` among the marks. Marks of different makers cannot be compared.
 MAKER = "maker"
-#: Raise this number when the same settings are built or marked in another way.
-_SCHEME = 2
+#: Version of the marks. Raise this number when the same settings are built or marked in another way.
+_MARKS_VERSION = 2
 
 
 def describe_maker() -> str:
     """The scheme of the marks and the series of Blender, since each series has other properties."""
-    return f"{_SCHEME} {compat.find_series()}"
+    return f"{_MARKS_VERSION} {compat.find_series()}"
 
 
 def find_built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:
@@ -100,7 +100,7 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
         for material in slots
         if material is not None
     }
-    deep, flat = Walk(roles, aimed), Walk(roles | dict.fromkeys(listed, "listed"), aimed)
+    deep, flat = BlockHasher(roles, aimed), BlockHasher(roles | dict.fromkeys(listed, "listed"), aimed)
     found: dict[str, Any] = {}
     for role, item in ours.items():
         if _is_wanted(f"{role} object", wanted):

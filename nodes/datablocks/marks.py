@@ -20,19 +20,27 @@ from .array_marks import list_attribute_marks, list_mesh_marks, mark_array, read
 from .stored_properties import OF_THE_VIEW, stored_properties
 
 #: Modifiers whose result is in a cache or comes from particles.
-_SIMULATED = {"PARTICLE_SYSTEM", "PARTICLE_INSTANCE", "EXPLODE", "CLOTH", "SOFT_BODY", "FLUID", "DYNAMIC_PAINT"}
+_SIMULATION_MODIFIERS = {
+    "PARTICLE_SYSTEM",
+    "PARTICLE_INSTANCE",
+    "EXPLODE",
+    "CLOTH",
+    "SOFT_BODY",
+    "FLUID",
+    "DYNAMIC_PAINT",
+}
 _OF_TIME = {"WAVE", "BUILD", "OCEAN", "MESH_CACHE", "MESH_SEQUENCE_CACHE"}
 _OF_CLIPS = {"CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_TRACK"}
-#: Inputs that ``sun_inputs.aim_surfaces`` sets for every render: prefixes of their identifiers, by name and kind of the
+#: Inputs that ``sun_inputs.aim_surfaces`` sets for each render: prefixes of their identifiers, by name and kind of the
 #: node.
-_AIMED = {
+_AIMED_INPUTS = {
     ("Sun Direction", "ShaderNodeCombineXYZ"): ("X", "Y", "Z"),
     ("Surge Blur", "ShaderNodeMath"): ("Value",),
     ("Hapke", "ShaderNodeScript"): ("Sun", "Planet"),
 }
 _CACHED_NODES = ("GeometryNodeSimulationOutput", "GeometryNodeBake")
 #: Kinds of data-blocks that an object may refer to without an effect on its picture.
-_ELSEWHERE = (
+_IGNORED_KINDS = (
     bpy.types.Scene,
     bpy.types.World,
     bpy.types.Screen,
@@ -42,8 +50,8 @@ _ELSEWHERE = (
 )
 
 
-class Walk:
-    """One pass over data-blocks. Those in ``known`` count as their names there, without their content."""
+class BlockHasher:
+    """One pass over data-blocks. Data-blocks in ``known`` count by their names there, without their content."""
 
     def __init__(self, known: Mapping[Any, str], aimed: Collection[Any] = ()) -> None:
         """``aimed`` are the node trees with inputs that are set for every render."""
@@ -61,7 +69,7 @@ class Walk:
 
         A reference back to a data-block that is still being read counts as its distance, which ends circles.
         """
-        if isinstance(block, _ELSEWHERE):
+        if isinstance(block, _IGNORED_KINDS):
             return "elsewhere"
         found = self.known.get(block) or self._marks.get(block)
         if found:
@@ -86,7 +94,11 @@ class Walk:
             omit = (*omit, *OF_THE_VIEW)
         if getattr(block, "use_auto_texspace", False):  # Blender computes the space on access
             omit = (*omit, "texspace_location", "texspace_size")
-        return [*self._read_struct(block, omit), *self._read_custom(block), *self._read_special(_BLOCKS, block)]
+        return [
+            *self._read_struct(block, omit),
+            *self._read_custom(block),
+            *self._read_special(_HASHER_BY_BLOCK_TYPE, block),
+        ]
 
     def _read_special(self, readers: tuple[tuple[Any, Any], ...], struct: bpy.types.bpy_struct) -> list[Any]:
         read = next((read for kind, read in readers if isinstance(struct, kind)), None)
@@ -121,11 +133,11 @@ class Walk:
         return self.ordered(value) if isinstance(struct, bpy.types.PropertyGroup) else self.value(value)
 
     def value(self, value: object) -> object:
-        """The mark of what a pointer, a socket or a custom property refers to, or its value."""
+        """The mark of a value: the target of a pointer, the input of a socket, or the value itself."""
         if isinstance(value, bpy.types.ID):
             return self.mark(value)
         if isinstance(value, bpy.types.bpy_struct):
-            return [*self._read_struct(value), *self._read_special(_STRUCTS, value)]
+            return [*self._read_struct(value), *self._read_special(_HASHER_BY_STRUCT_TYPE, value)]
         return _to_plain_value(value)
 
     def _read_custom(self, block: bpy.types.ID) -> list[Any]:
@@ -140,7 +152,9 @@ class Walk:
         ]
 
     def ordered(self, value: object) -> object:
-        """As ``value``. For a collection also its items in the order of names, by which geometry nodes pick them."""
+        """The mark of a value, as from ``value``; for a collection also its items in the order of names, by which
+        geometry nodes pick them.
+        """
         if not isinstance(value, bpy.types.Collection):
             return self.value(value)
         items = sorted([*value.children, *value.objects], key=lambda item: item.name)
@@ -182,9 +196,11 @@ class Walk:
     # Content of data-blocks and structures that is not in their properties, by kind.
 
     def of_object(self, item: bpy.types.Object) -> list[Any]:
-        """Name, shape key and weights of an object where they have an effect; refuses what cannot be marked."""
+        """Name, shape key and weights of an object, as far as they have an effect. Raises an error for content that
+        cannot be marked.
+        """
         for modifier in item.modifiers:
-            if modifier.type in _SIMULATED and modifier.show_render:
+            if modifier.type in _SIMULATION_MODIFIERS and modifier.show_render:
                 self._refuse(
                     item,
                     f"has the modifier {modifier.name!r}, whose result is kept in a cache; apply it, "
@@ -240,7 +256,7 @@ class Walk:
         if image.source == "GENERATED":
             return []
         return (
-            [self._mark_file(image, _tile_path(image.filepath, tile.number)) for tile in image.tiles]
+            [self._mark_file(image, _find_tile_path(image.filepath, tile.number)) for tile in image.tiles]
             if (image.source == "TILED")
             else [self._mark_file(image, image.filepath or f"//{image.name}")]
         )
@@ -347,12 +363,12 @@ class Walk:
         return []
 
 
-_BLOCKS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
-    (bpy.types.Object, Walk.of_object),
-    (bpy.types.Mesh, Walk.of_mesh),
-    (bpy.types.Image, Walk.of_image),
-    (bpy.types.NodeTree, Walk.of_tree),
-    (bpy.types.Collection, Walk.of_collection),
+_HASHER_BY_BLOCK_TYPE: tuple[tuple[Any, Callable[[BlockHasher, Any], list[Any]]], ...] = (
+    (bpy.types.Object, BlockHasher.of_object),
+    (bpy.types.Mesh, BlockHasher.of_mesh),
+    (bpy.types.Image, BlockHasher.of_image),
+    (bpy.types.NodeTree, BlockHasher.of_tree),
+    (bpy.types.Collection, BlockHasher.of_collection),
     (bpy.types.Text, lambda walk, text: [text.as_string()]),
     (
         bpy.types.Curves,
@@ -360,12 +376,12 @@ _BLOCKS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
     ),
     (bpy.types.PointCloud, lambda walk, points: list_attribute_marks(points)),
 )
-_STRUCTS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
-    (bpy.types.Driver, Walk.of_driver),
-    (bpy.types.DriverTarget, Walk.of_target),
-    (bpy.types.AnimData, Walk.of_animation),
-    (bpy.types.ShapeKey, Walk.of_shape),
-    (bpy.types.NodesModifier, Walk.of_nodes),
+_HASHER_BY_STRUCT_TYPE: tuple[tuple[Any, Callable[[BlockHasher, Any], list[Any]]], ...] = (
+    (bpy.types.Driver, BlockHasher.of_driver),
+    (bpy.types.DriverTarget, BlockHasher.of_target),
+    (bpy.types.AnimData, BlockHasher.of_animation),
+    (bpy.types.ShapeKey, BlockHasher.of_shape),
+    (bpy.types.NodesModifier, BlockHasher.of_nodes),
     (bpy.types.PoseBone, lambda walk, bone: walk._read_custom(bone)),
 )
 
@@ -377,7 +393,7 @@ def hash_marks(content: object) -> str:
 
 def is_aimed(node: bpy.types.Node, socket: str) -> bool:
     """Whether an input of a node describes the Sun or the planet, and so is set for every render."""
-    prefixes = _AIMED.get((node.name, node.bl_idname))
+    prefixes = _AIMED_INPUTS.get((node.name, node.bl_idname))
     return prefixes is not None and socket.startswith(prefixes)
 
 
@@ -385,7 +401,7 @@ def _name_block(block: bpy.types.ID) -> str:
     return f"{type(block).bl_rna.identifier} {block.name!r}"
 
 
-def _tile_path(path: str, number: int) -> str:
+def _find_tile_path(path: str, number: int) -> str:
     return path.replace("<UDIM>", str(number)).replace(
         "<UVTILE>", f"u{(number - 1001) % 10 + 1}_v{(number - 1001) // 10 + 1}"
     )

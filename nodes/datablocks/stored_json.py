@@ -10,7 +10,7 @@ from ...support.errors import IcyMoonError
 from ...support.file_schemas import Shape, check_record
 from ...support.foreign_bytes import MOST_TEXT, parse_json
 
-_FIX = "press Build Scene to build it again"
+_BUILD_AGAIN = "press Build Scene to build it again"
 
 
 def read_stored(owner: bpy.types.ID, key: str, shape: Shape, absent: str = "{}") -> Any:
@@ -28,5 +28,5 @@ def parse_stored(text: object, where: str, shape: Shape) -> Any:
             raise ValueError("it is no text, or too long")
         data = parse_json(text)
     except ValueError as error:
-        raise IcyMoonError(f"{where} is damaged ({error}); {_FIX}.") from None
-    return check_record(data, shape, where, _FIX)
+        raise IcyMoonError(f"{where} is damaged ({error}); {_BUILD_AGAIN}.") from None
+    return check_record(data, shape, where, _BUILD_AGAIN)

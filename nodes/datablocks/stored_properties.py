@@ -1,4 +1,4 @@
-"""Which properties of Blender's structures a render can show.
+"""The properties of Blender's structures that a render can show.
 
 Every property that Blender stores counts, unless it is listed here with a reason. So properties that a later Blender
 adds count without a change here. A test requires a reason for every property that does not change a fingerprint.
@@ -175,8 +175,8 @@ LEFT_OUT: dict[str, dict[str, str]] = {
 
 #: Properties of a material with nodes that only the 3D View shows.
 OF_THE_VIEW = ("diffuse_color", "roughness", "metallic")
-#: Read-only properties that Blender stores nevertheless.
-_FIXED = {
+#: Read-only properties that Blender stores all the same.
+_STORED_READ_ONLY = {
     "ShapeKey": {"frame"},
     "NodeTreeInterfaceItem": {"item_type"},
     "Bone": {"head_local", "tail_local", "matrix_local"},
@@ -197,7 +197,7 @@ BY_NAME = {
     ("PoseBone", "bbone_custom_handle_end"),
 }
 _OF_EVERY_BLOCK = {"rna_type", "original", "library", "override_library", "preview", "id_type", "is_embedded_data"}
-_PLAIN = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
+_PLAIN_TYPES = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
 def _list_kinds(struct: bpy.types.bpy_struct) -> list[str]:
@@ -225,11 +225,10 @@ def why_left_out(struct: bpy.types.bpy_struct, name: str) -> str | None:
 
 @lru_cache(maxsize=1024)
 def stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str], ...]:
-    """(name, how to read it) of each property of a structure that counts.
-
-    It is read as ``value``, ``file`` (a path), ``pointer``, ``name`` (a pointer whose name counts) or ``items``.
+    """(name, kind) of each property of a structure that counts. ``kind`` is the way to read it: ``value``, ``file`` (a
+    path), ``pointer``, ``name`` (a pointer whose name counts) or ``items``.
     """
-    fixed = set().union(*(_FIXED.get(kind, set()) for kind in _list_kinds(struct)))
+    fixed = set().union(*(_STORED_READ_ONLY.get(kind, set()) for kind in _list_kinds(struct)))
     by_name = {name for kind, name in BY_NAME if kind in _list_kinds(struct)}
     found = []
     for prop in struct.bl_rna.properties:
@@ -241,7 +240,7 @@ def stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str], ..
             or _belongs_to_add_on(struct, prop)
         ):
             continue
-        if prop.type in _PLAIN and (not prop.is_readonly or name in fixed):
+        if prop.type in _PLAIN_TYPES and (not prop.is_readonly or name in fixed):
             found.append((name, "file" if prop.type == "STRING" and prop.subtype == "FILE_PATH" else "value"))
         elif prop.type == "POINTER":
             found.append((name, "name" if name in by_name else "pointer"))

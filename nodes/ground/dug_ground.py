@@ -29,12 +29,12 @@ from ...support.errors import IcyMoonError
 from ..datablocks.blend_file_paths import hash_content, make_paths_absolute
 from .terrain_mesh import MeshedGround, mesh_ground
 
-#: Attributes: depth of dug ground below the untouched surface in metres, and whether spoil lies there.
+#: Names of attributes: depth of dug ground below the untouched surface, m, and presence of spoil.
 DEPTH, SPOIL = "icymoon_depth", "icymoon_spoil"
-#: Thickness of spoil that covers the ground, and change of height from which a face counts as dug.
-_COVERS_M, _DUG_M = 1.0e-3, 1.0e-4
-#: Cells round the patch that are free of other vertices: as many as are needed to cut a hole with one rim.
-_FREE = (2.0, 6.0, 16.0)
+#: Least thickness of spoil that covers the ground, and least change of height of a dug face, m.
+_COVERING_SPOIL_M, _LEAST_DUG_M = 1.0e-3, 1.0e-4
+#: Numbers of cells round the patch to keep free of other vertices, tried in turn until a hole has one rim.
+_FREE_CELLS = (2.0, 6.0, 16.0)
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class DugGround(MeshedGround):
         around = np.zeros(len(self.positions) - layers.ground.size, np.float32)
         for key, values in (
             (DEPTH, self.series.before_m - layers.ground),
-            (SPOIL, np.clip(layers.spoil / _COVERS_M, 0.0, 1.0)),
+            (SPOIL, np.clip(layers.spoil / _COVERING_SPOIL_M, 0.0, 1.0)),
         ):
             attribute = mesh.attributes.new(key, "FLOAT", "POINT")
             attribute.data.foreach_set("value", np.concatenate([around, values.ravel().astype(np.float32)]))
@@ -90,7 +90,7 @@ class _Prepared:
     series: ExcavationSeries
 
 
-class _Last:
+class _PreparedGroundCache:
     """The ground that was prepared last. One thread at a time uses it: the window makes its fine ground in a thread."""
 
     prepared: _Prepared | None = None
@@ -106,12 +106,12 @@ def mesh_whole_ground(make: Callable[[Settings], Terrain], settings: Settings) -
         return mesh_ground(make(settings), settings)
     if reasons := sites.find_refusals(settings):
         raise IcyMoonError(" ".join(reasons))
-    with _Last.lock:
+    with _PreparedGroundCache.lock:
         prepared = _prepare_ground(make, settings)
         return _dig_state(prepared, int(settings.excavation.state))
 
 
-def _ground_key(settings: Settings) -> str:
+def _make_ground_key(settings: Settings) -> str:
     scene = {topic: dict(values) for topic, values in rebuilt_parts.select_scene(settings).items()}
     scene["excavation"]["state"] = 0
     return json.dumps([scene, sites.gravity_m_s2(settings), hash_content(settings)], sort_keys=True)
@@ -119,16 +119,16 @@ def _ground_key(settings: Settings) -> str:
 
 def _prepare_ground(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepared:
     settings = make_paths_absolute(settings)
-    key = _ground_key(settings)
-    if _Last.prepared is None or _Last.prepared.key != key:
-        _Last.prepared = None  # its memory is needed
+    key = _make_ground_key(settings)
+    if _PreparedGroundCache.prepared is None or _PreparedGroundCache.prepared.key != key:
+        _PreparedGroundCache.prepared = None  # its memory is needed
         made = mesh_ground(make(settings), settings)
         site = sites.make_site(settings)
         x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
         before = np.asarray(made.surface.heights(x, y, 2 * site.grid.cell_m), np.float64)
         joined = join_patch(made, site.grid, before)
         level = float(made.surface.heights(np.array([settings.rig.x_m]), np.array([settings.rig.y_m]), 0.0)[0])
-        _Last.prepared = _Prepared(
+        _PreparedGroundCache.prepared = _Prepared(
             key,
             joined,
             ExcavationSeries(
@@ -139,7 +139,7 @@ def _prepare_ground(make: Callable[[Settings], Terrain], settings: Settings) -> 
                 level if settings.excavation.path == JOINTS else None,
             ),
         )
-    return _Last.prepared
+    return _PreparedGroundCache.prepared
 
 
 def _dig_state(prepared: _Prepared, state: int) -> DugGround:
@@ -148,7 +148,9 @@ def _dig_state(prepared: _Prepared, state: int) -> DugGround:
     top = series.at(state).layers.top
     positions = ground.positions.copy()
     positions[-top.size :, 2] = top.ravel()
-    moved = np.concatenate([np.zeros(len(positions) - top.size, bool), np.abs(top - series.before_m).ravel() > _DUG_M])
+    moved = np.concatenate(
+        [np.zeros(len(positions) - top.size, bool), np.abs(top - series.before_m).ravel() > _LEAST_DUG_M]
+    )
     flat = moved[ground.faces].any(axis=1)
     fine = flat if ground.fine is None else flat | ground.fine
     return DugGround(ground.surface, positions, ground.faces, ground.sharp, ground.spacing_m, fine, series, state)
@@ -157,15 +159,15 @@ def _dig_state(prepared: _Prepared, state: int) -> DugGround:
 def join_patch(ground: MeshedGround, grid: ExcavationGrid, heights_m: Array) -> MeshedGround:
     """Ground whose mesh has a patch with the vertices of ``grid``, which come last, at ``heights_m`` (rows, columns).
 
-    The triangles that meet the patch are taken out, and the gap is filled by a constrained Delaunay triangulation
-    between the rims of the hole and the patch. It adds no vertex, so there is no crack. Raises IcyMoonError if there is
+    The triangles that meet the patch are removed, and a constrained Delaunay triangulation between the rims of the hole
+    and the patch fills the gap. The triangulation adds no vertex, so no crack appears. Raises IcyMoonError if there is
     no ground all round the patch.
     """
     faces, fine = ground.faces, ground.fine
     if faces.shape[1] == 4:
         faces = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
         fine = None if fine is None else np.concatenate([fine, fine])
-    holes = (cut_hole(ground.positions, faces, grid.bounds_m, free * grid.cell_m) for free in _FREE)
+    holes = (cut_hole(ground.positions, faces, grid.bounds_m, free * grid.cell_m) for free in _FREE_CELLS)
     hole = next((found for found in holes if found is not None), None)
     if hole is None:
         raise IcyMoonError(

@@ -1,7 +1,7 @@
 """Reads heights from a file: GeoTIFF and NPY from their bytes, PNG and EXR through Blender's image loader.
 
-Measured in 4.2, 5.0 and 5.2: Blender reads all 8 and 16-bit grey levels, and all 32-bit floats of an EXR, exactly. It
-scales the whole numbers of a TIFF, though, and up to 5.0 it returns wrong values for an EXR whose only channel is not
+Measured in 4.2, 5.0 and 5.2: Blender reads all 8 and 16-bit grey levels, and all 32-bit floats of an EXR, exactly. But
+Blender scales the whole numbers of a TIFF, and up to 5.0 it returns wrong values for an EXR whose only channel is not
 called Y.
 """
 
@@ -27,13 +27,17 @@ from ...support.foreign_bytes import ForeignBytes, RefusedError, explain_errors,
 from .import_mesh import open_scratch_scene
 
 SUFFIXES = (".tif", ".tiff", ".npy", ".png", ".exr")
-_PNG_START, _EXR_MAGIC = b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01"
-#: Pixels that a PNG or EXR file may have, and more if it is large: 4096 x 4096 take a gigabyte in Blender.
-_MOST_PIXELS, _SMALLER = 2**24, "cut out what is needed, or save it as GeoTIFF"
-#: Bytes from which a file's kind is told, and the mean radius of Earth.
-_START, _EARTH_M = 32, 6371008.8
-#: Bytes of an array; channels that a sentence names.
-_MOST_NPY, _MOST_NAMED = 2**36, 8
+_PNG_START, _EXR_START = b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01"
+#: Most pixels of a PNG or EXR file, and the advice for larger ones: 4096 x 4096 take a gigabyte in Blender.
+_MOST_PIXELS, _SMALLER_ADVICE = 2**24, "cut out what is needed, or save it as GeoTIFF"
+#: First bytes of a file that show its format.
+_START_BYTES = 32
+#: Mean radius of Earth, m.
+_EARTH_RADIUS_M = 6371008.8
+#: Most bytes of an array.
+_MOST_ARRAY_BYTES = 2**36
+#: Most channels that a sentence names.
+_MOST_NAMED_CHANNELS = 8
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ class Heights:
 
 
 def read_heights(
-    path: Path, site: Site | None = None, missing: float | None = None, body_radius_m: float = _EARTH_M
+    path: Path, site: Site | None = None, missing: float | None = None, body_radius_m: float = _EARTH_RADIUS_M
 ) -> Heights:
     """Read a height map; of a large GeoTIFF only the part that the ``site`` needs.
 
@@ -72,7 +76,7 @@ def read_heights(
         raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
     start = read(
         path,
-        lambda foreign: foreign.part(0, min(foreign.size, _START)),
+        lambda foreign: foreign.part(0, min(foreign.size, _START_BYTES)),
         "a height map",
         "check source.file",
         tiff.MOST_BYTES,
@@ -119,7 +123,7 @@ def _read_npy(path: Path, start: bytes) -> Heights:
         return values
 
     fix = "save the numbers by numpy.save as an array (rows, columns), north first"
-    values = read(path, parse, "an array of numbers", fix, _MOST_NPY)
+    values = read(path, parse, "an array of numbers", fix, _MOST_ARRAY_BYTES)
     return Heights(_mask_missing(values.astype(np.float64)), stored=values.dtype)
 
 
@@ -131,7 +135,7 @@ def _read_png(path: Path, start: bytes) -> Heights:
         head = check_png(foreign)
         if head.colours not in (0, 4):
             raise RefusedError("is a colour image, not heights; save it as 16-bit grey.")
-        check_pixels(foreign, head.width * head.height, _MOST_PIXELS, _SMALLER)
+        check_pixels(foreign, head.width * head.height, _MOST_PIXELS, _SMALLER_ADVICE)
         return head.bits
 
     highest = 2 ** read(path, parse, "a whole PNG file", "copy it again") - 1
@@ -143,20 +147,20 @@ def _read_png(path: Path, start: bytes) -> Heights:
 
 
 def _read_exr(path: Path, start: bytes) -> Heights:
-    if not start.startswith(_EXR_MAGIC):
+    if not start.startswith(_EXR_START):
         raise IcyMoonError(f"{path}: is not an EXR file, despite its name.")
 
     def parse(foreign: ForeignBytes) -> None:
         parts = read_layout(foreign)
         names = list(parts[0].channels) if len(parts) == 1 else ["(several parts)"]
         if not {"Y", "R"} & set(names):
-            more = ", ..." if len(names) > _MOST_NAMED else ""
+            more = ", ..." if len(names) > _MOST_NAMED_CHANNELS else ""
             raise RefusedError(
-                f"has the channels {', '.join(map(_show_name, names[:_MOST_NAMED]))}{more}; "
+                f"has the channels {', '.join(map(_show_name, names[:_MOST_NAMED_CHANNELS]))}{more}; "
                 "save the heights as one channel called Y."
             )
         rows, columns = parts[0].shape
-        check_pixels(foreign, rows * columns * -(-len(names) // 4), _MOST_PIXELS, _SMALLER)
+        check_pixels(foreign, rows * columns * -(-len(names) // 4), _MOST_PIXELS, _SMALLER_ADVICE)
 
     # Blender crashes on an incomplete file.
     read(path, parse, EXR, "save it again whole, in scan lines")
@@ -169,7 +173,7 @@ def _show_name(name: str) -> str:
 
 
 def _mask_missing(values: Array) -> Array:
-    """The values, with NaN for those that are missing or too large to be a height."""
+    """The values, with NaN in place of values that are missing or too large for a height."""
     return np.where(np.abs(values) < NO_HEIGHT, values, np.nan)
 
 

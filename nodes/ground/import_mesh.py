@@ -26,8 +26,8 @@ from ...support.system import bound_memory_and_time
 
 #: Most triangles of a ground, with all copies of its meshes.
 _MOST_TRIANGLES = 50_000_000
-#: Memory that an importer may ask for: a multiple of the estimated cost of the mesh, and bytes beside.
-_MEMORY_FACTOR, _MEMORY_BESIDE = 4, 2**31
+#: Limits of an importer's memory: a multiple of the estimated cost of the mesh, and additional bytes.
+_MEMORY_FACTOR, _EXTRA_MEMORY_BYTES = 4, 2**31
 
 
 def _list_data_blocks() -> set[Any]:
@@ -96,7 +96,7 @@ def read_mesh(path: Path) -> tuple[Array, Array, Array | None]:
     memory = int(estimate_cost(path).memory_mib * 2**20)
     # A window has no limit: the user's other work in it needs memory too.
     limit = (
-        bound_memory_and_time(_MEMORY_FACTOR * memory + _MEMORY_BESIDE)
+        bound_memory_and_time(_MEMORY_FACTOR * memory + _EXTRA_MEMORY_BYTES)
         if bpy.app.background
         else contextlib.nullcontext()
     )
@@ -106,7 +106,7 @@ def read_mesh(path: Path) -> tuple[Array, Array, Array | None]:
         except RuntimeError as error:
             printer.say("")  # the importer's report has no end of line, and a message follows
             raise IcyMoonError(
-                f"{path}: Blender cannot read it as {kind} ({_last_error_line(error)}); export it again."
+                f"{path}: Blender cannot read it as {kind} ({_find_last_error_line(error)}); export it again."
             ) from None
         positions, faces, uv = _read_geometry(path)
     if kind == "PLY":
@@ -129,7 +129,7 @@ def _read_as_written(path: Path, positions: Array, faces: Array, uv: Array | Non
     return written, uv if written_uv is None else written_uv.astype(np.float32)
 
 
-def _last_error_line(error: Exception) -> str:
+def _find_last_error_line(error: Exception) -> str:
     lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
     return lines[-1].rstrip(".") if lines else type(error).__name__
 

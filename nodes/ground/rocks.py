@@ -21,12 +21,12 @@ from ...support.labels import FACE_ATTRIBUTE, FIRST_ROCK_INSTANCE, INSTANCE_AOV,
 from ..tree.builder import Tree
 from .terrain_mesh import build_mesh_from_arrays
 
-#: Angle between triangles of broken ice from which on their edge is sharp.
-_SHARP = math.radians(28.0)
+#: Angle between triangles of broken ice above which their edge is sharp, rad.
+_SHARP_ANGLE_RAD = math.radians(28.0)
 SHAPE, ROTATION, SCALE = "shape", "rotation", "scale"
 
 
-def label_instances(material: bpy.types.Material) -> None:
+def add_instance_label_pass(material: bpy.types.Material) -> None:
     """Make a material write the label of its instance into the value pass ``INSTANCE_AOV``."""
     tree = Tree(material.node_tree, keep=True)
     # The Vector output is exact; Factor is the mean of three equal numbers, which rounding changes above 2^23.
@@ -51,7 +51,7 @@ def build_shapes(
         plane = shapes[level][shape].plane
         if plane.all():  # broken ice: its steps have sharp edges, and it is smooth between them
             mesh.shade_smooth()
-            mesh.set_sharp_from_angle(angle=_SHARP)
+            mesh.set_sharp_from_angle(angle=_SHARP_ANGLE_RAD)
         else:
             mesh.polygons.foreach_set("use_smooth", ~plane)
         attribute = mesh.attributes.new(FACE_ATTRIBUTE, "FLOAT", "FACE")

@@ -25,20 +25,20 @@ SPACING = "icymoon_spacing"
 #: Spacing of vertices that fine relief does not move.
 _UNMOVED_M = 1.0e6
 #: Points per side of the grid on which the roughness of a graded ground is measured.
-_MEASURED = 513
+_MEASURED_POINTS_PER_SIDE = 513
 
 
-def vertex_spacing_m(terrain: TerrainSettings) -> float:
+def compute_vertex_spacing_m(terrain: TerrainSettings) -> float:
     """Distance between neighbouring vertices of the grid in metres."""
     return terrain.size_m / (terrain.resolution - 1)
 
 
 def shortest_wavelength_m(terrain: TerrainSettings) -> float:
     """Shortest wavelength in metres that the grid can contain: two vertex spacings."""
-    return 2 * vertex_spacing_m(terrain)
+    return 2 * compute_vertex_spacing_m(terrain)
 
 
-def make_meshed(ground: Terrain, settings: Settings) -> Terrain | GradedGround:
+def choose_mesh_of_ground(ground: Terrain, settings: Settings) -> Terrain | GradedGround:
     """Procedural ground with the mesh of ``settings``: unchanged for a grid, or graded."""
     return grade_ground(ground, settings) if settings.mesh.kind == "GRADED" else ground
 
@@ -61,8 +61,8 @@ class MeshedGround:
     fine: Array | None = None
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
-        """The smooth-shaded mesh. Where it is as fine as the image, for its fine relief, it is shaded flat: then image
-        and depth show the same shape.
+        """The smooth-shaded mesh. Where the mesh is as fine as the image, because of fine relief, the shading is flat,
+        so that image and depth show the same shape.
 
         A mesh that the material displaces has no sharp edges. With them, Cycles makes a vertex for each normal at an
         edge and moves these vertices apart, also at all flat faces, so that the ground has holes. The faces beside such
@@ -84,9 +84,9 @@ def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
 
     Raises ValueError if a height is not finite.
     """
-    surface = make_meshed(ground, settings)
+    surface = choose_mesh_of_ground(ground, settings)
     if not isinstance(surface, GradedGround):
-        step = vertex_spacing_m(settings.terrain)
+        step = compute_vertex_spacing_m(settings.terrain)
         positions, faces = make_grid(settings.terrain, surface)
         spacing = np.full(len(positions), step) if is_carried_by_grid(settings) else None
         return MeshedGround(surface, positions, faces, np.empty((0, 2), np.int64), spacing)
@@ -132,7 +132,7 @@ def leave_unmoved(mesh: bpy.types.Mesh) -> None:
 
 
 def read_grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> Array | None:
-    """Heights (n, n) in metres of a mesh that ``build_mesh`` made as a grid; None if it is not such a grid any more."""
+    """Heights (n, n) in metres of a mesh that ``build_mesh`` made as a grid; None if the mesh has lost that shape."""
     n = int(terrain.resolution)
     if len(mesh.vertices) != n * n:
         return None
@@ -143,7 +143,7 @@ def read_grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> Array |
 
 def sample_patch(ground: Surface) -> Array:
     """Heights (n, n) in metres of a ground over its patch, with the wavelengths that this grid can contain."""
-    axis = np.linspace(-ground.size_m / 2, ground.size_m / 2, _MEASURED)
+    axis = np.linspace(-ground.size_m / 2, ground.size_m / 2, _MEASURED_POINTS_PER_SIDE)
     return ground.heights(axis[None, :], axis[:, None], 2 * (axis[1] - axis[0]))
 
 
@@ -158,7 +158,7 @@ def measure_patch_roughness(heights: Array | None, terrain: TerrainSettings) -> 
 
 
 def describe_patch_statistics(heights: Array | None, terrain: TerrainSettings) -> dict[str, Any]:
-    """``baseline_m``, the statistics of the patch that ``terrain`` settings ask for, and those that it has."""
+    """``baseline_m``, the statistics of the patch that ``terrain`` settings ask for, and the measured ones."""
     found = measure_patch_roughness(heights, terrain)
     if found is None:
         return {}

@@ -33,8 +33,8 @@ from . import import_heights
 from .import_mesh import read_mesh
 from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
 
-#: Limits in metres outside which a ground cannot be a landing site, whatever its unit.
-_SMALLEST_M, _LARGEST_M = 1e-3, 1e5
+#: Limits of the size of a ground, m. Outside of them it cannot be a landing site in any unit.
+_LEAST_SIZE_M, _MOST_SIZE_M = 1e-3, 1e5
 #: Width in metres up to which a ground may be a site with its surroundings out to the horizon, as in our own exports,
 #: if its triangles are as fine as at a site.
 _LARGEST_HORIZON_M = 2e6
@@ -48,8 +48,8 @@ _UNLIKELY_RELIEF = 2.0
 _UNLIKELY_EDGE = 3.0
 #: Maximum number of triangles into which a mesh is divided for added roughness.
 _MOST_TRIANGLES = 8_000_000
-#: Rows of the matrix that rotates file coordinates to z up: each the axis of the file and its sign.
-_TURNS = {
+#: Rows of the matrix that rotates file coordinates to z up: the axis of the file and its sign.
+_AXIS_ROTATIONS = {
     "X": ((1, 1), (2, 1), (0, 1)),
     "Y": ((0, 1), (2, -1), (1, 1)),
     "Z": ((0, 1), (1, 1), (2, 1)),
@@ -85,7 +85,7 @@ class UserGround:
         """A smooth-shaded mesh of the ground."""
         return build_mesh_from_arrays(name, self.positions, self.faces, uv=self.uv)
 
-    def nearest_height_m(self, x_m: float, y_m: float) -> float:
+    def find_nearest_height_m(self, x_m: float, y_m: float) -> float:
         """Height in metres of the vertex that is nearest on the map."""
         nearest = np.argmin(np.hypot(self.positions[:, 0] - x_m, self.positions[:, 1] - y_m))
         return float(self.positions[nearest, 2])
@@ -100,7 +100,7 @@ def find_kind(path: Path) -> str:
     """``source.kind`` of a file by its suffix. Raises IcyMoonError if the file cannot be a ground."""
     suffix = path.suffix.lower()
     if suffix in gdal_lines.SUFFIXES:
-        return "HEIGHT_MAP"  # whose import names the command that makes a GeoTIFF of it
+        return "HEIGHT_MAP"  # its import names the command that converts the file to GeoTIFF
     if suffix not in SUFFIXES:
         raise IcyMoonError(f"{path}: is not a ground that Icy Moon reads; choose one of {', '.join(SUFFIXES)}.")
     return "MESH" if suffix in mesh_file.FORMATS else "HEIGHT_MAP"
@@ -159,16 +159,17 @@ def _is_fine(edge_m: float, height_m: float) -> bool:
 def _check_size(path: Path, extents_m: Array, fix: str, fix_height: str, to_horizon: bool = False) -> list[str]:
     """Warnings of unlikely extents. Raises IcyMoonError for impossible ones; ``to_horizon`` may be wider."""
     widest, relief = float(max(extents_m[:2])), float(extents_m[2])
-    most = _LARGEST_HORIZON_M if to_horizon else _LARGEST_M
+    most = _LARGEST_HORIZON_M if to_horizon else _MOST_SIZE_M
     if to_horizon and widest > most:
         fix = f"cut off what is far from the site, or {fix}"
-    if not _SMALLEST_M <= widest <= most:
+    if not _LEAST_SIZE_M <= widest <= most:
         raise IcyMoonError(
-            f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to {most:g} m); {fix}"
+            f"{path}: is {widest:.3g} m wide, which is no landing site ({_LEAST_SIZE_M:g} to {most:g} m); {fix}"
         )
-    if not relief <= _LARGEST_M:
+    if not relief <= _MOST_SIZE_M:
         raise IcyMoonError(
-            f"{path}: has a relief of {relief:.3g} m, which is no landing site ({_LARGEST_M:g} m at most); {fix_height}"
+            f"{path}: has a relief of {relief:.3g} m, which is no landing site (at most "
+            f"{_MOST_SIZE_M:g} m); {fix_height}"
         )
     warnings = []
     if not (_UNLIKELY_M[0] <= widest <= _UNLIKELY_M[1] or (to_horizon and widest > _UNLIKELY_M[1])):
@@ -200,14 +201,14 @@ def turn_up(positions: Array, kind: str, up_axis: str) -> tuple[Array, str]:
         if axis == "Y":
             return positions, axis
         positions = positions[:, [0, 2, 1]] * np.array([1.0, 1.0, -1.0])  # back to the file's y up
-    return np.stack([sign * positions[:, k] for k, sign in _TURNS[axis]], axis=1), axis
+    return np.stack([sign * positions[:, k] for k, sign in _AXIS_ROTATIONS[axis]], axis=1), axis
 
 
 def _load_mesh(path: Path, settings: Settings) -> UserGround:
     source = settings.source
     kind = mesh_file.detect_kind(path)
     positions, faces, uv = read_mesh(path)
-    warnings = [*_warn_of_rounding(path, positions), *_ignored_unit(path, kind)]
+    warnings = [*_warn_of_rounding(path, positions), *_warn_of_ignored_unit(path, kind)]
     positions, axis = turn_up(positions * source.scale, kind, source.up_axis)
     before = mesh_faults.examine_mesh(positions, faces)
     fine = _is_fine(halve_edges.edge_length_m(positions, faces), float(settings.rig.height_m))
@@ -299,8 +300,8 @@ def _warn_of_rounding(path: Path, positions: Array) -> list[str]:
     ]
 
 
-def _ignored_unit(path: Path, kind: str) -> list[str]:
-    """A warning if this Blender takes a file of this kind for one in metres, whatever it states."""
+def _warn_of_ignored_unit(path: Path, kind: str) -> list[str]:
+    """A warning if this Blender assumes metres for a file of this kind, whatever its stated unit."""
     if kind != "USD" or compat.applies_usd_unit():
         return []
     return [
@@ -330,12 +331,12 @@ def _find_shift(positions: Array, source: SourceSettings) -> Array:
 
 
 def _describe_place_in_file(moved_m: Iterable[float], unit_m: float = 1.0) -> dict[str, Any]:
-    """Where the origin is in a file without a map, whose coordinates in metres were moved by ``moved_m`` (3,)."""
+    """The place of the origin in a file without a map, whose coordinates in metres were moved by ``moved_m`` (3,)."""
     east, north, up = (-float(value) for value in moved_m)
     return MapPlace("", unit_m, (east, north), (1.0, 1.0)).to_json() | {"height_zero_m": up}
 
 
-def _origin_m(source: SourceSettings) -> tuple[float, float]:
+def _find_origin_m(source: SourceSettings) -> tuple[float, float]:
     return float(source.origin_x_m), float(source.origin_y_m)
 
 
@@ -354,13 +355,13 @@ def _place_heights(
         pixel,
         read.corner_m or (0.0, 0.0),
         centre=bool(source.centre),
-        origin_m=_origin_m(source),
+        origin_m=_find_origin_m(source),
         size_m=size_m,
     )
     return surface, moved, _describe_place_in_file(moved)
 
 
-def _grid_mesh(surface: HeightMap, spacing_m: float) -> tuple[Array, Array]:
+def _make_grid_mesh(surface: HeightMap, spacing_m: float) -> tuple[Array, Array]:
     """Vertices and faces of a map, on a grid of about this spacing."""
     west, east, south, north = surface.bounds_m
     x, y = (np.linspace(a, b, max(2, round((b - a) / spacing_m) + 1)) for a, b in ((west, east), (south, north)))
@@ -397,7 +398,7 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     warnings += _check_size(path, extents, "set source.metres_per_pixel.", steep)
     if source.detail:
         surface = height_map.add_roughness(surface, make_procedural(settings))
-    positions, faces = _grid_mesh(surface, shortest_wavelength_m(terrain) / 2)
+    positions, faces = _make_grid_mesh(surface, shortest_wavelength_m(terrain) / 2)
     whole = (columns - 1) * pixel[0], (rows - 1) * pixel[1]
     part = f", of which {heights.shape[1]} x {heights.shape[0]} were read" * (heights.shape != (rows, columns))
     report = (

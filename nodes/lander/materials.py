@@ -41,12 +41,16 @@ FINISHES = {
     names.WHITE: _Finish((0.74, 0.73, 0.70), 0.0, 0.6),
     names.FOIL: _Finish((0.88, 0.61, 0.25), 0.85, 0.22, 0.006, 0.045),
 }
-#: Frost: where it is, it hides the metal; wavelength of its patches in metres; cosine of the slope at which it ends.
-_FROST, _PATCH_M, _LEAST_UP = _Finish((0.9, 0.9, 0.9), 0.0, 0.9), 0.06, 0.35
+#: The finish of frost, which hides the metal under it.
+_FROST = _Finish((0.9, 0.9, 0.9), 0.0, 0.9)
+#: Wavelength of patches of frost, m.
+_FROST_PATCH_M = 0.06
+#: Cosine of the steepest slope with frost.
+_LEAST_FROST_COSINE = 0.35
 
 
 def build_materials(frost_share: float) -> dict[str, bpy.types.Material]:
-    """The materials by name, with frost on a share of what looks up."""
+    """The materials by name, with frost on a share of the surfaces that face up."""
     return {name: _build_material(name, finish, frost_share) for name, finish in FINISHES.items()}
 
 
@@ -91,10 +95,10 @@ def _add_creases(tree: Tree, finish: _Finish, place: Socket) -> Socket | None:
 
 
 def _add_frost(tree: Tree, geometry: Node, place: Socket, share: float) -> Socket:
-    """Socket of the share of frost: patches on what looks up, none on what does not."""
+    """Socket of the share of frost: patches on surfaces that face up, and none on others."""
     parts = tree.separated("Which Way Up", geometry.outputs["Normal"])
-    up = (Number(tree, parts[2]) - _LEAST_UP) / (1.0 - _LEAST_UP)
-    noise = Number(tree, add_noise(tree, "Frost Patches", place, _PATCH_M, 17.0, 5.0))
+    up = (Number(tree, parts[2]) - _LEAST_FROST_COSINE) / (1.0 - _LEAST_FROST_COSINE)
+    noise = Number(tree, add_noise(tree, "Frost Patches", place, _FROST_PATCH_M, 17.0, 5.0))
     least = find_threshold(share)
     patch = ((noise - least) * 12.0 + 0.5).at_least(0.0).at_most(1.0)
     return (patch * up.at_least(0.0).sqrt() * 0.9).value

@@ -25,18 +25,18 @@ from .materials import build_materials
 PADS = "icymoon_pads_m"
 #: In the view of colours of vertices, which links do not have: grey, and so no value of the ground's.
 _VIEW_COLOUR = (0.2, 0.2, 0.2, 1.0)
-_LINKS = (BODY, *JOINTS.values(), HEAD, MAST, *LEGS)
+_LANDER_LINKS = (BODY, *JOINTS.values(), HEAD, MAST, *LEGS)
 #: Links of the user's own arm have roles by number.
 _OWN_LINKS = tuple(f"own {k:02d}" for k in range(MOST_LINKS))
 #: Role of the object of each link, and label of its instance.
-ROLES = {link: f"lander {link}" for link in (*_LINKS, *_OWN_LINKS)}
+ROLES = {link: f"lander {link}" for link in (*_LANDER_LINKS, *_OWN_LINKS)}
 INSTANCES = {link: FIRST_LINK_INSTANCE + k for k, link in enumerate(ROLES)}
 
 
 def list_link_keys(settings: Settings) -> dict[str, str]:
     """The key in ``ROLES`` and ``INSTANCES`` of each link of these settings, by its name."""
-    moving = [link for link in make_arm(settings).links if link not in _LINKS]
-    return {**{link: link for link in _LINKS}, **dict(zip(moving, _OWN_LINKS, strict=False))}
+    moving = [link for link in make_arm(settings).links if link not in _LANDER_LINKS]
+    return {**{link: link for link in _LANDER_LINKS}, **dict(zip(moving, _OWN_LINKS, strict=False))}
 
 
 def _find_pads_m(settings: Settings, site_m: float, terrain: bpy.types.Object) -> list[float]:

@@ -111,9 +111,10 @@ def _build_far_mesh(
 
 
 def _cut_below_horizon(mesh: bpy.types.Mesh, slope: float) -> None:
-    """Remove the part under the horizon, which the moon would hide: the ground is only a patch of it.
+    """Remove the part under the horizon, which the moon would hide; the ground covers only a patch of the moon.
 
-    The horizon is a cone of this slope downward, so the mesh is lifted by it, cut level and lowered again.
+    The horizon is a cone with this slope downward, so the mesh is lifted by the cone's drop, cut level and lowered
+    again.
     """
     edited = bmesh.new()
     edited.from_mesh(mesh)

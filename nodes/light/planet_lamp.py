@@ -23,7 +23,7 @@ from ..datablocks.stored_json import read_stored
 from ..tree.builder import WHITE, Socket, Tree, Value
 
 SHAPE = "icymoon_shape"  # property of the lamp: inputs of ``hapke.osl`` on the planet, without its radiance
-_INPUTS = {
+_HAPKE_INPUTS = {
     "PlanetLit": NUMBER,
     "PlanetRadius": NUMBER,
     "PlanetStretch": NUMBER,
@@ -84,7 +84,10 @@ def make_planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
             "PlanetLit": 1.0,
         }
     full = shine.data.energy / (math.pi * math.sin(shine.data.angle / 2) ** 2)
-    return {"PlanetRadiance": (*(full * band for band in shine.data.color), 1.0), **read_stored(shine, SHAPE, _INPUTS)}
+    return {
+        "PlanetRadiance": (*(full * band for band in shine.data.color), 1.0),
+        **read_stored(shine, SHAPE, _HAPKE_INPUTS),
+    }
 
 
 def _add_sunlit(tree: Tree, planet: Planet) -> Socket:

@@ -25,7 +25,8 @@ from ...support.arrays import Array
 from ...support.blender import compat
 from ..tree.builder import Socket, Tree, Triple, Value, find_output
 
-#: Longest wavelength of the ripples of bands along a circle of latitude, in radii, and over that across it.
+#: Longest wavelength of the ripples of bands along a circle of latitude, in radii, and its ratio to the wavelength
+#: across.
 _RIPPLE_LENGTH, _RIPPLE_STRETCH = 0.2, 8.0
 
 

@@ -57,7 +57,7 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list
     sun = build_sun(f"{NAME} Sun")
     sun[TAG], sun.lightgroup = "sun", "Sun"
     _place_sun(sun, settings, sky)
-    return [sun, *_build_others(settings, sky, camera)]
+    return [sun, *_build_lights_but_sun(settings, sky, camera)]
 
 
 def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
@@ -94,7 +94,7 @@ def change_lights(
     _place_sun(sun, settings, sky)
     old = [item for item in collection.all_objects if item.get(TAG) in ROLES]
     camera = next(item for item in collection.all_objects if item.get(TAG) == "camera")
-    for item in _build_others(settings, sky, camera):
+    for item in _build_lights_but_sun(settings, sky, camera):
         collection.objects.link(item)
     return old
 
@@ -104,7 +104,7 @@ def _place_sun(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
     sun[SKY] = json.dumps(describe_sky(sky))
 
 
-def _build_others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
+def _build_lights_but_sun(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
     light, items = settings.light, {}
     colour = sun_colour(light.sun_temperature_k)
     dip = dip_deg(settings.rig.height_m, settings.terrain.body_radius_m)

@@ -53,7 +53,7 @@ def read_lamp_irradiance_wm2(sun: bpy.types.Object) -> float:
     return float(lamp.energy if lamp.type == "SUN" else lamp.energy / (4.0 * math.pi * sun.location.length_squared))
 
 
-def read_lamp_diameter(sun: bpy.types.Object) -> float:
+def read_lamp_diameter_rad(sun: bpy.types.Object) -> float:
     """Diameter in radians of the lamp as it stands, seen from the origin of the site."""
     lamp = sun.data
     if lamp.type == "SUN":
@@ -62,8 +62,9 @@ def read_lamp_diameter(sun: bpy.types.Object) -> float:
 
 
 def read_scene_sun(sun: bpy.types.Object, facts: Mapping[str, Any], source: str) -> SceneSun:
-    """The Sun of the lamp as it stands. ``facts`` and ``source`` are what set it up: the table of ``sky.describe_sky``
-    and the choice of ``light.directions_from``."""
+    """The Sun of the lamp in its present state. ``facts`` and ``source`` describe its setup: the table of
+    ``sky.describe_sky`` and the choice of ``light.directions_from``.
+    """
     direction, distance = sun.matrix_world.to_3x3().col[2].normalized(), 0.0
     if sun.data.type != "SUN":  # light comes from its place, whichever way it is turned
         direction, distance = sun.location.normalized(), sun.location.length
@@ -71,7 +72,7 @@ def read_scene_sun(sun: bpy.types.Object, facts: Mapping[str, Any], source: str)
         sun_from_facts(facts, source),
         np.array(direction),
         read_lamp_irradiance_wm2(sun),
-        math.degrees(read_lamp_diameter(sun)),
+        math.degrees(read_lamp_diameter_rad(sun)),
         distance,
     )
 

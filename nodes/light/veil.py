@@ -1,6 +1,6 @@
 """Falling grains or vapour before the ground: a box of an even medium that scatters and absorbs.
 
-It is in the scene only while radiance is rendered, so the truth, maps and meshes are those of the ground behind it.
+The box is in the scene only while radiance is rendered, so truth, maps and meshes show the ground behind it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .scene_lights import ROLES
 #: Metres of the medium below the lowest mesh, whose vertices a material may lower.
 _BELOW_M = 1.0
 #: Corners of each side of a box, from outside, by the bits of a corner's number: east, north, up.
-_SIDES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+_BOX_SIDES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
 
 
 def extinction_1_m(veil: VeilSettings) -> float:
@@ -38,7 +38,7 @@ def veil_in(scene: bpy.types.Scene, veil: VeilSettings, bounces: int) -> Iterato
         yield
         return
     material = _build_medium(veil)
-    item = _build_box(float(veil.width_m) / 2, _lowest_m(scene) - _BELOW_M, float(veil.top_m))
+    item = _build_box(float(veil.width_m) / 2, _find_lowest_m(scene) - _BELOW_M, float(veil.top_m))
     item.data.materials.append(material)
     scene.collection.objects.link(item)
     cycles = scene.cycles
@@ -52,7 +52,7 @@ def veil_in(scene: bpy.types.Scene, veil: VeilSettings, bounces: int) -> Iterato
         bpy.data.materials.remove(material)
 
 
-def _lowest_m(scene: bpy.types.Scene) -> float:
+def _find_lowest_m(scene: bpy.types.Scene) -> float:
     """Height of the lowest corner of a box around a mesh of the site, at most 0."""
     scene.view_layers[0].update()
     lows = [0.0]
@@ -66,7 +66,7 @@ def _lowest_m(scene: bpy.types.Scene) -> float:
 def _build_box(half_m: float, bottom_m: float, top_m: float) -> bpy.types.Object:
     mesh = bpy.data.meshes.new(f"{NAME} Veil")
     corners = [(half_m * (2 * (k & 1) - 1), half_m * ((k & 2) - 1), top_m if k & 4 else bottom_m) for k in range(8)]
-    mesh.from_pydata(np.array(corners).tolist(), [], _SIDES)
+    mesh.from_pydata(np.array(corners).tolist(), [], _BOX_SIDES)
     return bpy.data.objects.new(f"{NAME} Veil", mesh)
 
 

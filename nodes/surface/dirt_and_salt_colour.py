@@ -17,7 +17,7 @@ from ..tree.builder import Node, Socket, Tree, Triple, Value
 from ..tree.formula import Number
 from .patches_and_grain import add_clean_share, add_stained_share
 
-_WHITE = (1.0, 1.0, 1.0)
+_WHITE_RGB = (1.0, 1.0, 1.0)
 #: Distance of the fields of dirt and of salt in the fourth dimension of noise, in units that no scene repeats.
 _BESIDE_SALT = 2000.0
 
@@ -31,10 +31,10 @@ def is_grey(surface: SurfaceSettings) -> bool:
 def add_salt_share(
     tree: Tree, surface: SurfaceSettings, geometry: Node, salt_at: float, elevated: bool, frosted: Socket | None
 ) -> Value:
-    """The share of what is seen of a place that is salt: an output socket, or 0.0 without salts.
+    """The share of salt in the visible surface of a place: an output socket, or 0.0 without salts.
 
-    Dirt lies on salt, and frost on both; ``frosted`` is an output socket of the share of frost, or None. For the others
-    see ``add_ground_colour``.
+    Dirt lies on salt, and frost on both; ``frosted`` is an output socket of the share of frost, or None. For the other
+    arguments see ``add_ground_colour``.
     """
     if surface.salt_share == 0.0:
         return 0.0
@@ -66,7 +66,7 @@ def add_ground_colour(
         return ice
     albedo = clean_albedo(surface, settings.hapke if settings is not None else None) if ice is None else 1.0
     tint: Triple = ice_tint(surface, albedo) if ice is None else ice
-    colour: Triple | None = None if tint == _WHITE else tint
+    colour: Triple | None = None if tint == _WHITE_RGB else tint
     if surface.salt_share > 0.0:
         stained = add_stained_share(tree, surface, geometry, salt_at)
         salt: Triple = salt_colour(surface, albedo)

@@ -21,22 +21,24 @@ from ..tree.builder import Node, Socket, Tree, find_output
 from ..tree.formula import Number, Vector
 from .patches_and_grain import NOISE_DEVIATION, add_noise, find_threshold
 
-#: Normals of the sets: two steep ones that cross, and one that is nearly level.
-_SETS = ((0.83, 0.52, 0.20), (-0.46, 0.87, -0.17), (0.24, -0.12, 0.963))
-#: Part of the room between planes that they may be in. Wavelengths of patches and of the bending of planes, in
-#: spacings; width of the edges of patches in deviations of the noise; greatest bending in spacings.
-_ASTRAY, _PATCH, _BEND, _EDGE, _BEND_BY = 0.9, 1.8, 2.7, 0.4, 1.5
-#: Albedo of a veil, and the share of it that small steps on its faces show from everywhere.
-VEIL_ALBEDO, _HAZE = 0.95, 0.3
+#: Normals of the sets of fractures: two steep ones that cross, and one that is nearly level.
+_SET_NORMALS = ((0.83, 0.52, 0.20), (-0.46, 0.87, -0.17), (0.24, -0.12, 0.963))
+#: Share of the room between planes in which they may lie; wavelengths of patches and of the bending of planes, in
+#: spacings; width of the edges of patches, in deviations of the noise; greatest bending, in spacings.
+_OFFSET_SHARE, _PATCH_LENGTH, _BEND_LENGTH, _PATCH_EDGE, _MOST_BEND = 0.9, 1.8, 2.7, 0.4, 1.5
+#: Albedo of a veil, and the share of it that small steps on its faces show in all directions.
+VEIL_ALBEDO, _VEIL_FACE_SHARE = 0.95, 0.3
 #: Cosines between which the reflectance of a gap is linear, so that its faces are as uneven as some degrees.
-_COSINES = np.linspace(0.0, 1.0, 17)
-#: Smallest cosine from a plane's normal that is followed.
-_GRAZING = 0.01
+_GAP_COSINES = np.linspace(0.0, 1.0, 17)
+#: Smallest cosine from a plane's normal at which rays are followed.
+_LEAST_COSINE = 0.01
 
 
 @dataclass(frozen=True)
 class _View:
-    """Where the view enters the ice, in spacings, its direction there, and a number that selects the patches."""
+    """The entry point of the view into the ice, in spacings, its direction there, and a number that selects the
+    patches.
+    """
 
     place: Vector
     into: Vector
@@ -44,10 +46,10 @@ class _View:
 
 
 def add_fracture_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, of_rocks: bool) -> Socket:
-    """Output socket of the share of a place, as it is seen, that is a veil of a fracture in the ice."""
+    """Output socket of the share of a place, as seen from the camera, that shows the veil of a fracture in the ice."""
     view = _add_view(tree, surface, geometry, fourth, of_rocks)
     clear: Number = Number(tree, 1.0)
-    for which, normal in enumerate(_SETS):
+    for which, normal in enumerate(_SET_NORMALS):
         clear = clear * (1.0 - _add_veil(tree, surface, view, which, normal))
     # Inside a clear rock the view leaves the ice where it meets the surface again.
     outside = 1.0 - Number(tree, geometry.outputs["Backfacing"])
@@ -89,8 +91,8 @@ def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: floa
 def _add_bent(tree: Tree, place: Socket, fourth: float) -> Socket:
     """Output socket of a place moved so that planes are bent. The view's way to them stays straight: they bend little
     over a spacing."""
-    field = tree.noise("Bent Planes", {"Vector": place, "W": fourth}, 1.0 / _BEND, 1.0).outputs["Color"]
-    return tree.vector("MULTIPLY_ADD", "Bent Place", field, (_BEND_BY,) * 3, place)
+    field = tree.noise("Bent Planes", {"Vector": place, "W": fourth}, 1.0 / _BEND_LENGTH, 1.0).outputs["Color"]
+    return tree.vector("MULTIPLY_ADD", "Bent Place", field, (_MOST_BEND,) * 3, place)
 
 
 def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, normal: tuple[float, ...]) -> Number:
@@ -98,7 +100,7 @@ def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, nor
     across = Vector(tree, tree.combined(f"Set {which + 1}", *normal))
     slope = view.into.dot(across)
     forward = slope.exceeds(0.0) * 2.0 - 1.0
-    cosine = (forward * slope).at_least(_GRAZING)
+    cosine = (forward * slope).at_least(_LEAST_COSINE)
     along = view.place.dot(across) + view.fourth
     cell = Number(tree, tree.math("FLOOR", "Room of a Plane", along.value))
     behind = (forward * (along - cell - _add_offset(tree, cell, which))).exceeds(0.0)
@@ -106,20 +108,22 @@ def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, nor
     distance = (plane + _add_offset(tree, plane, which) - along) * forward / cosine
     along_view = tree.combined("Distance", *[distance.value] * 3)
     hit = tree.vector("MULTIPLY_ADD", "Met", view.into.socket, along_view, view.place.socket)
-    field = add_noise(tree, f"Patches of Set {which + 1}", hit, _PATCH, (plane * 7.31 + view.fourth).value, 3.0)
-    limit, edge = find_threshold(surface.fracture_share), _EDGE * NOISE_DEVIATION
+    field = add_noise(tree, f"Patches of Set {which + 1}", hit, _PATCH_LENGTH, (plane * 7.31 + view.fourth).value, 3.0)
+    limit, edge = find_threshold(surface.fracture_share), _PATCH_EDGE * NOISE_DEVIATION
     is_open = Number(tree, tree.ramp("Open", field, limit - edge, limit + edge, smooth=True))
     gap = Number(
         tree,
-        tree.curve("Reflected by a Gap", cosine.value, _COSINES, gap_reflectance(_COSINES, surface.refractive_index)),
+        tree.curve(
+            "Reflected by a Gap", cosine.value, _GAP_COSINES, gap_reflectance(_GAP_COSINES, surface.refractive_index)
+        ),
     )
     seen = (distance * (-surface.fracture_spacing_m / sight_depth_m(surface))).exp()
-    return is_open * seen * gap.times_plus(1.0 - _HAZE, _HAZE)
+    return is_open * seen * gap.times_plus(1.0 - _VEIL_FACE_SHARE, _VEIL_FACE_SHARE)
 
 
 def _add_offset(tree: Tree, plane: Number, which: int) -> Number:
-    """Where in its room a plane is, 0 to 1, by chance."""
+    """The random place of a plane in its room, 0 to 1."""
     chance = tree.node(
         "ShaderNodeTexWhiteNoise", "Chance of a Plane", {"W": (plane + 1013.0 * which).value}, noise_dimensions="1D"
     ).outputs["Value"]
-    return Number(tree, chance).times_plus(_ASTRAY, 0.5 - 0.5 * _ASTRAY)
+    return Number(tree, chance).times_plus(_OFFSET_SHARE, 0.5 - 0.5 * _OFFSET_SHARE)

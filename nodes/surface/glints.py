@@ -17,9 +17,9 @@ import math
 from ..tree.builder import Node, Socket, Tree, Value, find_output
 from ..tree.formula import Number, Vector
 
-#: GGX width of the slopes of facets about the surface, and of the lobe of one facet, as alpha.
-_SLOPES, _FACET = 0.6, 0.003
-#: Largest facet slope is 50 degrees: other grains hide steeper ones. As the share of all facets that are less steep.
+#: GGX width, as alpha, of the slopes of facets about the surface, and of the lobe of one facet.
+_SLOPES_ALPHA, _FACET_ALPHA = 0.6, 0.003
+#: Share of all facets with slopes below 50 degrees, the largest one, since other grains hide steeper facets.
 _LESS_STEEP = 0.8
 #: Maximum width of a cell in pixels: wider cells would be blotches of several pixels.
 _CELL_PX = 1.0
@@ -45,7 +45,7 @@ def add_glints(
     level = _add_level(tree, geometry, size_m, pixel_rad, seed)
     per_grain = Number(tree, tree.math("POWER", "Grains per Cell", 2.0, level.value))
     facet = _add_facet(tree, place, normal, level, per_grain * size_m, seed)
-    alpha = (per_grain * _FACET).at_most(_SLOPES)
+    alpha = (per_grain * _FACET_ALPHA).at_most(_SLOPES_ALPHA)
     colour = (*[float(reflectance)] * 3, 1.0) if isinstance(reflectance, (int, float)) else reflectance
     glint = tree.node(
         "ShaderNodeBsdfAnisotropic",
@@ -92,7 +92,7 @@ def _add_facet(tree: Tree, place: Socket, normal: Socket, level: Number, cell_m:
         noise_dimensions="4D",
     )
     drawn = Number(tree, chance.outputs["Value"]) * _LESS_STEEP
-    slope = (drawn / (1.0 - drawn)).sqrt() * _SLOPES
+    slope = (drawn / (1.0 - drawn)).sqrt() * _SLOPES_ALPHA
     # The direction of the slope: a random vector, less its part along the normal.
     random = tree.vector("SUBTRACT", "About 0", find_output(chance, "Color"), (0.5, 0.5, 0.5))
     across = Vector(tree, normal).cross(Vector(tree, random)).unit()

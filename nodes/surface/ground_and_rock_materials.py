@@ -25,14 +25,14 @@ from ...support.number_text import show_rounded
 from ..datablocks.blend_file_paths import find_used_files
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.dug_ground import DEPTH
-from ..ground.rocks import label_instances
+from ..ground.rocks import add_instance_label_pass
 from ..ground.terrain_mesh import SPACING
 from ..ground.user_ground import find_ground_file, is_mesh
 from .ice_material import build_material
-from .images import Map, load_maps, load_placed_map, measure_brightness, measure_means
+from .images import Map, load_maps, load_placed_map, measure_brightness_percentiles, measure_means
 from .textures import Textured
 
-#: Share of an image that may reflect more light than it gets before it is told: single pixels are noise.
+#: Share of an image that may reflect more light than it receives without a warning, since single pixels are noise.
 _TOO_BRIGHT = 0.005
 
 
@@ -156,7 +156,7 @@ def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
         return []
     of = textured.maps["albedo"]
     lacking = _load_placed_albedo(settings)[2] if textured.placement == "MAP" else []
-    values, mean = measure_brightness(of), max(sum(of.mean) / 3, 1e-6)
+    values, mean = measure_brightness_percentiles(of), max(sum(of.mean) / 3, 1e-6)
     reflected = values / mean * clean_albedo(simplify_surface(settings, "surface"), settings.hapke)
     share = 1.0 - float(np.interp(1.0, reflected, np.linspace(0.0, 1.0, len(values)), right=1.0))
     if share < _TOO_BRIGHT:
@@ -232,5 +232,5 @@ def build_rock_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: b
     ice = _build_named_material(
         "Rock Surface", settings, topic, ROCK, _load_rock_textures(settings, mesh), albedo_pass=albedo_pass
     )
-    label_instances(ice)
+    add_instance_label_pass(ice)
     return ice

@@ -20,7 +20,7 @@ from ...support.temporary_folders import open_scratch_folder
 from ..tree.builder import Node, Tree
 
 SOURCE = Path(__file__).parent / "hapke.osl"
-_SOCKETS = {
+_SOCKET_TYPES = {
     "float": "NodeSocketFloat",
     "int": "NodeSocketInt",
     "color": "NodeSocketColor",
@@ -28,17 +28,17 @@ _SOCKETS = {
     "normal": "NodeSocketVector",
     "closure color": "NodeSocketShader",
 }
-#: Where an instruction comes from, which 4.2 writes into its byte code.
+#: Source positions of instructions, which 4.2 writes into its byte code.
 _FILE_NAME = re.compile(r' ?%filename\{"[^"\n]*"\}')
-_PARAMETER = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTILINE)
+_PARAMETER_LINE = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTILINE)
 
 
 @lru_cache(maxsize=1)
 def compile_source() -> str:
     """The byte code of ``hapke.osl``. Raises RuntimeError if it does not compile.
 
-    It is free of the compiler's comments and of file names, which name folders of this machine, the comments other
-    ones at each call.
+    The compiler's comments and file names are removed: file names contain folders of this machine, and comments differ
+    at each call.
     """
     with open_scratch_folder() as folder:
         target = folder / "hapke.oso"
@@ -54,8 +54,8 @@ def add_script_node(tree: Tree, label: str, inputs: Mapping[str, Any]) -> Node:
     node = tree.tree.nodes.new("ShaderNodeScript")
     node.name = node.label = label
     node.mode = "INTERNAL"
-    for kind, type_name, name in _PARAMETER.findall(code):
-        (node.inputs if kind == "param" else node.outputs).new(_SOCKETS[type_name], name)
+    for kind, type_name, name in _PARAMETER_LINE.findall(code):
+        (node.inputs if kind == "param" else node.outputs).new(_SOCKET_TYPES[type_name], name)
     node.bytecode = code
     node.bytecode_hash = hashlib.md5(code.encode(), usedforsecurity=False).hexdigest()
     if wrong := {s.name for s in node.inputs} ^ set(inputs):

@@ -25,14 +25,14 @@ from .patches_and_grain import (
     find_threshold,
 )
 
-#: Whitest and bluest bands have this many times the bubbles of the mean and this part of them; the most bubbles of all.
-_BAND_CONTRAST, _MOST_BUBBLES = 4.0, 0.6
-#: Direction across the bands of the ground, as of veins that refroze; distance over which they bend, in bands, and by
-#: how many.
-_ACROSS, _BEND, _BEND_BY = (0.88, 0.38, 0.28), 4.0, 3.0
+#: The whitest band has this many times the mean bubbles and the bluest this part of them; the largest share of bubbles.
+_BAND_CONTRAST, _MOST_BUBBLE_SHARE = 4.0, 0.6
+#: Direction across the bands of the ground, as of veins that froze again; wavelength and amplitude of their bending, in
+#: bands.
+_ACROSS_BANDS, _BEND_LENGTH, _MOST_BEND = (0.88, 0.38, 0.28), 4.0, 3.0
 #: Frost: cosines of the slopes, 30 and 65 degrees, from which on it becomes less and at which none is left; standard
 #: deviations by which the noise would have to rise there; half the width of its edge, in deviations: it thins out.
-_FROST_FULL, _FROST_FREE, _NEVER, _FROST_EDGE = 0.87, 0.42, 7.5, 1.0
+_FULL_FROST_COSINE, _NO_FROST_COSINE, _NO_FROST_DEVIATIONS, _FROST_EDGE = 0.87, 0.42, 7.5, 1.0
 #: Crust: width of its edge in deviations of the noise, and the grain's height that is left under it.
 _CRUST_EDGE = 0.05
 CRUST_GRAIN = 0.15
@@ -68,22 +68,22 @@ def add_bubbly_colour(tree: Tree, surface: SurfaceSettings, geometry: Node, four
 def _add_bubble_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, of_rocks: bool) -> Number:
     """The share of bubbles at a place."""
     place = geometry.outputs["Position"]
-    steepest = tuple(part / surface.bubble_band_m for part in _ACROSS)
+    steepest = tuple(part / surface.bubble_band_m for part in _ACROSS_BANDS)
     across = tree.vector("DOT_PRODUCT", "Across the Bands", place, steepest)
-    bend = Number(tree, add_noise(tree, "Bend", place, _BEND * surface.bubble_band_m, fourth, 1.0))
-    along = Number(tree, across) + bend * (2.0 * _BEND_BY) + math.fmod(fourth, 97.0)
+    bend = Number(tree, add_noise(tree, "Bend", place, _BEND_LENGTH * surface.bubble_band_m, fourth, 1.0))
+    along = Number(tree, across) + bend * (2.0 * _MOST_BEND) + math.fmod(fourth, 97.0)
     if of_rocks:  # each is a piece from elsewhere
         chance = tree.node("ShaderNodeObjectInfo", "Piece").outputs["Random"]
         along = along + Number(tree, chance) * 512.0
     band = tree.noise("Bands", {"W": along.value}, 1.0, 2.0, roughness=0.6).outputs[0]
     step = ((Number(tree, band) - NOISE_MEAN) * (1.0 / (2.0 * NOISE_DEVIATION))).at_least(-1.0).at_most(1.0)
-    return ((step * math.log(_BAND_CONTRAST)).exp() * surface.bubble_share).at_most(_MOST_BUBBLES)
+    return ((step * math.log(_BAND_CONTRAST)).exp() * surface.bubble_share).at_most(_MOST_BUBBLE_SHARE)
 
 
 def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Socket | None) -> tuple[Any, Any]:
     """Sockets of the surface and of the volume of clear ice that light passes through.
 
-    What sees it directly or through a mirror sees it refract. Light for other ground passes straight through, as no
+    Rays that meet it directly or through a mirror are refracted. Light for other ground passes straight through, as no
     lamp is found through a refracting surface. As much of it is reflected, to all sides, as of even light.
     """
     glass = tree.node(
@@ -115,8 +115,8 @@ def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth
     faces."""
     field = add_patch_noise(tree, surface, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth)
     upright = tree.separated("Up", geometry.outputs["True Normal"])[2]
-    rise = _NEVER * NOISE_DEVIATION / (_FROST_FULL - _FROST_FREE)
-    steep = (_FROST_FULL - Number(tree, upright)).at_least(0.0) * rise
+    rise = _NO_FROST_DEVIATIONS * NOISE_DEVIATION / (_FULL_FROST_COSINE - _NO_FROST_COSINE)
+    steep = (_FULL_FROST_COSINE - Number(tree, upright)).at_least(0.0) * rise
     limit, edge = find_threshold(surface.frost_share), _FROST_EDGE * NOISE_DEVIATION
     return tree.ramp("Frosted", (Number(tree, field) - steep).value, limit - edge, limit + edge, smooth=True)
 

@@ -27,17 +27,20 @@ from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, explain_errors, parse_part, read
 from ...support.labels import UV_LAYER
 
-_KEY, _MEAN = "icymoon_key", "icymoon_mean"  # the key of an image, and the mean of its linear values
-_PLACED, _LACKS = "icymoon_placed", "icymoon_lacks"  # the edges of an image on a map, and what it lacks
-_SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # mark of the part on the ground, and the mean of that part
-#: What ``measure_brightness`` found, by the key of the image. It is not stored with the image, because materials whose
-#: images have got another property count as edited.
+#: Custom properties: the key of an image, and the mean of its linear values.
+_KEY_PROPERTY, _MEAN_PROPERTY = "icymoon_key", "icymoon_mean"
+#: Custom properties: the edges of an image on a map, and the parts of the ground that it lacks.
+_PLACED_PROPERTY, _LACKS_PROPERTY = "icymoon_placed", "icymoon_lacks"
+#: Custom properties: the mark of the part on the ground, and the mean of that part.
+_SHOWN_PROPERTY, _SHOWN_MEAN_PROPERTY = "icymoon_shown", "icymoon_shown_mean"
+#: Results of ``measure_brightness_percentiles`` by the key of the image. They are not stored with the image, because a
+#: new property of an image would make its materials count as edited.
 _measured_brightness: dict[str, Array] = {}
-#: Values of an image that are processed at once: a baked image may have 10⁹.
-_AT_ONCE = 1 << 24
-#: Pixels that an image may have, and more if its file is large: 8192 x 8192, as the largest of most collections.
+#: Values of an image that are processed at once, since a baked image may have 10⁹.
+_VALUES_PER_STEP = 1 << 24
+#: Most pixels of an image, unless its file is large: 8192 x 8192, as the largest of most collections.
 _MOST_PIXELS = 2**26
-_KIND = "an image"
+_KIND_TEXT = "an image"
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,7 @@ def load_placed_map(
     state = path.stat()
     key = f"{path} {state.st_size} {state.st_mtime_ns} {frame} {size_m!r}"
     if (there := _find_map(key)) is not None:
-        placed, sentences = there.image[_PLACED], json.loads(there.image[_LACKS])
+        placed, sentences = there.image[_PLACED_PROPERTY], json.loads(there.image[_LACKS_PROPERTY])
         return there, (placed[0], placed[1], placed[2], placed[3]), sentences
     found = read_map_image(path, frame, size_m)
     rows, columns = found.values.shape
@@ -98,13 +101,13 @@ def load_placed_map(
     image.pixels.foreach_set(pixels.ravel())
     image.pack()  # otherwise it would not be saved with the file
     placed = (found.west_m, found.south_m, columns * found.pixel_m[0], rows * found.pixel_m[1])
-    image[_PLACED], image[_LACKS] = placed, json.dumps(found.warnings)
+    image[_PLACED_PROPERTY], image[_LACKS_PROPERTY] = placed, json.dumps(found.warnings)
     return _remember_map(key, image, np.full(3, found.mean)), placed, list(found.warnings)
 
 
 def remove_unused_images() -> None:
     """Remove the images of textures that have no users."""
-    unused = [image for image in bpy.data.images if _KEY in image and image.users == 0]
+    unused = [image for image in bpy.data.images if _KEY_PROPERTY in image and image.users == 0]
     if unused:
         bpy.data.batch_remove(unused)
 
@@ -129,16 +132,16 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
     )
     mark = hashlib.sha256(points.tobytes() + weight.tobytes()).hexdigest()
     for each in found.values():
-        if each.image.get(_SHOWN) != mark:
+        if each.image.get(_SHOWN_PROPERTY) != mark:
             pixels = _read_pixels(each.image)
             values = _to_linear(each.image, pixels[texture_coordinates.find_pixels(points, *pixels.shape[:2])])
-            each.image[_SHOWN], each.image[_SHOWN_MEAN] = mark, (weight @ values).tolist()
-    return {kind: replace(each, mean=tuple(each.image[_SHOWN_MEAN])) for kind, each in found.items()}
+            each.image[_SHOWN_PROPERTY], each.image[_SHOWN_MEAN_PROPERTY] = mark, (weight @ values).tolist()
+    return {kind: replace(each, mean=tuple(each.image[_SHOWN_MEAN_PROPERTY])) for kind, each in found.items()}
 
 
-def measure_brightness(of: Map) -> Array:
+def measure_brightness_percentiles(of: Map) -> Array:
     """The linear values of the brightest band that 0, 1, ... 100 % of the pixels of an image have at most, (101,)."""
-    key = of.image[_KEY]
+    key = of.image[_KEY_PROPERTY]
     if key not in _measured_brightness:
         values = _to_linear(of.image, _read_pixels(of.image)).max(axis=-1)
         _measured_brightness[key] = np.percentile(values, np.arange(101))
@@ -147,13 +150,13 @@ def measure_brightness(of: Map) -> Array:
 
 def _find_map(key: str) -> Map | None:
     """The map whose image has this ``key``; None if no image has it."""
-    image = next((image for image in bpy.data.images if image.get(_KEY) == key), None)
-    return Map(image, tuple(image[_MEAN])) if image else None
+    image = next((image for image in bpy.data.images if image.get(_KEY_PROPERTY) == key), None)
+    return Map(image, tuple(image[_MEAN_PROPERTY])) if image else None
 
 
 def _remember_map(key: str, image: bpy.types.Image, mean: Array) -> Map:
-    """Store the ``key`` and the ``mean`` (3,) of its linear values with an image; the map of it."""
-    image[_KEY], image[_MEAN] = key, mean.tolist()
+    """Store the ``key`` and the ``mean`` (3,) of its linear values with an image, and return the map of the image."""
+    image[_KEY_PROPERTY], image[_MEAN_PROPERTY] = key, mean.tolist()
     return Map(image, tuple(mean.tolist()))
 
 
@@ -180,7 +183,7 @@ def _load_map(kind: str, source: MeshImage, name: str) -> Map:
     found = _find_map(key)
     if found is None:
         image = _load_image(source, name)
-        # Blender takes floats in a TIFF for sRGB, which nobody writes.
+        # Blender assumes sRGB for floats in a TIFF, but programs write linear values.
         floats = path.suffix.lower() in (".tif", ".tiff") and stores_floats(path)
         if floats or (kind != "albedo" and not image.is_float):
             image.colorspace_settings.name = "Non-Color"
@@ -202,10 +205,10 @@ def _load_image(source: MeshImage, name: str) -> bpy.types.Image:
     path = source.file
     if source.data:
         data = source.data()
-        parse_part(data, path, check, _KIND, fix)
+        parse_part(data, path, check, _KIND_TEXT, fix)
         return _unpack_image(source, data)
-    read(path, check, _KIND, fix)
-    with explain_errors(path, _KIND, fix):
+    read(path, check, _KIND_TEXT, fix)
+    with explain_errors(path, _KIND_TEXT, fix):
         return bpy.data.images.load(str(path), check_existing=False)
 
 
@@ -222,7 +225,7 @@ def _measure_mean(path: Path, name: str, image: bpy.types.Image) -> Array:
     if image.size[0] * image.size[1] == 0:
         raise IcyMoonError(f"{path}: is not an image that can be read; give a PNG, JPEG, TIFF or EXR as {name}.")
     pixels, total = _read_pixels(image), np.zeros(3)
-    for some in np.array_split(pixels, 1 + pixels.size // _AT_ONCE):
+    for some in np.array_split(pixels, 1 + pixels.size // _VALUES_PER_STEP):
         values = _to_linear(image, some)
         if not np.isfinite(values).all():
             raise IcyMoonError(f"{path}: has pixels that are not numbers; fix the image or choose another for {name}.")

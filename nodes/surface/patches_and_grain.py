@@ -24,7 +24,7 @@ from ..tree.formula import Number
 
 ELEVATION = "icymoon_elevation"  # attribute: height above the mean plane in standard deviations
 #: Mean and standard deviation of Blender's normalised noise of four octaves, and the width of a stain's edge.
-NOISE_MEAN, NOISE_DEVIATION, _EDGE = 0.5, 0.069, 0.02
+NOISE_MEAN, NOISE_DEVIATION, _STAIN_EDGE = 0.5, 0.069, 0.02
 #: The deviation that stains of a colour of the user's were made with, which is too large: they cover about 0.6 of a
 #: small share that is asked for. Pairs that have them must stay as they are.
 _DEVIATION_OF_OWN_SALT = 0.093
@@ -39,10 +39,10 @@ _GRAIN_SPAN = 0.88
 #: of the noise's lattice. In a plane along two axes, the lattice would be visible as a weave.
 _OFF_LATTICE = (-(3**-0.5), -(3**-0.5), 1.0 - 3**-0.5)
 #: Longest wavelength of patches of grain, in wavelengths of the grain.
-_PATCHES = 16.0
-_STEEP = 1.0 - math.cos(math.radians(45.0))
+_MOST_PATCH_LENGTH = 16.0
+_STEEP_SLOPE = 1.0 - math.cos(math.radians(45.0))
 #: Wavelength of the ragged part of patches, in wavelengths of the patches.
-_RAGGED = 0.125
+_RAGGED_LENGTH = 0.125
 #: Elevations are limited to this many standard deviations.
 _MOST_ELEVATION = 3.0
 
@@ -58,11 +58,11 @@ def add_patchy_grain(
     """Output socket of a height of grain that is stronger in some places and weaker in others. The RMS height is kept.
 
     The factor is log-normal, as in a multiplicative cascade: exp(s g - s²) with Gaussian noise g of unit deviation has
-    a mean square of 1. Its patches are 2 to ``_PATCHES`` wavelengths of the grain wide.
+    a mean square of 1. Its patches are 2 to ``_MOST_PATCH_LENGTH`` wavelengths of the grain wide.
     """
     if surface.grain_patchiness == 0.0:
         return height
-    field = add_noise(tree, "Patches of Grain", where, _PATCHES * surface.grain_size_m, place[0], 4.0)
+    field = add_noise(tree, "Patches of Grain", where, _MOST_PATCH_LENGTH * surface.grain_size_m, place[0], 4.0)
     deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
     s = float(surface.grain_patchiness)
     share = (deviations * s + -s * s).exp().named("Share of Grain")
@@ -170,7 +170,7 @@ def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth:
         patches = add_noise(tree, "Patches", geometry.outputs["Position"], surface.albedo_patch_m, fourth, 4.0)
         factors.append(_add_undimmed_share(tree, "Patches", patches, surface.albedo_variation))
     if surface.dirt == "BLACK":
-        factors += _clean_shares(tree, surface, geometry, elevated)
+        factors += _find_clean_shares(tree, surface, geometry, elevated)
     return _add_factors(tree, "Brightness", factors)
 
 
@@ -179,13 +179,13 @@ def add_patch_noise(
 ) -> Socket:
     """Output socket of noise for patches, of mean ``NOISE_MEAN`` and deviation ``NOISE_DEVIATION``.
 
-    A share ``patch_raggedness`` of its variance has ``_RAGGED`` of the wavelength and less: the edges of patches then
-    break up into small patches, as frost and dust between grains do.
+    A share ``patch_raggedness`` of its variance has ``_RAGGED_LENGTH`` of the wavelength and less: the edges of patches
+    then break up into small patches, as frost and dust between grains do.
     """
     field = add_noise(tree, label, where, wavelength_m, fourth, 4.0)
     if surface.patch_raggedness == 0.0:
         return field
-    fine = add_noise(tree, f"{label}, Ragged", where, _RAGGED * wavelength_m, fourth + 0.5, 4.0)
+    fine = add_noise(tree, f"{label}, Ragged", where, _RAGGED_LENGTH * wavelength_m, fourth + 0.5, 4.0)
     long, short = (math.sqrt(share) for share in (1.0 - surface.patch_raggedness, surface.patch_raggedness))
     both = Number(tree, field) * long + Number(tree, fine) * short
     return (both + NOISE_MEAN * (1.0 - long - short)).named(f"{label}, Both").value
@@ -197,7 +197,7 @@ def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth
     With patches of dirt it is 0 in them and 1 between them, and they take up the dirt's share of the area. ``fourth``
     selects their field.
     """
-    clean = _add_factors(tree, "Clean Share", _clean_shares(tree, surface, geometry, elevated))
+    clean = _add_factors(tree, "Clean Share", _find_clean_shares(tree, surface, geometry, elevated))
     if clean == 1.0 or surface.dirt_patch_m == 0.0:
         return clean
     field = add_patch_noise(tree, surface, "Dirt Patches", geometry.outputs["Position"], surface.dirt_patch_m, fourth)
@@ -205,8 +205,8 @@ def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth
     deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
     below = (1.0 / ((deviations * -1.702).exp() + 1.0)).named("Share of Noise Below")
     # With soft edges all of the ground is still free at 1, and none at 0.
-    ahead = Number(tree, clean).times_plus(1 + 2 * _EDGE, -_EDGE) - below
-    return tree.ramp("Between Patches", ahead.value, -_EDGE, _EDGE, smooth=True)
+    ahead = Number(tree, clean).times_plus(1 + 2 * _STAIN_EDGE, -_STAIN_EDGE) - below
+    return tree.ramp("Between Patches", ahead.value, -_STAIN_EDGE, _STAIN_EDGE, smooth=True)
 
 
 def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Value:
@@ -216,7 +216,7 @@ def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Value:
     return product
 
 
-def _clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Node, elevated: bool) -> list[Any]:
+def _find_clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Node, elevated: bool) -> list[Any]:
     """Output sockets of the shares of the area that dirt in troughs and dirt on slopes leave free."""
     factors: list[Any] = []
     if surface.trough_dirt != 0.0 and elevated:
@@ -226,7 +226,7 @@ def _clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Node, elevated
         factors.append(_add_undimmed_share(tree, "Trough", troughs, abs(surface.trough_dirt)))
     if surface.slope_dirt != 0.0:
         upright = tree.separated("Upright", geometry.outputs["True Normal"])[2]
-        ends = (1.0, 1.0 - _STEEP) if surface.slope_dirt > 0 else (1.0 - _STEEP, 1.0)
+        ends = (1.0, 1.0 - _STEEP_SLOPE) if surface.slope_dirt > 0 else (1.0 - _STEEP_SLOPE, 1.0)
         slopes = tree.ramp("Slope Share", upright, *ends)
         factors.append(_add_undimmed_share(tree, "Slope", slopes, abs(surface.slope_dirt)))
     return factors
@@ -264,4 +264,4 @@ def add_stained_share(tree: Tree, surface: SurfaceSettings, geometry: Node, four
     field = add_noise(tree, "Salt", geometry.outputs["Position"], surface.salt_patch_m, fourth, 4.0)
     deviation = _DEVIATION_OF_OWN_SALT if surface.salt == "OWN" else NOISE_DEVIATION
     threshold = find_threshold(share, deviation)
-    return tree.ramp("Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)
+    return tree.ramp("Stained", field, threshold - _STAIN_EDGE, threshold + _STAIN_EDGE, smooth=True)

@@ -14,8 +14,8 @@ from ...support.arrays import Array
 from ...support.labels import ALBEDO_AOV
 from ..tree.builder import Socket, Tree, Triple, Value
 
-#: Factors on w at which the albedo of Hapke's law is computed; between them it is linear, within 0.002.
-_STEPS = 17
+#: Number of factors on w at which the albedo of Hapke's law is computed. Between them it is linear, within 0.002.
+_FACTOR_STEPS = 17
 
 
 def add_albedo_pass(
@@ -48,7 +48,7 @@ def add_albedo_pass(
 def compute_hapke_curve(settings: Settings, least: float) -> tuple[Array, Array]:
     """Factors on w from ``least`` to 1, and the Bond albedo of Hapke's law with each."""
     known = hapke_from_settings(settings.hapke)
-    factors = np.unique(np.linspace(least, 1.0, _STEPS))
+    factors = np.unique(np.linspace(least, 1.0, _FACTOR_STEPS))
 
     def bond(factor: float) -> float:
         dimmed = replace(known, w=known.w * factor)

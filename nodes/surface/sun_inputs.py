@@ -21,7 +21,7 @@ from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ..datablocks.fingerprint import TAG
 from ..light.planet_lamp import MEAN, make_planet_inputs
-from ..light.sun_lamp import read_lamp_diameter, read_lamp_irradiance_wm2
+from ..light.sun_lamp import read_lamp_diameter_rad, read_lamp_irradiance_wm2
 from . import hapke_nodes
 
 LEVELS = ("FAST", "ACCURATE", "REFERENCE")
@@ -55,7 +55,7 @@ class Sun:
         """The Sun of a lamp. ``world`` is its present matrix, since the user may have rotated it."""
         x, y, z = world.to_3x3().col[2].normalized()
         red, green, blue = (read_lamp_irradiance_wm2(lamp) * band for band in lamp.data.color)
-        return cls((x, y, z), (red, green, blue), read_lamp_diameter(lamp))
+        return cls((x, y, z), (red, green, blue), read_lamp_diameter_rad(lamp))
 
     @classmethod
     def of_planet(cls, shine: bpy.types.Object) -> Sun:
@@ -140,15 +140,16 @@ def traces_sun(material: bpy.types.Material) -> bool:
     return _read_level(material) != LEVELS[0]
 
 
-#: Inputs of ``hapke.osl`` that may vary from place to place, with their names in ``pair.json``.
-_VARYING = {"W": "w", "TanTheta": "theta_bar_deg", "Tint": "colour"}
+#: Inputs of ``hapke.osl`` that may vary over the surface, with their names in ``pair.json``.
+_VARYING_INPUTS = {"W": "w", "TanTheta": "theta_bar_deg", "Tint": "colour"}
 
 
 def describe_hapke(materials: Iterable[bpy.types.Material]) -> dict[str, Any] | None:
-    """How these materials implement Hapke's law, and its accuracy, for ``pair.json``; None if none has it.
+    """The way in which these materials implement Hapke's law, and its accuracy, for ``pair.json``; None without the
+    law.
 
-    ``neighbours_as_here`` lists the inputs that vary from place to place, but for which interreflections use the value
-    of the visible end at both ends.
+    ``neighbours_as_here`` lists the inputs that vary over the surface, but for which interreflections use the value at
+    the visible point at both ends.
     """
     known, varying = None, set()
     for material in materials:
@@ -157,7 +158,7 @@ def describe_hapke(materials: Iterable[bpy.types.Material]) -> dict[str, Any] | 
             known = known or {"made_of": "OSL" if is_osl(material) else "NODES", "accuracy": _read_level(material)}
         if _read_level(material) == LEVELS[2]:
             inputs = material.node_tree.nodes[SCRIPT].inputs
-            varying |= {name for socket, name in _VARYING.items() if inputs[socket].is_linked}
+            varying |= {name for socket, name in _VARYING_INPUTS.items() if inputs[socket].is_linked}
     return known and {**known, "neighbours_as_here": sorted(varying)}
 
 

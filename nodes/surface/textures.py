@@ -20,11 +20,11 @@ from ...support.labels import UV_LAYER
 from ..tree.builder import Node, Socket, Tree, Triple, Value, find_output
 from .images import Map
 
-#: Hexagons per image width. Each shows about half of the image.
-_HEXAGONS = 2.0
+#: Hexagons per image width, each of which shows about half of the image.
+_HEXAGONS_PER_WIDTH = 2.0
 _ROOT_3 = math.sqrt(3.0)
-#: A face is a wall, which is mapped from the side, if the z component of its normal is below this.
-_WALL = 0.5
+#: Least z component of a face's normal for a map from above; faces below it are walls, which are mapped from the side.
+_LEAST_FLOOR_NORMAL = 0.5
 
 
 @dataclass(frozen=True)
@@ -163,13 +163,13 @@ class Pieces(Sampler):
         self.normal = geometry.outputs["Normal"]
         size = tree.vector("ABSOLUTE", "Normal Size", geometry.outputs["True Normal"])
         east, north, up = tree.separated("Facing", size)
-        self.is_wall = tree.math("LESS_THAN", "Wall", up, _WALL)
+        self.is_wall = tree.math("LESS_THAN", "Wall", up, _LEAST_FLOOR_NORMAL)
         self.faces_east = tree.math("GREATER_THAN", "Faces East", east, north)
         side = self.chosen("Side", self.faces_east, tree.combined("From South", x, z), tree.combined("From East", y, z))
         self.plane = self.chosen("Seen From", self.is_wall, tree.combined("From Above", x, y), side)
 
     def _add_hexagons(self, turned: bool) -> None:
-        tree, math_, k = self.tree, self.tree.math, _HEXAGONS
+        tree, math_, k = self.tree, self.tree.math, _HEXAGONS_PER_WIDTH
         skewed = tree.combined(
             "Skewed",
             tree.vector("DOT_PRODUCT", "Skewed X", self.plane, (k, -k / _ROOT_3, 0.0)),

@@ -24,8 +24,8 @@ Triple: TypeAlias = Sequence[float] | Socket
 COLUMN, ROW = 220.0, 260.0
 BLACK = (0.0, 0.0, 0.0, 1.0)
 WHITE = (1.0, 1.0, 1.0, 1.0)
-#: Inputs of a Principled surface that has only its own colour and Fresnel's reflection, and those of some versions.
-_PRINCIPLED = {
+#: Inputs of a Principled surface with only its own colour and Fresnel's reflection, including inputs of some versions.
+_PRINCIPLED_INPUTS = {
     "Metallic": 0.0,
     "IOR": 1.5,
     "Alpha": 1.0,
@@ -222,18 +222,18 @@ class Tree:
         ).outputs[0]
 
     def diffuse(self, label: str, colour: Triple, normal: Socket | None = None) -> Socket:
-        """Shader socket of Lambert's law with a normal; None is the mesh's own."""
+        """Shader socket of Lambert's law with a normal; None means the mesh's own normal."""
         inputs = {"Color": colour, "Roughness": 0.0, "Normal": normal}
         return self.node("ShaderNodeBsdfDiffuse", label, inputs, if_present={"Weight": 0.0}).outputs[0]
 
     def principled(
         self, label: str, colour: Triple, roughness: Value, subsurface: str = "RANDOM_WALK", **others: object
     ) -> Socket:
-        """Shader socket of a Principled surface. ``others`` are inputs that differ from ``_PRINCIPLED``."""
+        """Shader socket of a Principled surface. ``others`` are inputs that differ from ``_PRINCIPLED_INPUTS``."""
         return self.node(
             "ShaderNodeBsdfPrincipled",
             label,
-            {"Base Color": colour, "Roughness": roughness} | _PRINCIPLED | others,
+            {"Base Color": colour, "Roughness": roughness} | _PRINCIPLED_INPUTS | others,
             if_present=_PRINCIPLED_IN_SOME,
             distribution="MULTI_GGX",
             subsurface_method=subsurface,
@@ -249,7 +249,9 @@ class Tree:
         return self.node("ShaderNodeBsdfTransparent", label, {"Color": colour}, if_present={"Weight": 0.0}).outputs[0]
 
     def over(self, label: str, share: Value, under: Socket, layer: Socket) -> Socket:
-        """Shader socket of ``layer`` over its share of ``under``. Where that is 0 or 1, Cycles evaluates only one."""
+        """Shader socket of ``layer`` over its share of ``under``. At a share of 0 or 1 Cycles evaluates only one of
+        both.
+        """
         inputs = {"Fac": share, "Shader": under, "Shader_001": layer}
         return self.node("ShaderNodeMixShader", label, inputs).outputs[0]
 
@@ -300,12 +302,12 @@ def _list_plain_properties(struct: bpy.types.bpy_struct) -> dict[str, Any]:
         if p.type in ("BOOLEAN", "INT", "FLOAT", "STRING", "ENUM")
         and not p.is_readonly
         and not getattr(p, "is_array", False)
-        and p.identifier not in _EDITOR
+        and p.identifier not in _EDITOR_PROPERTIES
     }
 
 
 #: Properties of a node that affect only the node editor.
-_EDITOR = {
+_EDITOR_PROPERTIES = {
     "select",
     "hide",
     "width",

@@ -13,8 +13,8 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Nodes that mean the same to shaders and to geometry.
-_SHARED = {
+#: Node types with the same meaning in shaders and in geometry.
+_SHARED_NODES = {
     "ShaderNodeMath",
     "ShaderNodeVectorMath",
     "ShaderNodeMapRange",
@@ -26,7 +26,7 @@ _SHARED = {
     "ShaderNodeValue",
 }
 _OF_ANY_NODE = {prop.identifier for prop in bpy.types.Node.bl_rna.properties}
-_NAME = "Icy Moon Field"
+_GROUP_NAME = "Icy Moon Field"
 
 
 class NotTranslatable(ValueError):  # noqa: N818  it is an answer, not a fault
@@ -51,7 +51,7 @@ class _Translation:
             made.data_type, made.inputs["Name"].default_value = "FLOAT", node.attribute_name
             self.attributes.add(node.attribute_name)
             return next(each for each in made.outputs if each.enabled)
-        if node.bl_idname not in _SHARED:
+        if node.bl_idname not in _SHARED_NODES:
             raise NotTranslatable(node.bl_idname)
         if node.name not in self._made:
             self._copy(node, self._make(node.name, node.bl_idname))
@@ -80,21 +80,21 @@ def evaluate_field(socket: bpy.types.NodeSocket, points: Array, mesh: bpy.types.
     Raises NotTranslatable where geometry nodes cannot compute them, or the mesh has not the attributes of its vertices
     that they are computed from.
     """
-    group = bpy.data.node_groups.new(_NAME, "GeometryNodeTree")
+    group = bpy.data.node_groups.new(_GROUP_NAME, "GeometryNodeTree")
     held: list[tuple[Any, Any]] = [(bpy.data.node_groups, group)]
     try:
         found = _Translation(group)
         _add_output(group, found.translate(socket))
-        cloud = bpy.data.meshes.new(_NAME)
+        cloud = bpy.data.meshes.new(_GROUP_NAME)
         held.append((bpy.data.meshes, cloud))
         cloud.vertices.add(len(points))
         cloud.vertices.foreach_set("co", np.ascontiguousarray(points, np.float32).ravel())
         for name in found.attributes:
             _copy_attribute(name, mesh, cloud, some)
-        item = bpy.data.objects.new(_NAME, cloud)
+        item = bpy.data.objects.new(_GROUP_NAME, cloud)
         held.append((bpy.data.objects, item))
-        item.modifiers.new(_NAME, "NODES").node_group = group
-        scene = bpy.data.scenes.new(_NAME)
+        item.modifiers.new(_GROUP_NAME, "NODES").node_group = group
+        scene = bpy.data.scenes.new(_GROUP_NAME)
         held.append((bpy.data.scenes, scene))
         scene.collection.objects.link(item)
         layer = scene.view_layers[0]

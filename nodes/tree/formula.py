@@ -26,7 +26,7 @@ class Number:
         return self.value if isinstance(self.value, (int, float)) else None
 
     def named(self, name: str) -> Number:
-        """The same number, after its node got its name in the formula as label."""
+        """The same number, with its name in the formula as the label of its node."""
         if not isinstance(self.value, (int, float)):
             self.value.node.label = name
         return self

@@ -1,4 +1,4 @@
-"""What a Blender can do. It is asked before anything is estimated or rendered. Imports no Blender."""
+"""Features that a Blender has, checked before a plan is estimated or rendered. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..workers.process import Process
 
 @dataclass(frozen=True)
 class Abilities:
-    """What a Blender has of what settings may need. An official build has all but a graphics card."""
+    """Optional features of a Blender that settings may need. An official build has all but a graphics card."""
 
     osl: bool = True
     denoiser: bool = True
@@ -26,9 +26,9 @@ class Abilities:
 
 
 def probe_blender(blender: str) -> dict[str, Any]:
-    """What a Blender, or a Python with ``bpy``, reports about itself, see ``render.probe_blender``.
+    """The report of a Blender, or of a Python with ``bpy``, on itself: the output of ``render/probe_blender.py``.
 
-    Raises IcyMoonError if it reports nothing.
+    Raises IcyMoonError if there is no report.
     """
     process = Process(blender_command(blender, "probe"))
     for message in process.wait_for_messages():
@@ -56,7 +56,9 @@ def describe_lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
 
 
 def describe_lack(settings: Settings, able: Abilities) -> str:
-    """The same, for complete settings."""
+    """A sentence on a feature that a Blender lacks for these complete settings, with the fix; empty if it lacks
+    nothing.
+    """
     if (
         not able.osl
         and settings.hapke.backend == "OSL"
@@ -69,15 +71,15 @@ def describe_lack(settings: Settings, able: Abilities) -> str:
 
 
 def needs_full_build(settings: Settings) -> bool:
-    """Whether settings need what not every Blender has."""
+    """Whether settings need a feature that some builds of Blender lack."""
     return bool(describe_lack(settings, Abilities(osl=False, denoiser=False, gpu=False)))
 
 
 def find_lack(wanted: Iterable[Settings], blender: str) -> str:
-    """What a Blender lacks for some of these settings, and for how many of them; empty if nothing. It is started
-    only if any of them needs what not every Blender has.
+    """A sentence on a feature that a Blender lacks for some of these settings, and for how many; empty if it lacks
+    nothing. Blender is started only if some of the settings need an optional feature.
 
-    Raises IcyMoonError if it reports nothing.
+    Raises IcyMoonError if Blender reports nothing.
     """
     asked, count = [], 0
     for settings in wanted:
@@ -95,7 +97,7 @@ def find_lack(wanted: Iterable[Settings], blender: str) -> str:
 
 
 def check_abilities(wanted: Iterable[Settings], blender: str) -> None:
-    """Raise IcyMoonError if a Blender lacks what some of these settings ask for, or cannot be asked."""
+    """Raise IcyMoonError if a Blender lacks a feature that some of these settings need, or if it does not answer."""
     lack = find_lack(wanted, blender)
     if lack:
         raise IcyMoonError(lack)

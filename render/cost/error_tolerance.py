@@ -1,6 +1,6 @@
 """The stereo error that a quality may add to the error of an image without noise. Imports no Blender.
 
-The same limits hold in the command line and in the window.
+The command line and the window have the same limits.
 """
 
 from __future__ import annotations
@@ -11,23 +11,26 @@ from dataclasses import dataclass
 
 from ...support.errors import IcyMoonError
 
-#: Mean disparity error, px: its default, least and most.
+#: Tolerated mean disparity error, px: default, least and most.
 PX, PX_LEAST, PX_MOST = 0.02, 1e-4, 10.0
-#: Fraction of the pixels that are missing or off by more than 1 px: its default, least and most.
+#: Tolerated fraction of the pixels that are missing or off by more than 1 px: default, least and most.
 BAD_1, BAD_1_LEAST, BAD_1_MOST = 0.005, 1e-5, 0.5
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """The largest error that may be added, None for any: the mean disparity error in px, and the fraction of the pixels
-    that are missing or off by more than 1 px."""
+    """The largest errors that a quality may add, None for no limit.
+
+    ``epe_px`` is the mean disparity error in px, ``wrong_or_missing`` the fraction of the pixels that are missing or
+    off by more than 1 px.
+    """
 
     epe_px: float | None
     wrong_or_missing: float | None
 
     @property
     def limits(self) -> dict[str, float]:
-        """Those that there are, by the key of ``stereo.trade``'s losses."""
+        """The limits that are set, by the key of ``stereo.trade``'s losses."""
         return {
             key: value
             for key, value in (("epe_px", self.epe_px), ("wrong_or_missing", self.wrong_or_missing))
@@ -40,12 +43,14 @@ class Tolerance:
         return " and ".join(px + bad)
 
     def allows(self, loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> bool | None:
-        """Whether a matcher's ``loss`` is within the tolerance, whatever its ``doubt``; None if that cannot be told."""
+        """Whether a matcher's ``loss`` is within the tolerance at every value in ``doubt``; None if ``doubt`` crosses
+        the limit.
+        """
         return all_hold(_is_under(loss[key], doubt[key], limit) for key, limit in self.limits.items())
 
 
 def all_hold(verdicts: Iterable[bool | None]) -> bool | None:
-    """Whether all hold; None if that cannot be told."""
+    """Whether all verdicts hold: False if one fails, None if one is unknown."""
     found = list(verdicts)
     return False if False in found else None if None in found else True
 
@@ -57,10 +62,10 @@ def _is_under(value: float | None, doubt: float | None, limit: float) -> bool | 
 
 
 def make_tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
-    """The tolerance with these limits; a mean disparity error of PX if neither is given.
+    """The tolerance with these limits; a mean disparity error of PX without any.
 
-    Raises IcyMoonError for a limit out of its range. A smaller error cannot be told from noise, and with a larger one
-    stereo is useless.
+    Raises IcyMoonError for a limit out of range: a smaller error is lost in noise, and with a larger error stereo is
+    useless.
     """
     if epe_px is None and bad_1 is None:
         epe_px = PX
@@ -75,6 +80,6 @@ def make_tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
 
 
 def parse_fraction(text: str) -> float:
-    """0.005 of "0.5%" or "0.005". Raises ValueError for anything else."""
+    """Parse a fraction, 0.005 for "0.5%" or "0.005". Raises ValueError for other texts."""
     number = text.strip()
     return float(number[:-1]) / 100 if number.endswith("%") else float(number)

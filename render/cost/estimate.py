@@ -35,17 +35,27 @@ from ...support.system import count_processors
 from ..pairs.pair_folder import is_complete, read_pair
 from ..plans.baked_or_traced import bake_seconds, light_bytes, make_light_key
 from ..plans.planned_pair import PlannedPair
-from ..plans.render_order import MOST_SCENES, choose_worker_count, cut_into_jobs, make_settings_key, order_pairs
+from ..plans.render_order import (
+    DEFAULT_MOST_SCENES,
+    choose_worker_count,
+    cut_into_jobs,
+    make_settings_key,
+    order_pairs,
+)
 from ..plans.triangle_count import count_triangles
 from .machine_speed import Speed, to_wall_seconds
 
-#: Processor seconds, 2-core x86 server, Blender 5.0 (``python benchmarks plan_cost``): of the process that starts
-#: workers, of starting a worker, of building a scene, of building ground from a file, of a pair.
-_START_S, _WORKER_S = 1.0, 1.5
+#: Processor seconds, measured on a 2-core x86 server with Blender 5.0 (``python benchmarks plan_cost``): of the process
+#: that starts workers, and of the start of a worker.
+_PROCESS_START_S, _WORKER_START_S = 1.0, 1.5
+#: Processor seconds to build a scene, ground per million triangles, rocks, and ground from a file.
 _SCENE_S, _BUILD_S_PER_MTRI, _ROCKS_BUILD_S, _FILE_BUILD_S = 0.2, 0.7, 0.6, 1.15
+#: Processor seconds of a pair in a built scene, without its pixels.
 _PAIR_S, _PAIR_S_PER_MTRI, _ROCKS_PAIR_S = 0.05, 0.6, 0.4
+#: Processor seconds of a megapixel: fixed, per sample, and of the denoiser.
 _S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 2.06, 3.5
-#: By ``quality.truth_by``; and the trees for rays, once a scene (``python benchmarks truth_cost``).
+#: Processor seconds of a megapixel of truth by ``quality.truth_by``, and of the trees for rays, once a scene (``python
+#: benchmarks truth_cost``).
 _TRUTH_S_PER_MPX, _RAYS_S_PER_MTRI = {"CYCLES": 5.6, "RAYS": 1.7}, 1.0
 
 
@@ -58,7 +68,7 @@ class _LightBytes:
     per_doubling: float
     most: float
     denoised: float
-    sun: float  # light groups as factors on the bytes of the whole light
+    sun: float  # the factor of a light group on the bytes of the whole light
     planet: float
     coloured: float  # the same for a planet in colours, whose light differs between the three bands
 
@@ -72,30 +82,31 @@ class _NormalBytes:
     most: float
     edges: float
     power: float
-    grid: float  # on a grid, of the most
+    grid: float  # factor on ``most`` where the ground is a grid
 
 
-#: By whether they are stored as 16-bit floats.
+#: Bytes of light and of normals, by whether they are stored as 16-bit floats.
 _LIGHT = {
     False: _LightBytes(2.6, 0.4, 4.2, 12.0, 0.97, 0.7, 1.9),
     True: _LightBytes(0.84, 0.25, 1.87, 3.87, 0.93, 1.04, 1.95),
 }
 _NORMALS = {False: _NormalBytes(11.9, 10.35, 10.8, -1.21, 0.9), True: _NormalBytes(4.3, 4.9, 7.7, -0.987, 0.87)}
-#: Images that have colours and detail in each pixel, so that light has as many values as noise gives it.
-_PHOTOGRAPHS = ("STAND_IN", "OWN", "MESH")
-#: Bytes of depth, of what rocks add to labels and normals, and of the rest.
-_DEPTH, _ROCK_LABELS, _REST = 4.0, 1.0, 0.2
-#: Bytes of ``pair.json``.
+#: Ground images with colours and detail in each pixel, so that light has as many values as noise gives it.
+_DETAILED_IMAGES = ("STAND_IN", "OWN", "MESH")
+#: Bytes per pixel: of depth, of the labels and normals that rocks add, and of the rest.
+_DEPTH_BYTES, _ROCK_LABEL_BYTES, _OTHER_BYTES = 4.0, 1.0, 0.2
+#: Bytes of one ``pair.json``.
 STATED_BYTES = 25e3
-#: Pitch of a camera that looks farther, down to which the facets that it sees are counted, degrees.
-_LOWEST_DEG = 15.0
-#: Normals of facets by rays, over those by Cycles, which have an alpha of 1 too.
-_FACETS_OF_RAYS = 0.87
+#: Steepest pitch below the horizon for which visible facets are counted, degrees; a camera that looks farther up counts
+#: as this one.
+_SHALLOWEST_PITCH_DEG = 15.0
+#: Bytes of a facet's normals in truth by rays, as a fraction of Cycles' truth, which also has an alpha of 1.
+_RAY_NORMALS_RATIO = 0.87
 #: Neighbours in larger images are more alike: factor on the bytes per pixel for twice the columns.
-_DOUBLE_WIDTH = 0.982
-#: Cost of a sample over that with Lambert's law and shaded relief, without the relief. Bounces count for little: on
-#: open ground most paths end in the sky.
-_MODELS = {
+_BYTES_RATIO_FOR_DOUBLE_WIDTH = 0.982
+#: Cost of a sample with each law of light, relative to Lambert's law with shaded relief, without the relief. Bounces
+#: count for little, since on open ground most paths end in the sky.
+_COST_BY_MODEL = {
     "LAMBERT": 0.75,
     "LOMMEL_SEELIGER": 0.75,
     "LUNAR_LAMBERT": 0.8,
@@ -103,33 +114,41 @@ _MODELS = {
     "HAPKE": 2.65,
     "SNOW": 0.8,
 }
-_HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
-_RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
-_TRANSMISSION, _ROCKS = 0.3, 0.6  # added by clear ice and rocks
-_VEIL = 1.7  # added by a veil: of optical depth 0.5 on rough ice, in one run
-#: Added by images on the ground, and with Lambert's law, which reads only their colour and normals. A mesh's own image
-#: adds the last number as a share of that.
-_IMAGES, _IMAGES_LAMBERT, _OWN_IMAGE = 2.9, 0.6, 0.3
-#: Cost that subsurface scattering adds, whatever its length, and the weight at which it adds half of it.
-_WALK, _BURLEY, _HALF = 12.0, 0.5, 0.5
+#: The same for Hapke's law by nodes and by the reference.
+_HAPKE_NODES_COST, _HAPKE_REFERENCE_COST = 1.15, 3.45
+#: Relative cost that shaded relief adds, and that it adds where only the camera meets it.
+_RELIEF_COST, _RELIEF_CAMERA_COST = 0.25, 0.21
+#: Relative cost that clear ice and rocks add.
+_TRANSMISSION_COST, _ROCKS_COST = 0.3, 0.6
+#: Relative cost that a veil adds: measured in one run with optical depth 0.5 on rough ice.
+_VEIL_COST = 1.7
+#: Relative cost that images on the ground add: with any law, and with Lambert's law, which reads only their colour and
+#: normals. The last number is the added share for a mesh's own image.
+_IMAGES_COST, _LAMBERT_IMAGES_COST, _OWN_IMAGE_SHARE = 2.9, 0.6, 0.3
+#: Relative cost that subsurface scattering adds (random walk, Burley) at any length, and the weight at which it adds
+#: half.
+_WALK_COST, _BURLEY_COST, _HALF_COST_WEIGHT = 12.0, 0.5, 0.5
 #: Cycles takes at least 16 t^-0.3 samples under a noise threshold t. Beyond them a pixel takes (s / t)², where s is the
 #: noise of one sample: here the mean over the pixels of bare ice in sunlight.
-_LEAST, _LEAST_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
-#: Maximum number of scenes whose triangles are counted; the others are taken to have their mean.
-_COUNTED = 6
-#: Triangles of a ground that were not counted.
-_UNCOUNTED = 1e6
-#: Maximum number of complete pairs of the data set whose times are read.
-_MOST_READ = 400
-#: Standard deviations of the logarithm: of the whole before a pair is known (another machine, this one), of one pair.
-_BEFORE, _BEFORE_HERE, _ONE_PAIR = math.log(3.0) / 2, math.log(1.6) / 2, 0.25
-_UNKNOWN_DEVICE = math.log(30.0) / 2  # a graphics card
+_LEAST_SAMPLES, _LEAST_SAMPLES_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
+#: Most scenes whose triangles are counted; other scenes are taken to have the mean of these.
+_MOST_COUNTED_SCENES = 6
+#: Number of triangles assumed for a ground that was not counted.
+_ASSUMED_TRIANGLES = 1e6
+#: Most complete pairs of the data set whose times are read.
+_MOST_TIMED_PAIRS = 400
+#: Standard deviations of the logarithm of seconds: of the whole plan on another machine and on this one, before a pair
+#: is known, and of one pair.
+_PLAN_SPREAD, _PLAN_SPREAD_HERE, _PAIR_SPREAD = math.log(3.0) / 2, math.log(1.6) / 2, 0.25
+#: The same on a graphics card.
+_CARD_SPREAD = math.log(30.0) / 2
 
 
 @dataclass(frozen=True)
 class Work:
     """The work of a pair: pixels of both eyes, samples, cost of a sample relative to Lambert's law, whether the image
-    is denoised, the processor seconds of a megapixel of the truth, and whether there are rocks."""
+    is denoised, the processor seconds per megapixel of truth, and whether there are rocks.
+    """
 
     pixels: int
     samples: float
@@ -161,7 +180,7 @@ def estimate_work(settings: Settings) -> Work:
     topics, coverage = surface_topics(settings), settings.rocks.coverage
     weights = (1.0,) if len(topics) == 1 else (1.0 - coverage, coverage)
     relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
-    relative += _ROCKS * (coverage > 0)
+    relative += _ROCKS_COST * (coverage > 0)
     samples = mean_samples_taken(quality.samples, quality.noise_threshold)
     truth = _TRUTH_S_PER_MPX[quality.truth_by] if quality.truth == "FULL" else 0.0
     return Work(count_pixels(settings), samples, relative, quality.denoiser != "NONE", truth, coverage > 0)
@@ -194,7 +213,7 @@ def estimate_bytes(settings: Settings) -> float:
     stored = _LIGHT[IMAGE_PASS in rounded]
     samples = mean_samples_taken(quality.samples, quality.noise_threshold)
     noisy = min(stored.most, stored.one_sample + stored.per_doubling * math.log2(samples))
-    if settings.textures.set in _PHOTOGRAPHS:
+    if settings.textures.set in _DETAILED_IMAGES:
         noisy = stored.most * stored.coloured
     coloured = light.planet and light.planet_face != "PLAIN"
     denoised = quality.denoiser != "NONE"
@@ -202,13 +221,18 @@ def estimate_bytes(settings: Settings) -> float:
     if light.planet or light.stars:
         beside = 0.0 if quality.files == "COMPACT" and not denoised else seen
         seen = beside + (stored.sun + (stored.coloured if coloured else stored.planet)) * noisy
-    copies = 1.0 + (settings.rig.toe_in_deg != 0)  # the truth of the rectified rig, and of eyes that are turned in
-    truth = _DEPTH + _bytes_of_shape(settings, _NORMALS[NORMAL_PASS in rounded]) if quality.truth == "FULL" else _DEPTH
-    larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
-    if is_calibrated(settings.rig):  # and the truth on the sensors
+    # One more copy of the truth for the rectified rig of eyes that are turned in.
+    copies = 1.0 + (settings.rig.toe_in_deg != 0)
+    truth = (
+        _DEPTH_BYTES + _bytes_of_shape(settings, _NORMALS[NORMAL_PASS in rounded])
+        if quality.truth == "FULL"
+        else _DEPTH_BYTES
+    )
+    larger = _BYTES_RATIO_FOR_DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
+    if is_calibrated(settings.rig):  # and one more for the truth on the sensors
         sensors = sum(settings[topic].width_px * settings[topic].height_px for topic in EYE_TOPICS)
         copies += sensors / max(1, count_pixels(settings))
-    return count_pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
+    return count_pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _OTHER_BYTES)
 
 
 def _bytes_of_shape(settings: Settings, stored: _NormalBytes) -> float:
@@ -217,15 +241,14 @@ def _bytes_of_shape(settings: Settings, stored: _NormalBytes) -> float:
     fraction = 1.0 if graded else stored.grid
     if edge_px := settings.mesh.edge_px if graded else _edge_px(settings):
         fraction *= 1.0 - math.exp(-stored.edges * edge_px**stored.power)
-    labels = _ROCK_LABELS * (settings.rocks.coverage > 0)
+    labels = _ROCK_LABEL_BYTES * (settings.rocks.coverage > 0)
     if settings.quality.truth_by == "RAYS":
         return stored.most * fraction + labels
-    return stored.shading + stored.most * fraction / _FACETS_OF_RAYS + labels
+    return stored.shading + stored.most * fraction / _RAY_NORMALS_RATIO + labels
 
 
 def _edge_px(settings: Settings) -> float:
-    """Edge in px of a triangle as large as a facet of ground that is not graded, where the camera looks; 0 if that is
-    unknown before the ground is read."""
+    """Edge in pixels of a facet of ungraded ground where the camera looks; 0 if unknown before the ground is read."""
     rig, source = settings.rig, settings.source
     if source.kind == "PROCEDURAL":
         edge_m = math.sqrt(2.0) * settings.terrain.size_m / (settings.terrain.resolution - 1)
@@ -234,7 +257,7 @@ def _edge_px(settings: Settings) -> float:
         edge_m = item.size_m * math.sqrt(2.0 / item.triangles)
     else:
         return 0.0
-    away_m = rig.height_m / math.sin(math.radians(max(_LOWEST_DEG, abs(rig.pitch_deg))))
+    away_m = rig.height_m / math.sin(math.radians(max(_SHALLOWEST_PITCH_DEG, abs(rig.pitch_deg))))
     return edge_m / away_m * StereoCamera.from_settings(rig).focal_px
 
 
@@ -244,7 +267,7 @@ def sky_fraction(settings: Settings) -> float:
     camera = StereoCamera.from_settings(rig)
     endless = source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
     down_deg = 0.0 if endless else math.degrees(math.atan2(rig.height_m, settings.terrain.size_m / 2))
-    above = math.radians(max(-89.0, min(89.0, rig.pitch_deg - down_deg)))  # of the axis, below the edge
+    above = math.radians(max(-89.0, min(89.0, rig.pitch_deg - down_deg)))  # pitch of the axis, below the edge
     row = camera.cy_px - camera.focal_px * math.tan(above)
     return min(1.0, max(0.0, (row + camera.margin_y_px) / camera.rendered_px[1]))
 
@@ -252,31 +275,33 @@ def sky_fraction(settings: Settings) -> float:
 def _sample_cost(settings: Settings, topic: str) -> float:
     """Cost of a sample that meets a surface, over that with Lambert's law and shaded relief."""
     surface, hapke = simplify_surface(settings, topic), settings.hapke
-    relative = _MODELS[surface.model]
+    relative = _COST_BY_MODEL[surface.model]
     if surface.model == "HAPKE":
-        relative = {"REFERENCE": _HAPKE_REFERENCE}.get(hapke.accuracy, relative)
-        relative = {"NODES": _HAPKE_NODES}.get(hapke.backend, relative)
+        relative = {"REFERENCE": _HAPKE_REFERENCE_COST}.get(hapke.accuracy, relative)
+        relative = {"NODES": _HAPKE_NODES_COST}.get(hapke.backend, relative)
     if surface.model == "PRINCIPLED":
         under, burley = surface.subsurface_weight, surface.subsurface_method == "BURLEY"
-        relative += (_BURLEY if burley else _WALK) * under / (under + _HALF) + _TRANSMISSION * surface.transmission
+        relative += (_BURLEY_COST if burley else _WALK_COST) * under / (
+            under + _HALF_COST_WEIGHT
+        ) + _TRANSMISSION_COST * surface.transmission
     if surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0:
-        relative += _RELIEF_CAMERA if only_camera_meets_relief(surface, settings.quality) else _RELIEF
+        relative += _RELIEF_CAMERA_COST if only_camera_meets_relief(surface, settings.quality) else _RELIEF_COST
     if settings.veil.optical_depth > 0:
-        relative += _VEIL
+        relative += _VEIL_COST
     if settings.textures.set == "NONE":
         return relative
-    images = _IMAGES_LAMBERT if surface.model == "LAMBERT" else _IMAGES
-    return relative + images * (_OWN_IMAGE if settings.textures.set == "MESH" else 1.0)
+    images = _LAMBERT_IMAGES_COST if surface.model == "LAMBERT" else _IMAGES_COST
+    return relative + images * (_OWN_IMAGE_SHARE if settings.textures.set == "MESH" else 1.0)
 
 
 def mean_samples_taken(samples: int, threshold: float) -> float:
-    """Samples that a pixel takes on the mean where none takes more than ``samples``, under a noise threshold (0: none).
+    """Mean number of samples per pixel under a noise threshold (0: no threshold), with at most ``samples`` each.
 
     Measured by ``python benchmarks plan_cost``.
     """
     if threshold <= 0:
         return float(samples)
-    return min(float(samples), max(_LEAST * threshold**_LEAST_POWER, (_SAMPLE_NOISE / threshold) ** 2))
+    return min(float(samples), max(_LEAST_SAMPLES * threshold**_LEAST_SAMPLES_POWER, (_SAMPLE_NOISE / threshold) ** 2))
 
 
 def build_seconds(settings: Settings, triangles: float) -> float:
@@ -292,12 +317,13 @@ def build_seconds(settings: Settings, triangles: float) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The work of a plan, and the part of it that is left to do.
+    """The work of a plan, and the part that is left to do.
 
-    ``geometries``, ``surfaces`` and ``lights`` are numbers of different ones, ``scenes`` is the number of builds.
-    ``seconds`` are processor seconds of all pairs, ``left_s`` of the pairs that are not there. The true value lies
-    between ``left_s`` divided and multiplied by ``factor`` in 19 of 20 cases, and takes ``left_wall_s`` on the clock.
-    ``measured`` is the number of complete pairs that have corrected the estimate; without any, it rests on ``basis``.
+    ``geometries``, ``surfaces`` and ``lights`` are numbers of distinct ones, and ``scenes`` is the number of builds.
+    ``seconds`` are the processor seconds of all pairs, and ``left_s`` those of the pairs still to render, which take
+    ``left_wall_s`` by the clock. In 19 of 20 cases the true value lies between ``left_s`` divided by ``factor`` and
+    ``left_s`` times ``factor``. ``measured`` is the number of complete pairs that corrected the estimate; with none,
+    the estimate rests on ``basis``.
     """
 
     pairs: int
@@ -316,13 +342,13 @@ class Estimate:
     basis: str
 
     def lines(self) -> list[str]:
-        """The estimate in words, a line each."""
+        """The estimate in words, one line per item."""
         left = self.left_wall_s
         low, high = left / self.factor, left * self.factor
         basis = (
             f"corrected by {format_count(self.measured, 'rendered pair')}" if self.measured else f"from {self.basis}"
         )
-        there = f", {self.there} of them there already" if self.there else ""
+        there = f", {self.there} already rendered" if self.there else ""
         lines = [
             f"{format_count(self.pairs, 'pair')}{there}",
             f"{format_count(self.geometries, 'ground')}, {format_count(self.surfaces, 'surface')}, "
@@ -337,7 +363,7 @@ class Estimate:
         return lines
 
     def to_json(self) -> dict[str, Any]:
-        """The estimate for programs."""
+        """The estimate as a JSON object."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__} | {"lines": self.lines()}
 
 
@@ -409,10 +435,10 @@ def _processor_seconds(
     seconds of each pair in a scene that is already built. A worker starts for each job and builds the scenes of that
     job. Light is baked once, unless it is among the light that is ``lit`` already.
     """
-    seconds = _START_S if pairs else 0.0
+    seconds = _PROCESS_START_S if pairs else 0.0
     baked = set(lit)
-    for job in cut_into_jobs(pairs, choose_worker_count(), MOST_SCENES):
-        seconds += _WORKER_S
+    for job in cut_into_jobs(pairs, choose_worker_count(), DEFAULT_MOST_SCENES):
+        seconds += _WORKER_START_S
         before = ""
         for pair in job:
             scene = scenes[pair.id]
@@ -431,8 +457,8 @@ def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed
 
     Takes some milliseconds, because no triangles are counted and no pair of the data set is read.
     """
-    work = sum(estimate_work(each).seconds(_UNCOUNTED) for each in some) / len(some) * pairs
-    work += grounds * build_seconds(some[0], _UNCOUNTED) + _START_S + _WORKER_S
+    work = sum(estimate_work(each).seconds(_ASSUMED_TRIANGLES) for each in some) / len(some) * pairs
+    work += grounds * build_seconds(some[0], _ASSUMED_TRIANGLES) + _PROCESS_START_S + _WORKER_START_S
     return (
         to_wall_seconds((speed.factor if speed else 1.0) * work, speed),
         (sum(map(estimate_bytes, some)) / len(some) + STATED_BYTES) * pairs,
@@ -443,22 +469,22 @@ def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, floa
     """Triangles of each scene: counted for a few, evenly chosen; the others get the mean of these."""
     names = list(scenes)
     counted: dict[str, float] = {}
-    for k in range(min(_COUNTED, len(names))):
-        name = names[k * len(names) // min(_COUNTED, len(names))]
+    for k in range(min(_MOST_COUNTED_SCENES, len(names))):
+        name = names[k * len(names) // min(_MOST_COUNTED_SCENES, len(names))]
         try:
             counted[name] = count_triangles(scenes[name].settings)
         except IcyMoonError:
             continue  # a file that cannot be read; the build reports why
-    mean = sum(counted.values()) / len(counted) if counted else _UNCOUNTED
+    mean = sum(counted.values()) / len(counted) if counted else _ASSUMED_TRIANGLES
     return {name: counted.get(name, mean) for name in names}
 
 
 def _read_pairs(
     pairs: Sequence[PlannedPair], dataset: Path, there: set[str]
 ) -> list[tuple[PlannedPair, dict[str, Any]]]:
-    """The ``pair.json`` of complete pairs, of up to ``_MOST_READ`` of them."""
+    """The ``pair.json`` of complete pairs, of up to ``_MOST_TIMED_PAIRS`` of them."""
     found = []
-    for pair in [pair for pair in pairs if pair.id in there][:_MOST_READ]:
+    for pair in [pair for pair in pairs if pair.id in there][:_MOST_TIMED_PAIRS]:
         with suppress(IcyMoonError):  # verify reports the fault of such a pair
             found.append((pair, read_pair(pair.folder(dataset)).data))
     return found
@@ -482,7 +508,7 @@ def _read_ratios(
 
 def prior_spread(speed: Speed | None, gpu: bool) -> float:
     """Standard deviation of the logarithm of the seconds, before a pair is known."""
-    return _BEFORE_HERE if speed else _UNKNOWN_DEVICE if gpu else _BEFORE
+    return _PLAN_SPREAD_HERE if speed else _CARD_SPREAD if gpu else _PLAN_SPREAD
 
 
 def _correct_by_pairs(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[float, float]:
@@ -491,7 +517,7 @@ def _correct_by_pairs(ratios: Sequence[float], speed: Speed | None, gpu: bool) -
     The logarithm is the weighted mean of normal distributions: one known before, and one for each pair.
     """
     before = prior_spread(speed, gpu) ** -2
-    each = _ONE_PAIR**-2
+    each = _PAIR_SPREAD**-2
     weight = before + each * len(ratios)
     known = math.log(speed.factor) if speed else 0.0
     mean = (before * known + each * sum(math.log(ratio) for ratio in ratios)) / weight

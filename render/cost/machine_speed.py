@@ -1,8 +1,8 @@
-"""The speed of this machine as ``measure_speed`` found it, and the file that keeps it. Imports no Blender.
+"""The measured speed of this machine (``measure_speed``), and the file that stores it. Imports no Blender.
 
-Two numbers per computer, device, version of Blender and number of processors: the processor seconds that a pair took
-over the seconds that ``estimate`` expects, and the share of the processors that were at work. The file is in the user's
-cache folder, so that the window and the command line share it.
+The file has two numbers per computer, device, version of Blender and number of processors: the processor seconds of a
+pair over the seconds that ``estimate`` expects, and the share of the processors at work. The file is in the user's
+cache folder, so the window and the command line share it.
 """
 
 from __future__ import annotations
@@ -21,8 +21,11 @@ from ...support.system import count_processors
 
 @dataclass(frozen=True)
 class Speed:
-    """A measured speed: the ``factor`` of a pair's processor seconds here over the seconds that ``estimate`` expects,
-    and the share of the processors that are ``busy`` meanwhile. With a graphics card all processors count as busy."""
+    """A measured speed.
+
+    ``factor`` is the processor seconds of a pair here over the seconds that ``estimate`` expects. ``busy`` is the share
+    of the processors at work meanwhile; with a graphics card all processors count as busy.
+    """
 
     factor: float
     device: str
@@ -33,19 +36,26 @@ class Speed:
 
     @property
     def basis(self) -> str:
-        """Where it comes from, in words."""
+        """The source of the speed, in words."""
         return f"this machine, Blender {self.blender}, measured {self.measured[:10]}"
 
 
-#: How that is kept. What versions before ``busy`` kept is measured again.
-_SPEED = {"factor": POSITIVE, "device": TEXT, "blender": TEXT, "processors": COUNT, "measured": TEXT, "busy": POSITIVE}
+#: Content of the stored entry. Entries of versions before ``busy`` are measured again.
+_SPEED_SHAPE = {
+    "factor": POSITIVE,
+    "device": TEXT,
+    "blender": TEXT,
+    "processors": COUNT,
+    "measured": TEXT,
+    "busy": POSITIVE,
+}
 #: Share of the processors at work on a machine that was not measured.
-_BUSY = 0.85
+_ASSUMED_BUSY_SHARE = 0.85
 
 
 def to_wall_seconds(processor_s: float, speed: Speed | None) -> float:
-    """Seconds on the clock of ``processor_s`` processor seconds, which ``speed.factor`` has already corrected."""
-    return processor_s / (count_processors() * (speed.busy if speed else _BUSY))
+    """Wall seconds of ``processor_s`` processor seconds, which ``speed.factor`` has already corrected."""
+    return processor_s / (count_processors() * (speed.busy if speed else _ASSUMED_BUSY_SHARE))
 
 
 def _speed_file() -> Path:
@@ -53,7 +63,7 @@ def _speed_file() -> Path:
 
 
 def _read_speeds() -> dict[str, Any]:
-    """All speeds that are kept; none if the file cannot be read."""
+    """All stored speeds; empty if the file cannot be read."""
     try:
         return dict(read_record(_speed_file(), TABLE, "delete it"))
     except (OSError, IcyMoonError):
@@ -65,12 +75,13 @@ def _speed_key(device: str, blender: str, count: int) -> str:
 
 
 def recall_speed(device: str, blender: str = "") -> Speed | None:
-    """The speed of this computer's ``device`` (CPU or GPU) with as many processors as there are now, in one version of
-    Blender or, if none is named, the one measured last; None if it was not measured."""
+    """The speed of this computer's ``device`` (CPU or GPU) with the present number of processors, in one version of
+    Blender or, without ``blender``, the speed measured last. None if it was never measured.
+    """
     known = [
-        (key, Speed(**{name: entry[name] for name in _SPEED}))
+        (key, Speed(**{name: entry[name] for name in _SPEED_SHAPE}))
         for key, entry in _read_speeds().items()
-        if not find_fault(entry, _SPEED)
+        if not find_fault(entry, _SPEED_SHAPE)
     ]
     found = [
         speed
@@ -81,7 +92,7 @@ def recall_speed(device: str, blender: str = "") -> Speed | None:
 
 
 def remember_speed(speed: Speed) -> None:
-    """Keep a speed for all later estimates. Raises IcyMoonError if the disk refuses."""
+    """Store a speed for all later estimates. Raises IcyMoonError if the file cannot be written."""
     write_json(
         _speed_file(), {**_read_speeds(), _speed_key(speed.device, speed.blender, speed.processors): asdict(speed)}
     )

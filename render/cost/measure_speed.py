@@ -1,4 +1,4 @@
-"""How fast this machine is, measured with a small render. Imports no Blender."""
+"""Measures the speed of this machine with a small render. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from .blender_abilities import ask_abilities
 from .estimate import estimate_work
 from .machine_speed import Speed, remember_speed
 
-#: The small render: all parts of a pair (both eyes, interreflection, denoiser, truth, files), in some 4 processor
-#: seconds. The first pair of a process includes the compilation for a graphics card, so only the others count.
+#: The small render has all parts of a pair (both eyes, interreflection, denoiser, truth, files) and takes about 4
+#: processor seconds. The first pair of a process includes the compilation for a graphics card, so only the later pairs
+#: count.
 _SMALL_RENDER: dict[str, dict[str, Any]] = {
     "rig": {"width_px": 320, "height_px": 240},
     "mesh": {"error_px": 4.0, "edge_px": 24.0},
@@ -28,29 +29,33 @@ _SMALL_RENDER: dict[str, dict[str, Any]] = {
     "quality": {"samples": 8, "denoiser": "OIDN"},
     "dataset": {"headings": 3},
 }
-#: Least share of the processors that is taken to be at work.
-_LEAST_BUSY = 0.5
-#: The part of ``pair.json`` that is read.
-_PAIR = {"seconds": {"render": NUMBER, "write": NUMBER}, "cpu_seconds": {"pair": NUMBER}, "versions": {"blender": TEXT}}
+#: Least share of the processors that is assumed to be at work.
+_LEAST_BUSY_SHARE = 0.5
+#: The entries of ``pair.json`` that are read.
+_PAIR_SHAPE = {
+    "seconds": {"render": NUMBER, "write": NUMBER},
+    "cpu_seconds": {"pair": NUMBER},
+    "versions": {"blender": TEXT},
+}
 
 
 def make_small_render(device: str, denoiser: bool = True) -> Settings:
-    """Complete settings of the small render, for a Blender that has a denoiser or not."""
+    """Complete settings of the small render, for a Blender with or without a denoiser."""
     quality = {"device": device, **({} if denoiser else {"denoiser": "NONE"})}
     return merged(defaults(), _SMALL_RENDER, {"quality": quality})
 
 
 def read_speed(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
-    """The speed by the pairs of ``make_small_render``: by the fastest after the first, for other work may slow any
-    down.
+    """The speed from the pairs of ``make_small_render``: from the fastest pair after the first, because other work on
+    the machine may slow a pair down.
 
-    At least half of the processors are taken to be at work: if a pair took longer, other work had them, or the pair is
-    too small for all processors. Raises IcyMoonError if the pairs cannot be read.
+    At least half of the processors are assumed to be at work: if a pair took longer, other work used the processors, or
+    the pair is too small for all of them. Raises IcyMoonError if the pairs cannot be read.
     """
     settings = make_small_render(device, denoiser)
     expected = estimate_work(settings).seconds(count_triangles(settings))
     try:
-        facts = [read_record(pair / "pair.json", _PAIR, "measure again") for pair in pairs]
+        facts = [read_record(pair / "pair.json", _PAIR_SHAPE, "measure again") for pair in pairs]
         held = [count_processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
         worked = [each["cpu_seconds"]["pair"] for each in facts[1:]] if device == "CPU" else held
         busy = max(min(1.0, own / whole) for own, whole in zip(worked, held, strict=True))
@@ -60,7 +65,7 @@ def read_speed(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
             facts[0]["versions"]["blender"],
             count_processors(),
             datetime.now(UTC).isoformat(timespec="minutes"),
-            max(_LEAST_BUSY, busy),
+            max(_LEAST_BUSY_SHARE, busy),
         )
     except (OSError, IcyMoonError, ValueError, IndexError) as error:
         raise IcyMoonError(
@@ -69,7 +74,7 @@ def read_speed(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
 
 
 def measure_speed(blender: str, device: str, scratch: Path, hear: Callable[[Message], None]) -> Speed:
-    """Render the probe with a Blender (or a Python with bpy) into ``scratch``, and remember how fast that was.
+    """Render the small pair with a Blender (or a Python with bpy) into ``scratch``, and store the speed.
 
     Raises IcyMoonError if the render or the disk fails.
     """

@@ -1,4 +1,4 @@
-"""The quality presets with what each costs here and what error it leaves. Imports no Blender."""
+"""The quality presets, each with its cost on this machine and its stereo error. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...settings.description import merged
 from ...settings.preset_files import find_preset, load, preset_names, read_preset_header
 from ...settings.toml_text import read_toml
 from ...settings.topics.scene import Settings
-from ..plans.baked_or_traced import bake_seconds, settle_indirect
+from ..plans.baked_or_traced import bake_seconds, resolve_auto_indirect
 from .blender_abilities import Abilities, describe_lack
 from .estimate import estimate_work, format_duration, prior_spread
 from .machine_speed import Speed, to_wall_seconds
@@ -21,20 +21,23 @@ from .machine_speed import Speed, to_wall_seconds
 
 @dataclass(frozen=True)
 class QualityPreset:
-    """A way to compute the light of a scene: wall seconds of a further pair, between ``seconds`` divided and
-    multiplied by ``factor`` in 19 of 20 cases, and its measured ``errors``, see ``list_qualities``."""
+    """A quality preset with its cost and error for a scene.
+
+    In 19 of 20 cases a further pair takes between ``seconds`` divided by ``factor`` and ``seconds`` times ``factor`` by
+    the clock. ``errors`` are measured, see ``list_qualities``.
+    """
 
     name: str
     title: str
     seconds: float
     factor: float
     errors: Mapping[str, Any]
-    lacks: str = ""  # the ability that the Blender lacks for it, with the fix
-    chosen: bool = False  # whether the scene is described with it
+    lacks: str = ""  # the feature that Blender lacks for this quality, with the fix
+    chosen: bool = False  # whether the settings of the scene equal this quality
 
     @property
     def cost(self) -> str:
-        """Such as '12 s (8 s to 18 s)', or the ability that the Blender lacks for it."""
+        """For example '12 s (8 s to 18 s)', or the feature that Blender lacks."""
         if self.lacks:
             return self.lacks
         low, high = format_duration(self.seconds / self.factor), format_duration(self.seconds * self.factor)
@@ -42,13 +45,15 @@ class QualityPreset:
 
     @property
     def brief(self) -> str:
-        """Such as '12 s, +0.03 px': the seconds of a pair, and the error that it adds to SGBM's if one was measured."""
+        """For example '12 s, +0.03 px': the seconds of a pair, and the measured error that the quality adds to SGBM's,
+        if any.
+        """
         added = f", {self.errors['sgbm_px']:+.2f} px" if self.errors else ""
         return "" if self.lacks else f"{format_duration(self.seconds)}{added}"
 
     @property
     def error(self) -> str:
-        """Such as 'SGBM +0.031 px, radiance 4.1 %'; empty if none was measured."""
+        """For example 'SGBM +0.031 px, radiance 4.1 %'; empty if no error was measured."""
         if not self.errors:
             return ""
         return f"SGBM {self.errors['sgbm_px']:+.3f} px, radiance {100 * self.errors['radiance_rms']:.1f} %"
@@ -56,8 +61,10 @@ class QualityPreset:
 
 def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
     """Wall seconds of a further pair of a scene of ``triangles`` triangles, and the factor by which they may be off.
-    Light that is baked for the view of one pair counts; light that all pairs share does not."""
-    settled = settle_indirect(settings, int(settings.dataset.headings))
+
+    Light that is baked for the view of one pair counts; light that all pairs share does not.
+    """
+    settled = resolve_auto_indirect(settings, int(settings.dataset.headings))
     work = estimate_work(settled).seconds(triangles)
     if is_baked(settled) and settled.quality.bake_area == "VIEW":
         work += bake_seconds(settled)
@@ -71,8 +78,8 @@ def list_qualities(
     speed: Speed | None,
     able: Abilities = Abilities(),  # noqa: B008  it is frozen
 ) -> list[QualityPreset]:
-    """The shipped qualities for a scene, cheapest first, then its own. Each one names the ability that a Blender with
-    the abilities ``able`` lacks for it.
+    """The shipped qualities for a scene, cheapest first, then the scene's own. Each names the feature that a Blender
+    with the abilities ``able`` lacks.
 
     ``errors`` are from the preset's file: ``sgbm_px`` added to the mean error of SGBM, ``radiance_rms`` and
     ``radiance_bias`` as fractions of the mean radiance, the ``scene`` and the ``command`` that measured them.
@@ -104,6 +111,6 @@ def list_qualities(
 
 @cache
 def _read_preset(name: str) -> tuple[str, Settings, Mapping[str, Any]]:
-    """Title, settings and measured errors of a preset; read once, since the window asks at every redraw."""
+    """Title, settings and measured errors of a preset; read once, since the window draws them at every redraw."""
     path = find_preset(name)
     return read_preset_header(name)[0], load(path), read_toml(path).get("measured", {})

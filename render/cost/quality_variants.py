@@ -1,7 +1,7 @@
 """Variants of a scene's quality, from the fastest to the most accurate. Imports no Blender.
 
-A variant changes one thing, and only one that the scene has. For example, there are no variants of subsurface
-scattering if no light enters the surface, and none of the mesh error if the ground is from a file.
+A variant changes one feature that the scene has. For example, subsurface scattering has no variants if no light enters
+the surface, and the mesh error has none if the ground is from a file.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from ..plans.baked_or_traced import bake_seconds
 from .blender_abilities import Abilities, describe_lack
 from .estimate import estimate_work
 
-_ALL = Abilities()
-#: Parts of settings by the name of the variant that has them.
+_FULL_BUILD = Abilities()
+#: Topics of settings by the name of the variant.
 _Parts = dict[str, dict[str, dict[str, Any]]]
 #: Groups of variants, with their meanings.
 GROUPS = {
     "samples": "samples per pixel, with and without a denoiser",
     "bounces": "maximum number of diffuse bounces",
     "threshold": "more samples only for pixels that are still noisy",
-    "indirect": "light between parts of the ground, traced in every image or baked once for all",
+    "indirect": "light between parts of the ground, traced in each image or baked once for all images",
     "shortcuts": "parts that may be left out: subsurface scattering, fine relief for rays other than the camera's, "
     "labels and normals",
     "files": "radiance and normals in 16 instead of 32 bits, and the image beside the lights that it is the sum of",
@@ -50,32 +50,33 @@ GROUPS = {
     "relief": "fine relief as bump or as geometry",
     "hapke": "terms and accuracy of Hapke's law",
 }
-#: Groups that vary the shape of the ground. Their reference has a finer shape.
+#: Groups that vary the shape of the ground. Their reference has a finer mesh.
 SHAPES = ("mesh", "relief")
 SAMPLES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
-_MOST_DENOISED = 64
-_BOUNCES = (0, 1, 2, 3, 4, 8, 16)
-_THRESHOLDS = (0.2, 0.1, 0.05, 0.02, 0.01)
+_MOST_DENOISED_SAMPLES = 64
+_DIFFUSE_BOUNCES = (0, 1, 2, 3, 4, 8, 16)
+_NOISE_THRESHOLDS = (0.2, 0.1, 0.05, 0.02, 0.01)
 #: Maximum number of samples with a noise threshold, as a multiple of the scene's own.
-_THRESHOLD_ROOM = 4
-#: Samples of direct light, and of the bake, with which light is baked.
+_THRESHOLD_SAMPLES_FACTOR = 4
+#: Samples of direct light in an image with baked light, and samples of the bake.
 _DIRECT_SAMPLES, _BAKE_SAMPLES = (1, 2, 4, 9), (64, 256)
 _MESH_ERRORS_PX = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-_TRACED = {"indirect": "TRACED"}
-_DENOISERS = {"NONE": "", "OIDN": ", denoised", "OIDN_COLOUR": ", denoised by colour"}
-#: Maximum of ``quality.walk_px``.
+_TRACED_LIGHT = {"indirect": "TRACED"}
+_DENOISER_SUFFIXES = {"NONE": "", "OIDN": ", denoised", "OIDN_COLOUR": ", denoised by colour"}
+#: Largest accepted value of ``quality.walk_px``.
 _LONGEST_WALK_PX = 100.0
-#: Bounces of the reference, its maximum number of samples in two renders, and a mesh error that no matcher detects.
+#: Bounces of the reference, the most samples of its two renders together, and a mesh error below the precision of
+#: matchers.
 _REFERENCE_BOUNCES = 32
-_REFERENCE_MOST = 2 * 65536
+_MOST_REFERENCE_SAMPLES = 2 * 65536
 _REFERENCE_ERROR_PX = 0.25
-#: Vertices that the mesh of the reference may have at least.
-_REFERENCE_VERTICES = 6_000_000
+#: Vertices to which the mesh of the reference is allowed to grow, at least.
+_LEAST_REFERENCE_VERTICES = 6_000_000
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A variant of a scene: its group, its name, complete settings, and the number of renders."""
+    """A variant of a scene's quality: its group, its name, complete settings, and the number of renders."""
 
     group: str
     name: str
@@ -84,22 +85,22 @@ class Variant:
 
     @property
     def key(self) -> str:
-        """A text that identifies the variant among the variants of a scene."""
+        """The text that identifies the variant among the variants of a scene."""
         return f"{self.group}: {self.name}"
 
 
 def make_reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Variant:
-    """The scene with its light as accurate as possible: no denoiser, no threshold, many bounces, full fine relief, the
-    most accurate Hapke's law.
+    """The scene with the most accurate light: no denoiser, no noise threshold, many bounces, full fine relief, Hapke's
+    law at full accuracy.
 
-    With ``fine``, its shape is accurate too: the finest mesh, and fine relief as geometry. Each of two renders has
-    half the ``samples``, so that the remaining noise can be measured. Raises IcyMoonError for fewer than two samples,
-    and for more than two renders can have.
+    With ``fine``, its shape is accurate too: the finest mesh, and fine relief as geometry. There are two renders of
+    half the ``samples`` each, so that the remaining noise can be measured. Raises IcyMoonError for fewer than two
+    samples, and for more than two renders take.
     """
-    if not 2 <= samples <= _REFERENCE_MOST:
+    if not 2 <= samples <= _MOST_REFERENCE_SAMPLES:
         raise IcyMoonError(
             f"A reference cannot have {samples} samples, half of them in each of two renders; choose 2 "
-            f"to {_REFERENCE_MOST}."
+            f"to {_MOST_REFERENCE_SAMPLES}."
         )
     parts: list[dict[str, dict[str, Any]]] = [
         {
@@ -120,7 +121,7 @@ def make_reference(settings: Settings, samples: int = 1024, fine: bool = False) 
             {
                 "mesh": {
                     "error_px": min(_REFERENCE_ERROR_PX, settings.mesh.error_px),
-                    "most": max(_REFERENCE_VERTICES, settings.mesh.most),
+                    "most": max(_LEAST_REFERENCE_VERTICES, settings.mesh.most),
                 }
             }
         )
@@ -129,11 +130,11 @@ def make_reference(settings: Settings, samples: int = 1024, fine: bool = False) 
     return Variant("reference", f"{samples} samples{', fine' * fine}", merged(settings, *parts))
 
 
-def list_variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _ALL) -> list[Variant]:
+def list_variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _FULL_BUILD) -> list[Variant]:
     """The variants of complete settings in the named ``groups``, after the scene as it is described.
 
     Without ``groups``, all groups that the scene has are varied. Equal settings appear once for each kind of reference,
-    see ``SHAPES``. Variants that a Blender with the abilities ``able`` cannot render are left out. Raises IcyMoonError
+    see ``SHAPES``. Only variants that a Blender with the abilities ``able`` can render are listed. Raises IcyMoonError
     for an unknown group, or a group without variants in this scene.
     """
     unknown = [group for group in groups if group not in GROUPS]
@@ -141,7 +142,7 @@ def list_variants(settings: Settings, groups: Sequence[str] = (), able: Abilitie
         raise IcyMoonError(f"There is no group {unknown[0]!r} to vary; there are {', '.join(GROUPS)}.")
     found = [Variant("scene", "as described", settings)]
     for group in groups or GROUPS:
-        parts = _PARTS[group](settings).items()
+        parts = _PARTS_BY_GROUP[group](settings).items()
         varied = (Variant(group, name, merged(settings, part)) for name, part in parts)
         own = [variant for variant in varied if not describe_lack(variant.settings, able)]
         if not own and group in groups:
@@ -153,8 +154,9 @@ def list_variants(settings: Settings, groups: Sequence[str] = (), able: Abilitie
 
 @dataclass(frozen=True)
 class _Shortcut:
-    """A part that may be rendered or left out: the setting of quality, its values without and with the part, and the
-    names of both variants."""
+    """A feature that a render may leave out for speed: the key in ``quality``, its value without (``lean``) and with
+    the feature (``full``), and the names of both variants.
+    """
 
     key: str
     lean: bool | float | str
@@ -164,7 +166,7 @@ class _Shortcut:
 
 
 def list_baked_settings(settings: Settings, area: str = "GROUND") -> dict[str, Settings]:
-    """The ways to bake the light of a scene to a ``quality.bake_area``, by name; none if it cannot be baked."""
+    """The ways to bake the light of a scene to a ``quality.bake_area``, by name; empty if its light cannot be baked."""
     return {name: merged(settings, part) for name, part in _baked_parts(settings, area).items()}
 
 
@@ -185,7 +187,7 @@ def _baked_parts(settings: Settings, area: str = "GROUND") -> _Parts:
 
 
 def _list_shortcuts(settings: Settings) -> list[_Shortcut]:
-    """The parts that the scene has: shaded relief, subsurface scattering, labels and normals."""
+    """The features of the scene that may be left out: shaded relief, subsurface scattering, labels and normals."""
     found = []
     topics = surface_topics(settings)
     if any(
@@ -203,7 +205,7 @@ def _list_shortcuts(settings: Settings) -> list[_Shortcut]:
 
 
 def list_leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
-    """Parts of settings, by name, that each leave out one more part of the scene's light."""
+    """Settings by name, each with one more part of the scene's light left out than the one before."""
     return {
         part.without: {"quality": {part.key: part.lean}}
         for part in _list_shortcuts(settings)
@@ -240,14 +242,14 @@ def _make_isotropic_hapke(settings: Settings) -> dict[str, Any]:
     }
 
 
-def list_candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> list[Variant]:
-    """Ways to compute the light, cheapest first by their expected cost: for a search that stops at the first one that
-    is good enough. Ways that a Blender with the abilities ``able`` cannot render are left out.
+def list_candidates(settings: Settings, able: Abilities = _FULL_BUILD, images: int = 1) -> list[Variant]:
+    """Ways to compute the light of a scene that a Blender with the abilities ``able`` can render, the cheapest by
+    expected cost first. A search may stop at the first one that is good enough.
 
-    ``images`` is the number of images of a ground under one Sun, which share the cost of baking its light; for one
-    image alone, light is baked only in its view.
+    ``images`` is the number of images of a ground under one Sun, which share the cost of baking; for one image alone,
+    light is baked only in its view.
     """
-    parts = _sampled(("NONE", "OIDN"), noise_threshold=0.0)
+    parts = _list_sample_counts(("NONE", "OIDN"), noise_threshold=0.0)
     found = [Variant("auto", name, merged(settings, part)) for name, part in parts.items()]
     area = "GROUND" if images > 1 else "VIEW"
     found += [Variant("auto", name, each) for name, each in list_baked_settings(settings, area).items()]
@@ -267,31 +269,34 @@ def _has_graded_mesh(settings: Settings) -> bool:
     return settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
 
 
-def _sampled(denoisers: Iterable[str], **quality: float) -> _Parts:
-    """Numbers of samples, each with these denoisers; with more samples a denoiser costs more than it can remove."""
+def _list_sample_counts(denoisers: Iterable[str], **quality: float) -> _Parts:
+    """Variants of the number of samples with each of these denoisers. Above a number of samples a denoiser costs more
+    than it saves.
+    """
     return {
-        f"{format_count(n, 'sample')}{_DENOISERS[denoiser]}": {
-            "quality": {"samples": n, "denoiser": denoiser, **quality, **_TRACED}
+        f"{format_count(n, 'sample')}{_DENOISER_SUFFIXES[denoiser]}": {
+            "quality": {"samples": n, "denoiser": denoiser, **quality, **_TRACED_LIGHT}
         }
         for denoiser in denoisers
         for n in SAMPLES
-        if denoiser == "NONE" or n <= _MOST_DENOISED
+        if denoiser == "NONE" or n <= _MOST_DENOISED_SAMPLES
     }
 
 
-def _thresholds(settings: Settings) -> _Parts:
-    most = _THRESHOLD_ROOM * int(settings.quality.samples)
+def _list_thresholds(settings: Settings) -> _Parts:
+    most = _THRESHOLD_SAMPLES_FACTOR * int(settings.quality.samples)
     return {
-        f"until {limit:g}": {"quality": {"noise_threshold": limit, "samples": most, **_TRACED}} for limit in _THRESHOLDS
+        f"until {limit:g}": {"quality": {"noise_threshold": limit, "samples": most, **_TRACED_LIGHT}}
+        for limit in _NOISE_THRESHOLDS
     }
 
 
-def _baked(settings: Settings) -> _Parts:
+def _list_baked(settings: Settings) -> _Parts:
     found = _baked_parts(settings)
-    return {"traced": {"quality": _TRACED}, **found} if found else {}
+    return {"traced": {"quality": _TRACED_LIGHT}, **found} if found else {}
 
 
-def _left_out(settings: Settings) -> _Parts:
+def _list_left_out(settings: Settings) -> _Parts:
     quality = settings.quality
     found = {}
     for part in _list_shortcuts(settings):
@@ -301,7 +306,7 @@ def _left_out(settings: Settings) -> _Parts:
     return {**found, **(labels if quality.truth == "FULL" else {})}
 
 
-def _subsurface(settings: Settings) -> _Parts:
+def _list_subsurface_models(settings: Settings) -> _Parts:
     surface = settings.surface
     if surface.model != "PRINCIPLED" or not surface.subsurface_weight > 0:
         return {}
@@ -317,22 +322,22 @@ def _subsurface(settings: Settings) -> _Parts:
     }
 
 
-def _glints(settings: Settings) -> _Parts:
+def _list_glints(settings: Settings) -> _Parts:
     surface = settings.surface
     has = surface.model == "PRINCIPLED" and surface.glint_share > 0
     return {"none": {"surface": {"glint_share": 0.0}}} if has else {}
 
 
-def _meshes(settings: Settings) -> _Parts:
+def _list_mesh_errors(settings: Settings) -> _Parts:
     return {f"{error:g} px": {"mesh": {"error_px": error}} for error in _MESH_ERRORS_PX * _has_graded_mesh(settings)}
 
 
-def _reliefs(settings: Settings) -> _Parts:
+def _list_reliefs(settings: Settings) -> _Parts:
     has = settings.source.kind == "PROCEDURAL" and settings.surface.grain_amplitude_m > 0
     return {"painted": {"surface": {"relief": "BUMP"}}, "real": {"surface": {"relief": "REAL"}}} if has else {}
 
 
-_HAPKE: _Parts = {
+_HAPKE_VARIANTS: _Parts = {
     "fast": {"hapke": {"accuracy": "FAST"}},
     "accurate": {"hapke": {"accuracy": "ACCURATE"}},
     "reference": {"hapke": {"accuracy": "REFERENCE"}},
@@ -342,21 +347,23 @@ _HAPKE: _Parts = {
     "Lommel-Seeliger": {"surface": {"model": "LOMMEL_SEELIGER"}},
     "Lambert": {"surface": {"model": "LAMBERT"}},
 }
-#: By group of ``GROUPS``, the parts of settings that vary, by the name of the variant; none if a scene lacks them.
-_PARTS: dict[str, Callable[[Settings], _Parts]] = {
-    "samples": lambda _: _sampled(_DENOISERS),
-    "bounces": lambda _: {format_count(n, "bounce"): {"quality": {"diffuse_bounces": n, **_TRACED}} for n in _BOUNCES},
-    "threshold": _thresholds,
-    "indirect": _baked,
-    "shortcuts": _left_out,
-    # Of the same render, since ``files`` does not count in ids: what differs is what files lose.
+#: By group of ``GROUPS``: a function of settings that gives the variants by name, empty if the scene lacks the feature.
+_PARTS_BY_GROUP: dict[str, Callable[[Settings], _Parts]] = {
+    "samples": lambda _: _list_sample_counts(_DENOISER_SUFFIXES),
+    "bounces": lambda _: {
+        format_count(n, "bounce"): {"quality": {"diffuse_bounces": n, **_TRACED_LIGHT}} for n in _DIFFUSE_BOUNCES
+    },
+    "threshold": _list_thresholds,
+    "indirect": _list_baked,
+    "shortcuts": _list_left_out,
+    # ``files`` does not count in ids, so these are of the same render; they differ by what the files lose.
     "files": lambda _: {
         "compact": {"quality": {"files": "COMPACT"}},
         "all in 32 bits": {"quality": {"files": "FULL", "half_floats": "NONE"}},
     },
-    "subsurface": _subsurface,
-    "glints": _glints,
-    "mesh": _meshes,
-    "relief": _reliefs,
-    "hapke": lambda settings: _HAPKE if settings.surface.model == "HAPKE" else {},
+    "subsurface": _list_subsurface_models,
+    "glints": _list_glints,
+    "mesh": _list_mesh_errors,
+    "relief": _list_reliefs,
+    "hapke": lambda settings: _HAPKE_VARIANTS if settings.surface.model == "HAPKE" else {},
 }

@@ -1,9 +1,9 @@
-"""Files of baked light beside the pairs of a data set, for all its workers and resumed runs. Imports no Blender.
+"""Files of baked light beside the pairs of a data set, shared by all workers and resumed runs. Imports no Blender.
 
 A file is ``light/KEY-CONTENT.npz``: the key of the bake, and the first digits of the SHA-256 checksum of the file. So a
-file that changes no longer fits its name. Files of older versions are called ``light/KEY.npz``, and files without the
-error have other keys: neither are read any more. A file contains numbers only. A link, a file that lacks the content
-that its key asks for, and a file with another checksum than its reader expects count as absent.
+changed file no longer fits its name. Files of older versions have other names (``light/KEY.npz``) or other keys, and
+are never read. A file contains numbers only. A link, a file without the content that its key asks for, and a file with
+an unexpected checksum count as absent.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from ...support.files import write_atomically
 from ...support.foreign_bytes import ForeignBytes, parse_npz, parse_part, read_regular
 from .dataset_file_names import check_no_link
 
-#: Folder of a data set with baked light.
+#: Folder for baked light in a data set.
 LIGHT = "light"
-_NAME = re.compile(r"([0-9a-f]{12})(?:-([0-9a-f]{12}))?\.npz")
+_FILE_NAME = re.compile(r"([0-9a-f]{12})(?:-([0-9a-f]{12}))?\.npz")
 _CONTENT_DIGITS = 12
-_NUMBERS = ("noise", "share", "samples")
-_ARRAYS = ("key", "values", "error", "rocks")
-#: Bytes of a file beside its values: headers of members and of their arrays.
-_HEADERS = 2**16
+_NUMBER_MEMBERS = ("noise", "share", "samples")
+_ARRAY_MEMBERS = ("key", "values", "error", "rocks")
+#: Bytes of a file without its values: the headers of members and of their arrays.
+_HEADER_BYTES = 2**16
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class BakedLight:
     """Indirect irradiance over pi at the vertices of a ground, (n, 3) float32, W/(m² sr) in the bands R, G, B.
 
     ``error`` (n,) float32 has the same variance as the error of ``values``, for the mean of the bands: it is half of
-    the difference of two bakes of half the samples. ``rocks`` (rocks, terms, 3) float32 are the numbers of
+    the difference of two bakes of half the samples. ``rocks`` (rocks, terms, 3) float32 are the terms of
     ``physics.light.baked_rocks`` for the same light on rocks. ``noise`` is the standard error over the mean, from the
-    same two bakes of the ``samples``. ``share`` is the mean over the mean of all light at the vertices.
-    ``cpu_seconds`` is the processor time of the bake, which files do not contain.
+    same two bakes of the ``samples``. ``share`` is the mean over the mean of all light at the vertices. ``cpu_seconds``
+    is the processor time of the bake, which is absent from files.
     """
 
     values: Array
@@ -54,23 +54,23 @@ class BakedLight:
 
 
 def make_file_name(key: str, checksum: str) -> str:
-    """The name of a file of baked light with this SHA-256 checksum."""
+    """The name of a file of baked light with this key and SHA-256 checksum."""
     return f"{key}-{checksum[:_CONTENT_DIGITS]}.npz"
 
 
 def parse_name(name: str) -> tuple[str, str] | None:
     """The key and the first digits of the checksum that a file's name states; the digits are empty in older names.
 
-    None for a name that no baked light has.
+    None if the name is not the name of baked light.
     """
-    found = _NAME.fullmatch(name)
+    found = _FILE_NAME.fullmatch(name)
     return (found[1], found[2] or "") if found else None
 
 
 def encode_baked_light(key: str, light: BakedLight) -> bytes:
-    """The content of a file of baked light: the same bytes for the same light."""
+    """Encode baked light as the content of a file: equal light gives equal bytes."""
     stream = io.BytesIO()
-    numbers = {name: np.float64(getattr(light, name)) for name in _NUMBERS}
+    numbers = {name: np.float64(getattr(light, name)) for name in _NUMBER_MEMBERS}
     np.savez_compressed(
         stream,
         key=np.array(key, "S12"),
@@ -85,7 +85,7 @@ def encode_baked_light(key: str, light: BakedLight) -> bytes:
 def write_baked_light(dataset: Path, key: str, light: BakedLight) -> tuple[Path, str]:
     """Write baked light, whole or not at all, and return its file and SHA-256 checksum.
 
-    A file that already has this content stays. Raises IcyMoonError if the disk refuses, or the folder is a link.
+    An existing file with this content stays. Raises IcyMoonError if the disk refuses, or if the folder is a link.
     """
     data = encode_baked_light(key, light)
     checksum = hashlib.sha256(data).hexdigest()
@@ -101,11 +101,11 @@ def _write_bytes(part: Path, data: bytes) -> None:
 
 
 def read_baked_light(path: Path, key: str, checksum: str, vertices: int, rocks: int = 0) -> BakedLight | None:
-    """The baked light of a ground with this number of vertices and rocks; ``cpu_seconds`` is 0, as no file states it.
+    """Read the baked light of a ground with this number of vertices and rocks; ``cpu_seconds`` is 0.
 
-    None if there is no such file with this SHA-256 checksum, or if it does not hold such light.
+    None without a file of this SHA-256 checksum, and for a file without such light.
     """
-    most = 16 * vertices + 12 * TERMS * rocks + _HEADERS
+    most = 16 * vertices + 12 * TERMS * rocks + _HEADER_BYTES
     data = _read_unchanged(path, checksum, most)
     if data is None:
         return None
@@ -123,7 +123,7 @@ def read_baked_light(path: Path, key: str, checksum: str, vertices: int, rocks: 
 
 
 def _read_unchanged(path: Path, checksum: str, most: int) -> bytes | None:
-    """The content of a file that is no link and has this checksum."""
+    """The content of a regular file with this checksum; None for a link, a missing or a changed file."""
     try:
         if path.is_symlink() or path.parent.is_symlink():
             return None
@@ -135,17 +135,17 @@ def _read_unchanged(path: Path, checksum: str, most: int) -> bytes | None:
 
 def _parse_baked_light(foreign: ForeignBytes, key: str, vertices: int, rocks: int) -> BakedLight:
     found = parse_npz(foreign, kinds="fS")
-    if found.keys() != {*_NUMBERS, *_ARRAYS}:
+    if found.keys() != {*_NUMBER_MEMBERS, *_ARRAY_MEMBERS}:
         raise ValueError("other members")
     shapes = {"key": (), "values": (vertices, 3), "error": (vertices,), "rocks": (rocks, TERMS, 3)}
     types = {"key": np.dtype("S12"), **dict.fromkeys(("values", "error", "rocks"), np.dtype("<f4"))}
     for name, array in found.items():
         if array.shape != shapes.get(name, ()) or array.dtype != types.get(name, np.dtype("<f8")):
-            raise ValueError(f"{name} of another shape or type")
+            raise ValueError(f"{name} of a wrong shape or type")
         if name != "key" and not np.isfinite(array).all():
-            raise ValueError(f"{name} with what is no number")
+            raise ValueError(f"{name} with NaN or infinity")
     if found["key"][()] != key.encode() or (found["values"] < 0).any():
-        raise ValueError("light of another key, or below 0")
-    noise, share, samples = (float(found[name]) for name in _NUMBERS)
+        raise ValueError("light of a wrong key, or below 0")
+    noise, share, samples = (float(found[name]) for name in _NUMBER_MEMBERS)
     values, error, rocks_numbers = (np.array(found[name]) for name in ("values", "error", "rocks"))
     return BakedLight(values, error, rocks_numbers, noise, share, int(samples), 0.0)

@@ -1,8 +1,8 @@
 """Checks ``pair.json`` against its own settings: derives its values from the settings again and compares them.
 
-Poses and light of a scene that was edited by hand do not follow from its settings, so only their parts are compared
-with each other. Directions from kernels cannot be derived without the kernels. A missing statement, as from an older
-version, is no contradiction. Imports no Blender.
+Poses and light of a scene that was edited by hand do not follow from its settings, so there only the entries are
+compared with each other. Directions from kernels cannot be derived without the kernels. A missing entry, as from an
+older version, counts as no contradiction. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -26,23 +26,24 @@ from ...support.files import quote
 from .pair_sky import compute_pair_sky
 from .workspace_cells import describe_workspace
 
-#: Settings have eight digits, and a focal length is made of three.
-_DIGITS = 1e-6
-#: Relative to what Blender stores in single precision: a baseline, a lamp's brightness, and sines, since it takes a
-#: matrix apart into angles. A heading that is one of several turns has six digits, which is 9e-6.
-_SINGLE = 2e-5
-#: By how much a noise may be rounded, as a share of the light.
-_NOISE_DIGITS = 1e-5
-#: Metres by which an eye may be off for each metre from the origin, since turns go through matrices of both.
-_PLACE = 1e-6
+#: Relative tolerance of settings, which have eight digits; a focal length is computed from three of them.
+_SETTING_TOLERANCE = 1e-6
+#: Relative tolerance of values that Blender stores in single precision: a baseline, a lamp's brightness, and sines,
+#: since Blender decomposes a matrix into angles. A heading among equal turns has six digits, which is 9e-6.
+_SINGLE_PRECISION = 2e-5
+#: Rounding error of a noise, as a share of the light.
+_NOISE_ROUNDING = 1e-5
+#: Tolerated distance of an eye from its place, m, for each metre from the origin, since turns multiply both in
+#: matrices.
+_PLACE_TOLERANCE = 1e-6
 
 
 def find_contradictions(
     data: Mapping[str, Any], settings: Settings, camera: Mapping[str, Any], eyes: Mapping[str, Any]
 ) -> Iterator[str]:
-    """The statements of a ``pair.json`` that its settings contradict, in clauses with the key and both values.
+    """The entries of a ``pair.json`` that contradict its settings, as clauses with the key and both values.
 
-    ``camera`` and ``eyes`` are these tables of the settings, see ``StereoCamera`` and ``eyes.eyes_json``.
+    ``camera`` and ``eyes`` are the tables that follow from the settings, see ``StereoCamera`` and ``eyes.eyes_json``.
     """
     by_hand = bool(data.get("edited_by_hand"))
     yield from _compare_value("camera", data["camera"], camera)
@@ -65,7 +66,7 @@ def find_contradictions(
 
 
 def _describe_blur(settings: Settings) -> dict[str, Any]:
-    """The numbers of the table "blur"; nothing where the camera response has changed to one that cannot be rendered."""
+    """The numbers of the table "blur"; empty if the camera response was changed to one that cannot be rendered."""
     try:
         blur = find_blur(settings)
     except IcyMoonError:
@@ -76,8 +77,7 @@ def _describe_blur(settings: Settings) -> dict[str, Any]:
 def _compare_poses(
     data: Mapping[str, Any], settings: Settings, eyes: Mapping[str, Any], by_hand: bool
 ) -> Iterator[str]:
-    """Contradictions in the poses of the eyes. The height of the ground is not derived, so neither is
-    theirs above it."""
+    """Contradictions in the poses of the eyes, except their height above the ground, which is not derived."""
     name = next((key for key in ("poses_rectified_to_world", "poses_camera_to_world") if data.get(key)), "")
     if not name or (name == "poses_camera_to_world" and settings.rig.toe_in_deg):
         return
@@ -89,22 +89,27 @@ def _compare_poses(
         wanted[:3, 3] = rig.x_m, rig.y_m, left[2, 3]
         if rig.height_from == "ZERO":
             wanted[2, 3] = rig.z_m + rig.height_m - settings.rig.height_m
-        yield from _compare_pose(f"{name}.left", left, wanted, _SINGLE + _PLACE * float(np.linalg.norm(left[:3, 3])))
+        yield from _compare_pose(
+            f"{name}.left", left, wanted, _SINGLE_PRECISION + _PLACE_TOLERANCE * float(np.linalg.norm(left[:3, 3]))
+        )
     beside = left.copy()
     beside[:3, 3] += settings.rig.baseline_m * left[:3, 0]
-    yield from _compare_pose(f"{name}.right", right, beside, _SINGLE * settings.rig.baseline_m)
+    yield from _compare_pose(f"{name}.right", right, beside, _SINGLE_PRECISION * settings.rig.baseline_m)
     taken = data.get("poses_camera_to_world") or {}
     for eye, pose in (("left", left), ("right", right)) if taken else ():
         turned = pose.copy()
         turned[:3, :3] = pose[:3, :3] @ np.array(eyes[eye]["R"]).T
         yield from _compare_pose(
-            f"poses_camera_to_world.{eye}", np.array(taken[eye], np.float64), turned, _SINGLE * settings.rig.baseline_m
+            f"poses_camera_to_world.{eye}",
+            np.array(taken[eye], np.float64),
+            turned,
+            _SINGLE_PRECISION * settings.rig.baseline_m,
         )
 
 
 def _compare_pose(name: str, stated: Array, wanted: Array, place_m: float) -> Iterator[str]:
-    limits = np.full((4, 4), _SINGLE)
-    limits[:3, 3] = place_m + 1e-12 * np.abs(wanted[:3, 3])  # a large number has no more digits
+    limits = np.full((4, 4), _SINGLE_PRECISION)
+    limits[:3, 3] = place_m + 1e-12 * np.abs(wanted[:3, 3])  # a large number has fewer decimals
     for row, column in np.argwhere(np.abs(stated - wanted) > limits):
         yield _describe_contradiction(
             f"{name}[{row}][{column}]", float(stated[row, column]), float(wanted[row, column])
@@ -116,7 +121,7 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, ground: object,
     facts = {} if by_hand else _describe_sky(settings, ground)
     sun = sun_from_json(light)
     if sun is not None and (facts or "source" in light["sun"]):
-        # A pair of a version that stated no source has the angles of its settings, whatever was turned by hand.
+        # A pair of a version without ``source`` has the angles of its settings, also if a lamp was turned by hand.
         wanted = sun_from_facts(facts["sun"], settings.light.directions_from) if facts else sun
         stated = {**light["sun"], "distance_m": sun.distance_m}
         yield from _compare_direction("light.sun", light["sun"], wanted.direction)
@@ -130,10 +135,14 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, ground: object,
                 "distance_m": wanted.distance_m,
                 "eclipse": wanted.eclipse,
             },
-            _SINGLE,
+            _SINGLE_PRECISION,
         )
         yield from _compare_value(
-            "light.sun", stated, {"ground_irradiance_wm2": wanted.ground_irradiance_wm2}, _SINGLE, wanted.irradiance_wm2
+            "light.sun",
+            stated,
+            {"ground_irradiance_wm2": wanted.ground_irradiance_wm2},
+            _SINGLE_PRECISION,
+            wanted.irradiance_wm2,
         )
     if facts:
         yield from _compare_value("light", light, {"j2000_to_world": facts["j2000_to_world"]})
@@ -141,15 +150,15 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, ground: object,
 
 
 def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings) -> Iterator[str]:
-    """Contradictions in how indirect light was made: with the settings, with its noise and with the light groups."""
+    """Contradictions in the entry on indirect light: with the settings, the noise limit and the light groups."""
     asked = settings.quality.indirect == "BAKED"
     if asked != isinstance(stated, Mapping):
         yield _describe_contradiction("indirect", stated, {} if asked else None)
         return
-    if not asked or stated.get("method") != "BAKED":  # it may be traced although it was to be baked
+    if not asked or stated.get("method") != "BAKED":  # light may be traced although the settings ask for a bake
         return
     noise, most = stated.get("noise"), settings.quality.bake_noise
-    if not is_number(noise) or 0 < most < noise - _NOISE_DIGITS:
+    if not is_number(noise) or 0 < most < noise - _NOISE_ROUNDING:
         yield f"indirect.noise is {_show_value(noise)}, and its settings give at most {_show_value(most)}"
     sun, lights = sun_from_json(light), stated.get("lights")
     if sun is None or not isinstance(lights, Mapping):
@@ -192,23 +201,26 @@ def _compare_planet(stated: object, wanted: Mapping[str, Any] | None) -> Iterato
 
 
 def _compare_direction(name: str, stated: Mapping[str, Any], wanted: Array) -> Iterator[str]:
-    """Contradictions in a direction and its angles, which are compared as a direction: at the zenith any azimuth is
-    right, and in the north 0 is 360."""
-    yield from _compare_value(name, stated, {"direction_to_world": wanted.tolist()}, _SINGLE)
+    """Contradictions in a direction. Its angles are compared as a direction, since at the zenith each azimuth is right,
+    and north is 0° and 360°.
+    """
+    yield from _compare_value(name, stated, {"direction_to_world": wanted.tolist()}, _SINGLE_PRECISION)
     angles = {"elevation_deg": elevation_deg(wanted), "azimuth_deg": azimuth_deg(wanted)}
     elevation, azimuth = (stated.get(key, angle) for key, angle in angles.items())
     if not (is_number(elevation) and is_number(azimuth)):
         yield from _compare_value(name, stated, angles)
-    elif np.abs(direction_toward(azimuth, elevation) - wanted).max() > _SINGLE:
-        is_high = abs(elevation - angles["elevation_deg"]) > math.degrees(_SINGLE)
+    elif np.abs(direction_toward(azimuth, elevation) - wanted).max() > _SINGLE_PRECISION:
+        is_high = abs(elevation - angles["elevation_deg"]) > math.degrees(_SINGLE_PRECISION)
         key = "elevation_deg" if is_high else "azimuth_deg"
         yield _describe_contradiction(f"{name}.{key}", stated[key], angles[key])
 
 
 def _compare_value(
-    name: str, stated: object, wanted: object, digits: float = _DIGITS, scale: float = 1.0
+    name: str, stated: object, wanted: object, digits: float = _SETTING_TOLERANCE, scale: float = 1.0
 ) -> Iterator[str]:
-    """Where a stated value differs from the wanted one. Numbers may differ by ``digits``, relative or of ``scale``."""
+    """A clause if a stated value differs from the wanted value. Numbers may differ by ``digits`` relative to the value
+    or to ``scale``.
+    """
     if stated == wanted:
         return
     if isinstance(wanted, Mapping) and isinstance(stated, Mapping):

@@ -1,4 +1,4 @@
-"""The pair folder: the contract between rendering and everything that measures.
+"""The pair folder: the contract between rendering and measurement.
 
 ``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``; if images are blurred, eyes are toed
 in or a panorama shows them, the truth is in separate files, and so is the truth on the sensors of calibrated eyes. A
@@ -49,12 +49,12 @@ from ...support.foreign_bytes import describe_reason, parse_json
 from .check_pair_record import find_contradictions
 from .dataset_file_names import check_id, check_no_link, is_regular_file, pairs_folder
 from .head_files import image_file, truth_file
-from .workspace_cells import workspace_files
+from .workspace_cells import list_workspace_files
 
 FORMAT = "icymoon-pair"
 VERSION = 1
 EYES = ("left", "right")
-_IMAGES = tuple(f"{eye}.exr" for eye in EYES)
+_IMAGE_FILES = tuple(f"{eye}.exr" for eye in EYES)
 TRUTH_FILE, TOED_TRUTH_FILE, RAW_TRUTH_FILE = "{}_truth.exr", "{}_toed_truth.exr", "{}_raw_truth.exr"
 
 
@@ -64,7 +64,7 @@ class Pair:
 
     folder: Path
     id: str
-    settings: Settings  # complete; ``data`` has them as they were written
+    settings: Settings  # complete; ``data`` has them as written
     camera: StereoCamera
     data: dict[str, Any]  # the whole of pair.json
     head: tuple[HeadCamera, ...] = ()  # cameras beside the pair, in the world's axes
@@ -84,31 +84,34 @@ class Pair:
         return self.folder / f"{eye}.exr"
 
     def truth(self, eye: str) -> Path:
-        """The file with the truth of the parallel rig's eye: the image's file, unless the pair has a separate one."""
+        """The file with the truth of an eye of the parallel rig: the image's file, unless the pair has a
+        separate one.
+        """
         return self._file_or_image(eye, TRUTH_FILE)
 
     def truth_of_image(self, eye: str) -> Path:
-        """The file with the truth on the pixels of the rendered image, which differs if the eyes are toed in."""
+        """The file with the truth at the pixels of the rendered image; a separate file if the eyes are toed in."""
         return self._file_or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
 
     def truth_of_sensor(self, eye: str) -> Path:
-        """The file with the truth on the pixels of a calibrated eye's sensor: ``left_raw_truth.exr`` or
-        ``right_raw_truth.exr``."""
+        """The file with the truth at the pixels of a calibrated eye's sensor: ``left_raw_truth.exr`` or
+        ``right_raw_truth.exr``.
+        """
         return self.folder / RAW_TRUTH_FILE.format(eye)
 
     @property
     def name(self) -> str:
-        """Its name in a data set and in results."""
+        """The name of the pair in a data set and in results."""
         return self.folder.name
 
     @property
     def sun(self) -> SceneSun | None:
-        """The Sun that lit its images; None if the pair does not contain it."""
+        """The Sun that lit the images; None if the pair does not state it."""
         return sun_from_json(self.data.get("light"))
 
     @property
     def rectified_poses(self) -> dict[str, Any] | None:
-        """Camera-to-world matrices of the eyes of the parallel rig; None if the pair does not contain them."""
+        """Camera-to-world matrices of the eyes of the parallel rig; None if the pair does not state them."""
         return self.data.get("poses_rectified_to_world") or self.data.get("poses_camera_to_world")
 
     def rectified_pose(self, eye: str) -> Array | None:
@@ -123,27 +126,27 @@ class Pair:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
 
 
-#: Makes complete settings of stored ones: ``description.restore_settings``, or a ``Restorer`` for many.
+#: Makes complete settings of stored settings: ``description.restore_settings``, or a ``Restorer`` for many pairs.
 Restore = Callable[[Mapping[str, Any], str, str], Settings]
-_FIX = "move the folder away and render the pair again"
-#: The settings of a pair, and the version that wrote them.
+_RENDER_AGAIN = "move the folder away and render the pair again"
+#: The settings of a pair, and the versions of the programs that wrote them.
 _SETTINGS_SHAPE = {"settings": Each(TABLE, TEXT), "versions": Maybe(Each(TEXT, TEXT))}
 _FILES_SHAPE = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME)}
-_PAIR_FILES_SHAPE = {"files": Each(TABLE, FILE_NAME, _IMAGES)}
+_PAIR_FILES_SHAPE = {"files": Each(TABLE, FILE_NAME, _IMAGE_FILES)}
 #: Settings of a data set without the pair's own images.
 _HEAD_ONLY = {"settings": {"rig": {"images": Kind("HEAD", "HEAD".__eq__)}}}
-_BOTH_EYES = Maybe(dict.fromkeys(EYES, MATRIX))
-_NUMBERS = Maybe(Each(NUMBER, TEXT))
+_MATRIX_BY_EYE = Maybe(dict.fromkeys(EYES, MATRIX))
+_NAMED_NUMBERS = Maybe(Each(NUMBER, TEXT))
 #: What ``pair.json`` contains, as far as anything here reads it; of the settings see ``settings.check``.
-_SHAPE = {
+_PAIR_SHAPE = {
     "format": TEXT,
     "version": COUNT,
     "id": TEXT,
     **_SETTINGS_SHAPE,
     **_FILES_SHAPE,
     "camera": CAMERA_SHAPE,
-    "poses_camera_to_world": _BOTH_EYES,
-    "poses_rectified_to_world": _BOTH_EYES,
+    "poses_camera_to_world": _MATRIX_BY_EYE,
+    "poses_rectified_to_world": _MATRIX_BY_EYE,
     "edited_by_hand": Maybe(FLAG),
     "own_files_sha256": Maybe(TEXT),
     "left_out": Maybe(Each(TEXT)),
@@ -164,8 +167,8 @@ _SHAPE = {
     "head": Maybe(Each(HEAD_CAMERA_SHAPE)),
     "light": Maybe(TABLE),
     "blur": Maybe(TABLE, null=True),
-    "seconds": _NUMBERS,
-    "cpu_seconds": _NUMBERS,
+    "seconds": _NAMED_NUMBERS,
+    "cpu_seconds": _NAMED_NUMBERS,
     "peak_memory_mib": Maybe(NUMBER, null=True),
 }
 
@@ -176,18 +179,18 @@ def _read_pair_json(path: Path) -> str:
     except FileNotFoundError:
         raise IcyMoonError(f"{path.parent} is not a complete stereo pair (no pair.json); render it again.") from None
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_FIX}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_RENDER_AGAIN}.") from None
 
 
 def _parse_pair_json(path: Path, text: str) -> Any:
     try:
         return parse_json(text)
     except ValueError as error:
-        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_FIX}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_RENDER_AGAIN}.") from None
 
 
 def read_pair(folder: Path, restore: Restore = restore_settings) -> Pair:
-    """Read ``pair.json`` of one pair. Raises IcyMoonError if it is missing, foreign or incomplete.
+    """Read a pair from its ``pair.json``. Raises IcyMoonError if it is missing, foreign or incomplete.
 
     ``restore`` is a ``Restorer`` for many pairs.
     """
@@ -196,24 +199,24 @@ def read_pair(folder: Path, restore: Restore = restore_settings) -> Pair:
 
 
 def check_pair(folder: Path, data: object, restore: Restore = restore_settings) -> Pair:
-    """The pair whose ``pair.json`` has this content, see ``read_pair``."""
+    """Make the pair of a ``pair.json`` with this content. For ``restore`` and the errors see ``read_pair``."""
     path = folder / "pair.json"
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise IcyMoonError(f"{path} is not an Icy Moon pair; choose a folder that Render Stereo Pair wrote.")
     if data.get("version") != VERSION:
         raise IcyMoonError(
-            f"{path} has format version {quote(data.get('version'))}, this Icy Moon reads {VERSION}; "
-            "use the version that wrote it."
+            f"{path} has format version {quote(data.get('version'))}, but this Icy Moon reads {VERSION}; use the "
+            "version that wrote it."
         )
-    check_record(data, _SHAPE, path, _FIX)
-    check_record(data, _needed_files(data), path, _FIX)
+    check_record(data, _PAIR_SHAPE, path, _RENDER_AGAIN)
+    check_record(data, _needed_files(data), path, _RENDER_AGAIN)
     settings = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     camera, head = _camera_of(data["camera"], settings, path), _head_of(data.get("head", []), path)
     pair = Pair(folder, check_id(data["id"], path), settings, camera, data, head)
     _check_statements(pair, path)
     for eye in EYES if pair.has_eyes else ():
         if not pair.image(eye).is_file():
-            raise IcyMoonError(f"{pair.image(eye)} is missing; {_FIX}.")
+            raise IcyMoonError(f"{pair.image(eye)} is missing; {_RENDER_AGAIN}.")
     return pair
 
 
@@ -222,7 +225,7 @@ def _camera_of(stated: dict[str, Any], settings: Settings, path: Path) -> Stereo
     try:
         return with_eyes(StereoCamera.from_json(stated), settings)
     except ValueError as error:
-        raise IcyMoonError(f"{path}: its settings give no camera ({error}); {_FIX}.") from None
+        raise IcyMoonError(f"{path}: no camera follows from its settings ({error}); {_RENDER_AGAIN}.") from None
 
 
 def _head_of(stated: list[dict[str, Any]], path: Path) -> tuple[HeadCamera, ...]:
@@ -230,7 +233,7 @@ def _head_of(stated: list[dict[str, Any]], path: Path) -> tuple[HeadCamera, ...]
     try:
         return tuple(map(camera_from_json, stated))
     except ValueError as error:
-        raise IcyMoonError(f"{path}: its head gives no camera ({error}); {_FIX}.") from None
+        raise IcyMoonError(f"{path}: its head gives no camera ({error}); {_RENDER_AGAIN}.") from None
 
 
 def _has_eyes(settings: Settings) -> bool:
@@ -243,17 +246,17 @@ def _needed_files(data: dict[str, Any]) -> Mapping[str, Any]:
 
 
 def _check_statements(pair: Pair, path: Path) -> None:
-    """Raise IcyMoonError if a pair's statements contradict its settings."""
+    """Raise IcyMoonError if the entries of a pair's ``pair.json`` contradict its settings."""
     try:
         clause = next(_find_contradictions(pair), "")
     except (ValueError, ArithmeticError) as error:
-        clause = f"its settings give no pair ({error})"
+        clause = f"no pair follows from its settings ({error})"
     if clause:
-        raise IcyMoonError(f"{path}: {clause}; {_FIX}.")
+        raise IcyMoonError(f"{path}: {clause}; {_RENDER_AGAIN}.")
 
 
 def _find_contradictions(pair: Pair) -> Iterator[str]:
-    """The statements of a pair that its settings contradict, in clauses."""
+    """The entries of a pair's ``pair.json`` that contradict its settings, as clauses."""
     camera = camera_of(pair.settings)
     stated = {**pair.data, "camera": {**pair.data["camera"], **_numbers_of(pair.camera)}}
     yield from find_contradictions(
@@ -281,7 +284,7 @@ def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
         *([RAW_TRUTH_FILE] if camera.eyes else []),
     ]
     seen = {kind.format(eye) for kind in kinds for eye in EYES} if _has_eyes(settings) else set[str]()
-    return seen | {*workspace_files(settings.workspace)}
+    return seen | {*list_workspace_files(settings.workspace)}
 
 
 def _list_head_files(pair: Pair) -> set[str]:
@@ -292,12 +295,12 @@ def _list_head_files(pair: Pair) -> set[str]:
 
 
 def is_complete(folder: Path) -> bool:
-    """Whether a pair is there and can be read, see ``is_whole``."""
+    """Whether a pair exists and can be read, see ``is_whole``. False if the system refuses."""
     return read_complete(folder) is not None
 
 
 def read_complete(folder: Path) -> dict[str, Any] | None:
-    """The content of the ``pair.json`` of a pair that is there and can be read, see ``read_whole``; else None."""
+    """The content of the ``pair.json`` of a whole, readable pair, see ``read_whole``; else None."""
     try:
         return read_whole(folder)
     except OSError:
@@ -305,22 +308,22 @@ def read_complete(folder: Path) -> dict[str, Any] | None:
 
 
 def is_whole(folder: Path) -> bool:
-    """Whether a pair is there: ``pair.json``, which is written last, and images of the sizes that it states.
+    """Whether a pair exists: ``pair.json``, which is written last, and images of the sizes that it states.
 
-    Raises OSError where that cannot be told.
+    Raises OSError if the system refuses to tell.
     """
     return read_whole(folder) is not None
 
 
 def read_whole(folder: Path) -> dict[str, Any] | None:
-    """The content of the ``pair.json`` of a pair that is there, see ``is_whole``; None if there is no such pair.
+    """The content of the ``pair.json`` of a whole pair, see ``is_whole``; None if there is no such pair.
 
-    A link may lead to anyone's files, so a pair that is a link, or has one, counts as absent. Raises OSError where that
-    cannot be told.
+    A link may lead to anyone's files, so a pair that is a link, or has one, counts as absent. Raises OSError if the
+    system refuses to tell.
     """
     try:
         path = folder / "pair.json"
-        # A pipe would be waited for.
+        # Reading a pipe would block.
         if folder.is_symlink() or not is_regular_file(path):
             return None
         data = parse_json(read_text(path))
@@ -330,9 +333,9 @@ def read_whole(folder: Path) -> dict[str, Any] | None:
 
 
 def has_stated_files(folder: Path, data: Any) -> bool:
-    """Whether the files that the content of a ``pair.json`` states are there, of their sizes.
+    """Whether the files that ``data``, the content of a ``pair.json``, states exist with the stated sizes.
 
-    Raises OSError where that cannot be told.
+    Raises OSError if the system refuses to tell.
     """
     return (
         not find_fault(data, _FILES_SHAPE)
@@ -347,23 +350,23 @@ def has_stated_files(folder: Path, data: Any) -> bool:
 def has_response(
     folder: Path, data: Mapping[str, Any], settings: Settings, restore: Restore = restore_settings
 ) -> bool:
-    """Whether a pair, with this content of its ``pair.json``, states the camera response of these settings."""
+    """Whether a pair, whose ``pair.json`` has the content ``data``, has the camera response of these settings."""
     path = folder / "pair.json"
-    check_record(data, _SETTINGS_SHAPE, path, _FIX)
+    check_record(data, _SETTINGS_SHAPE, path, _RENDER_AGAIN)
     stated = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     return select_response(stated) == select_response(settings)
 
 
 def update_response(folder: Path, settings: Settings) -> None:
-    """Write the camera response of these settings into a complete pair, which needs no new render.
+    """Write the camera response of these settings into a complete pair, without a new render.
 
-    If another pair takes its place meanwhile, that one gets them. Raises IcyMoonError when the disk refuses.
+    If another pair takes its place meanwhile, that pair gets the response. Raises IcyMoonError if the disk refuses.
     """
     path = folder / "pair.json"
     check_no_link(folder, path)
     before = _read_pair_json(path)
     data = _parse_pair_json(path, before)
-    # Compared as they are read: a setting that is newer than the file is no difference.
+    # Settings are compared as read, so a setting that is newer than the file makes no difference.
     if has_response(folder, data, settings):
         return
     now = to_json_text({**data, "settings": merged(data["settings"], select_response(settings))})
@@ -408,9 +411,11 @@ def find_changed_files(pair: Pair) -> list[str]:
 
 
 def read_unchanged_pair(folder: Path) -> Pair:
-    """Read a pair, see ``read_pair``. Raises IcyMoonError also if a file has changed since it was rendered."""
+    """Read a pair as ``read_pair`` does. Raises IcyMoonError also if a file has changed since the render."""
     pair = read_pair(folder)
     changed = find_changed_files(pair)
     if changed:
-        raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); {_FIX}.")
+        raise IcyMoonError(
+            f"{folder / changed[0]} is not the file that was rendered (its checksum differs); {_RENDER_AGAIN}."
+        )
     return pair

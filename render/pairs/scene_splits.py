@@ -1,4 +1,4 @@
-"""Which scene a pair is of, and which split of a data set: pairs of one ground are never in two splits."""
+"""The scene and the split of each pair in a data set: all pairs of one ground are in the same split."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from ...support.files import quote
 from ...support.foreign_bytes import ForeignBytes, parse_json, parse_toml, read
 from .pair_folder import Pair
 
-_NAME = re.compile(r"[A-Za-z0-9_-]+")
-#: Shares of the scenes in each split.
-SPLITS = {"train": 0.8, "val": 0.1, "test": 0.1}
+_SPLIT_NAME = re.compile(r"[A-Za-z0-9_-]+")
+#: Default shares of the scenes in each split.
+DEFAULT_SPLITS = {"train": 0.8, "val": 0.1, "test": 0.1}
 
 
 def name_scene(pair: Pair) -> str:
-    """A name of the ground and the rocks of a pair: twelve hexadecimal digits, of what their shape depends on.
+    """The name of the ground and the rocks of a pair: twelve hexadecimal digits of all settings on which their shape
+    depends.
 
-    The seed is a part of it. Surfaces, light, cameras and qualities are not: another Sun makes no other scene.
+    The seed counts. Surfaces, light, cameras and qualities do not: another Sun does not make another scene.
     """
     own = pair.id if pair.data.get("edited_by_hand") else pair.data.get("own_files_sha256", "")
-    # As ids are made: a setting that a later version adds moves no scene into another split.
+    # As with ids of pairs: a setting that a later version adds leaves each scene in its split.
     shape = [
         [name, value]
         for part in pair_ids.list_counted_values(pair.settings)
@@ -43,40 +44,40 @@ def _changes_shape(name: str) -> bool:
 
 
 def check_splits(splits: object) -> dict[str, float]:
-    """The shares of splits, whose sum is 1. Raises IcyMoonError for others."""
+    """Check the shares of a data set's splits by name; their sum must be 1. Raises IcyMoonError for other shares."""
     if not isinstance(splits, Mapping) or any(
         isinstance(share, bool) or not isinstance(share, int | float) for share in splits.values()
     ):
         raise IcyMoonError(f"The splits are {quote(splits)}; give each a share of the scenes, such as train = 0.9.")
-    if bad := next((name for name in splits if not _NAME.fullmatch(name)), None):
+    if bad := next((name for name in splits if not _SPLIT_NAME.fullmatch(name)), None):
         raise IcyMoonError(
-            f"A split is called {quote(bad)}; use letters, digits, - and _ only, since files are named so."
+            f"A split is called {quote(bad)}; use only letters, digits, - and _, because files get this name."
         )
     if not splits or min(splits.values()) < 0 or abs(sum(splits.values()) - 1) > 1e-6:
         shown = ", ".join(f"{name} {share:g}" for name, share in splits.items())
-        raise IcyMoonError(f"The splits are {shown or 'none'}; give each a share of the scenes, 1 in all.")
+        raise IcyMoonError(f"The splits are {shown or 'none'}; give each a share of the scenes, with the sum 1.")
     return dict(splits)
 
 
 def read_splits(dataset: Path) -> dict[str, float]:
-    """The shares of splits that the plan of a data set states; ``SPLITS`` if it states none or there is no plan.
+    """The shares of splits in the plan of a data set; ``DEFAULT_SPLITS`` without a plan or without shares in it.
 
-    Raises IcyMoonError for a plan that states invalid shares.
+    Raises IcyMoonError for a plan with invalid shares.
     """
     try:
         text = read(dataset / "plan.jsonl", _parse_plan, "a list of planned pairs", "")
         stated = parse_toml(text).get("plan", {}).get("splits")
     except (IcyMoonError, ValueError, AttributeError):
-        return SPLITS
+        return DEFAULT_SPLITS
     try:
-        return SPLITS if stated is None else check_splits(stated)
+        return DEFAULT_SPLITS if stated is None else check_splits(stated)
     except IcyMoonError as error:
         raise IcyMoonError(f"{dataset / 'plan.jsonl'}: {error}") from None
 
 
 def _parse_plan(foreign: ForeignBytes) -> str:
     """The text of the plan in the first line of the list of its pairs."""
-    for most in (2**16, 2**21, 2**26):  # it is asked for each pair, and the list may be long
+    for most in (2**16, 2**21, 2**26):  # The plan is read for each pair, and the list may be long.
         first, end, _ = foreign.part(0, min(most, foreign.size)).partition(b"\n")
         if end or foreign.size <= most:
             return str(parse_json(first)["plan"])
@@ -84,12 +85,12 @@ def _parse_plan(foreign: ForeignBytes) -> str:
 
 
 def find_split_of_pair(pair: Pair) -> str:
-    """The split of a pair, by the shares that the plan of its data set states."""
+    """The split of a pair, by the shares in the plan of its data set."""
     return choose_split(name_scene(pair), read_splits(pair.folder.parent.parent))
 
 
 def choose_split(scene: str, splits: Mapping[str, float]) -> str:
-    """The split that a scene is in: drawn by its name, so that it stays there whatever else a data set contains.
+    """The split of a scene, drawn by its name, so it stays the same whatever else the data set contains.
 
     The shares hold for many scenes; with a few scenes, a split may stay empty.
     """

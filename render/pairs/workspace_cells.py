@@ -1,4 +1,4 @@
-"""The cells of the workspace whose true heights lie in a pair's folder. Imports no Blender."""
+"""The cells of a workspace, whose true heights are stored in a pair's folder. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 from ...settings.topics.lander import WorkspaceSettings
 from ...support.errors import IcyMoonError
 
-#: True heights of the workspace, float32 (2, rows, columns), north first, in metres of the site's frame: of what lies
-#: on top, and of the ground without its rocks; NaN where there is neither.
+#: Array of true heights of the workspace, float32 (2, rows, columns), north first, in metres of the site's frame: of
+#: the top surface, and of the ground without rocks; NaN where neither exists.
 WORKSPACE_FILE = "workspace.npy"
-#: What lies on top in these cells, float32 (4, rows, columns): its albedo in the bands R, G, B, and its share of salt.
+#: Array of the materials on top, float32 (4, rows, columns): albedo in the bands R, G, B, and share of salt.
 MATERIALS_FILE = "workspace_materials.npy"
-#: The most cells along the longer side of a map.
+#: Most cells along the longer side of a map.
 MOST_CELLS = 8192
-#: Places along a side of a cell of a workspace where its height is looked up.
-PLACES = 3
+#: Number of places along a side of a cell at which the height is looked up.
+PLACES_PER_SIDE = 3
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Grid of a map: size and number of its cells, and the outer corner of the north-west cell; lengths in metres."""
+    """Grid of a map: size and number of cells, and the outer corner of the north-west cell. Lengths are in metres."""
 
     cell_m: float
     rows: int
@@ -33,12 +33,12 @@ class Extent:
 
 
 def find_workspace_extent(workspace: WorkspaceSettings) -> Extent:
-    """The cells of a workspace; whole cells that cover its square. Raises IcyMoonError for too many."""
+    """The whole cells that cover the square of a workspace. Raises IcyMoonError for too many."""
     count = max(1, int(np.ceil(workspace.size_m / workspace.cell_m - 1e-6)))
-    if PLACES * count > MOST_CELLS:
+    if PLACES_PER_SIDE * count > MOST_CELLS:
         raise IcyMoonError(
             f"workspace.cell_m is {workspace.cell_m:g}, which makes {count} cells along a side; give "
-            f"{PLACES * workspace.size_m / MOST_CELLS:.3g} m or more."
+            f"{PLACES_PER_SIDE * workspace.size_m / MOST_CELLS:.3g} m or more."
         )
     half = count * workspace.cell_m / 2
     return Extent(
@@ -46,8 +46,8 @@ def find_workspace_extent(workspace: WorkspaceSettings) -> Extent:
     )
 
 
-def workspace_files(workspace: WorkspaceSettings) -> tuple[str, ...]:
-    """The names of the maps of a workspace in the folder of a pair."""
+def list_workspace_files(workspace: WorkspaceSettings) -> tuple[str, ...]:
+    """The file names of the maps of a workspace in the folder of a pair."""
     if workspace.cell_m <= 0:
         return ()
     return (WORKSPACE_FILE, MATERIALS_FILE) if workspace.materials else (WORKSPACE_FILE,)

@@ -1,1 +1,1 @@
-"""Plans of data sets: from what a plan states to its pairs and their order."""
+"""Plans of data sets: from the text of a plan to its pairs and their order."""

@@ -1,7 +1,7 @@
-"""Where indirect light is baked rather than traced, by what each takes. Imports no Blender.
+"""Decides whether indirect light is baked or traced, by the estimated cost of both. Imports no Blender.
 
-``quality.indirect`` AUTO is decided when a data set is planned, so that a pair's settings and its id state how it is
-made. The same plan always decides in the same way.
+``quality.indirect`` AUTO is decided when a data set is planned, so that a pair's settings and its id state the method.
+The same plan always gives the same decision.
 """
 
 from __future__ import annotations
@@ -32,24 +32,25 @@ from ...settings.topics.stand_ins import find_mesh_item
 from ...support.errors import IcyMoonError
 from .triangle_count import count_triangles
 
-#: Processor seconds (2-core x86 server, Blender 5.0) of a million paths from the corners of a flat mesh, those added on
-#: ground that is as steep as this or has layers of noise, where fewer paths end in the sky, and of starting the bakes.
+#: Processor seconds (2-core x86 server, Blender 5.0) of a million paths from the corners of a flat mesh; the seconds
+#: that ground of this steepness, or with layers of noise, adds, since fewer paths end in the sky; and of the start of
+#: the bakes.
 _S_PER_MPATH, _STEEP_S, _STEEP_DEG, _START_S = 0.45, 0.5, 25.0, 0.8
-#: The same per million pixels: of a sample of direct light of Lambert ground with fine relief, what a bounce adds to
-#: it, and the denoiser.
-_DIRECT_S, _BOUNCE_S, _DENOISE_S = 1.76, 0.17, 3.5
-#: Corners of a uniform grid for each vertex, of triangles for each vertex, and of a triangle.
-_OF_A_QUAD, _OF_TRIANGLES, _OF_A_TRIANGLE = 4.0, 6.0, 3.0
+#: Processor seconds per million pixels: of a sample of direct light on Lambert ground with fine relief, of a bounce,
+#: and of the denoiser.
+_DIRECT_S_PER_MPX, _BOUNCE_S_PER_MPX, _DENOISE_S_PER_MPX = 1.76, 0.17, 3.5
+#: Facet corners per vertex of a uniform grid and of triangles, and corners of a triangle.
+_CORNERS_PER_GRID_VERTEX, _CORNERS_PER_VERTEX, _CORNERS_PER_TRIANGLE = 4.0, 6.0, 3.0
 #: Processor seconds of a point of a rock: three texels with their samples, among other rocks.
-_S_PER_POINT = 2.5e-4
-#: Number of rocks over the number on the patch, where rocks go on beyond it.
-_WITH_FAR_ROCKS = 2.8
-#: The same of images on the ground, and of a mesh's own image.
+_S_PER_ROCK_POINT = 2.5e-4
+#: All rocks over the rocks on the patch, where rocks go on beyond it.
+_FAR_ROCKS_FACTOR = 2.8
+#: Processor seconds per million pixels and sample that images on the ground add, and that a mesh's own image adds.
 _IMAGES_S, _OWN_IMAGE_S = 0.95, 0.1
-#: Bytes of a file of baked light: of a vertex that has light, and of a rock.
-_OF_A_VERTEX, _OF_A_ROCK = 11.0, 140.0
-#: Maximum number of points along a side of a uniform grid that are tried to find the share that is seen.
-_MOST_TRIED = 129
+#: Bytes in a file of baked light: of a vertex with light, and of a rock.
+_BYTES_PER_VERTEX, _BYTES_PER_ROCK = 11.0, 140.0
+#: Most points along a side of a uniform grid from which the visible share is estimated.
+_MOST_POINTS_PER_SIDE = 129
 
 
 def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
@@ -68,7 +69,7 @@ def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
     return found
 
 
-def settle_indirect(settings: Settings, images: int) -> Settings:
+def resolve_auto_indirect(settings: Settings, images: int) -> Settings:
     """Settings with BAKED or TRACED in place of AUTO, as in a data set of ``images`` images of one ground under one
     Sun, in different directions."""
     return choose_indirect([settings] * count_images_per_bake(settings, images))[0]
@@ -92,47 +93,53 @@ def make_light_key(settings: Settings) -> str:
 
 
 def find_break_even(settings: Settings) -> int:
-    """Number of images of a ground under one Sun from which baked light takes less than traced light; 0 if it never
-    does."""
+    """Number of images of a ground under one Sun from which on baked light costs less than traced light; 0 if it always
+    costs more.
+    """
     saved = _pair_seconds(settings, settings.quality) - _pair_seconds(settings, make_direct_quality(settings.quality))
     return 0 if saved <= 0 else max(1, round(0.5 + bake_seconds(settings) / saved))
 
 
 def bake_seconds(settings: Settings) -> float:
-    """Processor seconds of baking the light of a ground and its rocks, the planet's light too, if it takes all its
-    samples."""
+    """Processor seconds to bake the light of a ground and its rocks, with the planet's light, at the full number of
+    samples.
+    """
     paths = settings.quality.bake_samples * _count_corners(settings)
     steep = 1.0 if settings.terrain.layers else min(1.0, settings.terrain.rms_slope_deg / _STEEP_DEG)
     images = {"NONE": 0.0, "MESH": _OWN_IMAGE_S}.get(settings.textures.set, _IMAGES_S)
-    once = _START_S + (_S_PER_MPATH + _STEEP_S * steep + images) * paths / 1e6 + _S_PER_POINT * _count_points(settings)
+    once = (
+        _START_S
+        + (_S_PER_MPATH + _STEEP_S * steep + images) * paths / 1e6
+        + _S_PER_ROCK_POINT * _count_points(settings)
+    )
     return once * (1 + settings.light.planet)
 
 
 def light_bytes(settings: Settings) -> float:
-    """Bytes of the baked light of a ground and its rocks, the planet's light too."""
+    """Bytes of the baked light of a ground and its rocks, with the planet's light."""
     triangular = settings.source.kind in ("STAND_IN", "MESH") or settings.mesh.kind == "GRADED"
-    vertices = _count_corners(settings) / (_OF_TRIANGLES if triangular else _OF_A_QUAD)
-    return (_OF_A_VERTEX * vertices + _OF_A_ROCK * _count_rocks(settings)) * (1 + settings.light.planet)
+    vertices = _count_corners(settings) / (_CORNERS_PER_VERTEX if triangular else _CORNERS_PER_GRID_VERTEX)
+    return (_BYTES_PER_VERTEX * vertices + _BYTES_PER_ROCK * _count_rocks(settings)) * (1 + settings.light.planet)
 
 
 def _count_corners(settings: Settings) -> float:
-    """Corners to which light is baked, with ``quality.bake_area`` VIEW as if the ground were level."""
+    """Number of corners to which light is baked; with ``quality.bake_area`` VIEW as if the ground were level."""
     terrain, rig, source = settings.terrain, settings.rig, settings.source
     in_view = settings.quality.bake_area == "VIEW"
     if source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
         rings = choose_vertex_spacing(make_terrain(settings, int(settings.dataset.seed)), settings).rings
-        corners = _OF_TRIANGLES * rings.vertices
+        corners = _CORNERS_PER_VERTEX * rings.vertices
         if in_view:
             east, north = rings.map_positions()
             corners *= is_in_view(rig, east, north, np.full(len(east), -rig.height_m)).mean()
         return float(corners)
-    size_m, corners = terrain.size_m, _OF_A_QUAD * terrain.resolution**2
+    size_m, corners = terrain.size_m, _CORNERS_PER_GRID_VERTEX * terrain.resolution**2
     if source.kind == "STAND_IN":
         size_m = find_mesh_item(source.stand_in).size_m
     if source.kind in ("STAND_IN", "MESH"):
-        with suppress(IcyMoonError):  # a file that cannot be read; the build reports why
-            corners = _OF_A_TRIANGLE * count_triangles(settings)
-    points = min(terrain.resolution, _MOST_TRIED)
+        with suppress(IcyMoonError):  # the build reports why a file cannot be read
+            corners = _CORNERS_PER_TRIANGLE * count_triangles(settings)
+    points = min(terrain.resolution, _MOST_POINTS_PER_SIDE)
     return corners * (_estimate_share_seen(size_m, points, tuple(rig.items())) if in_view else 1.0)
 
 
@@ -146,14 +153,14 @@ def _estimate_share_seen(size_m: float, points: int, rig_items: tuple[tuple[str,
 
 
 def _count_points(settings: Settings) -> float:
-    """Points of rocks to which light is baked; of a table of rocks, the most that there can be."""
+    """Points of rocks to which light is baked; for a table of rocks, an upper bound."""
     count = _count_rocks(settings)
     ends = (0.0, *(min(rank, count) for rank in LEVEL_RANKS), count)
     return sum(points * (end - start) for points, start, end in zip(POINTS, ends, ends[1:], strict=False))
 
 
 def _count_rocks(settings: Settings) -> float:
-    """Rocks that are baked; of a table of rocks, the most that there can be."""
+    """Rocks to which light is baked; for a table of rocks, an upper bound."""
     rocks = settings.rocks
     if rocks.coverage <= 0:
         return 0.0
@@ -161,10 +168,10 @@ def _count_rocks(settings: Settings) -> float:
         return float(rocks.most)
     far = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED" and rocks.beyond_px > 0
     of_the_patch = make_size_law(rocks).total_per_m2 * settings.terrain.size_m**2
-    return min(float(rocks.most), of_the_patch * (_WITH_FAR_ROCKS if far else 1.0))
+    return min(float(rocks.most), of_the_patch * (_FAR_ROCKS_FACTOR if far else 1.0))
 
 
 def _pair_seconds(settings: Settings, quality: QualitySettings) -> float:
     width, height = find_light_px(settings)
-    sample = _DIRECT_S + _BOUNCE_S * quality.diffuse_bounces
-    return 2e-6 * width * height * (quality.samples * sample + _DENOISE_S * (quality.denoiser != "NONE"))
+    sample = _DIRECT_S_PER_MPX + _BOUNCE_S_PER_MPX * quality.diffuse_bounces
+    return 2e-6 * width * height * (quality.samples * sample + _DENOISE_S_PER_MPX * (quality.denoiser != "NONE"))

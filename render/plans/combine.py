@@ -1,4 +1,6 @@
-"""Combines what a plan states into pairs: each variation of a sweep with each of the others. Imports no Blender."""
+"""Combines the sweeps of a plan into pairs: each variation of a sweep with each variation of the others. Imports no
+Blender.
+"""
 
 from __future__ import annotations
 
@@ -28,18 +30,18 @@ from ...support.foreign_bytes import note_on_backslashes
 from . import pose_sweeps, setting_sweeps
 from .baked_or_traced import choose_indirect
 from .overwritten_sweeps import check_overwritten
-from .planned_pair import PlannedPair, turned_heading_deg
+from .planned_pair import PlannedPair, compute_turned_heading_deg
 from .setting_sweeps import Sweep, Variation, check_pair_count
 from .stand_in_replacements import list_files_by_name, replace_stand_ins
 
-#: Grounds that a plan is checked on before it is rendered: each takes some hundredths of a second.
-MOST_GROUNDS = 32
-#: Receives how many of how many pairs are checked.
+#: Most grounds on which the cameras of a plan are checked before the render: each takes some hundredths of a second.
+MOST_CHECKED_GROUNDS = 32
+#: Receives the number of checked pairs and of all pairs.
 Report = Callable[[int, int], None]
-#: Pairs from one report to the next.
-_REPORTED = 100
-#: Topics that ``scene_checks.find_reasons_in_settings`` reads, and the settings of the terrain that it reads.
-_OF_SETTINGS = (
+#: Number of pairs between two reports.
+_PAIRS_PER_REPORT = 100
+#: Topics that ``scene_checks.find_reasons_in_settings`` reads, and the terrain settings that it reads.
+_CHECKED_TOPICS = (
     "source",
     "surface",
     "rock_surface",
@@ -51,23 +53,26 @@ _OF_SETTINGS = (
     "arm",
     "excavation",
 )
-_OF_TERRAIN = ("size_m", "body_radius_m")
-_GEOMETRY = [(topic, s.key) for topic, s in list_all_settings() if s.effect == "geometry"]
-_RIG = [("rig", s.key) for s in TOPICS["rig"].settings]
-_REASONS = [
-    *((topic, s.key) for topic in _OF_SETTINGS for s in TOPICS[topic].settings),
-    *(("terrain", key) for key in _OF_TERRAIN),
+_CHECKED_TERRAIN = ("size_m", "body_radius_m")
+_GEOMETRY_SETTINGS = [(topic, s.key) for topic, s in list_all_settings() if s.effect == "geometry"]
+_RIG_SETTINGS = [("rig", s.key) for s in TOPICS["rig"].settings]
+_CHECKED_SETTINGS = [
+    *((topic, s.key) for topic in _CHECKED_TOPICS for s in TOPICS[topic].settings),
+    *(("terrain", key) for key in _CHECKED_TERRAIN),
 ]
-_FILES = [
+_FILE_SETTINGS = [
     (topic, s.key) for topic in ("source", "textures", "rocks", "excavation", "light") for s in TOPICS[topic].settings
 ]
 
 
 @dataclass(frozen=True)
 class PlanDesign:
-    """What a plan combines: ``base`` settings, the later over the earlier, sweeps, ``seeds`` and their place, whether
-    sweeps draw values of their own for each of them, the number of ``grounds`` of its scenes and its place, the most
-    pairs that it may have, and the folder of the user's own files."""
+    """The content of a plan for its pairs.
+
+    ``base`` are settings, where a later variation overrides an earlier one. ``seeds`` and ``grounds`` (the number of
+    grounds of the scenes) come with their place in the file. ``draw_again`` means that sweeps draw new values for each
+    seed. ``at_most`` limits the number of pairs. ``files`` is the folder of the user's own files.
+    """
 
     base: tuple[Variation, ...] = ()
     sweeps: tuple[Sweep, ...] = ()
@@ -80,18 +85,22 @@ class PlanDesign:
 
 @dataclass(frozen=True)
 class _Combination:
-    """Complete settings, and the parts that they were made of, the later over the earlier."""
+    """Complete settings, and the parts that they were made of; a later part overrides an earlier one."""
 
     settings: Settings
     parts: tuple[Variation, ...]
 
     def with_part(self, part: Variation) -> _Combination:
-        """This one with a part over it. Both share the topics that the part does not touch, for there may be many."""
+        """This combination with ``part`` over it. Both share the topics that the part leaves alone, which saves
+        memory.
+        """
         settings = self.settings | {topic: self.settings[topic] | values for topic, values in part.settings.items()}
         return _Combination(settings, (*self.parts, part))
 
-    def place_of(self, *names: str) -> Place | None:
-        """The place of the last of these settings (``topic.key``) to be stated, or of another of their topics."""
+    def find_place(self, *names: str) -> Place | None:
+        """The place of the last statement of one of these settings (``topic.key``), or of another setting of their
+        topics.
+        """
         keys = [(topic, key) for topic, _, key in (name.partition(".") for name in names)]
         for part in reversed(self.parts):
             for topic, key in keys:
@@ -105,24 +114,26 @@ class _Combination:
 
 
 class _Grounds:
-    """The made-up grounds of a plan, each made once."""
+    """The procedural grounds of a plan, each made once."""
 
     def __init__(self) -> None:
         self._known: dict[str, RockyGround] = {}
-        self._keys = SettingsTexts(_GEOMETRY)
+        self._keys = SettingsTexts(_GEOMETRY_SETTINGS)
 
-    def key_of(self, settings: Settings) -> str:
-        """What made-up ground and its rocks depend on."""
+    def make_ground_key(self, settings: Settings) -> str:
+        """A text of all settings on which a procedural ground and its rocks depend."""
         return self._keys.of(settings)
 
     def find(self, settings: Settings) -> RockyGround:
-        """The ground of a complete description. Raises IcyMoonError if it is not made up, or contradicts itself."""
+        """The ground of complete settings. Raises IcyMoonError if it is from a file, or if its settings contradict each
+        other.
+        """
         if settings.source.kind != "PROCEDURAL":
             raise IcyMoonError(
-                "the ground is a file of your own, whose heights are not known here; state rig.x_m, "
-                "rig.y_m and the pose in a cases sweep"
+                "the heights of ground from a file are not known here; state rig.x_m, rig.y_m and the pose in a "
+                "cases sweep"
             )
-        key = self.key_of(settings)
+        key = self.make_ground_key(settings)
         if key not in self._known:
             self._known[key] = make_rocky_ground(settings)
         return self._known[key]
@@ -130,8 +141,11 @@ class _Grounds:
 
 @dataclass(frozen=True)
 class CombinedPairs:
-    """The pairs of a design, why some of them cannot be rendered, by their ids, and the made-up grounds that were
-    checked and that were not, by ``_Grounds.key_of``."""
+    """The pairs of a design.
+
+    ``refused`` are the reasons why some cannot be rendered, by their ids. ``checked`` and ``unchecked`` are the
+    procedural grounds on which cameras were checked or not, by ``_Grounds.make_ground_key``.
+    """
 
     pairs: list[PlannedPair]
     refused: dict[str, str]
@@ -140,15 +154,15 @@ class CombinedPairs:
 
 
 def combine(
-    design: PlanDesign, most_grounds: int = MOST_GROUNDS, report: Report = lambda done, total: None
+    design: PlanDesign, most_grounds: int = MOST_CHECKED_GROUNDS, report: Report = lambda done, total: None
 ) -> CombinedPairs:
     """The pairs of a design, checked on ``most_grounds`` of its grounds.
 
-    Raises IcyMoonError that names the line at fault if none can be rendered.
+    If none of them can be rendered, raises IcyMoonError that names the line at fault.
     """
     grounds = _Grounds()
     made = _deal_grounds(list(_list_combinations(design)), design)
-    rigs = SettingsTexts(_RIG)
+    rigs = SettingsTexts(_RIG_SETTINGS)
     for sweep in _list_camera_sweeps(design):
         known: dict[str, list[Variation]] = {}
         made = [
@@ -176,21 +190,23 @@ def combine(
 
 
 def _list_camera_sweeps(design: PlanDesign) -> list[Sweep]:
-    """The sweeps that place cameras, in the order in which they are applied."""
+    """The sweeps that place cameras, in the order of their application."""
     return sorted(
         (b for b in design.sweeps if b.kind in pose_sweeps.KINDS), key=lambda b: pose_sweeps.KINDS.index(b.kind)
     )
 
 
 def _resolve_file_paths(part: Variation, design: PlanDesign) -> Variation:
-    """A part whose relative files are in the plan's folder of files, or beside the plan that names them."""
+    """A part with its relative files made absolute: in the plan's folder of files, or beside the plan that
+    names them.
+    """
     if not part.settings:
         return part
     return replace(part, settings=make_paths_relative_to(design.files or part.place.file.parent, merged(part.settings)))
 
 
 def _list_combinations(design: PlanDesign) -> Iterator[_Combination]:
-    """The descriptions that the sweeps of settings combine to; the camera is not placed yet."""
+    """The combinations of the sweeps of settings, before the camera is placed."""
     base = _Combination(defaults(), ())
     for part in design.base:
         base = base.with_part(_resolve_file_paths(part, design))
@@ -232,8 +248,8 @@ def _list_combinations(design: PlanDesign) -> Iterator[_Combination]:
 
 
 def _replace_stand_ins(made: _Combination, there: dict[str, list[Path]]) -> _Combination:
-    """A combination with the user's own files in place of the stand-ins that have their names."""
-    place = made.place_of("textures.stand_in", "source.stand_in")
+    """A combination with the user's own files in place of the stand-ins of the same names."""
+    place = made.find_place("textures.stand_in", "source.stand_in")
     try:
         own = replace_stand_ins(made.settings, there)
     except IcyMoonError as error:
@@ -244,7 +260,8 @@ def _replace_stand_ins(made: _Combination, there: dict[str, list[Path]]) -> _Com
 def _deal_grounds(made: list[_Combination], design: PlanDesign) -> list[_Combination]:
     """The combinations with the ``design.grounds`` seeds of scenes, each about as often as the others.
 
-    The order is random, so that the seeds do not follow a setting that varies. Ground from a file depends on no seed.
+    The order is random, so that the seeds do not correlate with a setting that varies. Ground from a file is the same
+    for all seeds.
     """
     if design.grounds is None or design.grounds[0] == 1 or len(made) < 2:
         return made
@@ -264,8 +281,9 @@ def _deal_grounds(made: list[_Combination], design: PlanDesign) -> list[_Combina
 
 
 def list_seeds(stated: int | list[int], seed: int) -> list[int]:
-    """Seeds of scenes: the ``stated`` list, or a ``stated`` number of children of the data set's seed, whose first ones
-    are the same for any number."""
+    """Seeds of scenes: the ``stated`` list, or a ``stated`` number of children of the data set's seed. A larger number
+    begins with the same seeds.
+    """
     if isinstance(stated, list):
         return stated
     return [int(seed_stream(seed, "plan", k).generate_state(1)[0] >> 1) for k in range(stated)]
@@ -274,8 +292,8 @@ def list_seeds(stated: int | list[int], seed: int) -> list[int]:
 def _place_cameras(
     sweep: Sweep, made: _Combination, grounds: _Grounds, rigs: SettingsTexts, known: dict[str, list[Variation]]
 ) -> list[Variation]:
-    """The cameras that a sweep gives to a combination; computed once for each ground and rig."""
-    key = grounds.key_of(made.settings) + rigs.of(made.settings)
+    """The cameras that a sweep gives to a combination, computed once for each ground and rig."""
+    key = grounds.make_ground_key(made.settings) + rigs.of(made.settings)
     if key not in known:
         try:
             known[key] = pose_sweeps.make_camera_variations(sweep, made.settings, grounds.find)
@@ -285,7 +303,7 @@ def _place_cameras(
 
 
 def _locate_error(error: IcyMoonError, place: Place | None) -> IcyMoonError:
-    """An error with the line at fault before it, if it does not name one."""
+    """An error that begins with the line at fault, unless it already names a line."""
     text = str(error)
     if place is None or text.startswith(str(place.file)):
         return error
@@ -293,25 +311,28 @@ def _locate_error(error: IcyMoonError, place: Place | None) -> IcyMoonError:
 
 
 def _check_headings(made: list[_Combination]) -> None:
-    """Refuse more pairs than a plan may have before they are made."""
+    """Raise IcyMoonError for more pairs than a plan may have, before they are made."""
     pairs = sum(int(each.settings.dataset.headings) for each in made)
-    place = made[0].place_of("dataset.headings") if made else None
+    place = made[0].find_place("dataset.headings") if made else None
     if place is not None:
         check_pair_count(pairs, place)
 
 
 def _expand_headings(made: _Combination) -> Iterator[_Combination]:
-    """A description at each of its ``dataset.headings``; that setting is 1 in the results."""
+    """Settings at each of their ``dataset.headings`` turns; that setting is 1 in the results."""
     headings = int(made.settings.dataset.headings)
     if headings == 1:
         yield made
         return
-    place = made.place_of("dataset.headings")
+    place = made.find_place("dataset.headings")
     assert place is not None
     for k in range(headings):
         yield made.with_part(
             Variation(
-                {"dataset": {"headings": 1}, "rig": {"heading_deg": turned_heading_deg(made.settings, k, headings)}},
+                {
+                    "dataset": {"headings": 1},
+                    "rig": {"heading_deg": compute_turned_heading_deg(made.settings, k, headings)},
+                },
                 place,
             )
         )
@@ -321,16 +342,19 @@ def _read_content(made: _Combination) -> str:
     try:
         return hash_content(made.settings)
     except IcyMoonError as error:
-        raise _locate_error(error, made.place_of("source.file", "textures.albedo_file")) from None
+        raise _locate_error(error, made.find_place("source.file", "textures.albedo_file")) from None
 
 
 def _choose_grounds_to_check(
     made: Sequence[_Combination], grounds: _Grounds, most: int
 ) -> tuple[frozenset[str], frozenset[str]]:
-    """The made-up grounds that a plan is checked on, by ``_Grounds.key_of``: all, or ``most`` evenly among more; and
-    the others."""
+    """Keys of the procedural grounds on which the cameras of a plan are checked (all, or ``most`` at equal steps), and
+    keys of the others.
+    """
     there = list(
-        dict.fromkeys(grounds.key_of(each.settings) for each in made if each.settings.source.kind == "PROCEDURAL")
+        dict.fromkeys(
+            grounds.make_ground_key(each.settings) for each in made if each.settings.source.kind == "PROCEDURAL"
+        )
     )
     chosen = frozenset(there if len(there) <= most else (there[k * len(there) // most] for k in range(most)))
     return chosen, frozenset(there) - chosen
@@ -339,30 +363,30 @@ def _choose_grounds_to_check(
 def _find_refusals(
     made: list[_Combination], grounds: _Grounds, looked_at: frozenset[str], report: Report
 ) -> list[IcyMoonError | None]:
-    """Why each combination cannot be rendered, as far as that is known before anything is built; None if it can.
+    """Why each combination cannot be rendered, as far as known before the build; None if no reason is known.
 
     Cameras are checked on the grounds ``looked_at``.
 
     Raises IcyMoonError for a missing file, and for a camera outside the ground.
     """
     seen: set[str] = set()
-    files, reasons, rigs = SettingsTexts(_FILES), SettingsTexts(_REASONS), SettingsTexts(_RIG)
+    files, reasons, rigs = SettingsTexts(_FILE_SETTINGS), SettingsTexts(_CHECKED_SETTINGS), SettingsTexts(_RIG_SETTINGS)
     known: dict[str, list[Reason]] = {}
     standing_on: dict[int, tuple[RockyGround, list[int]]] = {}
     found: list[list[Reason]] = []
     for k, each in enumerate(made):
-        if k % _REPORTED == 0:
+        if k % _PAIRS_PER_REPORT == 0:
             report(k, len(made))
         if (key := files.of(each.settings)) not in seen:
             seen.add(key)
             _check_files(each)
         key = reasons.of(each.settings)
         if each.settings.lander.kind != "NONE" or each.settings.excavation.path != "NONE":
-            key += rigs.of(each.settings)  # an arm may be around an eye, a trench too far from it
+            key += rigs.of(each.settings)  # an arm may surround an eye, and a trench may be too far away
         if key not in known:
             known[key] = scene_checks.find_reasons_in_settings(each.settings)
         found.append(list(known[key]))
-        if each.settings.source.kind == "PROCEDURAL" and grounds.key_of(each.settings) in looked_at:
+        if each.settings.source.kind == "PROCEDURAL" and grounds.make_ground_key(each.settings) in looked_at:
             try:
                 ground = grounds.find(each.settings)
                 standing_on.setdefault(id(ground), (ground, []))[1].append(k)
@@ -377,31 +401,31 @@ def _find_refusals(
 def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | None]:
     try:
         found = scene_checks.find_eye_reasons(ground, [each.settings.rig for each in made])
-    except IcyMoonError as error:  # sizes of rocks that contradict each other
+    except IcyMoonError as error:  # the sizes of rocks contradict each other
         return [Reason(str(error)) for _ in made]
     for each, reason in zip(made, found, strict=True):
         if reason is not None and reason.names == scene_checks.OUTSIDE:
-            raise _locate_error(IcyMoonError(reason), each.place_of(*reason.names))
+            raise _locate_error(IcyMoonError(reason), each.find_place(*reason.names))
     return found
 
 
 def _join_reasons(made: _Combination, reasons: list[Reason]) -> IcyMoonError | None:
-    """All reasons as one error that names the line at fault of the first."""
+    """All reasons as one error, which names the line at fault of the first reason."""
     if not reasons:
         return None
     error = IcyMoonError(" ".join(reasons))
-    place = made.place_of(*reasons[0].names) if reasons[0].names else None
+    place = made.find_place(*reasons[0].names) if reasons[0].names else None
     return _locate_error(error, place or _find_named_place(error, made))
 
 
 def _find_named_place(error: IcyMoonError, made: _Combination) -> Place | None:
     """The place of the settings that an error names."""
     named = [word.strip(",;:().") for word in str(error).split() if word.count(".") and word.split(".")[0] in TOPICS]
-    return made.place_of(*named)
+    return made.find_place(*named)
 
 
 def _check_files(made: _Combination) -> None:
-    """Refuse a file that is not there."""
+    """Raise IcyMoonError for a missing file."""
     try:
         files = find_used_files(made.settings)
     except IcyMoonError as error:
@@ -414,10 +438,10 @@ def _check_files(made: _Combination) -> None:
                     "extend this plan by one of your own that names another file, or that states "
                     "its folder in plan.files."
                 ),
-                made.place_of(name),
+                made.find_place(name),
             )
     if "rig.head_file" in files:
         try:
             read_head(files["rig.head_file"])
         except IcyMoonError as error:
-            raise _locate_error(error, made.place_of("rig.head_file")) from None
+            raise _locate_error(error, made.find_place("rig.head_file")) from None

@@ -1,7 +1,7 @@
-"""A data set's plan, frozen into its folder, and which of its pairs are complete. Imports no Blender.
+"""A data set's plan, frozen into its folder, and its complete pairs. Imports no Blender.
 
-``plan.jsonl`` is written once, before the first render: a header, then a line for each pair. The work
-depends on nothing else, so any process on any machine can do any part of it.
+``plan.jsonl`` is written once, before the first render: a header, then a line for each pair. The work depends on
+nothing else, so any process on any machine can do any part of it.
 """
 
 from __future__ import annotations
@@ -30,19 +30,20 @@ from .planned_pair import PlannedPair
 PLAN = "plan.jsonl"
 FORMAT = "icymoon-dataset"
 VERSION = 1
-_FIX = "delete it and run icymoon batch again, which keeps what is rendered"
-#: The first line of a plan, of any version and of this one, and the others.
-_KIND = {"format": TEXT, "version": COUNT}
-_HEADER = {**_KIND, "settings": Each(TABLE, TEXT), "pairs": COUNT, "plan": TEXT, "icymoon": TEXT}
-_LINE = {"id": TEXT, "changes": Each(TABLE, TEXT)}
-#: Maximum number of settings that are named as differences between two plans.
-_MOST_NAMED = 5
+_PLAN_AGAIN = "delete it and run icymoon batch again, which keeps the rendered pairs"
+#: The first line of a plan of any version, the first line of this version, and the other lines.
+_ANY_HEADER_SHAPE = {"format": TEXT, "version": COUNT}
+_HEADER_SHAPE = {**_ANY_HEADER_SHAPE, "settings": Each(TABLE, TEXT), "pairs": COUNT, "plan": TEXT, "icymoon": TEXT}
+_PAIR_LINE_SHAPE = {"id": TEXT, "changes": Each(TABLE, TEXT)}
+#: Most settings that are named as differences between two plans.
+_MOST_NAMED_SETTINGS = 5
 
 
 @dataclass(frozen=True)
 class FrozenPlan:
-    """What a data set is to hold: its pairs in the order in which they are rendered, the plan's text, the version of
-    Icy Moon that froze it, and a ``note`` for the user."""
+    """The planned content of a data set: its pairs in render order, the plan's text, the version of Icy Moon that froze
+    it, and a ``note`` for the user.
+    """
 
     pairs: tuple[PlannedPair, ...]
     text: str
@@ -50,16 +51,16 @@ class FrozenPlan:
     note: str = ""
 
     def find_missing(self, dataset: Path) -> list[PlannedPair]:
-        """The pairs that are not there, or not whole."""
+        """The pairs that are missing or incomplete."""
         return [pair for pair in self.pairs if not is_complete(pair.folder(dataset))]
 
 
 def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> FrozenPlan:
-    """Write the plan of a data set, or check it against the one that is there, and return it.
+    """Write the plan of a data set, or check it against the existing plan, and return it.
 
-    A data set may be extended: a plan that has all pairs of the frozen one takes its place. A plan that an earlier
-    version froze from the same text stays as it is, whatever the presets and defaults of this version. Raises
-    IcyMoonError for a plan without pairs, and for one that lacks pairs of the frozen one.
+    A data set may be extended: a plan that has all pairs of the frozen plan replaces it. A plan that an earlier version
+    froze from the same text stays the same, also if presets and defaults have changed. Raises IcyMoonError for a plan
+    without pairs, and for a plan that lacks pairs of the frozen plan.
     """
     if not pairs:
         raise IcyMoonError("The plan has no pairs; give it values to vary, and no empty list.")
@@ -101,7 +102,7 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
 
 
 def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPair]) -> str:
-    """By which settings some ``known`` pairs are not among the others, in words."""
+    """The settings by which some ``known`` pairs are missing among the others, in words."""
     names = [(topic, s.key) for topic, s in list_all_settings() if affects_pixels(s)]
     before, now = (
         {name: {_value_in_id(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
@@ -114,22 +115,22 @@ def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPa
     ]
     if texts:
         return _join_texts(texts)
-    # Each value is there, but not together with the others.
+    # Each value occurs, but not together with the others.
     varied = [name for name in names if len(before[name]) > 1]
     there = {tuple(_value_in_id(name, pair) for name in varied) for pair in pairs}
     lost = next((pair for pair in known if tuple(_value_in_id(name, pair) for name in varied) not in there), None)
     if lost is None:
-        return "a file of yours has another content"
+        return "a file of yours has changed"
     return f"no pair has together {_join_texts([f'{a}.{b} {quote(lost.settings[a][b])}' for a, b in varied])}"
 
 
 def _value_in_id(name: tuple[str, str], pair: PlannedPair) -> str:
-    """The value of a setting as the id of a pair has it, to be compared."""
+    """The value of a setting as the id of a pair contains it, for comparison."""
     return repr(value_in_id(".".join(name), pair.settings))
 
 
 def _describe_change(name: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """What a setting took and takes, in words; the values are by what ids have of them."""
+    """The values of a setting before and now, in words; the values are by their form in ids."""
     lost, new = ([each[key] for key in each if key not in other] for each, other in ((before, now), (now, before)))
     if len(before) == 1 == len(now):
         return f"{name} was {quote(lost[0])} and is {quote(new[0])}"
@@ -142,8 +143,8 @@ def _list_values(values: Sequence[Any]) -> str:
 
 
 def _join_texts(texts: Sequence[str]) -> str:
-    more = len(texts) - _MOST_NAMED
-    return ", ".join([*texts[:_MOST_NAMED], *([format_count(more, "more setting")] if more > 0 else [])])
+    more = len(texts) - _MOST_NAMED_SETTINGS
+    return ", ".join([*texts[:_MOST_NAMED_SETTINGS], *([format_count(more, "more setting")] if more > 0 else [])])
 
 
 def read_frozen_plan(dataset: Path) -> FrozenPlan:
@@ -154,23 +155,23 @@ def read_frozen_plan(dataset: Path) -> FrozenPlan:
     try:
         header, *lines = [parse_json(line) for line in read_text(path).split("\n") if line]
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_FIX}.") from None
-    check_record(header, _KIND, path, _FIX)
+        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_PLAN_AGAIN}.") from None
+    check_record(header, _ANY_HEADER_SHAPE, path, _PLAN_AGAIN)
     if header["format"] != FORMAT or header["version"] != VERSION:
         raise IcyMoonError(
             f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "
             f"{VERSION} of {FORMAT}; use the version that wrote it."
         )
-    check_record(header, _HEADER, path, _FIX)
+    check_record(header, _HEADER_SHAPE, path, _PLAN_AGAIN)
     base = restore_settings(header["settings"], str(path), header["icymoon"])
     with ask_to_update(str(path), header["icymoon"]):
         pairs = tuple(_parse_pair(line, base, path) for line in lines)
     if (there := len({pair.id for pair in pairs})) != header["pairs"]:
-        raise IcyMoonError(f"{path} contains {there} of {format_count(header['pairs'], 'pair')}; {_FIX}.")
+        raise IcyMoonError(f"{path} contains {there} of {format_count(header['pairs'], 'pair')}; {_PLAN_AGAIN}.")
     return FrozenPlan(pairs, header["plan"], header["icymoon"])
 
 
 def _parse_pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
-    check_record(line, _LINE, path, _FIX)
+    check_record(line, _PAIR_LINE_SHAPE, path, _PLAN_AGAIN)
     settings = overlaid(base, check(line["changes"], str(path), stored=True))
     return PlannedPair(check_id(line["id"], path), settings, 0.0)

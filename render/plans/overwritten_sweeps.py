@@ -1,4 +1,6 @@
-"""Whether a later part of a plan overwrites what a sweep varies, so that pairs would be lost. Imports no Blender."""
+"""Checks whether a later part of a plan overwrites the variations of a sweep, so that pairs would be lost. Imports no
+Blender.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,9 @@ from .setting_sweeps import Sweep, Variation
 
 @dataclass(frozen=True)
 class _Layer:
-    """A sweep among those that are combined: the settings that it ``names``, by their full names, and what each of its
-    variations sets over what is under it."""
+    """A sweep among those that are combined: the full ``names`` of its settings, and the values of each variation by
+    these names.
+    """
 
     place: Place
     name: str
@@ -36,7 +39,7 @@ def check_overwritten(
     made: Sequence[tuple[Sweep, list[Variation]]],
     cameras: Sequence[Sweep],
 ) -> None:
-    """Raise IcyMoonError if what a sweep varies would be lost, for every pair or for some.
+    """Raise IcyMoonError if the variations of a sweep would be lost, for every pair or for some.
 
     ``base`` is made of ``parts``, those of the plans that are extended first. Over it come ``seeds``, where the plan
     states them, then the sweeps of settings with their variations, then ``cameras``, in the order of
@@ -59,7 +62,7 @@ def check_overwritten(
 
 
 def _list_named(sweep: Sweep) -> frozenset[str]:
-    """The settings that a sweep names, other than by presets."""
+    """The settings that a sweep names itself, not by presets."""
     tables = sweep.table.get("case", ()) if sweep.kind == "cases" else (sweep.table,)
     return frozenset(
         f"{topic}.{key}"
@@ -76,11 +79,11 @@ def _list_stated(part: Variation) -> dict[str, Any]:
 
 
 def _check_settings(parts: Sequence[Variation], layers: Sequence[_Layer]) -> None:
-    """Raise IcyMoonError if a plan states a setting that a sweep of a plan that it extends sets for every pair."""
+    """Raise IcyMoonError if a plan states a setting that an extended plan's sweep sets for every pair."""
     order = {part.place.file: k for k, part in enumerate(parts)}
     for k, part in enumerate(parts):
         if part.place.key:
-            continue  # a preset, whose other settings may be what it is taken for
+            continue  # a preset, whose other settings may be the reason for its choice
         for key in _list_stated(part):
             for layer in layers:
                 if order[layer.place.file] < k and key in layer.names and layer.covers(key):
@@ -92,7 +95,7 @@ def _check_settings(parts: Sequence[Variation], layers: Sequence[_Layer]) -> Non
 
 
 def _check_named(earlier: _Layer, later: _Layer) -> None:
-    """Raise IcyMoonError if a sweep sets what an earlier one names."""
+    """Raise IcyMoonError if a sweep sets a setting that an earlier sweep names."""
     lost = sorted(key for key in earlier.names if any(key in part for part in later.variations))
     if not lost:
         return
@@ -103,16 +106,16 @@ def _check_named(earlier: _Layer, later: _Layer) -> None:
         else "let the sweep of presets come first"
     )
     raise IcyMoonError(
-        f"{later.place}: this sweep sets {', '.join(lost)}, so what {earlier.place} states of that "
-        f"would be lost; {fix}{_replace_hint(earlier, later)}."
+        f"{later.place}: this sweep sets {', '.join(lost)}, so the values in {earlier.place} would be lost; "
+        f"{fix}{_replace_hint(earlier, later)}."
     )
 
 
 def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) -> None:
-    """Raise IcyMoonError if two variations that differ, such as two presets, differ in nothing under later sweeps."""
+    """Raise IcyMoonError if two different variations of a sweep, such as two presets, are equal under later sweeps."""
     first = earlier.variations[0] if earlier.variations else {}
 
-    def value(part: Mapping[str, Any], key: str) -> object:
+    def get_value(part: Mapping[str, Any], key: str) -> object:
         topic, _, name = key.partition(".")
         return part[key] if key in part else base[topic][name]
 
@@ -121,10 +124,10 @@ def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) 
             key
             for part in earlier.variations
             for key in part.keys() | first.keys()
-            if value(part, key) != value(first, key)
+            if get_value(part, key) != get_value(first, key)
         }
     )
-    rows = {tuple(repr(value(part, key)) for key in differ) for part in earlier.variations}
+    rows = {tuple(repr(get_value(part, key)) for key in differ) for part in earlier.variations}
     known = {frozenset[str]()}
     for later in over:
         for keys in {frozenset(part).intersection(differ) for part in later.variations} - {frozenset()}:
@@ -140,5 +143,5 @@ def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) 
 
 
 def _replace_hint(earlier: _Layer, later: _Layer) -> str:
-    """The end of a fix where the earlier sweep is of a plan that is extended."""
+    """The end of a fix if the earlier sweep is of an extended plan; else empty."""
     return f", or write replaces = '{earlier.name}'" if earlier.name and earlier.place.file != later.place.file else ""

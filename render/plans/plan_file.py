@@ -23,7 +23,7 @@ from ...support.foreign_bytes import parse_toml
 from ...support.suggestions import suggest_nearest
 from ..pairs.scene_splits import check_splits
 from . import pose_sweeps, setting_sweeps, trajectory_sweeps
-from .combine import MOST_GROUNDS, CombinedPairs, PlanDesign, Report, combine
+from .combine import MOST_CHECKED_GROUNDS, CombinedPairs, PlanDesign, Report, combine
 from .planned_pair import PlannedPair
 from .setting_sweeps import Sweep, Variation, check_keys, check_settings, load_included
 from .stand_in_replacements import describe_stand_ins
@@ -41,18 +41,21 @@ HEADER = (
     "files",
     "without",
 )
-_SEEDS_MOST = 100000
-#: What plans extend to together, and what one combines; each shipped plan has far fewer. A plan that extends another
-#: twice, which extends another twice, has a million parents after twenty files.
+_MOST_SEEDS = 100000
+#: Most designs of a plan with all plans that it extends, and most sweeps of one plan; each shipped plan has far fewer.
+#: Plans that extend two plans each, twenty files deep, would have a million parents.
 _MOST_DESIGNS, _MOST_SWEEPS = 100, 100
-#: Grounds that each of several plans that are extended is checked on at least.
-_LEAST_GROUNDS = 3
+#: Fewest grounds on which each of several extended plans is checked.
+_FEWEST_CHECKED_GROUNDS = 3
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan as read: ``text`` is its TOML, ``designs`` are its combinations (several if it extends several plans),
-    ``splits`` the shares of its scenes in each split, if it states them."""
+    """A plan as read.
+
+    ``text`` is its TOML, ``designs`` are its combinations (several if it extends several plans), ``splits`` the shares
+    of its scenes in each split, if stated.
+    """
 
     path: Path
     title: str
@@ -62,7 +65,7 @@ class Plan:
     splits: dict[str, float] | None = None
 
     def check(self, report: Report = lambda done, total: None) -> CombinedPairs:
-        """Combine and check the pairs, once; ``report`` receives how many of how many are checked.
+        """Combine and check the pairs, once. ``report`` receives the number of checked pairs and of all pairs.
 
         Raises IcyMoonError as ``pairs`` does.
         """
@@ -82,7 +85,7 @@ class Plan:
             report(before + done, before + total)
 
         for design in self.designs:
-            made = combine(design, max(_LEAST_GROUNDS, MOST_GROUNDS // len(self.designs)), report_all)
+            made = combine(design, max(_FEWEST_CHECKED_GROUNDS, MOST_CHECKED_GROUNDS // len(self.designs)), report_all)
             refused |= made.refused
             checked, unchecked, before = checked | made.checked, unchecked | made.unchecked, before + len(made.pairs)
             for pair in made.pairs:
@@ -92,35 +95,35 @@ class Plan:
     def pairs(self) -> list[PlannedPair]:
         """The pairs with complete settings, in the order of the plan, each once.
 
-        Those of ``refused`` are among them: a render sets them aside. Raises IcyMoonError if none can be rendered, or a
-        file is not there.
+        Pairs of ``refused`` are included; a render sets them aside. Raises IcyMoonError if no pair can be rendered, or
+        if a file is missing.
         """
         return list(self.check().pairs)
 
     def refused(self) -> dict[str, str]:
-        """Why some pairs cannot be rendered, by their ids: sentences with the line at fault.
+        """The reasons why some pairs cannot be rendered, by their ids: sentences with the line at fault.
 
         Raises IcyMoonError as ``pairs`` does.
         """
         return dict(self.check().refused)
 
     def describe_unchecked(self) -> str:
-        """A sentence about the grounds that the pairs were not checked on; empty if all grounds were checked."""
+        """A sentence on the grounds on which no cameras were checked; empty if all grounds were checked."""
         found = self.check()
         if not found.unchecked:
             return ""
         return (
-            f"{len(found.checked)} grounds were checked, {len(found.unchecked)} were not. A camera that cannot "
-            "stand on one of those is found when its pair is rendered, and the pair is set aside."
+            f"{len(found.checked)} grounds were checked, {len(found.unchecked)} were not. If a camera cannot stand "
+            "on one of the others, the render sets its pair aside."
         )
 
     def describe_draws(self) -> str:
-        """A sentence about seeds that repeat the draws of the first; empty if none do."""
+        """A sentence on seeds that repeat the draws of the first seed; empty if all draws differ."""
         repeats = any(
             design.seeds is not None
             and not design.draw_again
             and _count_seeds(design.seeds[0]) > 1
-            and any(sweep.kind in setting_sweeps.DRAWN for sweep in design.sweeps)
+            and any(sweep.kind in setting_sweeps.DRAWN_KINDS for sweep in design.sweeps)
             for design in self.designs
         )
         return (
@@ -133,7 +136,7 @@ class Plan:
     def describe_trajectories(self) -> list[str]:
         """A sentence on each trajectory that the plan follows. Raises IcyMoonError as ``pairs`` does."""
         found = [
-            trajectory_sweeps.describe(sweep)
+            trajectory_sweeps.describe_trajectory(sweep)
             for design in self.designs
             for sweep in design.sweeps
             if sweep.kind == trajectory_sweeps.KIND
@@ -141,12 +144,12 @@ class Plan:
         return list(dict.fromkeys(found))
 
     def describe_splits(self) -> str:
-        """A line on the splits that the plan states; empty if it states none."""
+        """A line on the splits of the plan; empty without splits."""
         shown = ", ".join(f"{name} {100 * share:g} %" for name, share in (self.splits or {}).items())
         return f"Splits of the scenes: {shown}" if shown else ""
 
     def describe_stand_ins(self) -> list[str]:
-        """Sentences on the stand-ins that the pairs show in place of files of the GUISS paper, if any."""
+        """Sentences on the stand-ins in the pairs for files of the GUISS paper; empty without stand-ins."""
         return describe_stand_ins(self.check().pairs, [each.files for each in self.designs if each.files])
 
 
@@ -165,7 +168,7 @@ def find_plan(name: str) -> Path:
 
 
 def read_plan_header(path: Path) -> tuple[str, str]:
-    """(title, description) of a plan; reads nothing else of it."""
+    """Title and description of a plan; the rest of the plan is not read."""
     header = read_toml(path).get("plan", {})
     return str(header.get("title", path.stem)), str(header.get("description", ""))
 
@@ -176,7 +179,7 @@ def read_plan(path: Path) -> Plan:
 
 
 def parse_plan(path: Path, text: str) -> Plan:
-    """The plan that a file with this text would be. Raises IcyMoonError as ``read_plan``."""
+    """The plan of a file with this text. Raises IcyMoonError as ``read_plan`` does."""
     return _parse_plan(path, parse_toml(text), text, ())
 
 
@@ -188,17 +191,17 @@ def _parse_plan(path: Path, data: dict[str, Any], text: str, readers: tuple[Path
     whole = Place(path, text)
     header = data.pop("plan", None)
     if not isinstance(header, Mapping):
-        raise IcyMoonError(f"{path}: has no [plan] table, so it is no plan of a data set; give it one with a title.")
+        raise IcyMoonError(f"{path} has no [plan] table, so it is no plan of a data set; give it one with a title.")
     data.pop("sources", None)
     place = whole.at("plan")
     check_keys(header, HEADER, place, "[plan]")
     tables = data.pop("sweep", [])
     if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
-        raise IcyMoonError(f"{whole.at('sweep')}: sweeps are tables of a list; write [[sweep]] with two brackets.")
+        raise IcyMoonError(f"{whole.at('sweep')}: sweeps are a list of tables; write [[sweep]] with two brackets.")
     if len(tables) > _MOST_SWEEPS:
         raise IcyMoonError(
-            f"{whole.at('sweep', _MOST_SWEEPS)}: this is one sweep more than the {_MOST_SWEEPS} that a "
-            "plan may have; list the values of several in one."
+            f"{whole.at('sweep', _MOST_SWEEPS)}: a plan may have {_MOST_SWEEPS} sweeps, and this is one more; list "
+            "the values of several sweeps in one."
         )
     designs = _read_parents(header, place, (*readers, path.resolve()))
     for k, table in enumerate(tables):
@@ -233,7 +236,7 @@ def _read_text(header: Mapping[str, Any], key: str, place: Place) -> str:
 
 
 def _read_names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple[str, Place]]:
-    """The names that a key lists, or the one that it is, each with its place."""
+    """The name or the names that a key states, each with its place."""
     value = header.get(key, [])
     if not isinstance(value, list):
         value = [value]
@@ -269,14 +272,14 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
 
 
 def _add_settings(design: PlanDesign, header: Mapping[str, Any], data: Mapping[str, Any], whole: Place) -> PlanDesign:
-    """A design with the presets and settings of a plan over its own."""
+    """A design with the presets and settings of a plan over its base settings."""
     place = whole.at("plan")
     parts = [Variation(load_included(name, at), at) for name, at in _read_names(header, "include", place)]
     return replace(design, base=(*design.base, *parts, Variation(check_settings(data, whole), whole)))
 
 
 def _apply_header(design: PlanDesign, header: Mapping[str, Any], place: Place) -> PlanDesign:
-    """A design with the seeds, the grounds, the limit and the folder of files that a plan states."""
+    """A design with the seeds, the grounds, the limit of pairs and the folder of files in the header of a plan."""
     if "seeds" in header:
         design = replace(design, seeds=_read_seeds(header["seeds"], place.at("seeds")))
     if "draw_again" in header:
@@ -295,10 +298,10 @@ def _apply_header(design: PlanDesign, header: Mapping[str, Any], place: Place) -
 
 
 def _read_count(header: Mapping[str, Any], key: str, what: str, place: Place) -> int:
-    """A whole number that the header states."""
+    """A whole number from the header."""
     value = header[key]
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise IcyMoonError(f"{place.at(key)}: {key} is {quote(value)}, it must be a whole number of {what} from 1 up.")
+        raise IcyMoonError(f"{place.at(key)}: {key} is {quote(value)}, but must be a whole number of {what} from 1 up.")
     return value
 
 
@@ -311,15 +314,15 @@ def _read_seeds(value: object, place: Place) -> tuple[int | list[int], Place]:
         for seed in value:
             check({"dataset": {"seed": seed}}, str(place))
         return value, place
-    if isinstance(value, list) or not whole or not 1 <= whole[0] <= _SEEDS_MOST:
+    if isinstance(value, list) or not whole or not 1 <= whole[0] <= _MOST_SEEDS:
         raise IcyMoonError(
-            f"{place}: seeds is {quote(value)}, it must be how many there are (1 to {_SEEDS_MOST}) or list them."
+            f"{place}: seeds is {quote(value)}, but must be a number from 1 to {_MOST_SEEDS} or a list of seeds."
         )
     return whole[0], place
 
 
 def _add_sweep(designs: Sequence[PlanDesign], table: Mapping[str, Any], place: Place) -> list[PlanDesign]:
-    """Designs with one more sweep, or with one in place of the sweep that it replaces."""
+    """Designs with one more sweep, or with this sweep in place of the one that it replaces."""
     kinds = (*setting_sweeps.KINDS, *pose_sweeps.KINDS)
     kind, replaces = table.get("kind"), _read_text(table, "replaces", place) or None
     if kind not in kinds:
@@ -331,7 +334,7 @@ def _add_sweep(designs: Sequence[PlanDesign], table: Mapping[str, Any], place: P
             f"{place.at('replaces')}: there is no sweep {quote(replaces)} to replace, "
             f"{suggest_nearest(replaces, sorted(known))}"
         )
-    # Random numbers depend on the name; a made-up one counts the sweeps of its kind in this file.
+    # Random numbers depend on the name; an automatic name counts the sweeps of its kind in this file.
     name = replaces or _read_text(table, "name", place) or _find_free_name(kind, known)
     if replaces is None and name in known:
         raise IcyMoonError(

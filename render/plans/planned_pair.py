@@ -1,4 +1,4 @@
-"""Which pairs a description asks for. Imports no Blender."""
+"""The pairs that settings ask for. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ from .baked_or_traced import choose_indirect
 
 @dataclass(frozen=True)
 class PlannedPair:
-    """One pair to render: its complete settings, its id, and by how much the rig of a scene that is built already
-    is turned for it (a scene that is built from the settings stands right)."""
+    """One pair to render: its id, its complete settings, and the angle by which the rig of an already built scene turns
+    for it (0 in a scene built from the pair's settings).
+    """
 
     id: str
     settings: Settings
     turn_deg: float
 
     def folder(self, dataset: Path) -> Path:
-        """Where the finished pair lies."""
+        """The folder of the finished pair."""
         return folder_of_pair(dataset, self.id)
 
     @property
     def render_seed(self) -> int:
-        """Seed of Cycles' sampling: another one for every pair, the same for the same pair."""
+        """Seed of Cycles' sampling: different for each pair, equal for equal pairs."""
         state = seed_stream(int(self.settings.dataset.seed), "render", int(self.id, 16)).generate_state(1)
         return int(state[0] >> 1)
 
 
-def turned_heading_deg(settings: Settings, k: int, headings: int) -> float:
+def compute_turned_heading_deg(settings: Settings, k: int, headings: int) -> float:
     """Heading of turn ``k`` of ``headings`` equal turns; turn 0 has ``rig.heading_deg``."""
     heading = float(settings.rig.heading_deg) + 360.0 * k / headings
     return float(f"{heading - 360.0 if heading > 180.0 and k else heading:.6g}")
@@ -42,13 +43,13 @@ def turned_heading_deg(settings: Settings, k: int, headings: int) -> float:
 def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
     """The pairs of a complete description: ``dataset.headings`` equal turns at the site.
 
-    ``extra`` identifies content that the settings do not describe (see ``settings.digest``). Raises IcyMoonError for
-    blur that cannot be rendered.
+    ``extra`` identifies content beside the settings (see ``settings.description.digest``). Raises IcyMoonError for blur
+    that cannot be rendered.
     """
     headings = int(settings.dataset.headings)
     described = choose_indirect(
         [
-            merged(settings, {"rig": {"heading_deg": turned_heading_deg(settings, k, headings)}} if k else {})
+            merged(settings, {"rig": {"heading_deg": compute_turned_heading_deg(settings, k, headings)}} if k else {})
             for k in range(headings)
         ]
     )

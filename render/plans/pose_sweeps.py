@@ -23,39 +23,47 @@ from ...support.file_schemas import is_number
 from ...support.files import quote
 from ...support.number_text import format_count
 from . import trajectory_sweeps
-from .planned_pair import turned_heading_deg
-from .setting_sweeps import Sweep, Variation, axis_generator, check_keys, check_pair_count, check_settings, read_count
+from .planned_pair import compute_turned_heading_deg
+from .setting_sweeps import (
+    Sweep,
+    Variation,
+    check_keys,
+    check_pair_count,
+    check_settings,
+    make_axis_generator,
+    read_count,
+)
 
-#: Returns the ground of complete settings, or raises IcyMoonError where it is a file.
+#: Returns the ground of complete settings, or raises IcyMoonError for ground from a file.
 Ground = Callable[[Settings], RockyGround]
 
 
 def _read_numbers(sweep: Sweep, key: str, default: Sequence[float] | None = None) -> list[float]:
-    """A list of numbers, or a single one, that a sweep states."""
+    """The number or the list of numbers that a sweep states, as a list."""
     value = sweep.table.get(key, None if default is None else list(default))
     place = sweep.place.at(key)
     values = value if isinstance(value, list) else [value]
     if not values or not all(map(is_number, values)):
         problem = "is missing" if value is None else f"is {quote(value)}"
-        raise IcyMoonError(f"{place}: {key} {problem}, it must be a number or a list of numbers.")
+        raise IcyMoonError(f"{place}: {key} {problem}, but must be a number or a list of numbers.")
     return [float(v) for v in values]
 
 
 def _read_length(sweep: Sweep, key: str, default: float) -> float:
     [value, *more] = _read_numbers(sweep, key, (default,))
     if more or value < 0:
-        raise IcyMoonError(f"{sweep.place.at(key)}: {key} must be one number from 0 up, in metres.")
+        raise IcyMoonError(f"{sweep.place.at(key)}: {key} must be one number of metres from 0 up.")
     return value
 
 
 def _rig_variation(sweep: Sweep, **values: float) -> Variation:
-    """A variation that sets these of the rig, six digits each."""
+    """A variation that sets these values of the rig, rounded to six digits."""
     rig = {key: float(f"{value:.6g}") for key, value in values.items()}
     place = Place(sweep.place.file, sweep.place.text, sweep.place.key)
     try:
         return Variation(check_settings({"rig": rig}, place), place)
     except IcyMoonError as error:
-        raise IcyMoonError(f"{error} It follows from this {sweep.kind} sweep.") from None
+        raise IcyMoonError(f"{error} The {sweep.kind} sweep sets this value.") from None
 
 
 def _make_panorama(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
@@ -63,13 +71,13 @@ def _make_panorama(sweep: Sweep, base: Settings, ground: Ground) -> list[Variati
     stated = sweep.table.get("headings", 4)
     if isinstance(stated, int) and not isinstance(stated, bool) and stated > 0:
         check_pair_count(stated, sweep.place.at("headings"))
-        headings = [turned_heading_deg(base, k, stated) for k in range(stated)]
+        headings = [compute_turned_heading_deg(base, k, stated) for k in range(stated)]
     elif isinstance(stated, list):
         headings = _read_numbers(sweep, "headings")
     else:
         raise IcyMoonError(
-            f"{sweep.place.at('headings')}: headings is {quote(stated)}, it must be how many there are "
-            "or list them in degrees."
+            f"{sweep.place.at('headings')}: headings is {quote(stated)}, but must be a number of headings or a list "
+            "of degrees."
         )
     pitches = _read_numbers(sweep, "pitches_deg", (base.rig.pitch_deg,))
     return [_rig_variation(sweep, heading_deg=heading, pitch_deg=pitch) for pitch in pitches for heading in headings]
@@ -100,7 +108,7 @@ def _make_view_sphere(sweep: Sweep, base: Settings, ground: Ground) -> list[Vari
 def _look_at(
     target: Array, distance: float, elevation: float, azimuth: float, sweep: Sweep, standing: RockyGround
 ) -> Variation:
-    """A camera that looks at a target. Raises IcyMoonError if there is no ground under it, or it is in the ground."""
+    """A camera that looks at a target. Raises IcyMoonError if it is beyond the ground, or below the ground."""
     x, y, z = target + distance * direction_toward(azimuth, elevation)
     x, y = (float(f"{v:.6g}") for v in (x, y))
     height = z - float(standing.heights(x, y))
@@ -128,31 +136,32 @@ def _make_sites(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]
         for key, default in (("clearance_m", 0.25), ("margin_m", 1.0), ("apart_m", 0.0))
     )
     seed = int(base.dataset.seed)
-    found = ground(base).choose_places(count, clearance, margin, apart, axis_generator(sweep, "place", seed))
+    found = ground(base).choose_places(count, clearance, margin, apart, make_axis_generator(sweep, "place", seed))
     if len(found) < count:
         raise IcyMoonError(
             f"{sweep.place}: the {base.terrain.size_m:g} m patch has room for {len(found)} of "
             f"{format_count(count, 'site')} {clearance:g} m clear of rocks, {margin:g} m from its edge "
             f"and {apart:g} m apart; lower count, clearance_m, margin_m, apart_m or rocks.coverage."
         )
-    headings = axis_generator(sweep, "heading", seed).uniform(-180.0, 180.0, count)
+    headings = make_axis_generator(sweep, "heading", seed).uniform(-180.0, 180.0, count)
     more: list[dict[str, float]] = [{"heading_deg": h} if turned else {} for h in headings.tolist()]
     return [_rig_variation(sweep, x_m=x, y_m=y, **extra) for (x, y), extra in zip(found.tolist(), more, strict=True)]
 
 
-_MAKERS: dict[str, Callable[[Sweep, Settings, Ground], list[Variation]]] = {
+_MAKER_BY_KIND: dict[str, Callable[[Sweep, Settings, Ground], list[Variation]]] = {
     "sites": _make_sites,
     "view_sphere": _make_view_sphere,
     "panorama": _make_panorama,
     trajectory_sweeps.KIND: trajectory_sweeps.make_trajectory,
 }
-#: Kinds of sweeps that place the camera, in the order in which they are applied: the site, then the view.
-KINDS = tuple(_MAKERS)
+#: Kinds of sweeps that place the camera, in the order of their application: the site, then the view.
+KINDS = tuple(_MAKER_BY_KIND)
 
 
 def list_rig_settings(sweep: Sweep) -> tuple[frozenset[str], frozenset[str]]:
-    """The settings that cameras of a sweep of one of ``KINDS`` differ in, and those that they have whatever the
-    settings under them are: equal turns begin at ``rig.heading_deg``, and a view sphere is about the rig's place."""
+    """The settings in which the cameras of a sweep of one of ``KINDS`` differ, and the settings that the sweep
+    replaces. Equal turns begin at ``rig.heading_deg``, and a view sphere is around the rig's place.
+    """
     if sweep.kind == trajectory_sweeps.KIND:
         return trajectory_sweeps.SETTINGS, trajectory_sweeps.SETTINGS
     if sweep.kind == "panorama":
@@ -173,4 +182,4 @@ def make_camera_variations(sweep: Sweep, base: Settings, ground: Ground) -> list
 
     Raises IcyMoonError that names the line at fault.
     """
-    return _MAKERS[sweep.kind](sweep, base, ground)
+    return _MAKER_BY_KIND[sweep.kind](sweep, base, ground)

@@ -1,4 +1,4 @@
-"""The ``[[sweep]]`` tables of a plan that vary settings: what each of their variations sets. Imports no Blender."""
+"""The ``[[sweep]]`` tables of a plan that vary settings, and their variations. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ from ...support.suggestions import suggest_nearest
 
 #: Kinds of sweeps that vary settings; ``pose_sweeps.KINDS`` are the others.
 KINDS = ("grid", "one_at_a_time", "cases", "random", "sobol", "latin_hypercube")
-#: Those that draw values.
-DRAWN = {
+#: The kinds that draw values, with their generators.
+DRAWN_KINDS = {
     "random": sampling.draw_independent,
     "sobol": sampling.draw_sobol,
     "latin_hypercube": sampling.draw_latin_hypercube,
 }
-_PRESET, _PRESETS = "preset", "presets"
-#: Pairs above which a plan is a mistake, or more than one data set.
+_PRESET_KEY, _PRESETS_KEY = "preset", "presets"
+#: Most pairs of a plan; more pairs are a mistake, or several data sets.
 MOST_PAIRS = 100000
-#: Pairs that a sentence counts; a number may have a million digits.
-_COUNTED = 10**12
-#: What no sweep may vary, and what to do instead.
+#: Largest number of pairs that a sentence states exactly, since the number may have a million digits.
+_MOST_STATED = 10**12
+#: Settings that a sweep may not vary, with the reason and the fix.
 NOT_SWEPT = {
-    "response": "is applied when images are evaluated and needs no other render; state it there with --set",
+    "response": "is applied when images are evaluated and needs no new render; state it there with --set",
     "run": "changes no pair; state it once, outside the sweeps",
 }
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """A ``[[sweep]]`` table: its kind, its name (stated or made up), its other keys and its place in the file."""
+    """A ``[[sweep]]`` table: its kind, its name (stated or automatic), its other keys and its place in the file."""
 
     kind: str
     name: str
@@ -57,21 +57,21 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Variation:
-    """What one variation of a sweep sets, and the place in the file."""
+    """The settings of one variation of a sweep, and its place in the file."""
 
     settings: Parts
     place: Place
 
 
 def check_keys(table: Mapping[str, Any], known: Sequence[str], place: Place, what: str) -> None:
-    """Raise IcyMoonError if a table has a key that it cannot have."""
+    """Raise IcyMoonError if a table has an unknown key."""
     for key in table:
         if key not in known:
             raise IcyMoonError(f"{place.at(key)}: {what} has no {shorten(key)}, {suggest_nearest(key, known)}")
 
 
 def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
-    """Some settings that a plan states at ``place``, checked.
+    """Check some settings that a plan states at ``place``, and return them.
 
     Raises IcyMoonError that names the line of the setting at fault.
     """
@@ -83,7 +83,8 @@ def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
             try:
                 parts.append(check({topic: {key: value}}, "plan"))
             except IcyMoonError:
-                check({topic: {key: value}}, str(place.at(topic, key)))  # again, with the line, which is slow to find
+                # Checked again to name the line, which is slow to find.
+                check({topic: {key: value}}, str(place.at(topic, key)))
     return merged(*parts)
 
 
@@ -97,17 +98,17 @@ def load_included(name: object, place: Place) -> Settings:
         raise IcyMoonError(f"{place}: {error}") from None
 
 
-def axis_generator(sweep: Sweep, axis: str, seed: int) -> np.random.Generator:
-    """The random numbers of one axis of a sweep. They depend on names, so other sweeps do not change them."""
+def make_axis_generator(sweep: Sweep, axis: str, seed: int) -> np.random.Generator:
+    """The random numbers of one axis of a sweep. They depend on names, so other sweeps leave them unchanged."""
     return make_generator(seed, "plan", zlib.crc32(sweep.name.encode()), zlib.crc32(axis.encode()))
 
 
 def read_count(sweep: Sweep, key: str, least: int = 1) -> int:
-    """A count that a sweep must state."""
+    """Read a count that a sweep must state."""
     value = sweep.table.get(key)
     if not isinstance(value, int) or isinstance(value, bool) or value < least:
         problem = "is missing" if value is None else f"is {quote(value)}"
-        raise IcyMoonError(f"{sweep.place.at(key)}: {key} {problem}, it must be a whole number from {least} up.")
+        raise IcyMoonError(f"{sweep.place.at(key)}: {key} {problem}, but must be a whole number from {least} up.")
     check_pair_count(value, sweep.place.at(key))
     return value
 
@@ -115,7 +116,7 @@ def read_count(sweep: Sweep, key: str, least: int = 1) -> int:
 def check_pair_count(pairs: int, place: Place) -> None:
     """Raise IcyMoonError if there are more pairs than a plan may have."""
     if pairs > MOST_PAIRS:
-        count = f"{pairs} pairs, more than" if pairs < _COUNTED else "far more pairs than"
+        count = f"{pairs} pairs, more than" if pairs < _MOST_STATED else "far more pairs than"
         raise IcyMoonError(
             f"{place}: the sweeps combine to {count} {MOST_PAIRS}; list fewer values, or "
             "draw fewer with a random, sobol or latin_hypercube sweep."
@@ -141,17 +142,17 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
         if topic in also:
             continue
         place = sweep.place.at(topic)
-        if topic == _PRESET:
-            found.append((_PRESET, None, values, place))
+        if topic == _PRESET_KEY:
+            found.append((_PRESET_KEY, None, values, place))
             continue
-        if topic == _PRESETS and isinstance(values, Mapping):
-            found += [(f"{_PRESETS}.{key}", None, stated, place.at(key)) for key, stated in values.items()]
+        if topic == _PRESETS_KEY and isinstance(values, Mapping):
+            found += [(f"{_PRESETS_KEY}.{key}", None, stated, place.at(key)) for key, stated in values.items()]
             continue
-        if topic not in (_PRESETS, *TOPICS):
+        if topic not in (_PRESETS_KEY, *TOPICS):
             raise IcyMoonError(
                 f"{place}: a {sweep.kind} sweep has no {shorten(topic)}, {suggest_topic(topic, [*also, *TOPICS])}"
             )
-        if topic == _PRESETS:
+        if topic == _PRESETS_KEY:
             raise IcyMoonError(
                 f"{place}: presets are lists by names of yours, such as presets.sensor; a single list is called preset."
             )
@@ -171,21 +172,21 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
 
 
 def _read_part(name: str, value: object, place: Place) -> Settings:
-    """What a factor's value sets."""
-    if name.split(".")[0] in (_PRESET, _PRESETS):
+    """The settings that a factor's value sets."""
+    if name.split(".")[0] in (_PRESET_KEY, _PRESETS_KEY):
         return load_included(value, place)
     topic, key = name.split(".")
     return check_settings({topic: {key: value}}, Place(place.file, place.text, place.key[:-2]))
 
 
 def _read_listed(sweep: Sweep) -> list[list[Variation]]:
-    """For each factor of a sweep that lists values, its variations."""
+    """The variations of each factor of a sweep that lists values."""
     factors = []
     for name, setting, values, place in _read_factors(sweep, ()):
         if not isinstance(values, list) or not values:
             raise IcyMoonError(
-                f"{place}: {name} must list the values that it takes in turn, as in "
-                f"[{getattr(setting, 'default', 'a preset')!r}, …], not {quote(values)}."
+                f"{place}: {name} must list its values in turn, as in [{getattr(setting, 'default', 'a preset')!r}, "
+                f"…], not {quote(values)}."
             )
         factors.append([Variation(_read_part(name, value, place), place) for value in values])
     return factors
@@ -219,16 +220,16 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
     for k, case in enumerate(cases):
         if not case:
             raise IcyMoonError(f"{place.at(k)}: this case sets nothing; name a setting or a preset.")
-        presets = case.get(_PRESET, [])
+        presets = case.get(_PRESET_KEY, [])
         presets = presets if isinstance(presets, list) else [presets]
-        stated = {topic: values for topic, values in case.items() if topic != _PRESET}
+        stated = {topic: values for topic, values in case.items() if topic != _PRESET_KEY}
         for topic, values in stated.items():
             for key in values if isinstance(values, Mapping) else ():
                 _find_setting(topic, key, place.at(k))
         made.append(
             Variation(
                 merged(
-                    *(load_included(name, place.at(k, _PRESET)) for name in presets),
+                    *(load_included(name, place.at(k, _PRESET_KEY)) for name in presets),
                     check_settings(stated, place.at(k)),
                 ),
                 place.at(k),
@@ -238,7 +239,7 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
 
 
 def _read_law(name: str, setting: Setting | None, law: object, place: Place, kind: str) -> Callable[[Array], list[Any]]:
-    """A function from fractions (0 to 1) to values of a factor, by the distribution that the plan states."""
+    """A function from fractions (0 to 1) to values of a factor, by the distribution in the plan."""
     stated = dict(law) if isinstance(law, Mapping) else {}
     within = stated.pop("within", None)
     if len(stated) != 1 or (within is not None and "normal" not in stated):
@@ -269,7 +270,7 @@ def _read_law(name: str, setting: Setting | None, law: object, place: Place, kin
         return _read_normal(setting, name, (first, second), limits, place)
     _check_range(setting, name, first, second, place)
     if law_name == "log_uniform" and first <= 0:
-        raise IcyMoonError(f"{place}: log_uniform of {name} begins at {first:g}, it must be above 0.")
+        raise IcyMoonError(f"{place}: log_uniform of {name} begins at {first:g}, but must begin above 0.")
     if setting.kind == "int" and law_name == "uniform":
         return lambda fraction: [int(v) for v in sampling.to_whole_numbers(fraction, int(first), int(second))]
     draw = sampling.to_uniform if law_name == "uniform" else sampling.to_log_uniform
@@ -281,19 +282,19 @@ def _read_normal(
 ) -> Callable[[Array], list[Any]]:
     _check_range(setting, name, *limits, place)
     if law[1] <= 0:
-        raise IcyMoonError(f"{place}: the deviation of {name} is {law[1]:g}, it must be above 0.")
+        raise IcyMoonError(f"{place}: the deviation of {name} is {law[1]:g}, but must be above 0.")
     try:
         sampling.to_normal(np.array([0.5]), *law, *limits)
     except ValueError:
         raise IcyMoonError(
-            f"{place}: the normal distribution of {name} has next to nothing within {limits[0]:g} to "
+            f"{place}: the normal distribution of {name} has almost no values within {limits[0]:g} to "
             f"{limits[1]:g}; widen within."
         ) from None
     return lambda fraction: _round_values(setting, sampling.to_normal(fraction, *law, *limits))
 
 
 def _round_values(setting: Setting, values: Array) -> list[Any]:
-    """Values as the setting takes them: whole numbers, or six digits, which keeps a file of settings legible."""
+    """Round values for the setting: whole numbers, or six digits, which keeps a file of settings legible."""
     if setting.kind == "int":
         return [round(v) for v in values.tolist()]
     return [float(f"{v:.6g}") for v in values.tolist()]
@@ -326,7 +327,7 @@ def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
             f"{len(factors)}; use latin_hypercube."
         )
     seed = int(base.dataset.seed)
-    fractions = DRAWN[sweep.kind](count, [axis_generator(sweep, name, seed) for name, *_ in factors])
+    fractions = DRAWN_KINDS[sweep.kind](count, [make_axis_generator(sweep, name, seed) for name, *_ in factors])
     columns = []
     for axis, (name, setting, law, place) in enumerate(factors):
         values = _read_law(name, setting, law, place, sweep.kind)(fractions[:, axis])
@@ -334,11 +335,11 @@ def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
     return [_join_variations(row, sweep.place) for row in zip(*columns, strict=True)]
 
 
-_MAKERS: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
+_MAKER_BY_KIND: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
     "grid": _make_grid,
     "one_at_a_time": _make_one_at_a_time,
     "cases": _make_cases,
-    **dict.fromkeys(DRAWN, _make_drawn),
+    **dict.fromkeys(DRAWN_KINDS, _make_drawn),
 }
 
 
@@ -347,4 +348,4 @@ def make_setting_variations(sweep: Sweep, base: Settings) -> list[Variation]:
 
     Raises IcyMoonError that names the line at fault.
     """
-    return _MAKERS[sweep.kind](sweep, base)
+    return _MAKER_BY_KIND[sweep.kind](sweep, base)

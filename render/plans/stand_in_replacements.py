@@ -14,13 +14,13 @@ from ...settings.topics.stand_ins import MeshItem, TextureItem
 from ...support.errors import IcyMoonError
 from .planned_pair import PlannedPair
 
-#: Images of a texture by what follows the name; the albedo is also that without anything.
-_KINDS = ("albedo", "roughness", "normal", "transmission", "height")
-_IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
+#: Images of a texture by the word after its name; an image with the bare name is the albedo too.
+_IMAGE_KINDS = ("albedo", "roughness", "normal", "transmission", "height")
+_IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 
 
 def list_files_by_name(folder: Path) -> dict[str, list[Path]]:
-    """The files of a folder by their names without suffix, in small letters; none where there is no such folder."""
+    """The files of a folder by their names without suffix, in small letters; empty without such a folder."""
     found: dict[str, list[Path]] = {}
     try:
         for path in sorted(folder.iterdir()):
@@ -33,12 +33,16 @@ def list_files_by_name(folder: Path) -> dict[str, list[Path]]:
 
 def replace_stand_ins(settings: Settings, there: dict[str, list[Path]]) -> dict[str, dict[str, Any]]:
     """The settings that show the user's own files ``there`` (see ``list_files_by_name``) in place of stand-ins; empty
-    if none has the name of one that complete ``settings`` show. Raises IcyMoonError for two files of one name."""
+    if no file has the name of a stand-in in complete ``settings``. Raises IcyMoonError for two files of one name.
+    """
     changes: dict[str, dict[str, Any]] = {}
     for item in list_items(settings):
         if isinstance(item, TextureItem):
             if own := _find_images(item, there):
-                changes["textures"] = {"set": "OWN", **{f"{kind}_file": str(own.get(kind, "")) for kind in _KINDS}}
+                changes["textures"] = {
+                    "set": "OWN",
+                    **{f"{kind}_file": str(own.get(kind, "")) for kind in _IMAGE_KINDS},
+                }
         elif mesh := _find_file(item.names, there, tuple(FORMATS)):
             changes["source"] = {"kind": "MESH", "file": str(mesh)}
             if settings.textures.set == "MESH" and not mesh_images.find_images(mesh).by_kind:
@@ -48,9 +52,9 @@ def replace_stand_ins(settings: Settings, there: dict[str, list[Path]]) -> dict[
 
 def _find_images(item: TextureItem, there: dict[str, list[Path]]) -> dict[str, Path]:
     found = {}
-    for kind in _KINDS:
+    for kind in _IMAGE_KINDS:
         names = tuple(f"{name}_{kind}" for name in item.names) + (item.names if kind == "albedo" else ())
-        if image := _find_file(names, there, _IMAGES):
+        if image := _find_file(names, there, _IMAGE_SUFFIXES):
             found[kind] = image
     return found
 
@@ -63,7 +67,9 @@ def _find_file(names: Sequence[str], there: dict[str, list[Path]], suffixes: tup
 
 
 def describe_stand_ins(pairs: Sequence[PlannedPair], folders: Sequence[Path]) -> list[str]:
-    """Sentences on the stand-ins that pairs show, and on the user's own files of ``folders`` in place of others."""
+    """Sentences on the stand-ins that pairs show, and on the user's own files of ``folders`` in place of other
+    stand-ins.
+    """
     shown = {item.key: item for pair in pairs for item in list_items(pair.settings)}
     sentences = []
     if shown:
@@ -100,5 +106,5 @@ def describe_own_files(own: Collection[Path], folders: Sequence[Path]) -> str:
 def _list_shown_files(settings: Settings) -> list[Path]:
     found = [Path(settings.source.file)] if settings.source.kind == "MESH" else []
     if settings.textures.set == "OWN":
-        found += [Path(settings.textures[f"{kind}_file"]) for kind in _KINDS if settings.textures[f"{kind}_file"]]
+        found += [Path(settings.textures[f"{kind}_file"]) for kind in _IMAGE_KINDS if settings.textures[f"{kind}_file"]]
     return found

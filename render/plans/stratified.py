@@ -1,4 +1,4 @@
-"""A part of a data set in which every value of every setting that varies keeps its share. Imports no Blender."""
+"""Selects a part of a data set in which each value of each setting that varies keeps its share. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ...settings.table import list_all_settings
 from ...support.arrays import Array
 from .planned_pair import PlannedPair
 
-_ORDER_SEED = 0
+_SHUFFLE_SEED = 0
 
 
 def find_varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
-    """(topic, key) of the settings that are not the same in all pairs."""
-    # Pairs share most of their tables; each is compared once.
+    """(topic, key) of the settings that differ between pairs."""
+    # Pairs share most of their tables, so each table is compared once.
     tables = {
         topic: list({id(table): table for pair in pairs if (table := pair.settings[topic]) is not None}.values())
         for topic in dict.fromkeys(topic for topic, _ in list_all_settings())
@@ -30,16 +30,16 @@ def find_varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
 
 
 def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedPair]:
-    """``count`` of the pairs, in which each value of each setting that varies occurs about as often as its share.
+    """``count`` of the pairs, in which each value of each setting that varies has about the same share as in all pairs.
 
-    Settings that always vary together count as one, and the seed of the ground as none. Pairs are chosen one by one,
-    always one whose values lack most, and in a random order that is always the same among equals. So a larger part of
-    the same pairs contains every smaller one.
+    Settings that always vary together count as one, and the seed of the ground does not count. Pairs are chosen one by
+    one, each time a pair whose values are most lacking; ties are broken in a fixed random order. So a larger part of
+    the same pairs contains each smaller part.
     """
     levels = _number_levels(pairs)
     share = [np.bincount(level) / len(pairs) for level in levels]
     chosen_of = [np.zeros(len(each)) for each in share]
-    order = make_generator(_ORDER_SEED, "plan", zlib.crc32(b"stratified")).permutation(len(pairs))
+    order = make_generator(_SHUFFLE_SEED, "plan", zlib.crc32(b"stratified")).permutation(len(pairs))
     left = np.ones(len(pairs), bool)
     chosen: list[int] = []
     for number in range(min(count, len(pairs))):
@@ -56,7 +56,7 @@ def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedP
 
 
 def _number_levels(pairs: Sequence[PlannedPair]) -> list[Array]:
-    """The value of each pair as a number from 0 on, of each setting that varies independently."""
+    """The value of each pair as a number from 0 on, for each setting that varies independently."""
     found: dict[bytes, Array] = {}
     for topic, key in find_varied_settings(pairs):
         if (topic, key) == ("dataset", "seed"):

@@ -1,5 +1,6 @@
-"""The ``[[sweep]]`` tables of a plan that follow a trajectory from a file: a pair for each of its poses. Imports no
-Blender."""
+"""The ``[[sweep]]`` tables of a plan that follow a trajectory from a file, with a pair for each pose. Imports no
+Blender.
+"""
 
 from __future__ import annotations
 
@@ -24,49 +25,51 @@ from ...support.suggestions import suggest_nearest
 from .setting_sweeps import MOST_PAIRS, Sweep, Variation, check_keys, check_settings
 
 KIND = "trajectory"
-_KEYS = ("file", "format", "times", "rate_hz", "every", "axes", "world", "heights", "origin_m", "gap_s")
-#: Poses of a file that are taken relative to its first one, which stands where the rig of the plan does.
-_FIRST = "FIRST"
-_SPEEDS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s")
-_POSE = ("x_m", "y_m", "height_m", "heading_deg", "pitch_deg", "roll_deg", "height_from", "z_m", "frame", "stamp")
+_TABLE_KEYS = ("file", "format", "times", "rate_hz", "every", "axes", "world", "heights", "origin_m", "gap_s")
+#: Value of ``world`` by which poses are relative to the first pose, which is put at the rig of the plan.
+_RELATIVE_TO_FIRST = "FIRST"
+_SPEED_KEYS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s")
+_POSE_KEYS = ("x_m", "y_m", "height_m", "heading_deg", "pitch_deg", "roll_deg", "height_from", "z_m", "frame", "stamp")
 #: The settings that each pose sets.
-SETTINGS = frozenset(f"rig.{key}" for key in _POSE)
+SETTINGS = frozenset(f"rig.{key}" for key in _POSE_KEYS)
 
 
 def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> list[Variation]:
     """The cameras of a trajectory, in the order of its poses.
 
-    With ``rig.motion_exposure_s`` each moves during its exposure as its neighbours say. Raises IcyMoonError that names
-    the line of the plan at fault, and the line of the trajectory.
+    With ``rig.motion_exposure_s`` each camera moves during its exposure, at the velocity between its neighbours. Raises
+    IcyMoonError that names the line of the plan at fault, and the line of the trajectory.
     """
     poses, above_ground = _read_poses(sweep, base, ground)
     if len(poses) > MOST_PAIRS:
         raise IcyMoonError(
-            f"{sweep.place.at('file')}: {_file_of(sweep)} has {len(poses)} poses, more than {MOST_PAIRS}; state every, "
-            "such as every = 10."
+            f"{sweep.place.at('file')}: {_find_file(sweep)} has {len(poses)} poses, more than {MOST_PAIRS}; "
+            "state every, such as every = 10."
         )
     procedural = base.source.kind == "PROCEDURAL"
     if procedural and base.mesh.kind == "GRADED" and len(poses) > 1:
         raise IcyMoonError(
-            f"{sweep.place}: mesh.kind is GRADED, whose triangles are made for one site, so each pose would see other "
-            "ground; set mesh.kind to GRID, or take ground from a file."
+            f"{sweep.place}: mesh.kind is GRADED, which makes triangles for one site, so each pose would see "
+            "another ground; set mesh.kind to GRID, or take ground from a file."
         )
     z = poses.position_m[:, 2]
     if above_ground:
         height = z
     elif procedural:
         height = z - ground(base).heights(*poses.position_m[:, :2].T)
-    else:  # the build finds it, and refuses places under the ground
+    else:  # the build finds the height, and refuses places under the ground
         height = np.full(len(poses), float(base.rig.height_m))
     _check_heights(poses, height, sweep)
-    moving = _motion(sweep, poses) if base.rig.motion_exposure_s > 0 else None
+    moving = _compute_velocities(sweep, poses) if base.rig.motion_exposure_s > 0 else None
     made = []
     for k in range(len(poses)):
-        rig = _place_rig(poses, k, float(height[k]), above_ground) | (_speeds(*moving[k]) if moving is not None else {})
+        rig = _place_rig(poses, k, float(height[k]), above_ground) | (
+            _make_speed_settings(*moving[k]) if moving is not None else {}
+        )
         try:
             made.append(Variation(check_settings({"rig": rig}, sweep.place), sweep.place))
         except IcyMoonError as error:
-            raise IcyMoonError(f"{error} It follows from line {poses.line[k]} of {_file_of(sweep)}.") from None
+            raise IcyMoonError(f"{error} Line {poses.line[k]} of {_find_file(sweep)} sets this value.") from None
     return made
 
 
@@ -88,48 +91,48 @@ def _place_rig(poses: PoseSequence, k: int, height_m: float, above_ground: bool)
     }
 
 
-def describe(sweep: Sweep) -> str:
+def describe_trajectory(sweep: Sweep) -> str:
     """A sentence on the poses of a trajectory. Raises IcyMoonError as ``make_trajectory`` does."""
-    found, poses = _read(sweep)
+    found, poses = _read_file(sweep)
     said = [
-        f"{_file_of(sweep).name}: {format_count(len(poses), 'pose')} in {poses.seconds[-1]:.6g} s on a path of "
+        f"{_find_file(sweep).name}: {format_count(len(poses), 'pose')} in {poses.seconds[-1]:.6g} s on a path of "
         f"{poses.length_m:.4g} m",
         *found.notes,
     ]
-    gaps = np.flatnonzero(poses.gaps(_number(sweep, "gap_s")))
+    gaps = np.flatnonzero(poses.gaps(_read_positive(sweep, "gap_s")))
     if len(gaps):
         first = gaps[0]
         longest = float(np.diff(poses.seconds)[gaps].max())
         said.append(
             f"{format_count(len(gaps), 'gap')} of up to {longest:.4g} s (the first after line {poses.line[first]}), "
-            "over which no motion is assumed"
+            "where the camera is assumed to stand still"
         )
     return "; ".join(said) + "."
 
 
-def _read(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
-    """The content of the file, and its poses with the stamps and of the step that the plan states, in its own axes."""
-    check_keys(sweep.table, _KEYS, sweep.place, "a trajectory sweep")
-    axes, kind = _choice(sweep, "axes", CAMERA_IN, "OPENCV"), _choice(sweep, "format", KINDS, "")
-    times = _path(sweep, "times") if "times" in sweep.table else None
-    every, rate = _number(sweep, "every", 1.0), _number(sweep, "rate_hz")
+def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
+    """The content of the file, and its poses in its own axes, with the stamps and the step of the plan."""
+    check_keys(sweep.table, _TABLE_KEYS, sweep.place, "a trajectory sweep")
+    axes, kind = _read_choice(sweep, "axes", CAMERA_IN, "OPENCV"), _read_choice(sweep, "format", KINDS, "")
+    times = _read_path(sweep, "times") if "times" in sweep.table else None
+    every, rate = _read_positive(sweep, "every", 1.0), _read_positive(sweep, "rate_hz")
     if every is None or every < 1 or every != int(every):
-        raise IcyMoonError(f"{sweep.place.at('every')}: every is {quote(every)}, it must be a whole number from 1 up.")
+        raise IcyMoonError(f"{sweep.place.at('every')}: every is {quote(every)}, but must be a whole number from 1 up.")
     try:
-        found = read_trajectory(_file_of(sweep), kind, times, CAMERA_IN[axes])
+        found = read_trajectory(_find_file(sweep), kind, times, CAMERA_IN[axes])
     except IcyMoonError as error:
         raise IcyMoonError(f"{sweep.place.at('file')}: {error}") from None
     poses = found.poses.at_rate(rate) if rate is not None else found.poses
     if not found.stamped and rate is None and len(poses) > 1:
         raise IcyMoonError(
-            f"{sweep.place.at('file')}: {_file_of(sweep)} has no stamps; state times, a file of them, or rate_hz."
+            f"{sweep.place.at('file')}: {_find_file(sweep)} has no stamps; state times, a file of them, or rate_hz."
         )
     poses = poses.every(int(every))
     late = np.flatnonzero(np.diff(poses.seconds) <= 0)
     if len(late):
         k = int(late[0])
         same = poses.stamp[k] == poses.stamp[k + 1]
-        what = f"lines {poses.line[k]} and {poses.line[k + 1]} of {_file_of(sweep)}"
+        what = f"lines {poses.line[k]} and {poses.line[k + 1]} of {_find_file(sweep)}"
         raise IcyMoonError(
             f"{sweep.place.at('file')}: {what} {'have the same stamp' if same else 'are not in the order of time'} "
             f"({poses.stamp[k + 1]:f} s); correct it, or state rate_hz, which takes the place of the stamps."
@@ -139,25 +142,27 @@ def _read(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
 
 def _read_poses(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> tuple[PoseSequence, bool]:
     """The poses in the axes and from the origin of the site, and whether their heights are above the ground."""
-    found, poses = _read(sweep)
-    world = _choice(sweep, "world", (*WORLD_IN, _FIRST), _FIRST if found.kind == "KITTI" else "ENU")
-    heights = _choice(sweep, "heights", ("ZERO", "GROUND"), "ZERO")
-    if world == _FIRST:
+    found, poses = _read_file(sweep)
+    world = _read_choice(
+        sweep, "world", (*WORLD_IN, _RELATIVE_TO_FIRST), _RELATIVE_TO_FIRST if found.kind == "KITTI" else "ENU"
+    )
+    heights = _read_choice(sweep, "heights", ("ZERO", "GROUND"), "ZERO")
+    if world == _RELATIVE_TO_FIRST:
         for key in ("heights", "origin_m"):
             if key in sweep.table:
                 raise IcyMoonError(
-                    f"{sweep.place.at(key)}: with world = {quote(_FIRST)} the first pose is that of the rig; leave "
-                    f"{key} out."
+                    f"{sweep.place.at(key)}: with world = {quote(_RELATIVE_TO_FIRST)} the first pose is the pose of "
+                    f"the rig; leave {key} out."
                 )
         return poses.from_first(_rig_pose(sweep, base, ground)), False
     origin = sweep.table.get("origin_m", [0.0, 0.0, 0.0])
     if not isinstance(origin, list) or len(origin) != 3 or not all(map(is_number, origin)):
-        raise IcyMoonError(f"{sweep.place.at('origin_m')}: origin_m is {quote(origin)}, it must be three numbers.")
+        raise IcyMoonError(f"{sweep.place.at('origin_m')}: origin_m is {quote(origin)}, but must be three numbers.")
     return poses.placed(WORLD_IN[world], np.array(origin, float)), heights == "GROUND"
 
 
 def _rig_pose(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> Array:
-    """Where the rig of the plan stands (4, 4)."""
+    """The pose (4, 4) of the plan's rig."""
     rig = base.rig
     if rig.height_from == "ZERO":
         z = float(rig.z_m)
@@ -175,14 +180,14 @@ def _rig_pose(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGr
 
 
 def _check_heights(poses: PoseSequence, height_m: Array, sweep: Sweep) -> None:
-    """Refuse a pose that is beside the ground or under it."""
+    """Raise IcyMoonError for a pose beyond the ground or below it."""
     wrong = np.flatnonzero(~(height_m >= LOWEST_M))
     if not len(wrong):
         return
     k = int(wrong[0])
     others = f", as {format_count(len(wrong) - 1, 'other')}" if len(wrong) > 1 else ""
     x, y, z = poses.position_m[k]
-    at = f"{sweep.place.at('file')}: line {poses.line[k]} of {_file_of(sweep)}, east {x:.6g} m, north {y:.6g} m"
+    at = f"{sweep.place.at('file')}: line {poses.line[k]} of {_find_file(sweep)}, east {x:.6g} m, north {y:.6g} m"
     if np.isfinite(height_m[k]):
         raise IcyMoonError(
             f"{at}, up {z:.6g} m, is {-height_m[k]:.3g} m under the ground{others}; state where the site's zero is in "
@@ -194,41 +199,41 @@ def _check_heights(poses: PoseSequence, height_m: Array, sweep: Sweep) -> None:
     )
 
 
-def _motion(sweep: Sweep, poses: PoseSequence) -> list[tuple[Array, Array]]:
-    return list(zip(*poses.motion(_number(sweep, "gap_s")), strict=True))
+def _compute_velocities(sweep: Sweep, poses: PoseSequence) -> list[tuple[Array, Array]]:
+    return list(zip(*poses.motion(_read_positive(sweep, "gap_s")), strict=True))
 
 
-def _speeds(velocity_m_s: Array, turn_rad_s: Array) -> dict[str, float]:
+def _make_speed_settings(velocity_m_s: Array, turn_rad_s: Array) -> dict[str, float]:
     """The settings of a motion; both vectors are in the camera's axes x right, y down, z forward."""
     x, y, z = np.degrees(turn_rad_s).tolist()
     turns = {"turn_right_deg_s": y, "turn_down_deg_s": -x, "roll_deg_s": z}
-    return {**dict(zip(_SPEEDS, velocity_m_s.tolist(), strict=True)), **turns}
+    return {**dict(zip(_SPEED_KEYS, velocity_m_s.tolist(), strict=True)), **turns}
 
 
-def _file_of(sweep: Sweep) -> Path:
+def _find_file(sweep: Sweep) -> Path:
     if "file" not in sweep.table:
         raise IcyMoonError(f"{sweep.place}: a trajectory sweep lacks file, the poses to follow; name it.")
-    return _path(sweep, "file")
+    return _read_path(sweep, "file")
 
 
-def _path(sweep: Sweep, key: str) -> Path:
+def _read_path(sweep: Sweep, key: str) -> Path:
     value, place = sweep.table[key], sweep.place.at(key)
     if not isinstance(value, str) or not value:
-        raise IcyMoonError(f"{place}: {key} is {quote(value)}, it must be the name of a file in quotes.")
+        raise IcyMoonError(f"{place}: {key} is {quote(value)}, but must be the name of a file in quotes.")
     return place.file.parent / parse_path(value, f"{place}: {key}")
 
 
-def _number(sweep: Sweep, key: str, default: float | None = None) -> float | None:
-    """A number above 0 that a sweep may state."""
+def _read_positive(sweep: Sweep, key: str, default: float | None = None) -> float | None:
+    """Read a number above 0 that a sweep may state."""
     value = sweep.table.get(key, default)
     if value is None:
         return None
     if not is_number(value) or value <= 0:
-        raise IcyMoonError(f"{sweep.place.at(key)}: {key} is {quote(value)}, it must be a number above 0.")
+        raise IcyMoonError(f"{sweep.place.at(key)}: {key} is {quote(value)}, but must be a number above 0.")
     return float(value)
 
 
-def _choice(sweep: Sweep, key: str, names: Iterable[str], default: str) -> str:
+def _read_choice(sweep: Sweep, key: str, names: Iterable[str], default: str) -> str:
     value, names = sweep.table.get(key, default), list(names)
     if value not in (default, *names):
         raise IcyMoonError(f"{sweep.place.at(key)}: {key} is {quote(value)}, {suggest_nearest(str(value), names)}")

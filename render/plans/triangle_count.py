@@ -1,4 +1,4 @@
-"""How many triangles the ground of settings will have, before it is built. Imports no Blender."""
+"""Counts the triangles that the ground of some settings will have, before the build. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ...settings.user_files import find_used_files
 
 
 def count_triangles(settings: Settings) -> float:
-    """Triangles of the ground of complete settings, roughly where it is a file.
+    """Number of triangles of the ground of complete settings; an estimate for ground from a file.
 
-    Raises IcyMoonError if a file of one's own cannot be read.
+    Raises IcyMoonError if the user's file cannot be read.
     """
     if settings.source.kind == "STAND_IN":
         return float(find_mesh_item(settings.source.stand_in).triangles)

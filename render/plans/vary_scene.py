@@ -1,7 +1,7 @@
-"""The plan that varies some settings of one scene: its TOML text, how many pairs it has. Imports no Blender.
+"""The plan that varies some settings of one scene: its TOML text and its number of pairs. Imports no Blender.
 
-The scene is given by its complete settings, whatever preset they come from. The text states all of them, so the plan
-makes the same pairs wherever it is read.
+The scene is given by its complete settings, whatever its preset. The text states all of them, so the plan makes the
+same pairs everywhere.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from .combine import list_seeds
 from .planned_pair import expand_headings
 from .setting_sweeps import MOST_PAIRS, NOT_SWEPT, Sweep
 
-#: How the settings are combined, and how the values of a number lie.
+#: Ways to combine settings, and ways to space the values of a number.
 COMBINATIONS = ("GRID", "ONE_AT_A_TIME", "SOBOL")
 SPACINGS = ("EVEN", "RATIO", "RANDOM")
-#: What errors name as the place.
+#: The place that errors name.
 WHERE = "Vary This Scene"
-#: A prime number of pairs between two of a sample, so that the sample has all values of each setting.
-_STRIDE = 7919
-_SETTINGS = {f"{topic}.{setting.key}": setting for topic, setting in list_all_settings()}
-#: Settings of the data set that a plan states; the others are where and how it is rendered.
-_OF_DATASET = ("seed", "headings")
+#: A prime number as the step between the pairs of a sample, so that the sample has all values of each setting.
+_SAMPLE_STRIDE = 7919
+_SETTING_BY_NAME = {f"{topic}.{setting.key}": setting for topic, setting in list_all_settings()}
+#: Settings of the data set that a plan states; the others are about the render and its folder.
+_STATED_DATASET_KEYS = ("seed", "headings")
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class VariedSetting:
 
     @property
     def setting(self) -> Setting:
-        """The setting. Raises IcyMoonError if its name is unknown, or if it cannot vary."""
-        setting = _SETTINGS.get(self.name)
+        """The setting. Raises IcyMoonError for an unknown name, and for a setting that cannot vary."""
+        setting = _SETTING_BY_NAME.get(self.name)
         if setting is None:
-            name = shorten(self.name)  # which anybody's .blend file states
-            raise IcyMoonError(f"{WHERE}: unknown setting {name!r}, {suggest_nearest(name, _SETTINGS)}")
+            name = shorten(self.name)  # anybody's .blend file may state the name
+            raise IcyMoonError(f"{WHERE}: unknown setting {name!r}, {suggest_nearest(name, _SETTING_BY_NAME)}")
         if why := why_fixed(*self.name.split(".")):
             raise IcyMoonError(f"{WHERE}: {self.name} {why}.")
         return setting
@@ -70,8 +70,9 @@ class VariedSetting:
 
 @dataclass(frozen=True)
 class SceneVariations:
-    """Which settings of a scene vary, how they are combined, the number of ``draws`` of a Sobol sequence, and the
-    number of ``seeds``, including the scene's own, which comes first."""
+    """The varied settings of a scene, the way to combine them, the number of ``draws`` of a Sobol sequence, and the
+    number of ``seeds``, of which the scene's own is the first.
+    """
 
     varied: tuple[VariedSetting, ...]
     combine: str = COMBINATIONS[0]
@@ -89,16 +90,16 @@ def why_fixed(topic: str, key: str) -> str:
     if setting.effect in NOT_SWEPT:
         return NOT_SWEPT[setting.effect]
     if setting.kind in ("text", "list"):
-        return "is no number, choice or tick, so it has no values between two others"
+        return "is no number, choice or tick, so no values lie between two others"
     return ""
 
 
-def names_that_vary() -> list[str]:
+def list_variable_settings() -> list[str]:
     """The settings that can vary, as ``topic.key``, in the order of the sidebar."""
-    return [name for name in _SETTINGS if not why_fixed(*name.split("."))]
+    return [name for name in _SETTING_BY_NAME if not why_fixed(*name.split("."))]
 
 
-def vary_around(name: str, value: float | str) -> VariedSetting:
+def make_default_variation(name: str, value: float | str) -> VariedSetting:
     """A setting that varies about its present value: numbers from half of it to twice it, or if it is 0 a quarter of
     its slider's range, and within that range where the value is; all values of a choice.
 
@@ -118,7 +119,7 @@ def vary_around(name: str, value: float | str) -> VariedSetting:
         last = min(max(last, first + VariedSetting.count - 1), high)
         first = max(min(first, last - VariedSetting.count + 1), low)
         return VariedSetting(name, int(first), int(last))
-    if first == last:  # at the end of its range
+    if first == last:  # the value is at the end of its range
         first, last = max(first - 1, low), min(last + 1, high)
     return VariedSetting(name, first, last)
 
@@ -145,7 +146,9 @@ def list_values(varied: VariedSetting) -> list[Any]:
 
 
 def check_varied(varied: VariedSetting) -> Setting:
-    """The setting that varies. Raises IcyMoonError that names it, the value and the range."""
+    """Check a varied setting, and return its declaration. Raises IcyMoonError that names it, the value and the
+    range.
+    """
     setting, name = varied.setting, varied.name
     topic, _, key = name.partition(".")
     if setting.kind == "choice":
@@ -179,7 +182,7 @@ class _Factor:
 
 
 def _make_factors(settings: Settings, variations: SceneVariations) -> list[_Factor]:
-    """The sweeps of the plan. Raises IcyMoonError for what cannot be combined."""
+    """The sweeps of the plan. Raises IcyMoonError for settings that cannot be combined."""
     varied = variations.varied
     names = [each.name for each in varied]
     for name in names:
@@ -217,8 +220,8 @@ def _make_one_at_a_time(settings: Settings, varied: Sequence[VariedSetting]) -> 
     for each in varied:
         if _is_drawn(each):
             raise IcyMoonError(
-                f"{WHERE}: {each.name} is random, and one at a time takes listed values; choose even "
-                "steps or even ratios."
+                f"{WHERE}: {each.name} is random, but One at a Time takes listed values; choose even steps or even "
+                "ratios."
             )
         listed[each.name] = list_values(each)
     others = sum(
@@ -239,7 +242,7 @@ def _is_drawn(varied: VariedSetting) -> bool:
 
 
 def _make_law(varied: VariedSetting) -> dict[str, list[Any]]:
-    """The distribution that a setting is drawn from."""
+    """The distribution from which a setting is drawn."""
     if check_varied(varied).kind in ("choice", "bool"):
         return {"choice": list_values(varied)}
     return {"log_uniform" if varied.spacing == "RATIO" else "uniform": sorted((varied.first, varied.last))}
@@ -254,15 +257,15 @@ def _make_sweep_table(kind: str, name: str, stated: Mapping[str, Any], **also: i
 
 
 def _draw_seeds(settings: Settings, seeds: int) -> list[int]:
-    """The scene's own seed, then others that are drawn from it."""
+    """The scene's own seed, then others drawn from it."""
     own = int(settings.dataset.seed)
     return [own, *list_seeds(seeds - 1, own)]
 
 
 def make_plan_text(settings: Settings, variations: SceneVariations) -> str:
-    """The TOML text of a plan: what varies, and all settings of the scene. Their files must have absolute paths.
+    """The TOML text of a plan: the variations, and all settings of the scene, whose files must have absolute paths.
 
-    Raises IcyMoonError for values out of range, and for what cannot be combined.
+    Raises IcyMoonError for values out of range, and for settings that cannot be combined.
     """
     count_pairs(settings, variations)
     header: dict[str, Any] = {
@@ -275,7 +278,7 @@ def make_plan_text(settings: Settings, variations: SceneVariations) -> str:
     for factor in _make_factors(settings, variations):
         lines += ["[[sweep]]", *_make_sweep_lines(factor.table), ""]
     described = {
-        topic: {key: value for key, value in values.items() if topic != "dataset" or key in _OF_DATASET}
+        topic: {key: value for key, value in values.items() if topic != "dataset" or key in _STATED_DATASET_KEYS}
         for topic, values in settings.items()
     }
     return "\n".join([*lines, "# All settings of the scene.", to_toml(described)])
@@ -298,7 +301,7 @@ def _make_sweep_lines(table: Mapping[str, Any]) -> list[str]:
 
 
 def make_title(variations: SceneVariations) -> str:
-    """What varies, as the title of the plan."""
+    """The varied settings as the title of the plan."""
     names = [find_label(each.name) for each in variations.varied]
     names += [f"{variations.seeds} Seeds"] if variations.seeds > 1 else []
     return ", ".join(names) or "One Scene"
@@ -306,13 +309,13 @@ def make_title(variations: SceneVariations) -> str:
 
 def find_label(name: str) -> str:
     """The label of a setting without its unit; the name itself if no setting has it."""
-    return _SETTINGS[name].label.partition(" (")[0] if name in _SETTINGS else name
+    return _SETTING_BY_NAME[name].label.partition(" (")[0] if name in _SETTING_BY_NAME else name
 
 
 def count_pairs(settings: Settings, variations: SceneVariations) -> int:
     """The number of pairs of the plan; fewer where random values of whole numbers are the same.
 
-    Raises IcyMoonError for what cannot be combined, and for more pairs than a plan may have.
+    Raises IcyMoonError for settings that cannot be combined, and for more pairs than a plan may have.
     """
     for what, count in (("seeds", variations.seeds), ("draws", variations.draws)):
         if count < 1:
@@ -324,8 +327,8 @@ def count_pairs(settings: Settings, variations: SceneVariations) -> int:
     )
     if pairs > MOST_PAIRS:
         raise IcyMoonError(
-            f"{WHERE}: these are {pairs} pairs, more than {MOST_PAIRS}; give fewer values, or combine "
-            "them by Sobol draws."
+            f"{WHERE}: this makes {pairs} pairs, more than {MOST_PAIRS}; give fewer values, or combine them by "
+            "Sobol draws."
         )
     return pairs
 
@@ -358,7 +361,7 @@ def sample_settings(settings: Settings, variations: SceneVariations, most: int) 
         grounds *= variations.seeds
     total, found = math.prod(map(len, choices)), []
     for k in range(min(most, total)):
-        rest, parts = k * _STRIDE % total, []
+        rest, parts = k * _SAMPLE_STRIDE % total, []
         for factor_choices in choices:
             rest, chosen = divmod(rest, len(factor_choices))
             parts.append(factor_choices[chosen])
@@ -378,16 +381,16 @@ def make_end_settings(settings: Settings, variations: SceneVariations) -> tuple[
 
 
 def _make_parts(factor: _Factor, settings: Settings, most: int = MOST_PAIRS) -> list[Parts]:
-    """The settings of each variation of a sweep; of draws at most ``most``."""
+    """The settings of each variation of a sweep; of draws the first ``most``."""
     table = dict(factor.table)
-    if "count" in table:  # the first draws are the same, however many there are
+    if "count" in table:  # the first draws are the same for any number of draws
         table["count"] = min(table["count"], most)
     sweep = Sweep(table.pop("kind"), table.pop("name"), table, Place(Path("plan.toml"), ""))
     return [each.settings for each in setting_sweeps.make_setting_variations(sweep, settings)]
 
 
 def _select_geometry(part: Parts) -> list[tuple[str, str, Any]]:
-    """What a part sets that the ground is made from."""
+    """The settings of a part that change the shape of the ground."""
     return [
         (topic, key, value)
         for topic, values in part.items()

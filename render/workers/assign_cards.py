@@ -1,7 +1,7 @@
-"""Which graphics cards a worker renders on. Imports no Blender.
+"""The graphics cards that a worker renders on. Imports no Blender.
 
-A scene states only that it is rendered on graphics cards, as another machine has others. The cards themselves are named
-by ``--cards``, by the environment variable ``ICYMOON_CARDS``, or, in the window, in the preferences of Blender.
+A scene states only that it is rendered on graphics cards, since other machines have other cards. The cards are named by
+``--cards``, by the environment variable ``ICYMOON_CARDS``, or, in the window, in the preferences of Blender.
 """
 
 from __future__ import annotations
@@ -16,14 +16,16 @@ from ...support.files import shorten
 from ...support.terminal import ALL
 
 ENVIRONMENT = "ICYMOON_CARDS"
-#: What Cycles calls the programming interfaces of graphics cards; the first that has any card is taken.
+#: Cycles' names of the programming interfaces of graphics cards; the first one with a card is used.
 BACKENDS = ("OPTIX", "CUDA", "HIP", "METAL", "ONEAPI")
-_TEXT = re.compile(rf"(?:({'|'.join(BACKENDS)}):)?([0-9]{{1,3}}(?:,[0-9]{{1,3}})*)", re.IGNORECASE)
+_CARDS_TEXT = re.compile(rf"(?:({'|'.join(BACKENDS)}):)?([0-9]{{1,3}}(?:,[0-9]{{1,3}})*)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Cards:
-    """The cards to render on: numbers as ``icymoon doctor`` lists them, of one of BACKENDS. Empty is any, or all."""
+    """The cards to render on: numbers of one of BACKENDS, as ``icymoon doctor`` lists them. An empty backend means any,
+    and empty numbers mean all cards.
+    """
 
     backend: str = ""
     numbers: tuple[int, ...] = ()
@@ -36,11 +38,12 @@ ALL_CARDS = Cards()
 
 
 def parse_cards(text: str, origin: str = "--cards") -> Cards:
-    """The cards that a text such as ``0,2`` or ``CUDA:1`` names. Raises IcyMoonError for another text; ``origin`` names
-    the place of the text."""
+    """Parse a text such as ``0,2`` or ``CUDA:1`` as cards. Raises IcyMoonError for other texts; ``origin`` names the
+    source of the text.
+    """
     if text.strip().lower() in ("", ALL):
         return Cards()
-    stated = _TEXT.fullmatch(text.replace(" ", ""))
+    stated = _CARDS_TEXT.fullmatch(text.replace(" ", ""))
     if not stated:
         raise IcyMoonError(
             f"{origin} is {shorten(text)!r}; write numbers of graphics cards as icymoon doctor lists "
@@ -55,7 +58,8 @@ def read_chosen_cards() -> Cards:
 
 
 def choose_cards(text: str) -> Cards:
-    """The cards that ``--cards`` names, or else the environment. Processes started from now on find them there.
+    """The cards that ``--cards`` names, or else the environment. They are stored in the environment for processes that
+    start later.
 
     Raises IcyMoonError if the text is invalid.
     """
@@ -68,27 +72,27 @@ def choose_cards(text: str) -> Cards:
 
 
 def choose_worker_cards(cards: Cards, place: int, workers: int) -> Cards:
-    """The cards of one of several ``workers``: where several cards are chosen, workers get one each, in turn."""
+    """The cards of one of several ``workers``: of several chosen cards, workers get one each, in turn."""
     if workers < 2 or len(cards.numbers) < 2:
         return cards
     return Cards(cards.backend, (cards.numbers[place % len(cards.numbers)],))
 
 
 def add_cards(environment: Mapping[str, str] | None, cards: Cards) -> Mapping[str, str] | None:
-    """An environment (None: ours) in which a worker finds ``cards``; unchanged if none are chosen."""
+    """An environment (None: ours) that names ``cards`` to a worker; unchanged without chosen cards."""
     if not cards.numbers:
         return environment
     return {**(os.environ if environment is None else environment), ENVIRONMENT: str(cards)}
 
 
 def choose_card_numbers(cards: Cards, found: Sequence[str]) -> list[int]:
-    """Numbers of the cards to use among those that Cycles has ``found``, by name. Raises IcyMoonError if one is not
-    there."""
+    """Numbers of the cards to use among the cards that Cycles has ``found``, by name. Raises IcyMoonError if one is
+    missing.
+    """
     absent = [number for number in cards.numbers if number >= len(found)]
     if absent:
         there = ", ".join(f"{number}: {name}" for number, name in enumerate(found)) or "none"
         raise IcyMoonError(
-            f"There is no graphics card {absent[0]} for Cycles; choose among those that are there by "
-            f"--cards or {ENVIRONMENT} ({there})."
+            f"Cycles finds no graphics card {absent[0]}; choose an existing one by --cards or {ENVIRONMENT} ({there})."
         )
     return list(cards.numbers) or list(range(len(found)))

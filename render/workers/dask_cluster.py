@@ -1,7 +1,7 @@
-"""A data set rendered by the workers of a Dask cluster. Imports no Blender.
+"""Renders a data set with the workers of a Dask cluster. Imports no Blender.
 
-A task renders a run of pairs, as ``icymoon work`` does, so it may be killed, repeated or run twice at any moment.
-Dask chooses its machine, and starts it again if that machine is lost.
+A task renders a run of pairs, as ``icymoon work`` does, so a task may be killed, repeated or run twice at any moment.
+Dask chooses the machine of a task, and starts the task again if the machine is lost.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _POLL_S = 1.0
 
 
 def render_task(dataset: str, names: Sequence[str], workers: WorkerOptions) -> dict[str, str]:
-    """A task: render these pairs of a frozen data set, and return why some were set aside."""
+    """A task: render these pairs of a frozen data set, and return by id why pairs were set aside."""
     wanted = set(names)
     pairs = [pair for pair in datasets.read_frozen_plan(Path(dataset)).pairs if pair.id in wanted]
     return Runner(Path(dataset), pairs, workers, lambda *a, **k: None).run()
@@ -33,7 +33,9 @@ def render_task(dataset: str, names: Sequence[str], workers: WorkerOptions) -> d
 
 @contextmanager
 def connect_cluster(address: str) -> Iterator[Any]:
-    """A connection to the scheduler at an address, or to workers of this machine (``local:N``)."""
+    """Connect to the scheduler at an address, or to workers of this machine (``local:N``), until the end of the
+    ``with`` block.
+    """
     try:
         import distributed
     except ImportError:
@@ -61,9 +63,9 @@ def connect_cluster(address: str) -> Iterator[Any]:
 def render_on_cluster(
     address: str, dataset: Path, pairs: Sequence[PlannedPair], workers: WorkerOptions, send: Callable[..., None]
 ) -> dict[str, str]:
-    """Render the missing ones of ``pairs`` on a cluster; as ``Runner.run``, with a task of a Dask worker per worker.
+    """Render the missing ``pairs`` on a cluster, as ``Runner.run`` does, with Dask workers.
 
-    Every Dask worker needs this package, the Blender that ``workers`` names and the folder at the same path.
+    Each Dask worker needs this package, the Blender that ``workers`` names, and the folder at the same path.
     """
     with connect_cluster(address) as client:
         there = {pair.id for pair in pairs if is_complete(pair.folder(dataset))}
@@ -113,7 +115,7 @@ def _read_seconds(folder: Path) -> float:
 def _report_failed(
     jobs: list[list[str]], futures: list[Any], there: set[str], send: Callable[..., None]
 ) -> dict[str, str]:
-    """Why pairs are not there, by id."""
+    """The reasons why pairs are missing, by id."""
     failed: dict[str, str] = {}
     for names, future in zip(jobs, futures, strict=True):
         if future.status == "finished":

@@ -1,8 +1,8 @@
 """A process that may outlive the one that started it, and that a later one can attach to. Imports no Blender.
 
-Its output goes to a log file instead of a pipe. It inherits a locked file as its standard input; the system releases
-the lock when the process ends, however it ends. Whoever watches it holds another lock. So a process number that the
-system gives again is never mistaken for this process.
+Its output goes to a log file instead of a pipe. It inherits a locked file as its standard input, and the system
+releases the lock at every kind of end. The watcher holds another lock. So a process number that the system gives again
+is never mistaken for this process.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from ...support.files import explain_disk_errors
 from .process import ProcessOutput
 
 #: The facts that are written about a process.
-_SHAPE = {"pid": PROCESS, "started": NUMBER, "title": TEXT, "dataset": PATH}
-_GRACE_S = 3.0
+_FACTS_SHAPE = {"pid": PROCESS, "started": NUMBER, "title": TEXT, "dataset": PATH}
+_STOP_GRACE_S = 3.0
 _POLL_S = 0.05
 
 
-class Detached(ProcessOutput):
+class DetachedProcess(ProcessOutput):
     """A running process whose output goes to ``<stem>.log``.
 
     With ``leave`` it continues when its watcher ends. Beside the log lie ``.lock`` (held by the process),
@@ -49,10 +49,10 @@ class Detached(ProcessOutput):
     @classmethod
     def start(
         cls, command: Sequence[str], stem: Path, facts: Mapping[str, Any], environment: Mapping[str, str] | None = None
-    ) -> Detached:
+    ) -> DetachedProcess:
         """Start ``command`` (a list, never a shell line).
 
-        Raises IcyMoonError if it cannot start, or if the one of this name still runs.
+        Raises IcyMoonError if it cannot start, or if a process of this name still runs.
         """
         with explain_disk_errors("write to", stem.parent):
             stem.parent.mkdir(parents=True, exist_ok=True)
@@ -60,8 +60,8 @@ class Detached(ProcessOutput):
             lock = system.lock_for_child(stem.with_suffix(".lock")) if watch is not None else None
             if watch is None or lock is None:
                 raise IcyMoonError(
-                    f"{facts['title']} is running already for {facts['dataset']}; wait for it, or stop "
-                    "it where it was started."
+                    f"{facts['title']} is running already for {facts['dataset']}; wait for it, or stop it where you "
+                    "started it."
                 )
             with lock, stem.with_suffix(".log").open("wb") as log:
                 try:
@@ -76,10 +76,10 @@ class Detached(ProcessOutput):
         return cls(stem, facts, watch, process)
 
     @classmethod
-    def attach(cls, stem: Path) -> Detached | None:
-        """The process of this name, if it runs and nobody watches it."""
+    def attach(cls, stem: Path) -> DetachedProcess | None:
+        """Attach to the process of this name, if it runs without a watcher; else None."""
         try:
-            facts = read_record(stem.with_suffix(".json"), _SHAPE, "delete it")
+            facts = read_record(stem.with_suffix(".json"), _FACTS_SHAPE, "delete it")
             if not system.is_lock_held(stem.with_suffix(".lock")):
                 return None
             watch = system.lock(stem.with_suffix(".watch"))
@@ -89,7 +89,7 @@ class Detached(ProcessOutput):
 
     def poll(self) -> list[dict[str, Any]]:
         """The messages since the last call."""
-        gone = not self._is_alive()  # before reading: its last lines are then in the file
+        gone = not self._is_alive()  # checked before reading, so that the file then has its last lines
         *lines, self._share_above_largest = (self._share_above_largest + self._log.read()).split(b"\n")
         if gone:
             lines, self._share_above_largest = [*lines, self._share_above_largest], b""
@@ -110,30 +110,30 @@ class Detached(ProcessOutput):
 
     @property
     def running(self) -> bool:
-        """Whether there may be more messages."""
+        """Whether more messages may follow."""
         return not self._ended
 
     @property
     def returncode(self) -> int | None:
-        """Exit status after the end; None of a process that another has started."""
+        """Exit status after the end; None for a process that another process started."""
         return self._process.wait() if self._process is not None else None
 
     def cancel(self) -> None:
-        """Ask it to stop, and make it stop if it does not within a few seconds."""
+        """Ask the process to stop, and kill it if it runs on for a few seconds."""
         self.cancelled = True
         if self._is_alive():
             system.interrupt_other(self._pid, self._stem.with_suffix(".stop"))
         threading.Thread(target=self._kill_if_running, daemon=True).start()
 
     def _kill_if_running(self) -> None:
-        end = time.monotonic() + _GRACE_S
+        end = time.monotonic() + _STOP_GRACE_S
         while self._is_alive() and time.monotonic() < end:
             time.sleep(_POLL_S)
         if self._is_alive():
             system.kill_other(self._pid)
 
     def stop(self) -> None:
-        """End it at once, if it has not ended, and wait until it is gone; with ``leave``, only watch it no longer."""
+        """End the process at once and wait until it is gone; with ``leave``, only stop watching it."""
         if self.leave and self._is_alive():
             self.left = True
             self._close()
@@ -146,10 +146,10 @@ class Detached(ProcessOutput):
         self._close()
 
 
-def find_left_running(folder: Path) -> Detached | None:
-    """A process that was left running, that nobody watches, and whose files lie in ``folder``."""
+def find_left_running(folder: Path) -> DetachedProcess | None:
+    """A process without a watcher whose files lie in ``folder``; None if there is no such process."""
     for file in sorted(folder.glob("*.lock")):
-        found = Detached.attach(file.with_suffix(""))
+        found = DetachedProcess.attach(file.with_suffix(""))
         if found is not None:
             return found
     return None

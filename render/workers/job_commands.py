@@ -1,4 +1,4 @@
-"""The commands that run our code in another Python or Blender, and the jobs of workers. Imports no Blender."""
+"""The commands that run our code in another Python or Blender, and the job files of workers. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from .process import Message, Process
 
 
 def python_command(python: str, *arguments: str) -> list[str]:
-    """Command that runs ``icymoon`` verbs in a Python interpreter."""
+    """The command that runs ``icymoon`` verbs in a Python interpreter."""
     return [python, str(ROOT / "__main__.py"), *arguments]
 
 
 def blender_command(executable: str, *arguments: str) -> list[str]:
-    """Command that runs ``icymoon`` verbs in a Blender, or in a Python that has ``bpy``."""
+    """The command that runs ``icymoon`` verbs in a Blender, or in a Python with ``bpy``."""
     if is_python(executable):
         return python_command(executable, *arguments)
     return [
@@ -44,8 +44,8 @@ def blender_command(executable: str, *arguments: str) -> list[str]:
     ]
 
 
-#: A job, as a worker reads it.
-JOB = {
+#: The shape of a job file.
+JOB_SHAPE = {
     "settings": Maybe(Each(TABLE, TEXT), null=True),
     "dataset": PATH,
     "again": Maybe(FLAG),
@@ -59,10 +59,10 @@ JOB = {
 
 
 def read_job(file: Path) -> dict[str, Any]:
-    """A job as it was written. Raises IcyMoonError if the file is no job."""
+    """Read a job file. Raises IcyMoonError if the file is no job."""
     fix = "write it with Render Stereo Pair or icymoon render"
     try:
-        job = dict(read_record(file, JOB, fix))
+        job = dict(read_record(file, JOB_SHAPE, fix))
     except FileNotFoundError:
         raise IcyMoonError(f"There is no job {file}; {fix}.") from None
     if not job.get("pairs") and job.get("settings") is None:
@@ -73,7 +73,7 @@ def read_job(file: Path) -> dict[str, Any]:
 
 
 def read_planned_pairs(job: Mapping[str, Any]) -> list[PlannedPair]:
-    """The planned pairs of a job, each with its own settings beside those that all share."""
+    """The planned pairs of a job; each pair's own settings are stored over the common ones."""
     restore, shared = Restorer(), job.get("shared", {})
     return [
         PlannedPair(check_id(pair["id"], "The job"), restore(add_shared(pair["settings"], shared), "job"), 0.0)
@@ -82,7 +82,7 @@ def read_planned_pairs(job: Mapping[str, Any]) -> list[PlannedPair]:
 
 
 class Job:
-    """A render job on disk, for the worker to read; ``remove`` it when the worker has ended."""
+    """A render job on disk for a worker; ``remove`` it when the worker has ended."""
 
     def __init__(
         self,
@@ -95,10 +95,10 @@ class Job:
         threads: int | None = None,
         repeat: int = 0,
     ) -> None:
-        """Write the job file: the pairs of a description, or planned pairs, where any may fail.
+        """Write the job file: the pairs of complete settings, or planned pairs, of which any may fail.
 
         With ``scene`` the caller saves the .blend to ``blend``. ``threads`` takes the place of quality.threads. Pairs
-        of another ``repeat`` are the same but for their name and the noise of their light paths.
+        of another ``repeat`` differ only in their name and in the noise of their light paths.
         """
         self.dataset = dataset
         self.folder = make_scratch_folder()
@@ -124,7 +124,7 @@ class Job:
         remove_folder(self.folder)
 
     def remove(self) -> None:
-        """Delete the job's own files, and what a stopped worker left unfinished."""
+        """Delete the job's own files, and the unfinished files of a stopped worker."""
         self.discard()
         Claims(self.dataset).clean_up()
 
@@ -132,7 +132,7 @@ class Job:
 def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[Path]:
     """Render a job with a worker and return the pair folders; ``hear`` receives every message.
 
-    The job is removed, however it ends. Raises IcyMoonError with the worker's own error if it fails.
+    The job is removed at the end, also after an error. Raises IcyMoonError with the worker's own error if it fails.
     """
     folders: list[Path] = []
     failure = ""
@@ -154,6 +154,6 @@ def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[
     return folders
 
 
-def absolute_folder(text: str, blend_folder: str | None = None) -> Path:
-    """The folder that ``dataset.folder`` names, as ``absolute_path`` reads it."""
+def resolve_dataset_folder(text: str, blend_folder: str | None = None) -> Path:
+    """The folder that ``dataset.folder`` names, resolved by ``absolute_path``."""
     return absolute_path(text, "dataset.folder", blend_folder)

@@ -1,6 +1,7 @@
-"""``manifest.json``: the pairs of a data set, the versions that made them, and the time that took. Imports no Blender.
+"""``manifest.json``: the pairs of a data set, the versions of the programs that made them, and their render times.
+Imports no Blender.
 
-Written at the end of every run from the pairs' own files, so it lists every pair, whoever rendered it.
+It is written at the end of each run from the pairs' own files, so it lists all pairs of all processes.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def _count_values(values: list[str]) -> dict[str, int]:
 
 
 def _read_pairs(frozen: FrozenPlan, dataset: Path) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
-    """The ``pair.json`` of each complete pair, and why others cannot be read, by id."""
+    """The ``pair.json`` of each complete pair, and by id the reasons why others cannot be read."""
     there, unreadable, restore = {}, {}, Restorer()
     for pair in frozen.pairs:
         folder = pair.folder(dataset)
@@ -39,7 +40,9 @@ def _read_pairs(frozen: FrozenPlan, dataset: Path) -> tuple[dict[str, dict[str, 
 
 
 def write_manifest(dataset: Path, failed: Mapping[str, str]) -> dict[str, Any]:
-    """Write the manifest of a data set and return it; ``failed`` is why pairs were set aside in this run."""
+    """Write the manifest of a data set and return it; ``failed`` are the reasons why pairs were set aside in
+    this run.
+    """
     frozen = read_frozen_plan(dataset)
     there, unreadable = _read_pairs(frozen, dataset)
     taken = [facts.get("seconds", {}) for facts in there.values()]

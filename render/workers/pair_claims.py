@@ -1,9 +1,9 @@
-"""Which process renders which pair, where processes and machines share nothing but a folder. Imports no Blender.
+"""Assigns each pair to one process, among processes and machines that share only a folder. Imports no Blender.
 
-A claim is a file ``claims/<pair>.<n>``, which only one process can create. That process touches it regularly. When
-the touches stop, or the process is known to be gone, another may claim the pair as n + 1, which again only one can.
-So no claim is taken from a process that runs. A process that was wrongly taken for dead does no harm: its files have
-their own names until they are whole, and a complete pair is never written again.
+A claim is a file ``claims/<pair>.<n>``, which only one process can create. That process touches it regularly. When the
+touches stop, or the process has ended, another process may claim the pair as n + 1, and again only one can. So a
+running process keeps its claims. A process that was wrongly taken for dead does no harm: its files have their own names
+until they are whole, and a complete pair is never written again.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ from ..pairs.dataset_file_names import is_claim_name, pairs_folder, remove_ours
 from ..pairs.publish_pair import resolve_leftover
 
 CLAIMS_FOLDER = "claims"
-#: How often a claim is touched, and how long after the last touch it counts for nothing.
-BEAT_S, STALE_S = 10.0, 60.0
-#: How long a claim is touched for a holder that reports no progress, see ``report_progress``: it hangs then.
-SILENCE_S = 3600.0
-#: What a claim contains: its holder; a claim of baked light, once that is baked, also the checksum of its file.
-_SHAPE = {
+#: Seconds between touches of a claim, and seconds after the last touch from which the claim is void.
+TOUCH_INTERVAL_S, STALE_S = 10.0, 60.0
+#: Seconds for which a claim is touched without progress of its holder, see ``report_progress``; after that the holder
+#: counts as hung.
+MOST_SILENT_S = 3600.0
+#: Content of a claim: its holder; for a claim of baked light also the checksum of its file after the bake.
+_CLAIM_SHAPE = {
     "pid": PROCESS,
     "place": TEXT,
     "host": TEXT,
@@ -44,22 +45,26 @@ _SHAPE = {
 class Claims:
     """The claims of this process in a data set; a thread keeps them fresh while any is held.
 
-    Raises IcyMoonError where the folder cannot be written to.
+    Raises IcyMoonError if the folder cannot be written to.
     """
 
     def __init__(self, dataset: Path) -> None:
         self._dataset = dataset
         self._folder = dataset / CLAIMS_FOLDER
         self._pairs = pairs_folder(dataset)
-        self._key = secrets.token_hex(8)  # what tells a claim of ours from another's that got the same name later
+        # Tells a claim of ours from another process' claim that got the same name later.
+        self._key = secrets.token_hex(8)
         self._held: dict[str, Path] = {}
-        self._ahead: dict[Path, tuple[float, float]] = {}  # claims with times ahead: the time, and when it was seen
+        # Claims whose time is in the future: that time, and the time when it was seen.
+        self._ahead: dict[Path, tuple[float, float]] = {}
         self._heard = time.monotonic()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
     def take(self, pair: str) -> bool:
-        """Claim a pair; False while another holds it. Raises IcyMoonError where it could not be written."""
+        """Claim a pair; False while another process holds it. Raises IcyMoonError if the pair's folder could not be
+        written.
+        """
         folder = make_part_path(self._pairs / pair)
         system.check_path(
             self._pairs.parent, make_part_path(folder / "pair.json")
@@ -74,7 +79,7 @@ class Claims:
             try:
                 handle = system.retry(lambda: os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
             except FileExistsError:
-                return False  # another was faster
+                return False  # another process was faster
             with os.fdopen(handle, "w", encoding="utf-8") as stream:
                 json.dump(self._describe_self(), stream)
         for old in claims.values():
@@ -96,8 +101,8 @@ class Claims:
             "key": self._key,
         }
 
-    def state_light(self, key: str, checksum: str, cpu_seconds: float) -> None:
-        """Let the claim of baked light state its file's checksum, so that other processes may use the file.
+    def write_light_checksum(self, key: str, checksum: str, cpu_seconds: float) -> None:
+        """Write the checksum of baked light into its claim, so that other processes may use the file.
 
         Raises IcyMoonError if the disk refuses.
         """
@@ -107,17 +112,17 @@ class Claims:
         )
 
     def find_stated_light(self, key: str) -> dict[str, Any] | None:
-        """``sha256`` and ``cpu_seconds`` of the light that the newest claim of a key states; None without any."""
+        """``sha256`` and ``cpu_seconds`` of the light in the newest claim of a key; None without any."""
         claims = self._find_claims(key)
         stated = [_read_claim(claims[number]).get("light") for number in sorted(claims, reverse=True)]
         return next(filter(None, stated), None)
 
     def report_progress(self) -> None:
-        """Note that the holder of these claims makes progress."""
+        """Record that the holder of these claims makes progress."""
         self._heard = time.monotonic()
 
     def release(self, pair: str) -> None:
-        """Give a claim back."""
+        """Give up the claim of a pair."""
         path = self._held.pop(pair, None)
         if path is not None and self._is_mine(path):
             system.remove(path)
@@ -127,13 +132,13 @@ class Claims:
         return pair in self._held and not self.is_lost(pair)
 
     def is_lost(self, pair: str) -> bool:
-        """Whether a pair that was claimed here has been claimed anew, since this process was taken for dead."""
+        """Whether another process has claimed a pair of this one, because it took this one for dead."""
         path = self._held.get(pair)
         return path is not None and not self._is_mine(path)
 
     @contextmanager
     def hold(self, pair: str) -> Iterator[bool]:
-        """Claim a pair until the end of the ``with`` statement; gives whether that succeeded."""
+        """Claim a pair until the end of the ``with`` block; yields whether that succeeded."""
         taken = self.take(pair)
         try:
             yield taken
@@ -142,20 +147,20 @@ class Claims:
                 self.release(pair)
 
     def find_claimed_elsewhere(self) -> set[str]:
-        """The pairs that living processes hold, this one aside."""
+        """The pairs that other living processes hold."""
         found: dict[str, Path] = {}
         for path in sorted(self._list_claims(), key=_claim_number):
             found[path.name.split(".")[0]] = path
         return {pair for pair, path in found.items() if not self._is_mine(path) and not self._is_stale(path)}
 
     def describe_holder(self, pair: str) -> str:
-        """Who holds a pair, in words."""
+        """The holder of a pair, in words."""
         claims = self._find_claims(pair)
         holder = _read_claim(claims[max(claims)]) if claims else {}
         return f"process {holder['pid']} on {holder['host']}" if holder else "another process"
 
     def clean_up_after(self, pid: int) -> None:
-        """Drop the claims of a process of this machine that has ended, and its unfinished folders."""
+        """Remove the claims of a process of this machine that has ended, and its unfinished folders."""
         for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART}"):
             self._settle_leftover(part)
         for path in self._list_claims():
@@ -164,15 +169,15 @@ class Claims:
                 self._remove(path)
 
     def clean_up(self) -> None:
-        """Settle the leftovers of processes that are gone, and remove the folder of claims if nothing is claimed."""
-        # A process claims before it writes: a folder that is there now and has no claim afterwards is a leftover.
+        """Settle the leftovers of ended processes, and remove the folder of claims if no pair is claimed."""
+        # A process claims before it writes: a folder that exists now and has no claim afterwards is a leftover.
         parts = list(self._pairs.glob(f"*{PART}"))
         claimed = self.find_claimed_elsewhere() | self._held.keys()
         for part in parts:
             if part.name.split(".")[0] not in claimed:
                 self._settle_leftover(part)
-        # Such as of the manifest, of baked light or of a claim that was to state it, of the clock, and of a pair.json
-        # that was to state other settings.
+        # Leftover files are, for example, of the manifest, of baked light, of a claim, of the clock, and of a
+        # pair.json.
         for where, pattern in (
             (self._dataset, "*"),
             (self._dataset / LIGHT, "*"),
@@ -189,7 +194,7 @@ class Claims:
             self._folder.rmdir()
 
     def close(self) -> None:
-        """Give all claims back and stop the thread."""
+        """Give up all claims and stop the thread."""
         self._stop.set()
         for pair in list(self._held):
             self.release(pair)
@@ -209,8 +214,8 @@ class Claims:
 
     @staticmethod
     def _settle_leftover(part: Path) -> None:
-        if part.is_dir():  # a file is another's affair, such as a clock
-            with suppress(OSError):  # which leaves it for another time
+        if part.is_dir():  # a file, such as a clock, belongs to another process
+            with suppress(OSError):  # the leftover stays for the next process
                 resolve_leftover(part)
 
     def _is_mine(self, claim: Path) -> bool:
@@ -225,12 +230,12 @@ class Claims:
         if holder and system.is_gone(holder["pid"], holder["place"]):
             return True
         age = self._read_clock() - touched
-        return age > STALE_S or (age < -STALE_S and self._stands_still(claim, touched))
+        return age > STALE_S or (age < -STALE_S and self._is_frozen_ahead(claim, touched))
 
-    def _stands_still(self, claim: Path, touched: float) -> bool:
-        """Whether a claim has kept the same time for so long that its holder is gone.
+    def _is_frozen_ahead(self, claim: Path, touched: float) -> bool:
+        """Whether a claim with a time in the future has kept that time for so long that its holder is gone.
 
-        That time is ahead, since a clock was set back, so it does not show how old the claim is.
+        The time is ahead because a clock was set back, so it does not show the age of the claim.
         """
         now = time.monotonic()
         known = self._ahead.get(claim)
@@ -239,7 +244,7 @@ class Claims:
         return now - known[1] > STALE_S
 
     def _read_clock(self) -> float:
-        """The time by the clock that stamps the files of this folder, which may be another machine's."""
+        """The time by the clock that stamps the files of this folder, which may be the clock of another machine."""
         probe = make_part_path(self._pairs / ".clock")
         with explain_disk_errors("write to", probe.parent):
             probe.parent.mkdir(parents=True, exist_ok=True)
@@ -250,9 +255,9 @@ class Claims:
                 system.remove(probe)
 
     def _touch_claims(self) -> None:
-        while not self._stop.wait(BEAT_S):
-            for path in list(self._held.values()) if time.monotonic() - self._heard < SILENCE_S else ():
-                with suppress(OSError):  # released just now, or the network folder is away for a while
+        while not self._stop.wait(TOUCH_INTERVAL_S):
+            for path in list(self._held.values()) if time.monotonic() - self._heard < MOST_SILENT_S else ():
+                with suppress(OSError):  # the claim was just released, or the network folder is away for a while
                     if self._is_mine(path):
                         os.utime(path)
 
@@ -265,5 +270,5 @@ def _read_claim(claim: Path) -> dict[str, Any]:
     try:
         holder = parse_json(read_text(claim))
     except (OSError, ValueError):
-        return {}  # gone, or being written
-    return {} if find_fault(holder, _SHAPE) else dict(holder)
+        return {}  # the claim is gone, or is being written
+    return {} if find_fault(holder, _CLAIM_SHAPE) else dict(holder)

@@ -1,7 +1,7 @@
 """Starts, reads and stops another process. Imports no Blender.
 
-A worker reports its progress in JSON lines on its standard output. The last of its other lines (Cycles prints many)
-are kept, for the error if it crashes. It may be killed at any moment: nothing unfinished has a final name.
+A worker reports its progress in JSON lines on its standard output. The last of its other lines are kept for the error
+after a crash. It may be killed at any moment, because unfinished files never have a final name.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from ...support.foreign_bytes import parse_json
 from ...support.printer import emit
 
 Message = dict[str, Any]
-_GRACE_S = 3.0
-_TRACEBACK = "Traceback (most recent call last):"
-#: What Blender prints at its end, whatever the reason.
-_FAREWELL = re.compile(r"Blender (quit|\d+\.\d+.*)|Error: script failed, .*, exiting\.")
+_STOP_GRACE_S = 3.0
+_TRACEBACK_START = "Traceback (most recent call last):"
+#: Lines that Blender prints at every end.
+_END_LINES = re.compile(r"Blender (quit|\d+\.\d+.*)|Error: script failed, .*, exiting\.")
 
 
 class ProcessOutput:
-    """Sorts the output of a process: messages, and the last of its other lines.
+    """Sorts the output of a process into messages and other lines, of which it keeps the last.
 
-    ``cancelled``: it was made to stop; ``left``: it was left running.
+    ``cancelled``: the process was told to stop. ``left``: it was left running.
     """
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class ProcessOutput:
         self.cancelled = self.left = False
 
     def _read_line(self, line: str) -> Message | None:
-        """The message in a line; None if it is another line, which is kept."""
+        """The message in a line; None for other lines, which are kept."""
         message = _parse_message(line)
         if message is None:
             self._tail.append(line.rstrip())
@@ -49,24 +49,25 @@ class ProcessOutput:
 
     @property
     def cause(self) -> str:
-        """The line that tells best why it ended, for an error that the process could not state.
+        """The line that best explains why the process ended, for errors that it could not report.
 
-        It is the error of the last traceback, else the last line that was neither a message nor Blender's farewell.
+        The line is the error of the last traceback, or else the last line that is neither a message nor printed at
+        every end.
         """
         lines = [line for line in self._tail if line.strip()]
         of_traceback = None
         for position, line in enumerate(lines):
-            if _TRACEBACK in line:
+            if _TRACEBACK_START in line:
                 of_traceback = next((each for each in lines[position + 1 :] if not each[0].isspace()), None)
         return of_traceback or next(
-            (line for line in reversed(lines) if not _FAREWELL.fullmatch(line)),
+            (line for line in reversed(lines) if not _END_LINES.fullmatch(line)),
             lines[-1] if lines else "it printed nothing",
         )
 
 
 @contextmanager
 def report_errors(as_json: bool) -> Iterator[None]:
-    """Print an error that ends the program as a JSON line too, if ``as_json``."""
+    """Print an error that ends the program also as a JSON line, if ``as_json``."""
     try:
         yield
     except IcyMoonError as error:
@@ -114,7 +115,7 @@ class Process(ProcessOutput):
 
     @property
     def running(self) -> bool:
-        """Whether there may be more messages."""
+        """Whether more messages may follow."""
         return not self._ended
 
     @property
@@ -123,26 +124,26 @@ class Process(ProcessOutput):
         return self._process.wait()
 
     def wait_for_messages(self) -> Iterator[Message]:
-        """All messages until the end, waiting for them."""
+        """Wait for all messages until the end, and yield them."""
         while self.running:
             yield from self.poll()
             time.sleep(0.05)
         yield from self.poll()
 
     def cancel(self) -> None:
-        """Ask it to stop, and make it stop if it does not within a few seconds."""
+        """Ask the process to stop, and kill it if it runs on for a few seconds."""
         self.cancelled = True
         system.interrupt(self._process)
         threading.Thread(target=self._kill_if_running, daemon=True).start()
 
     def _kill_if_running(self) -> None:
         try:
-            self._process.wait(_GRACE_S)
+            self._process.wait(_STOP_GRACE_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
 
     def stop(self) -> None:
-        """End it at once, if it has not ended, and wait until it is gone."""
+        """End the process at once, if it runs, and wait until it is gone."""
         if self._process.poll() is None:
             self.cancelled = True
             self._process.kill()
@@ -160,5 +161,5 @@ def _parse_message(line: str) -> Message | None:
 
 
 def clean_environment() -> dict[str, str]:
-    """Our environment without the variables that would make another Python load Blender's modules."""
+    """Our environment without the variables that make another Python load Blender's modules."""
     return {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP")}

@@ -1,7 +1,7 @@
-"""Renders the pairs of a data set with several worker processes, whatever happens to any of them. Imports no Blender.
+"""Renders the pairs of a data set with several worker processes, of which any may crash. Imports no Blender.
 
-This process keeps nothing that could be lost. The data set contains its plan, the disk shows which pairs are complete,
-and a pair in progress belongs to whoever holds its claim.
+This process holds nothing that could be lost. The data set contains its plan, the disk shows which pairs are complete,
+and a pair in progress belongs to the holder of its claim.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..pairs.baked_file import LIGHT
 from ..pairs.dataset_file_names import check_no_link, folder_of_pair, pairs_folder
 from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response
 from ..plans.planned_pair import PlannedPair
-from ..plans.render_order import MOST_SCENES, cut_into_jobs
+from ..plans.render_order import DEFAULT_MOST_SCENES, cut_into_jobs
 from .assign_cards import ALL_CARDS, Cards, add_cards, choose_worker_cards
 from .job_commands import Job, blender_command
 from .pair_claims import CLAIMS_FOLDER, Claims
@@ -31,15 +31,16 @@ from .process import Message, Process
 Send = Callable[..., None]
 #: Number of crashes of its worker after which a pair is set aside.
 MOST_CRASHES = 3
-#: A worker that has reported that it is done is ended after this; the Blender module may hang when it ends.
-_EXIT_S = 10.0
-#: A worker that has sent nothing for this time may hang: its other pairs are given to workers that have time.
-_SUSPECT_S = 300.0
+#: Seconds after which a worker that has reported its end is killed, since the Blender module may hang when it ends.
+_MOST_EXIT_S = 10.0
+#: Seconds without a message after which a worker may hang, so its other pairs are given to idle workers.
+_SUSPECT_AFTER_S = 300.0
+#: Seconds between steps of the runner, and between looks at pairs that other processes render.
 _STEP_S, _WAIT_S = 0.05, 1.0
-#: How often the pairs of a silent worker are looked for on the disk: each look reads every pair.json among them.
-_LOOK_S = 5.0
+#: Seconds between looks on the disk for the pairs of a silent worker: each look reads all their pair.json.
+_POLL_PAIRS_S = 5.0
 #: The messages of workers that are read here.
-_MESSAGES: dict[str, Shape] = {
+_MESSAGE_SHAPES: dict[str, Shape] = {
     "progress": {"pair": Maybe(TEXT), "of_pair": Maybe(NUMBER)},
     "pair": {"id": TEXT},
     "warning": {"message": TEXT},
@@ -50,32 +51,35 @@ _MESSAGES: dict[str, Shape] = {
 
 @dataclass(frozen=True)
 class WorkerOptions:
-    """How many processes render, how many threads each has (0: all), in which Blender; how many scenes a process
-    may render before another takes its place, the seconds after which a process that sends nothing is ended, and the
-    graphics cards, see ``choose_one``."""
+    """Options of the worker processes.
+
+    ``count`` processes render with ``threads`` threads each (0: all) in the Blender ``blender``. A process renders at
+    most ``most_scenes`` scenes before another one replaces it. A process that sends nothing for ``silence_s`` seconds
+    is ended. For ``cards`` see ``choose_worker_cards``.
+    """
 
     count: int
     threads: int
     blender: str
-    most_scenes: int = MOST_SCENES
+    most_scenes: int = DEFAULT_MOST_SCENES
     silence_s: float = 3600.0
     cards: Cards = ALL_CARDS
 
 
 @dataclass
 class _Worker:
-    """A process and the pairs that it was given."""
+    """A process with its pairs."""
 
     job: Job
     process: Process
     pairs: list[PlannedPair]
-    place: int = 0  # among those that run at the same time
+    place: int = 0  # number among the workers that run at the same time
     heard: float = field(default_factory=time.monotonic)
-    looked: float = -math.inf  # when its pairs were looked for last
-    left: list[PlannedPair] = field(default_factory=list)  # those that were not there then
+    looked: float = -math.inf  # when the disk was last searched for its pairs
+    left: list[PlannedPair] = field(default_factory=list)  # its pairs that were missing then
     current: str = ""  # the pair in progress
-    fraction: float = 0.0  # of it
-    error: str = ""  # its error
+    fraction: float = 0.0  # the finished fraction of that pair
+    error: str = ""  # the error that the worker reported
     fatal: bool = False
     spoke: bool = False
     done: bool = False
@@ -87,10 +91,10 @@ class _Worker:
 
 
 class Runner:
-    """Renders the missing ones of ``pairs`` into a data set.
+    """Renders the missing ``pairs`` into a data set.
 
-    ``send(type, **facts)`` receives ``progress`` (``fraction``, ``message``, ``done``, ``total``), ``pair``,
-    ``warning`` and ``error`` messages (of a pair that is set aside, with ``pair``).
+    ``send(type, **facts)`` receives ``progress`` (``fraction``, ``message``, ``done``, ``total``), ``pair`` and
+    ``warning`` messages, and ``error`` messages of pairs that are set aside, with ``pair``.
     """
 
     def __init__(self, dataset: Path, pairs: Sequence[PlannedPair], workers: WorkerOptions, send: Send) -> None:
@@ -99,17 +103,17 @@ class Runner:
         self._running: list[_Worker] = []
         self._queue: deque[list[PlannedPair]] = deque()
         self._crashes: Counter[str] = Counter()
-        self._silent_ends = 0  # workers that ended without a message, one after the other
+        self._silent_ends = 0  # number of workers in a row that ended without a message
         self._complete: set[str] = set()
         self._warned: set[str] = set()
         self._known = {None, *(pair.id for pair in self._pairs)}
         self.failed: dict[str, str] = {}
 
     def run(self) -> dict[str, str]:
-        """Render until every pair is there or set aside; return why those were, by id.
+        """Render until each pair is complete or set aside; return by id why pairs were set aside.
 
-        Raises IcyMoonError when nothing can be rendered (the disk is full, Blender does not start). However
-        it ends, no worker is left.
+        Raises IcyMoonError if nothing can be rendered (the disk is full, Blender does not start). All workers have
+        ended at every kind of end.
         """
         check_no_link(pairs_folder(self._dataset), self._dataset / CLAIMS_FOLDER, self._dataset / LIGHT)
         try:
@@ -124,7 +128,7 @@ class Runner:
                 while self._queue or self._running:
                     self._step_workers()
                     time.sleep(_STEP_S)
-                if missing == self._find_missing():  # all of them are other runners'
+                if missing == self._find_missing():  # other runners render all missing pairs
                     self._report_progress(missing)
                     time.sleep(_WAIT_S)
         finally:
@@ -134,7 +138,7 @@ class Runner:
         return self.failed
 
     def _update_response(self, pair: PlannedPair, data: dict[str, Any], restore: Restorer) -> None:
-        """Count a pair that is there, with this ``pair.json``, and let it state the camera response of this plan."""
+        """Count a complete pair with this ``pair.json``, and write the camera response of this plan into it."""
         folder = pair.folder(self._dataset)
         try:
             if not has_response(folder, data, pair.settings, restore):
@@ -145,14 +149,14 @@ class Runner:
             self._send("error", message=str(error), pair=pair.id)
 
     def _find_missing(self) -> list[PlannedPair]:
-        """The pairs that are neither there nor set aside."""
+        """The pairs that are neither complete nor set aside."""
         for pair in self._pairs:
             if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
                 self._report_pair(pair.id)
         return [pair for pair in self._pairs if pair.id not in self._complete and pair.id not in self.failed]
 
     def _enqueue(self, missing: list[PlannedPair]) -> None:
-        """Cut the missing pairs that nobody else renders into jobs."""
+        """Cut the missing pairs that no other process renders into jobs."""
         busy = self._claims.find_claimed_elsewhere()
         jobs = cut_into_jobs(
             [pair for pair in missing if pair.id not in busy], self._options.count, self._options.most_scenes
@@ -160,7 +164,7 @@ class Runner:
         self._queue.extend(jobs)
 
     def _step_workers(self) -> None:
-        """Start workers, handle their messages, and finish those that have ended."""
+        """Start workers, handle their messages, and finish workers that have ended."""
         while self._queue and len(self._running) < self._options.count:
             self._start_worker(self._queue.popleft())
         for worker in list(self._running):
@@ -171,34 +175,37 @@ class Runner:
             if silent > self._patience_s(worker, silent):
                 worker.error = worker.error or f"it sent nothing for {silent:.0f} s"
                 worker.process.stop()
-            elif silent > _SUSPECT_S and len(self._running) < self._options.count and not self._queue:
+            elif silent > _SUSPECT_AFTER_S and len(self._running) < self._options.count and not self._queue:
                 self._reassign(worker)
             if not worker.process.running:
                 self._running.remove(worker)
                 self._finish_worker(worker)
 
     def _patience_s(self, worker: _Worker, silent: float) -> float:
-        """For how long a worker may send nothing: not long if all its pairs are complete, perhaps by others."""
-        idle = worker.done or (silent > _EXIT_S and not self._get_pairs_left(worker))
-        return _EXIT_S if idle else self._options.silence_s
+        """Seconds for which a worker may send nothing: few if all its pairs are complete, perhaps by other
+        processes.
+        """
+        idle = worker.done or (silent > _MOST_EXIT_S and not self._get_pairs_left(worker))
+        return _MOST_EXIT_S if idle else self._options.silence_s
 
     def _get_pairs_left(self, worker: _Worker) -> list[PlannedPair]:
-        """The result of ``_find_pairs_left``, some seconds old at most."""
+        """The result of ``_find_pairs_left``, at most some seconds old."""
         now = time.monotonic()
-        if now - worker.looked > _LOOK_S:
+        if now - worker.looked > _POLL_PAIRS_S:
             worker.looked, worker.left = now, self._find_pairs_left(worker)
         return worker.left
 
     def _find_pairs_left(self, worker: _Worker) -> list[PlannedPair]:
-        """A worker's pairs that are neither there nor set aside. A pair that is there is never looked for again."""
+        """A worker's pairs that are neither complete nor set aside. A complete pair is never looked for again."""
         for pair in worker.pairs:
             if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
                 self._report_pair(pair.id)
         return [pair for pair in worker.pairs if pair.id not in self.failed and pair.id not in self._complete]
 
     def _reassign(self, worker: _Worker) -> None:
-        """Give the pairs that a worker has not begun to another. If it goes on after all, it finds them complete or
-        claimed."""
+        """Give the pairs that a worker has not begun to another worker. If the first one goes on, it finds them
+        complete or claimed.
+        """
         waiting = [pair for pair in self._get_pairs_left(worker) if pair.id != worker.current]
         if waiting:
             given = {pair.id for pair in waiting}
@@ -223,8 +230,8 @@ class Runner:
     def _handle_message(self, worker: _Worker, message: Message) -> None:
         kind = message["type"]
         named = {message.get("pair"), message.get("id")}
-        if find_fault(message, _MESSAGES.get(kind, TABLE)) or not self._known >= named:
-            return  # printed by other code in that process
+        if find_fault(message, _MESSAGE_SHAPES.get(kind, TABLE)) or not self._known >= named:
+            return  # other code in that process printed it
         if kind == "progress" and "pair" in message:
             worker.current, worker.fraction = message["pair"], message.get("of_pair", 0.0)
             self._report_progress()
@@ -233,7 +240,7 @@ class Runner:
             if is_complete(folder_of_pair(self._dataset, message["id"])):
                 self._report_pair(message["id"], message)
             else:
-                self._count_crash(message["id"], "its files are not those that were written")
+                self._count_crash(message["id"], "its files differ from the written ones")
         elif kind == "warning" and message["message"] not in self._warned:
             self._warned.add(message["message"])
             self._send("warning", message=message["message"])
@@ -246,7 +253,7 @@ class Runner:
             worker.done = True
 
     def _finish_worker(self, worker: _Worker) -> None:
-        """Judge by the disk what a worker has done, and give the rest to another."""
+        """Judge by the disk which pairs a worker has finished, and give the others to another worker."""
         worker.close()
         self._claims.clean_up_after(worker.process.pid)
         if worker.fatal:
@@ -287,7 +294,7 @@ class Runner:
             self._send("error", message=why, pair=name)
 
     def _report_progress(self, waiting: Sequence[PlannedPair] = ()) -> None:
-        """Report the progress, and the pairs that it is ``waiting`` for."""
+        """Report the progress, and the pairs of other processes that the runner is ``waiting`` for."""
         total = max(1, len(self._pairs))
         fraction = (len(self._complete) + sum(w.fraction for w in self._running if w.current)) / total
         text = f"{len(self._complete)} of {format_count(len(self._pairs), 'pair')}"

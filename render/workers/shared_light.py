@@ -1,4 +1,5 @@
-"""Which baked light a process may use: light that it baked itself, or that others vouch for. Imports no Blender.
+"""Selects the baked light that a process may use: its own, or light that a complete pair or a claim vouches for.
+Imports no Blender.
 
 Anyone may put a file into ``light/``. So a file is used only if its content has the checksum that
 
@@ -26,15 +27,16 @@ from ..pairs.pair_folder import has_stated_files, read_whole
 from .pair_claims import Claims
 
 _WAIT_S = 0.5
-#: The statements of ``pair.json`` about baked light.
-_LIGHTS = Maybe(Each({"file": TEXT, "sha256": SHA256, "cpu_seconds_of_bake": Maybe(NUMBER)}, TEXT))
-_SHAPE = {"indirect": {"lights": _LIGHTS, "tried": _LIGHTS}}
+#: The entries of ``pair.json`` on baked light.
+_LIGHTS_SHAPE = Maybe(Each({"file": TEXT, "sha256": SHA256, "cpu_seconds_of_bake": Maybe(NUMBER)}, TEXT))
+_PAIR_SHAPE = {"indirect": {"lights": _LIGHTS_SHAPE, "tried": _LIGHTS_SHAPE}}
 
 
 @dataclass(frozen=True)
 class LightFile:
-    """A file of baked light as a pair or a claim states it: its name in ``light/``, the key of its bake, its SHA-256
-    checksum, and the processor seconds of the bake."""
+    """A file of baked light as a pair or a claim states it: the name in ``light/``, the key of the bake, the SHA-256
+    checksum, and the processor seconds of the bake.
+    """
 
     name: str
     key: str
@@ -44,14 +46,14 @@ class LightFile:
 
 @dataclass(frozen=True)
 class KeptLight:
-    """Baked light and the file of the data set that it is kept in."""
+    """Baked light and its file in the data set."""
 
     light: BakedLight
     file: str
     sha256: str
 
     def to_json(self, share: float) -> dict[str, Any]:
-        """The statement of ``pair.json`` about it, with its share of the light in the images."""
+        """The entry of ``pair.json`` on this light, with its share of the light in the images."""
         return {
             "file": self.file,
             "sha256": self.sha256,
@@ -64,8 +66,8 @@ class KeptLight:
 
 
 def find_stated_light_files(pair_json: Mapping[str, Any]) -> list[LightFile]:
-    """The files of baked light that the content of a ``pair.json`` states; those with names of other kinds left out."""
-    if find_fault(pair_json, _SHAPE):
+    """The files of baked light that the content of a ``pair.json`` states, if they have valid names."""
+    if find_fault(pair_json, _PAIR_SHAPE):
         return []
     found = []
     stated = pair_json["indirect"]
@@ -85,15 +87,16 @@ class VouchedLight:
         self._by_pair: dict[str, list[LightFile]] = {}
 
     def by_pair(self) -> Mapping[str, list[LightFile]]:
-        """The files that each complete pair states, by its id."""
+        """The light files that each complete pair states, by the pair's id."""
         for folder in self._pairs.glob("*"):
             if folder.name not in self._by_pair and is_pair_name(folder) and not is_unfinished_name(folder):
                 self.add(folder)
         return self._by_pair
 
     def add(self, folder: Path, data: Any = None) -> list[LightFile]:
-        """Read a pair that may be complete now, unless ``data`` is the content of its ``pair.json``; gives the files
-        that it states."""
+        """Add a pair that may be complete now, and return the light files that it states. Its ``pair.json`` is read
+        unless ``data`` has the content.
+        """
         try:
             data = read_whole(folder) if data is None else data if has_stated_files(folder, data) else None
         except OSError:
@@ -103,8 +106,8 @@ class VouchedLight:
         self._by_pair[folder.name] = found = find_stated_light_files(data)
         return found
 
-    def of_key(self, key: str) -> list[LightFile]:
-        """The files of a key, those first that most pairs state."""
+    def find_by_key(self, key: str) -> list[LightFile]:
+        """The files of a key; files that most pairs state come first."""
         counted = Counter(file for files in self.by_pair().values() for file in set(files) if file.key == key)
         return sorted(counted, key=lambda file: (-counted[file], file.checksum))
 
@@ -119,9 +122,10 @@ class SharedLight:
         self._waiting: set[str] = set()  # keys whose claims are held until a pair states their light
 
     def get(self, key: str, vertices: int, rocks: int, bake: Callable[[], BakedLight]) -> tuple[KeptLight, float]:
-        """Baked light of a ground with this number of vertices and rocks, and processor seconds of ``bake`` just now.
+        """Baked light of a ground with this number of vertices and rocks, and the processor seconds of ``bake`` in this
+        call.
 
-        One process bakes while others wait for it. Raises IcyMoonError if it cannot be baked or written.
+        One process bakes while others wait for it. Raises IcyMoonError if the light cannot be baked or written.
         """
         made: BakedLight | None = None
         while True:
@@ -129,11 +133,11 @@ class SharedLight:
                 return found, made.cpu_seconds if made else 0.0
             if self.claims.is_held(key) or self.claims.take(key):
                 try:
-                    # Another may have finished it before it was claimed here.
+                    # Another process may have finished the bake before this one got the claim.
                     found = self._find_usable(key, vertices, rocks)
                     if found is None:
                         made = made or bake()
-                        # Another may have taken this process for dead meanwhile; then its light counts.
+                        # Another process may have taken this one for dead meanwhile; then its light counts.
                         found = None if self.claims.is_lost(key) else self._keep_light(key, made)
                 finally:
                     if key not in self._waiting:
@@ -144,16 +148,16 @@ class SharedLight:
                 self.claims.report_progress()
                 time.sleep(_WAIT_S)
 
-    def note_pair(self, folder: Path) -> None:
-        """Give back the claims of the light that a pair, which was just rendered, states."""
+    def release_stated_light(self, folder: Path) -> None:
+        """Release the claims of the light that a pair, which was just rendered, states."""
         for file in self._vouched.add(folder):
             if file.key in self._waiting:
                 self._waiting.discard(file.key)
                 self.claims.release(file.key)
 
     def _find_usable(self, key: str, vertices: int, rocks: int) -> KeptLight | None:
-        """Light that may be used, from its file."""
-        candidates = self._vouched.of_key(key)
+        """Light that may be used, read from its file; None if there is no such light."""
+        candidates = self._vouched.find_by_key(key)
         if key in self._known:
             candidates.append(self._known[key])
         if stated := self.claims.find_stated_light(key):
@@ -176,7 +180,7 @@ class SharedLight:
     def _keep_light(self, key: str, light: BakedLight) -> KeptLight:
         """Write light that was baked here, and hold its claim until a pair states it."""
         path, checksum = baked_file.write_baked_light(self._dataset, key, light)
-        self.claims.state_light(key, checksum, light.cpu_seconds)
+        self.claims.write_light_checksum(key, checksum, light.cpu_seconds)
         self._known[key] = LightFile(path.name, key, checksum, light.cpu_seconds)
         self._waiting.add(key)
         return _make_kept_light(path, checksum, light)

@@ -1,4 +1,4 @@
-"""Job scripts for a cluster with SLURM. Its machines need only this folder and Blender. Imports no Blender."""
+"""Job scripts for a cluster with SLURM, whose machines need only this folder and Blender. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..plans.render_order import choose_shard
 from .job_commands import python_command
 
 SLURM_FOLDER = "slurm"
-_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
+_CONTROL_CHARACTER = re.compile(r"[\x00-\x1f\x7f]")
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class SlurmRequest:
     options: tuple[str, ...]
 
 
-_SCRIPT = """#!/bin/bash
+_SCRIPT_TEMPLATE = """#!/bin/bash
 # {pairs} pairs of {dataset} in {shards} shards.
 # Submit it with: sbatch {file}
 # A shard may be killed, requeued or run twice at any moment: finished pairs are kept and none is rendered twice.
@@ -69,12 +69,12 @@ status=$?
 exit "$status"
 """
 
-#: How often a shard is started again after it failed. When its time is up it always is.
+#: Number of restarts of a shard after failures. A shard whose time is up always restarts.
 MOST_RESTARTS = 3
 
 
 def format_array_ranges(numbers: Sequence[int]) -> str:
-    """Rising numbers as SLURM writes them: ``1-3,7``."""
+    """Format rising numbers as SLURM does: ``1-3,7``."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][1] + 1:
@@ -85,8 +85,8 @@ def format_array_ranges(numbers: Sequence[int]) -> str:
 
 
 def _refuse_lines(text: str) -> None:
-    """Raise IcyMoonError if a text would end the line of the script that it stands in, and what follows be run."""
-    if _CONTROL.search(text):
+    """Raise IcyMoonError if a text would end its line of the script, so that the rest would run as a command."""
+    if _CONTROL_CHARACTER.search(text):
         raise IcyMoonError(
             f"{text!r} contains a line break or another control character, which a job script cannot "
             "contain; choose another path or option."
@@ -94,7 +94,7 @@ def _refuse_lines(text: str) -> None:
 
 
 def _quote_folder(folder: Path) -> str:
-    """A folder as sbatch reads it in an option: one word, nothing in it an escape or one of its % patterns."""
+    """Quote a folder for an option of sbatch: one word, without escapes and % patterns."""
     if "\\" in str(folder):
         raise IcyMoonError(
             f"{folder} contains a backslash, after which SLURM does not replace %A and %a; choose another folder."
@@ -106,7 +106,7 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
     """Write the script of a job array for the shards that lack pairs; None if all pairs are there.
 
     ``python`` runs this package on the cluster's machines, ``blender`` is their Blender. Raises IcyMoonError for a path
-    or an option that no line of such a script can hold.
+    or an option that a line of the script cannot contain.
     """
     for text in (str(dataset), python, blender, request.memory, request.time, *request.options):
         _refuse_lines(text)
@@ -125,7 +125,7 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
     limit = f"%{request.at_once}" if request.at_once else ""
     write_text(
         file,
-        _SCRIPT.format(
+        _SCRIPT_TEMPLATE.format(
             pairs=len(missing),
             dataset=dataset,
             shards=request.shards,

@@ -29,7 +29,7 @@ from ..pairs.dataset_file_names import (
     is_pair_name,
     is_regular_file,
     is_unfinished_name,
-    list_foreign,
+    list_files_not_ours,
     pairs_folder,
     remove_ours,
 )
@@ -42,13 +42,13 @@ from .pair_claims import CLAIMS_FOLDER, Claims
 from .shared_light import LightFile, VouchedLight
 
 #: Files and folders that a data set's folder may contain.
-_OUR_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
-#: Texts for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
-_STAND_INS = ("", "Hapke of nodes")
-#: What a pair must state so that its files can be checked: names of files in its folder, no device, no other folder.
+_EXPECTED_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
+#: Texts for content beside the settings, see ``settings.description.digest`` and ``nodes.surface.hapke_nodes``.
+_EXTRA_TEXTS = ("", "Hapke of nodes")
+#: Shape of the entries by which a pair's files are checked: only names in its folder, no device and no other folder.
 _FILES_SHAPE = {"files": Each({"sha256": SHA256}, FILE_NAME)}
-#: Maximum number of settings that are named as differences of a pair from the plan.
-_MOST_NAMED = 5
+#: Most settings that are named as differences of a pair from the plan.
+_MOST_NAMED_SETTINGS = 5
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,9 @@ class Problem:
 
 @dataclass(frozen=True)
 class Findings:
-    """The findings of ``verify_data_set``: the number of planned and of complete pairs, the problems, and notes on
-    missing files that the pairs do not need. Without a plan (``has_plan``) the planned pairs are the existing ones."""
+    """The result of ``verify_data_set``: the number of planned and of complete pairs, the problems, and notes on
+    missing files that the pairs can do without. Without a plan (``has_plan``) the existing pairs count as planned.
+    """
 
     pairs: int
     complete: int
@@ -80,8 +81,8 @@ class Findings:
 def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
     """Check every file of a data set against the plan, the statements of its pairs, and the checksums.
 
-    With ``remove_broken`` broken pairs and leftovers are removed, but never anything that is not ours, nor a pair whose
-    files are as they were rendered. Without a plan each pair is compared with itself alone. Raises IcyMoonError if
+    With ``remove_broken`` broken pairs and leftovers are removed, except foreign files and pairs whose files are
+    unchanged since the render. Without a plan each pair is compared only with its own entries. Raises IcyMoonError if
     there are no pairs either, and for ``remove_broken`` without a plan, which could make the pairs again.
     """
     has_plan = os.path.lexists(dataset / PLAN)
@@ -98,7 +99,7 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
         folder = folder_of_pair(dataset, name)
         try:
             found = list(_check_pair(folder, pair, name in working, shared))
-        except Exception as error:  # such as a disk that cannot be read: nothing to take away
+        except Exception as error:  # for example a disk that cannot be read; then nothing is removed
             found = [Problem("unreadable", name, describe_error(error, folder))]
         complete += not found
         problems += found
@@ -109,7 +110,7 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
     for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
         if not remove_ours(path, dataset) and path.name not in told:
             why = find_reason_to_keep(path, dataset) or "the disk does not allow it"
-            problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; look at it yourself."))
+            problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; check it yourself."))
     notes = [
         *_note_missing_light(dataset, stated),
         *(
@@ -126,7 +127,7 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
 
 
 def _find_unplanned(dataset: Path) -> dict[str, None]:
-    """The ids of the pairs of a data set that has no plan, as of ``icymoon render``."""
+    """The ids of the pairs of a data set without a plan, as ``icymoon render`` makes it."""
     found = dict.fromkeys(
         path.name
         for path in sorted(pairs_folder(dataset).glob("*"))
@@ -147,7 +148,7 @@ def _find_unplanned(dataset: Path) -> dict[str, None]:
 
 
 def _describe_misplaced(folder: Path) -> str:
-    """What to do with a whole pair that has another name than its id; empty for anything else."""
+    """A sentence on the fix for a whole pair under a wrong name; empty for anything else."""
     try:
         own = read_pair(folder).id
     except IcyMoonError:
@@ -180,13 +181,13 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
             f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
             f"{_describe_repair(planned is not None)}."
         )
-        strange = _find_strange(folder) if link.parent == folder else ()
+        strange = _find_foreign_files(folder) if link.parent == folder else ()
         yield Problem("foreign", name, " ".join([text, *strange]))
         return
     record = folder / "pair.json"
     if not record.is_file():
         why = f"{record} is no regular file." if os.path.lexists(record) else f"{folder} has no pair.json."
-        if others := tuple(_find_strange(folder)):
+        if others := tuple(_find_foreign_files(folder)):
             yield Problem("foreign", name, " ".join([why, *others]))
         elif folder.exists():
             yield Problem("broken", name, why, folder)
@@ -212,30 +213,32 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
             yield Problem("foreign", name, f"{text} Its files are as they were rendered, so --remove leaves it.")
         else:
             yield Problem("broken", name, text, folder)
-    for text in _find_strange(folder):
+    for text in _find_foreign_files(folder):
         yield Problem("foreign", name, text)
 
 
 def _describe_repair(has_plan: bool) -> str:
-    """How a pair is made again, in words: by the plan of its data set, or where there is none, as it was."""
+    """A clause that tells how to make a pair again: by the plan of its data set, or without one as it was made."""
     return "run icymoon batch" if has_plan else "render the pair again"
 
 
-def _find_strange(folder: Path) -> Iterator[str]:
-    """Files in a pair's folder that we did not write and that are no links, in one sentence."""
-    if paths := [path for path in list_foreign(folder) if not path.is_symlink()]:
+def _find_foreign_files(folder: Path) -> Iterator[str]:
+    """A sentence on the files in a pair's folder that Icy Moon did not write, links aside."""
+    if paths := [path for path in list_files_not_ours(folder) if not path.is_symlink()]:
         more = f" and {len(paths) - 1} more are" if paths[1:] else " is"
         yield f"{paths[0]}{more} not Icy Moon's; move {'them' if paths[1:] else 'it'} out of the pair's folder."
 
 
 def _find_link(folder: Path) -> Path | None:
-    """The first of a pair's folders and files that is a link."""
+    """The first link among a pair's folders and files."""
     inside = [] if folder.parent.is_symlink() or folder.is_symlink() else sorted(folder.glob("*"))
     return next((path for path in (folder.parent, folder, *inside) if path.is_symlink()), None)
 
 
 def _parse_pair_json(record: Path) -> object:
-    """The content of a ``pair.json``; None if it is gone or no JSON. Raises OSError where that cannot be told."""
+    """The content of a ``pair.json``; None if it is missing or no JSON. Raises OSError if the system refuses to
+    tell.
+    """
     try:
         return parse_json(read_text(record))
     except (FileNotFoundError, NotADirectoryError, ValueError):
@@ -243,10 +246,9 @@ def _parse_pair_json(record: Path) -> object:
 
 
 def _has_rendered_files(folder: Path, data: Any) -> bool:
-    """Whether all files that the content of a ``pair.json`` states are as they were rendered, whatever else is wrong
-    with the pair.
+    """Whether all files that the content of a ``pair.json`` states are unchanged since the render.
 
-    Raises OSError where that cannot be told.
+    Raises OSError if the system refuses to tell.
     """
     try:
         return (
@@ -269,7 +271,7 @@ def _may_be_intact(folder: Path) -> bool:
 
 
 def _find_damage(pair: Pair) -> Iterator[str]:
-    """Which files are not as they were rendered, in sentences."""
+    """Sentences on files that have changed since the render."""
     for name, fact in pair.data["files"].items():
         file = pair.folder / name
         if not file.is_file():
@@ -281,15 +283,15 @@ def _find_damage(pair: Pair) -> Iterator[str]:
 
 
 def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _SharedChecks) -> Iterator[str]:
-    """Differences of a pair that can be read from the plan, in clauses. Its own statements excuse no difference.
+    """Differences of a pair from the plan, as clauses. The pair's own entries excuse no difference.
 
-    Without a plan its name and its settings decide, unless it was edited by hand.
+    Without a plan its name and its settings decide, unless the scene was edited by hand.
     """
     path, edited = pair.folder / "pair.json", bool(pair.data.get("edited_by_hand"))
     wanted = planned or PlannedPair(pair.folder.name, pair.settings, 0.0)
     if pair.id != wanted.id:
         yield f"{path} is of pair {pair.id}, not {wanted.id}"
-    # Which part of relief is in the id depends on other topics.
+    # The part of relief in the id depends on other topics.
     unequal = {topic for topic in wanted.settings if pair.settings.get(topic) != wanted.settings[topic]}
     others = [
         (name, pair.settings[topic][key], wanted.settings[topic][key])
@@ -299,9 +301,12 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
     ]
     if others:
         texts = [
-            f"{name} is {quote(there)} and was planned as {quote(asked)}" for name, there, asked in others[:_MOST_NAMED]
+            f"{name} is {quote(there)} and was planned as {quote(asked)}"
+            for name, there, asked in others[:_MOST_NAMED_SETTINGS]
         ]
-        more = [f"{format_count(len(others) - _MOST_NAMED, 'more setting')}"] * (len(others) > _MOST_NAMED)
+        more = [f"{format_count(len(others) - _MOST_NAMED_SETTINGS, 'more setting')}"] * (
+            len(others) > _MOST_NAMED_SETTINGS
+        )
         yield f"{path}: {'; '.join([*texts, *more])}, so its settings do not give the id {wanted.id}"
     own, blur = str(pair.data.get("own_files_sha256", "")), describe_blur_identity(wanted.settings)
     if edited and planned:
@@ -309,7 +314,7 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
     elif (
         not edited
         and not others
-        and not any(wanted.id == digest(wanted.settings, own + each + blur, shared.count) for each in _STAND_INS)
+        and not any(wanted.id == digest(wanted.settings, own + each + blur, shared.count) for each in _EXTRA_TEXTS)
     ):
         yield f"{path}: its settings and own files do not give the id {wanted.id}"
     seeds = pair.data.get("seeds", {})
@@ -317,10 +322,10 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         yield f"{path}: was rendered with the seed {seeds.get('render')}, not {wanted.render_seed}"
     if "dataset" in seeds and seeds["dataset"] != wanted.settings.dataset.seed:
         yield f"{path}: seeds.dataset is {seeds['dataset']}, and its settings give {wanted.settings.dataset.seed}"
-    yield from _wrong_sizes(pair, camera_of(wanted.settings))
+    yield from _find_wrong_sizes(pair, camera_of(wanted.settings))
 
 
-def _wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
+def _find_wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
     apart = {pair.truth_of_sensor(eye): camera.sensor_px(eye) for eye in EYES}
     apart |= {pair.image(eye): camera.light_px for eye in EYES}
     for each in pair.head:
@@ -338,7 +343,7 @@ def _wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
 
 
 def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
-    """The files of baked light that pairs were rendered with, and the ids of these pairs."""
+    """The files of baked light in use, and for each the ids of the pairs that were rendered with it."""
     stated: dict[LightFile, list[str]] = {}
     for pair, files in sorted(light.by_pair().items()):
         for file in set(files):
@@ -347,7 +352,7 @@ def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
 
 
 def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> Iterator[str]:
-    """A sentence that baked light is missing, if it is; the images that were rendered with it are still whole."""
+    """A sentence on missing baked light, if any; the images that were rendered with it are still whole."""
     folder = dataset / LIGHT
     gone = (
         {}
@@ -364,7 +369,9 @@ def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> It
 
 
 def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set[str], again: str) -> Iterator[Problem]:
-    """Problems of baked light: of its files, and of the statements of pairs about it; ``again`` makes a pair again."""
+    """Problems of baked light: of its files, and of the pairs' entries on it. ``again`` is the clause that tells how to
+    make a pair again.
+    """
     folder = dataset / LIGHT
     if folder.is_symlink():
         yield Problem(
@@ -401,10 +408,10 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
                 f"{folder / file.name} has another content now, and {who} rendered with "
                 f"it; to bake it again, move {which} away and {again}.",
             )
-    yield from _other_light(stated, again)
+    yield from _find_other_light(stated, again)
 
 
-def _other_light(stated: dict[LightFile, list[str]], again: str) -> Iterator[Problem]:
+def _find_other_light(stated: dict[LightFile, list[str]], again: str) -> Iterator[Problem]:
     """Pairs with the same ground and light that state different baked light."""
     for key in sorted({file.key for file in stated}):
         first, *more = sorted((pairs[0], file.checksum) for file, pairs in stated.items() if file.key == key)
@@ -421,7 +428,7 @@ def _other_light(stated: dict[LightFile, list[str]], again: str) -> Iterator[Pro
 
 
 def _is_edited(folder: Path) -> bool:
-    """Whether a pair that no plan has is of a scene that was edited by hand."""
+    """Whether a pair without a plan is of a scene that was edited by hand."""
     try:
         return bool(read_pair(folder).data.get("edited_by_hand"))
     except IcyMoonError:
@@ -429,7 +436,7 @@ def _is_edited(folder: Path) -> bool:
 
 
 def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool) -> Iterator[Problem]:
-    """Problems of files in the folder that belong to no planned pair."""
+    """Problems of files that belong to no planned pair."""
     for path in list_put_there(pairs_folder(dataset)):
         name = path.name.split(".")[0]
         if is_unfinished_name(path):
@@ -463,5 +470,5 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
     for path in list_put_there(dataset):
         if is_unfinished_name(path):
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
-        elif path.name not in _OUR_FILES:
+        elif path.name not in _EXPECTED_FILES:
             yield Problem("foreign", path.name, f"{path} is not of this data set; move it out.")

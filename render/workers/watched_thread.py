@@ -1,4 +1,4 @@
-"""A function that runs in a thread, and is watched like another process. Imports no Blender."""
+"""A function that runs in a thread, with the interface of a process. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .process import Message
 class Calculation(threading.Thread):
     """A running function. Its only message is a ``result`` with its ``value``, or an ``error``.
 
-    A thread cannot be stopped, so ``cancel`` means that nobody uses its value. Python waits for it before it ends.
+    A thread cannot be stopped, so ``cancel`` means that its value is dropped. Python waits for the thread at exit.
     """
 
     left, returncode, cause = False, 0, ""
@@ -27,7 +27,7 @@ class Calculation(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        """Calculate; called in the thread."""
+        """Run the function; called in the thread."""
         try:
             message: Message = {"type": "result", "value": self._calculate()}
         except Exception as error:
@@ -36,15 +36,15 @@ class Calculation(threading.Thread):
 
     @property
     def running(self) -> bool:
-        """Whether there may be more messages."""
+        """Whether more messages may follow."""
         return self.is_alive()
 
     def poll(self) -> list[Message]:
-        """The message, once."""
+        """The message, on the first call after it exists."""
         return [self._messages.pop() for _ in self._messages[:]]
 
     def cancel(self) -> None:
-        """Mark the calculation as cancelled. It runs to its end, and its result is not used."""
+        """Mark the calculation as cancelled. It runs to its end, and its result is dropped."""
         self.cancelled = True
 
     def stop(self) -> None:

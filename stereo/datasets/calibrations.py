@@ -1,6 +1,6 @@
 """Cameras from the calibration files of other data sets.
 
-Their principal points count pixels from the centre of the first one, half a pixel less than ours.
+Their principal points count pixels from the centre of the first pixel, half a pixel less than ours.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from ...support.file_schemas import NUMBER, PIXELS, Maybe, read_record
 from ...support.foreign_bytes import read
 from .data_files import read_fields, read_numbers
 
-_CENTRE = 0.5
-#: Two statements of a principal point are one within this: files round to thousandths of a pixel.
+_PIXEL_CENTRE = 0.5
+#: Difference, px, up to which two principal points count as equal: files round to thousandths of a pixel.
 _SAME_PX = 0.1
-_OURS = {
+_EXPORT_SHAPE = {
     "camera": CAMERA_SHAPE,
     "saturation_radiance": Maybe(NUMBER, null=True),
 }
-#: First number of Sintel's files of cameras.
+#: The number with which Sintel's files of cameras begin.
 _SINTEL_MARK = 202021.25
-#: Largest relative difference of the focal lengths of rectified images, for digits that were left out.
-_SAME_FOCAL = 1e-3
-_AGAIN = "download its camera data again"
+#: Largest relative difference of the focal lengths of rectified images, since files may have few digits.
+_FOCAL_TOLERANCE = 1e-3
+_DOWNLOAD_AGAIN = "download its camera data again"
 
 
 def make_centred_camera(focal_px: float, baseline_m: float, width: int, height: int) -> StereoCamera:
@@ -37,12 +37,14 @@ def make_centred_camera(focal_px: float, baseline_m: float, width: int, height: 
 def make_stated_camera(
     focal_px: float, cx: float, cy: float, baseline_m: float, width: int, height: int
 ) -> StereoCamera:
-    """A camera that a data set states for all of its images."""
-    return StereoCamera(width, height, focal_px, cx + _CENTRE, cy + _CENTRE, baseline_m)
+    """The camera that a data set states for all of its images."""
+    return StereoCamera(width, height, focal_px, cx + _PIXEL_CENTRE, cy + _PIXEL_CENTRE, baseline_m)
 
 
 def read_kitti_camera(path: Path, names: tuple[str, str], width: int, height: int) -> StereoCamera:
-    """From the two projection matrices ``names`` of the rectified eyes. Raises IcyMoonError if they are unusable."""
+    """The camera of the two projection matrices ``names`` of the rectified eyes. Raises IcyMoonError if they are
+    unusable.
+    """
     fields = read_fields(path, ":")
     left, right = (read_numbers(path, fields, name, 12) for name in names)
     baseline = (left[3] - right[3]) / left[0] if left[0] else 0.0
@@ -57,12 +59,14 @@ def read_kitti_camera(path: Path, names: tuple[str, str], width: int, height: in
         },
     )
     return StereoCamera(
-        width, height, left[0], left[2] + _CENTRE, left[6] + _CENTRE, baseline, doffs_px=right[2] - left[2]
+        width, height, left[0], left[2] + _PIXEL_CENTRE, left[6] + _PIXEL_CENTRE, baseline, doffs_px=right[2] - left[2]
     )
 
 
 def read_middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
-    """From ``calib.txt`` of Middlebury and ETH3D, with its baseline in mm. Raises IcyMoonError if it is incomplete."""
+    """The camera of ``calib.txt`` of Middlebury and ETH3D, with a baseline in mm. Raises IcyMoonError if the file is
+    incomplete.
+    """
     fields = read_fields(path, "=")
     matrix = read_numbers(path, fields, "cam0", 9)
     baseline = read_numbers(path, fields, "baseline", 1)[0] / 1000
@@ -75,14 +79,14 @@ def read_middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
         for key, size in (("width", width), ("height", height))
     ]
     return StereoCamera(
-        stated[0], stated[1], matrix[0], matrix[2] + _CENTRE, matrix[5] + _CENTRE, baseline, doffs_px=doffs
+        stated[0], stated[1], matrix[0], matrix[2] + _PIXEL_CENTRE, matrix[5] + _PIXEL_CENTRE, baseline, doffs_px=doffs
     )
 
 
 def _check_square(path: Path, focal_px: float, others: Mapping[str, float]) -> None:
     """Raise IcyMoonError if one of the ``others`` differs from ``focal_px``, the focal length of the left eye in x."""
     for name, value in others.items():
-        if abs(value - focal_px) > _SAME_FOCAL * focal_px:
+        if abs(value - focal_px) > _FOCAL_TOLERANCE * focal_px:
             raise IcyMoonError(
                 f"{path} states the focal length {value:g} px of {name}, and {focal_px:g} px of the "
                 "left eye in x; rectify the images to square pixels and one focal length."
@@ -90,8 +94,10 @@ def _check_square(path: Path, focal_px: float, others: Mapping[str, float]) -> N
 
 
 def _find_principal_offset_px(path: Path, fields: dict[str, str], left_px: float) -> float:
-    """Column of the right principal point minus ``left_px``, the column of the left one. The two matrices or ``doffs``
-    state it; it is 0 if both are missing. Raises IcyMoonError if they contradict each other."""
+    """Column of the right principal point minus ``left_px``, the column of the left one.
+
+    The two matrices or ``doffs`` state it; without both it is 0. Raises IcyMoonError if they contradict each other.
+    """
     by_cameras = read_numbers(path, fields, "cam1", 9)[2] - left_px if "cam1" in fields else None
     if "doffs" not in fields:
         return by_cameras or 0.0
@@ -105,35 +111,39 @@ def _find_principal_offset_px(path: Path, fields: dict[str, str], left_px: float
 
 
 def read_row_offset_px(path: Path) -> float:
-    """The largest distance of matching rows that ``calib.txt`` states, 0 for rectified images."""
+    """The largest vertical distance of matching points that ``calib.txt`` states, px; 0 for rectified images."""
     fields = read_fields(path, "=")
     return read_numbers(path, fields, "dymax", 1)[0] if "dymax" in fields else 0.0
 
 
 def read_disparity_count(path: Path) -> int | None:
-    """The number of disparities that ``calib.txt`` states to be enough; None if it states none."""
+    """The sufficient number of disparities that ``calib.txt`` states; None without that entry."""
     fields = read_fields(path, "=")
     return _read_pixel_count(path, fields, "ndisp") if "ndisp" in fields else None
 
 
 def read_sintel_camera(path: Path, baseline_m: float, width: int, height: int) -> StereoCamera:
-    """From a ``.cam`` file: the matrix of the camera as nine float64 after a mark. Raises IcyMoonError otherwise."""
-    mark, *matrix = read(path, lambda foreign: foreign.cursor().unpack("<f9d"), "a camera of Sintel", _AGAIN, most=4096)
+    """The camera of a ``.cam`` file: its matrix as nine float64 after a first number. Raises IcyMoonError for other
+    content.
+    """
+    mark, *matrix = read(
+        path, lambda foreign: foreign.cursor().unpack("<f9d"), "a camera of Sintel", _DOWNLOAD_AGAIN, most=4096
+    )
     if mark != _SINTEL_MARK:
-        raise IcyMoonError(f"{path} is not a camera of Sintel; {_AGAIN}.")
+        raise IcyMoonError(f"{path} is not a camera of Sintel; {_DOWNLOAD_AGAIN}.")
     _check_camera(path, matrix[0], baseline_m)
     return make_stated_camera(matrix[0], matrix[2], matrix[5], baseline_m, width, height)
 
 
 def read_exported_camera(path: Path, width: int, height: int) -> StereoCamera:
-    """From ``calibration.json`` of our own exports."""
+    """The camera in ``calibration.json`` of our own exports."""
     del width, height
-    return StereoCamera.from_json(read_record(path, _OURS, "export the pair again")["camera"]).rectified
+    return StereoCamera.from_json(read_record(path, _EXPORT_SHAPE, "export the pair again")["camera"]).rectified
 
 
 def read_saturation_radiance(path: Path) -> float | None:
-    """The radiance that is white in the images, from ``calibration.json``; None if none is."""
-    found = read_record(path, _OURS, "export the pair again").get("saturation_radiance")
+    """The radiance of white in the images, from ``calibration.json``; None if it states none."""
+    found = read_record(path, _EXPORT_SHAPE, "export the pair again").get("saturation_radiance")
     return None if found is None else float(found)
 
 
@@ -148,4 +158,4 @@ def _read_pixel_count(path: Path, fields: dict[str, str], key: str) -> int:
 def _check_camera(path: Path, focal_px: float, baseline_m: float) -> None:
     for value, name in ((focal_px, "focal length"), (baseline_m, "baseline")):
         if not (math.isfinite(value) and value > 0):
-            raise IcyMoonError(f"{path} gives a {name} of {value:g}, and it must be above 0; correct it.")
+            raise IcyMoonError(f"{path} gives a {name} of {value:g}, but it must be above 0; correct it.")

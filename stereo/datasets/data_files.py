@@ -1,7 +1,7 @@
 """Reading images, maps of disparity or depth, and calibrations of foreign data.
 
-Anyone may have made these files. So a file is read only if it lies in its data set, its size is checked before its
-pixels are decoded, and nothing in it is run.
+Anyone may have made these files. So only files inside the data set are read, their size is checked before their pixels
+are decoded, and nothing in them is run.
 """
 
 from __future__ import annotations
@@ -18,28 +18,36 @@ from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from ..adapters.icymoon_serve import drop_single_axes
 from ..images.bounded_decoding import decode, decode_exr
-from ..images.exr_header import EXR, parse_channels
+from ..images.exr_header import EXR_START, parse_channels
 from ..images.image_files import parse_pfm, read_pfm
-from ..images.image_headers import MOST_IMAGE_MEMORY, PNG, UPRIGHT, EncodedImage, check_size, parse_picture, parse_png
+from ..images.image_headers import (
+    MOST_IMAGE_BYTES,
+    PNG_START,
+    UPRIGHT,
+    EncodedImage,
+    check_size,
+    parse_image,
+    parse_png,
+)
 from ..images.image_values import to_8_bit
 from .map_channels import choose_array, choose_channel, find_sibling_colours, find_stated_channel, refuse_picture
 
-#: Bytes of a text.
-MOST_TEXT = 2**20
-_NPY, _ZIP = b"\x93NUMPY", b"PK\x03\x04"
-_TIFFS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-_AGAIN = "make it again"
-#: Steps per pixel of 16-bit PNG files of disparities, after KITTI.
-PNG_STEPS = 256.0
+#: Most bytes of a text file.
+MOST_TEXT_BYTES = 2**20
+_NPY_START, _ZIP_START = b"\x93NUMPY", b"PK\x03\x04"
+_TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_MAKE_AGAIN = "make it again"
+#: Steps per pixel of 16-bit PNG files of disparities, as in KITTI.
+PNG_STEPS_PER_PX = 256.0
 
 
 @dataclass(frozen=True)
 class MapFile:
     """A file with a disparity (px) or a depth (m) for each pixel.
 
-    ``steps``: counts of the file per px or metre. None means 256 for a disparity in a 16-bit PNG, unknown for a PNG
-    of 8 bits, and 1 otherwise. ``along_ray``: depths are distances from the eye instead of along the optical axis.
-    Zero, infinity and NaN mean unknown.
+    ``steps`` are the counts of the file per px or metre. None means 256 for a disparity in a 16-bit PNG, unknown for a
+    PNG of 8 bits, and 1 otherwise. With ``along_ray`` depths are distances from the eye, else they lie along the
+    optical axis. Zero, infinity and NaN mean unknown.
     """
 
     path: Path
@@ -47,19 +55,19 @@ class MapFile:
     steps: float | None = None
     along_ray: bool = False
     sintel: bool = False  # coded in three bytes, as in Sintel
-    predicted: bool = False  # by a method; nothing states the steps
-    channel: str | None = None  # of an EXR file, or an array of an npz, that holds the map
+    predicted: bool = False  # a method's result, for which no file states the steps
+    channel: str | None = None  # the channel of an EXR file, or the array of an npz, with the map
 
 
-def find_inside(root: Path, name: str | Path) -> Path:
-    """The file ``name`` in the folder ``root``; reading it tells whether it is there, and a regular one.
+def resolve_inside(root: Path, name: str | Path) -> Path:
+    """The path of the file ``name`` in the folder ``root``; whether it is a regular file shows when it is read.
 
-    Raises IcyMoonError if it is outside.
+    Raises IcyMoonError for a path outside ``root``.
     """
     path = root / name
     try:
         inside = path.resolve().is_relative_to(root.resolve())
-    except (OSError, RuntimeError):  # a link that leads to itself, and nowhere else
+    except (OSError, RuntimeError):  # a link that leads to itself
         return path
     except ValueError:
         raise IcyMoonError(f"{root} names a file with characters that no path can have; write another name.") from None
@@ -70,7 +78,7 @@ def find_inside(root: Path, name: str | Path) -> Path:
 
 def read_text(path: Path) -> str:
     """The content of a text file. Raises IcyMoonError if it is missing, too large, or no text."""
-    return read(path, ForeignBytes.text, "a text file", "save it as UTF-8", MOST_TEXT)
+    return read(path, ForeignBytes.text, "a text file", "save it as UTF-8", MOST_TEXT_BYTES)
 
 
 def read_image(path: Path) -> Array:
@@ -78,9 +86,9 @@ def read_image(path: Path) -> Array:
 
     Raises IcyMoonError if it is missing, damaged, too large or of another kind.
     """
-    image = read(path, _decode_image, "a whole image", _AGAIN, memory=MOST_IMAGE_MEMORY)
+    image = read(path, _decode_image, "a whole image", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES)
     if image.ndim == 3:
-        image = image[..., :3]  # without opacity
+        image = image[..., :3]  # drops the opacity
     image = to_8_bit(image)
     if image.dtype != np.uint8:
         raise IcyMoonError(f"{path} has values of type {image.dtype}; save it with 8 or 16 bits per value.")
@@ -88,16 +96,16 @@ def read_image(path: Path) -> Array:
 
 
 def read_orientation(path: Path) -> int:
-    """The EXIF orientation, 1 to 8, of a PNG, JPEG or WebP image, by which viewers turn it; ``read_image`` does not.
+    """The EXIF orientation, 1 to 8, by which viewers turn a PNG, JPEG or WebP image. ``read_image`` ignores it.
 
     Raises IcyMoonError as ``read_image`` does.
     """
-    return read(path, _parse_image, "a whole image", _AGAIN, memory=MOST_IMAGE_MEMORY).orientation
+    return read(path, _parse_image, "a whole image", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES).orientation
 
 
 def _parse_image(foreign: ForeignBytes) -> EncodedImage:
-    is_tiff = foreign.part(0, min(4, foreign.size)) in _TIFFS
-    return _parse_tiff_image(foreign) if is_tiff else parse_picture(foreign)
+    is_tiff = foreign.part(0, min(4, foreign.size)) in _TIFF_STARTS
+    return _parse_tiff_image(foreign) if is_tiff else parse_image(foreign)
 
 
 def _decode_image(foreign: ForeignBytes) -> Array:
@@ -113,29 +121,29 @@ def _parse_tiff_image(foreign: ForeignBytes) -> EncodedImage:
             "save it as PNG, as the calibration has it."
         )
     height, width = image.shape
-    # A palette stands for three bands; OpenCV widens small numbers.
+    # OpenCV expands a palette to three bands, and widens small numbers.
     value_bytes = max(4, image.number(277, 1)) * max(1, -(-image.number(258, 8) // 8))
     most = foreign.budget.charge(check_size(width, height) * value_bytes, "pixels")
     return EncodedImage(foreign.content(), width, height, most)
 
 
 def read_radiance(path: Path) -> Array:
-    """A PFM image, grey or in colours, as the mean of its bands, float64 (H, W), 0 where it is no number."""
+    """A PFM image, grey or in colours, as the mean of its bands, float64 (H, W); 0 in place of NaN and infinity."""
     values = np.nan_to_num(read_pfm(path, colours=True).astype(np.float64), posinf=0.0)
     return values if values.ndim == 2 else np.asarray(values.mean(axis=-1))
 
 
 def read_map(file: MapFile) -> Array:
-    """A map as float64 (H, W), NaN where unknown; numbers below zero stay.
+    """A map as float64 (H, W), NaN where unknown. Negative numbers are kept.
 
-    Reads PFM, PNG, npy, npz, OpenEXR and TIFF. Raises IcyMoonError if the file is missing, damaged, too large
-    or holds no map.
+    Reads PFM, PNG, npy, npz, OpenEXR and TIFF. Raises IcyMoonError if the file is missing, damaged, too large or
+    contains no map.
     """
     if file.sintel:
         values, usual = _read_sintel_disparity(file.path), 1.0
     else:
         values, usual = read(
-            file.path, lambda foreign: _parse_map(foreign, file), "a whole map", _AGAIN, memory=MOST_IMAGE_MEMORY
+            file.path, lambda foreign: _parse_map(foreign, file), "a whole map", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES
         )
     if values.ndim != 2:
         raise IcyMoonError(f"{file.path} has the shape {values.shape}; give one number per pixel, rows and columns.")
@@ -148,30 +156,30 @@ def read_map(file: MapFile) -> Array:
 def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[Array, float]:
     """The numbers of a file, and the usual steps per px or metre of its format."""
     start = foreign.part(0, min(32, foreign.size))
-    if start.startswith(EXR):
+    if start.startswith(EXR_START):
         return _parse_exr_map(foreign, file), 1.0
-    if file.channel and not start.startswith(_ZIP):
+    if file.channel and not start.startswith(_ZIP_START):
         raise RefusedError("has no channels with names, and truth.channel in pairs.toml states one; leave it out.")
-    if start.startswith(PNG):
-        return _read_png_numbers(decode(parse_png(foreign)), file), PNG_STEPS if file.kind == "disparity" else 1.0
+    if start.startswith(PNG_START):
+        return _read_png_numbers(
+            decode(parse_png(foreign)), file
+        ), PNG_STEPS_PER_PX if file.kind == "disparity" else 1.0
     if start.startswith((b"Pf", b"PF")):
         return parse_pfm(foreign), 1.0
-    if start.startswith((_NPY, _ZIP)):
+    if start.startswith((_NPY_START, _ZIP_START)):
         values = drop_single_axes(
-            parse_npy(foreign, "fiu") if start.startswith(_NPY) else _parse_npz_map(foreign, file)
+            parse_npy(foreign, "fiu") if start.startswith(_NPY_START) else _parse_npz_map(foreign, file)
         )
         if values.ndim == 2:
             check_size(values.shape[1], values.shape[0])
         return values, 1.0
-    if start.startswith(_TIFFS):
+    if start.startswith(_TIFF_STARTS):
         return _parse_tiff_map(foreign), 1.0
-    raise RefusedError(
-        f"is no map that is read here; save it as PFM, npy, EXR, TIFF or {_describe_png_encoding(file)}."
-    )
+    raise RefusedError(f"is no supported map; save it as PFM, npy, EXR, TIFF or {_describe_png_encoding(file)}.")
 
 
 def _describe_png_encoding(file: MapFile) -> str:
-    """How a map stands in a PNG."""
+    """The way to store a map in a PNG, in words."""
     return (
         "16-bit PNG of 256 steps per px"
         if file.kind == "disparity"
@@ -180,7 +188,7 @@ def _describe_png_encoding(file: MapFile) -> str:
 
 
 def _read_png_numbers(image: Array, file: MapFile) -> Array:
-    """The numbers of a PNG: of 8 bits only where their steps are stated, since such a file may be a mere picture."""
+    """The numbers of a PNG. A PNG of 8 bits needs stated steps, since it may be just a picture."""
     if image.ndim != 2:
         raise RefusedError(
             f"is a picture, not a map: it has colours; write one number per pixel, as PFM or "
@@ -200,7 +208,7 @@ def _read_png_numbers(image: Array, file: MapFile) -> Array:
 
 
 def _read_sintel_disparity(path: Path) -> Array:
-    """R, G and B are the three digits of the disparity, of 4, 1/64 and 1/16384 px."""
+    """Disparity of a Sintel PNG, whose R, G and B are its three digits: 4, 1/64 and 1/16384 px."""
     image = read_image(path)
     if image.ndim != 3:
         raise IcyMoonError(f"{path} has no colours, in which Sintel codes disparities; download it again.")
@@ -215,18 +223,18 @@ def _parse_exr_map(foreign: ForeignBytes, file: MapFile) -> Array:
         find_stated_channel(names, file.channel) if file.channel else choose_channel(names, file.kind, file.predicted)
     )
 
-    def decoded(name: str) -> Array:
+    def decode_channel(name: str) -> Array:
         return decode_exr(file.path, channels[names.index(name)], foreign.budget.most - foreign.budget.left)
 
-    found = decoded(name)
+    found = decode_channel(name)
     for colour in () if file.channel else find_sibling_colours(name, names):
-        if not np.array_equal(decoded(colour), found, equal_nan=True):
+        if not np.array_equal(decode_channel(colour), found, equal_nan=True):
             refuse_picture(name, names, file.kind, file.predicted)
     return found
 
 
 def _parse_npz_map(foreign: ForeignBytes, file: MapFile) -> Array:
-    """The array of an npz that is stated, or called as the kind of the map, or its only one."""
+    """The array of an npz that ``truth.channel`` states, or that has the name of the map's kind, or its only array."""
     wanted = file.channel or file.kind
     found = parse_npz(foreign, {wanted}, "fiu") or parse_npz(foreign, kinds="fiu")
     names = list(found)
@@ -248,7 +256,7 @@ def _parse_tiff_map(foreign: ForeignBytes) -> Array:
 
 
 def read_fields(path: Path, separator: str) -> dict[str, str]:
-    """The lines ``key=value`` or ``key: value`` of a calibration. Raises IcyMoonError if it cannot be read."""
+    """The lines ``key=value`` or ``key: value`` of a calibration. Raises IcyMoonError if the file cannot be read."""
     found = {}
     for line in read_text(path).splitlines():
         key, there, value = line.partition(separator)
@@ -258,7 +266,9 @@ def read_fields(path: Path, separator: str) -> dict[str, str]:
 
 
 def read_numbers(path: Path, fields: dict[str, str], key: str, count: int) -> Sequence[float]:
-    """The numbers in a field of a calibration. Raises IcyMoonError if it is missing or has another number of them."""
+    """The ``count`` numbers in a field of a calibration. Raises IcyMoonError if it is missing or has another number of
+    them.
+    """
     if key not in fields:
         raise IcyMoonError(f"{path} has no {key}, without which disparities give no depths; add it.")
     try:

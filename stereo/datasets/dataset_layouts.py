@@ -1,4 +1,4 @@
-"""Which data set a folder is, and the files of its pairs.
+"""Recognises the layout of a data set's folder, and finds the files of its pairs.
 
 | layout | known by |
 |---|---|
@@ -22,17 +22,18 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.errors import IcyMoonError
 from ...support.files import list_put_there
 from . import calibrations
-from .data_files import MapFile, find_inside
-from .foreign_pair import CameraReader, ForeignPair, UnusablePair, open_foreign_pair, safe_name
-from .plain_folder import FILE as PLAIN_FILE
+from .data_files import MapFile, resolve_inside
+from .foreign_pair import CameraReader, ForeignPair, UnusablePair, make_safe_name, open_foreign_pair
+from .plain_folder import PAIRS_FILE as PLAIN_FILE
 from .plain_folder import find_plain_pairs
 from .visibility import Mask
 
-#: Cameras of SceneFlow by a part of the path: focal length, px. All have this principal point and a baseline of 1.
+#: Focal lengths, px, of SceneFlow's cameras: the usual one, and the one for paths with 15mm. All cameras have this
+#: principal point and a baseline of 1.
 _SCENEFLOW_FOCAL_PX, _SCENEFLOW_SHORT_PX = 1050.0, 450.0
 _SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE = (479.5, 269.5), 1.0
 _SINTEL_BASELINE_M = 0.1
-#: f·B of GUISS' camera, 640·32/60·0.25 px·m: a lens of 32 mm before a sensor of 60 mm, and a baseline of 0.25 m.
+#: f·B of GUISS' camera, 640·32/60·0.25 px·m: a lens of 32 mm, a sensor of 60 mm, and a baseline of 0.25 m.
 _GUISS_FOCAL_SHARE, _GUISS_BASELINE_M = 32 / 60, 0.25
 _KITTI_FRAME = re.compile(r"\d{6}_10\.png")
 
@@ -43,12 +44,12 @@ Finder = Callable[[Path], list[FoundPair]]
 def find_foreign_pairs(path: Path) -> list[FoundPair]:
     """The pairs at ``path``, a folder in one of the layouts or of one pair; empty for any other path.
 
-    If a file of a pair is missing or outside the folder, only that pair is lost. Raises IcyMoonError if no pair is
-    left, a folder that the layout needs is missing, or two pairs have the same name.
+    A pair with a file that is missing or outside the folder is unusable; the others stay. Raises IcyMoonError if no
+    pair is left, a folder that the layout needs is missing, or two pairs have the same name.
     """
     if not path.is_dir():
         return []
-    found: list[FoundPair] = next(filter(None, (finder(path) for finder in FINDERS)), [])
+    found: list[FoundPair] = next(filter(None, (finder(path) for finder in LAYOUT_FINDERS)), [])
     unusable = [pair for pair in found if isinstance(pair, UnusablePair)]
     if found and len(unusable) == len(found):
         raise IcyMoonError(unusable[0].fault)
@@ -111,19 +112,19 @@ def _make_kitti_pair(
     calibration: str,
     matrices: tuple[str, str],
 ) -> ForeignPair:
-    camera = find_inside(root, Path(calibration, f"{image.name[:6]}.txt"))
+    camera = resolve_inside(root, Path(calibration, f"{image.name[:6]}.txt"))
     nocc = root / truths[1] / image.name
     return ForeignPair(
         image.stem,
         root,
         layout,
         image.stem,
-        find_inside(root, image.relative_to(root)),
-        find_inside(root, Path(right, image.name)),
-        MapFile(find_inside(root, Path(truths[0], image.name))),
+        resolve_inside(root, image.relative_to(root)),
+        resolve_inside(root, Path(right, image.name)),
+        MapFile(resolve_inside(root, Path(truths[0], image.name))),
         partial(calibrations.read_kitti_camera, camera, matrices),
         (camera,),
-        mask=Mask("known", (find_inside(root, Path(truths[1], image.name)),)) if nocc.exists() else None,
+        mask=Mask("known", (resolve_inside(root, Path(truths[1], image.name)),)) if nocc.exists() else None,
     )
 
 
@@ -137,7 +138,7 @@ def _find_middlebury(path: Path) -> list[FoundPair]:
 
 
 def _find_folders_with(path: Path, name: str) -> list[Path]:
-    """The folder itself, or the folders in it, in which there is a file of this name."""
+    """The folder itself, or the folders in it, that contain a file of this name."""
     if (path / name).is_file():
         return [path]
     return [file.parent for file in list_put_there(path, f"*/{name}")]
@@ -145,12 +146,12 @@ def _find_folders_with(path: Path, name: str) -> list[Path]:
 
 def _folder_name(root: Path, folder: Path) -> str:
     """Name of the pair in a folder; ``root`` may be written as ``.``."""
-    return safe_name((folder.resolve() if folder == root else folder).name)
+    return make_safe_name((folder.resolve() if folder == root else folder).name)
 
 
 def _make_middlebury_pair(root: Path, folder: Path) -> ForeignPair:
-    left = find_inside(root, folder.relative_to(root) / "im0.png")
-    calibration = find_inside(root, folder.relative_to(root) / "calib.txt")
+    left = resolve_inside(root, folder.relative_to(root) / "im0.png")
+    calibration = resolve_inside(root, folder.relative_to(root) / "calib.txt")
     official = (folder / "disp0GT.pfm").exists()
     right = "disp1GT.pfm" if official else "disp1.pfm"
     mask = folder / "mask0nocc.png"
@@ -161,12 +162,12 @@ def _make_middlebury_pair(root: Path, folder: Path) -> ForeignPair:
         "Middlebury",
         name,
         left,
-        find_inside(folder, "im1.png"),
-        MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
+        resolve_inside(folder, "im1.png"),
+        MapFile(resolve_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
         partial(calibrations.read_middlebury_camera, calibration),
         (calibration,),
-        MapFile(find_inside(folder, right)) if (folder / right).exists() else None,
-        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None,
+        MapFile(resolve_inside(folder, right)) if (folder / right).exists() else None,
+        Mask("seen", (resolve_inside(folder, mask.name),)) if mask.exists() else None,
         row_offset_reader=partial(calibrations.read_row_offset_px, calibration),
         disparities_reader=partial(calibrations.read_disparity_count, calibration),
     )
@@ -176,12 +177,12 @@ def _find_sceneflow(path: Path) -> list[FoundPair]:
     root, passes = _find_root(path, ("frames_cleanpass", "frames_finalpass"))
     if not passes or not (root / "disparity").is_dir():
         return []
-    # Its pictures come as PNG or as WebP.
+    # The images are PNG or WebP.
     images = next(filter(None, (list_put_there(root / passes[0], f"**/left/*.{kind}") for kind in ("png", "webp"))), [])
     found = []
     for image in images:
         inner = image.relative_to(root / passes[0])
-        name = safe_name("-".join((*inner.parent.parent.parts, inner.stem)))
+        name = make_safe_name("-".join((*inner.parent.parent.parts, inner.stem)))
         found.append(open_foreign_pair(name, root, image, partial(_make_sceneflow_pair, root, passes[0], inner, name)))
     return found
 
@@ -196,19 +197,20 @@ def _make_sceneflow_pair(root: Path, rendering: str, inner: Path, name: str) -> 
         root,
         "SceneFlow",
         "-".join(scene.parts),
-        find_inside(root, Path(rendering) / inner),
-        find_inside(root, Path(rendering) / other),
-        MapFile(find_inside(root, truth)),
+        resolve_inside(root, Path(rendering) / inner),
+        resolve_inside(root, Path(rendering) / other),
+        MapFile(resolve_inside(root, truth)),
         partial(calibrations.make_stated_camera, focal, *_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE),
-        truth_right=MapFile(find_inside(root, truth_right)) if (root / truth_right).exists() else None,
+        truth_right=MapFile(resolve_inside(root, truth_right)) if (root / truth_right).exists() else None,
         either_sign=True,
         notes=("The unit of length of SceneFlow is not the metre: its baseline is 1.",),
     )
 
 
 def _find_root(path: Path, passes: tuple[str, ...]) -> tuple[Path, list[str]]:
-    """The root of a data set with several renderings of its images, and those to take: of ``path`` only, if it is one,
-    or the first of the others."""
+    """The root of a data set with several renderings of its images, and the renderings to read: ``path`` alone if it is
+    one, else the first.
+    """
     if path.name in passes:
         return path.parent, [path.name]
     root = next(
@@ -229,7 +231,7 @@ def _find_sintel(path: Path) -> list[FoundPair]:
     found = []
     for image in list_put_there(root / passes[0], "*/*.png"):
         inner = image.relative_to(root / passes[0])
-        name = safe_name("-".join((inner.parent.name, inner.stem)))
+        name = make_safe_name("-".join((inner.parent.name, inner.stem)))
         found.append(open_foreign_pair(name, root, image, partial(_make_sintel_pair, root, passes[0], inner, name)))
     return found
 
@@ -237,18 +239,18 @@ def _find_sintel(path: Path) -> list[FoundPair]:
 def _make_sintel_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignPair:
     camera = Path("camdata_left", inner).with_suffix(".cam")
     masks = [Path(folder, inner) for folder in ("occlusions", "outofframe") if (root / folder / inner).exists()]
-    calibration = find_inside(root, camera)
+    calibration = resolve_inside(root, camera)
     return ForeignPair(
         name,
         root,
         "Sintel",
         inner.parent.name,
-        find_inside(root, Path(rendering) / inner),
-        find_inside(root, Path(rendering.replace("left", "right")) / inner),
-        MapFile(find_inside(root, Path("disparities") / inner), sintel=True),
+        resolve_inside(root, Path(rendering) / inner),
+        resolve_inside(root, Path(rendering.replace("left", "right")) / inner),
+        MapFile(resolve_inside(root, Path("disparities") / inner), sintel=True),
         partial(calibrations.read_sintel_camera, calibration, _SINTEL_BASELINE_M),
         (calibration,),
-        mask=Mask("hidden", tuple(find_inside(root, each) for each in masks)) if masks else None,
+        mask=Mask("hidden", tuple(resolve_inside(root, each) for each in masks)) if masks else None,
     )
 
 
@@ -259,7 +261,7 @@ def _find_guiss(path: Path) -> list[FoundPair]:
         if not left.exists():
             continue
         inner = depth.relative_to(path)
-        name = safe_name("-".join((*inner.parent.parts, inner.name.removesuffix("_left.npy"))))
+        name = make_safe_name("-".join((*inner.parent.parts, inner.name.removesuffix("_left.npy"))))
         found.append(open_foreign_pair(name, path, left, partial(_make_guiss_pair, path, inner, left, right, name)))
     return found
 
@@ -270,9 +272,9 @@ def _make_guiss_pair(root: Path, depth: Path, left: Path, right: Path, name: str
         root,
         "GUISS",
         "-".join(depth.parent.parts) or depth.name,
-        find_inside(root, left.relative_to(root)),
-        find_inside(root, right.relative_to(root)),
-        MapFile(find_inside(root, depth), "depth"),
+        resolve_inside(root, left.relative_to(root)),
+        resolve_inside(root, right.relative_to(root)),
+        MapFile(resolve_inside(root, depth), "depth"),
         _make_guiss_camera,
     )
 
@@ -291,7 +293,7 @@ def _find_our_exports(path: Path) -> list[FoundPair]:
 
 
 def _make_our_export_pair(root: Path, folder: Path) -> ForeignPair:
-    calibration = find_inside(root, folder.relative_to(root) / "calibration.json")
+    calibration = resolve_inside(root, folder.relative_to(root) / "calibration.json")
     if (folder / "extrinsics.yml").exists():
         raise IcyMoonError(
             f"{folder} was exported with --format raw, which is not rectified; export it as png16, "
@@ -310,18 +312,18 @@ def _make_our_export_pair(root: Path, folder: Path) -> ForeignPair:
         folder,
         f"Our export {'pfm' if kind == 'pfm' else 'png16'}",
         name,
-        find_inside(folder, f"left.{kind}"),
-        find_inside(folder, f"right.{kind}"),
-        MapFile(find_inside(folder, f"disparity_left.{kind}")),
+        resolve_inside(folder, f"left.{kind}"),
+        resolve_inside(folder, f"right.{kind}"),
+        MapFile(resolve_inside(folder, f"disparity_left.{kind}")),
         camera,
         (calibration,),
-        MapFile(find_inside(folder, f"disparity_right.{kind}")),
+        MapFile(resolve_inside(folder, f"disparity_right.{kind}")),
         white=calibrations.read_saturation_radiance(calibration) if kind == "pfm" else None,
         linear=True,
     )
 
 
-FINDERS: tuple[Finder, ...] = (
+LAYOUT_FINDERS: tuple[Finder, ...] = (
     find_plain_pairs,
     _find_kitti_2015,
     _find_kitti_2012,
@@ -332,6 +334,6 @@ FINDERS: tuple[Finder, ...] = (
     _find_guiss,
 )
 #: The supported layouts, in words.
-KNOWN = (
+KNOWN_LAYOUTS = (
     f"KITTI 2012 or 2015, Middlebury, ETH3D, SceneFlow, Sintel, GUISS, our own exports, or a folder with {PLAIN_FILE}"
 )

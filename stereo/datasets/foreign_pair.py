@@ -23,15 +23,15 @@ from ...support.foreign_bytes import MOST_BYTES, note_on_backslashes
 from ..images import colours
 from ..images.disparity_and_occlusion import ESTIMATED, MASK, find_visible_in_right
 from ..images.image_values import describe_size, to_grey
-from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
+from ..matchers.search_range import FIXED, MOST_SEARCHED_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify_pixels, measure_texture
-from ..measure.fit_check import MatchedPlaces, find_places, is_confirmed, ray_lengths
+from ..measure.fit_check import MatchedPlaces, compute_ray_lengths, find_places, is_confirmed
 from ..measure.metrics import is_usable
 from ..measure.prepare_pair import PreparedPair
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
 from .input_faults import (
-    WRONG_SIGN,
+    WRONG_SIGN_SHARE,
     check_map_size,
     check_truth,
     find_turned,
@@ -42,20 +42,20 @@ from .input_faults import (
 from .markers import find_markers, is_possible
 from .visibility import Mask, check_right_truth, make_right_camera, read_mask
 
-#: Share of the width that matchers search where a data set states no range.
+#: Share of the image width that matchers search if a data set states no range.
 _SEARCHED_SHARE = 0.25
-#: Rows of matching pixels may differ by this, px, before it is reported.
-_LEVEL_PX = 0.5
+#: Largest row difference of matching pixels, px, that is not reported.
+_UNREPORTED_ROW_OFFSET_PX = 0.5
 #: Makes the camera of images of this width and height.
 CameraReader = Callable[[int, int], StereoCamera]
 
 
 @dataclass(frozen=True)
 class ForeignPair:
-    """The files of a pair in the layout of another data set; nothing of them is read before ``prepare``."""
+    """The files of a pair in the layout of another data set. They are read in ``prepare``."""
 
     name: str
-    folder: Path  # where it was found
+    folder: Path  # the folder in which the pair was found
     layout: str
     scene: str  # pairs of one scene are not independent
     left: Path
@@ -65,16 +65,17 @@ class ForeignPair:
     calibration: tuple[Path, ...] = ()
     truth_right: MapFile | None = None
     mask: Mask | None = None
-    white: float | None = None  # level of white in images of radiance (PFM)
-    linear: bool = False  # the images are in proportion to light, as our own are
-    either_sign: bool = False  # the sign of the disparities differs between the releases of the data set
+    white: float | None = None  # the radiance that is white, in images of radiance (PFM)
+    linear: bool = False  # the images are proportional to light, as our own are
+    either_sign: bool = False  # the sign of disparities differs between releases of the data set
     notes: tuple[str, ...] = ()  # facts about the data
-    row_offset_reader: Callable[[], float] | None = None  # of the largest distance of matching rows, px
-    disparities_reader: Callable[[], int | None] | None = None  # of how many disparities are stated to be enough
+    row_offset_reader: Callable[[], float] | None = None  # reads the largest row difference of matching pixels, px
+    # Reads the number of disparities that the data set states to be enough.
+    disparities_reader: Callable[[], int | None] | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """All files that its numbers depend on."""
+        """All files on which its numbers depend."""
         right = (self.truth_right.path,) if self.truth_right else ()
         return (
             self.left,
@@ -85,8 +86,10 @@ class ForeignPair:
             *self.calibration,
         )
 
-    def content(self) -> list[Any]:
-        """What its numbers depend on: the checksums of its files, empty for one that cannot be read."""
+    def list_dependencies(self) -> list[Any]:
+        """All that its numbers depend on: the checksums of its files, empty for an unreadable file, and their
+        layout.
+        """
         described = [self.layout, self.truth.kind, self.truth.steps, self.white]
         return [*described, *(read_checksum(path, MOST_BYTES) for path in self.files)]
 
@@ -124,13 +127,13 @@ class ForeignPair:
             classes[OCCLUSION.key] = np.full(truth.shape, -1)
         stated = self.disparities_reader() if self.disparities_reader else None
         count = stated or math.ceil(_SEARCHED_SHARE * camera.width_px)
-        most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_PX) / STEP_PX) - 1
+        most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_SEARCHED_PX) / STEP_PX) - 1
         pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
         scale = colours.make_depth_scale(truth)
         warnings = [*self._doubt_rows(), *warn_unlikely_camera(camera), *warn_dark_images(*grey), *warnings, *doubts]
         facts = self._describe_facts(camera, truth, visible if known else None, notes, warnings)
         facts["depth_scale_m"] = [scale.low, scale.high]
-        return PreparedPair(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)
+        return PreparedPair(pair, left, right, truth, visible, gradient, classes, _NO_SELF_CHECK, scale, facts, known)
 
     def _read_grey_image(self, path: Path) -> Array:
         if path.suffix != ".pfm":
@@ -167,9 +170,10 @@ class ForeignPair:
         return disparity, markers, notes, [*warnings, *doubts]
 
     def _drop_impossible(self, disparity: Array) -> tuple[Array, list[str]]:
-        """The disparities that two images of this width can have, NaN for the others, and a warning if there are some.
+        """The disparities that two images of this width can have, NaN for the others, and a warning if there are
+        others.
 
-        Raises IcyMoonError if no other remains.
+        Raises IcyMoonError if no possible disparity remains.
         """
         fits = is_possible(disparity)
         if fits.all():
@@ -194,9 +198,11 @@ class ForeignPair:
             refuse_turned(turned)
             check_map_size(file.path, values.shape, image.shape[:2], file.kind, "the images are")
         if file.along_ray:
-            values = values / ray_lengths(camera)
+            values = values / compute_ray_lengths(camera)
         known = np.isfinite(values)
-        return -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= WRONG_SIGN else values
+        return (
+            -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= WRONG_SIGN_SHARE else values
+        )
 
     def _find_visible(
         self,
@@ -206,8 +212,9 @@ class ForeignPair:
         image: Array,
         markers: tuple[float, ...],
     ) -> tuple[Array, bool, list[str]]:
-        """Where the right eye sees the point of a pixel too, whether that is known of more than the frame, and warnings
-        about it; ``markers`` stand for unknown values in the truth."""
+        """The pixels of the left eye whose point the right eye sees too, whether that is known beyond the image frame,
+        and warnings. ``markers`` are the values in the truth that mean "unknown".
+        """
         inside = np.isfinite(truth) & is_in_frame(find_matching_column(disparity))
         if self.mask:
             return inside & read_mask(self.mask, disparity), True, []
@@ -249,7 +256,7 @@ class ForeignPair:
             "rendered": {},
             "noise": None,
             "occlusion": MASK if self.mask else ESTIMATED if visible is not None else None,
-            "self_check": _UNCHECKED.to_json(),
+            "self_check": _NO_SELF_CHECK.to_json(),
         }
 
     def _doubt_rows(self) -> list[str]:
@@ -259,12 +266,12 @@ class ForeignPair:
                 f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do "
                 "not search."
             ]
-            if offset > _LEVEL_PX
+            if offset > _UNREPORTED_ROW_OFFSET_PX
             else []
         )
 
     def _describe_missing(self, occlusion_known: bool) -> str:
-        """The errors and metrics that such a pair cannot have, in a sentence or two."""
+        """One or two sentences on the errors and metrics that such a pair cannot have."""
         hidden = "" if occlusion_known else " Without a mask of hidden pixels there are no metrics of visible pixels."
         return (
             f"{self.layout}: without normals, labels and the direction of the Sun there are no errors by slope, "
@@ -274,15 +281,15 @@ class ForeignPair:
 
 @dataclass(frozen=True)
 class UnusablePair:
-    """A pair one of whose files is missing, outside of its data set, or damaged, as ``fault`` states in a sentence."""
+    """A pair with a file that is missing, damaged or outside of its data set; ``fault`` is a sentence on it."""
 
     name: str
     folder: Path
     left: Path
     fault: str
 
-    def content(self) -> list[Any]:
-        """What its failure depends on."""
+    def list_dependencies(self) -> list[Any]:
+        """All that its failure depends on."""
         return [self.fault]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
@@ -293,7 +300,7 @@ class UnusablePair:
 def open_foreign_pair(
     name: str, folder: Path, left: Path, find: Callable[[], ForeignPair]
 ) -> ForeignPair | UnusablePair:
-    """The result of ``find``, or an unusable pair if it raises IcyMoonError, so that no other pair is lost."""
+    """The result of ``find``, or an unusable pair if it raises IcyMoonError, so that the other pairs are kept."""
     try:
         return find()
     except IcyMoonError as error:
@@ -305,7 +312,7 @@ def _describe_marker(value: float, kind: str) -> str:
 
 
 def _to_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
-    """Disparities in px of a map of depths in m or of disparities, NaN where it has no usable number."""
+    """Disparities in px from a map of depths in m or of disparities, NaN without a usable number."""
     if kind == "disparity":
         return values
     return np.where(is_usable(values), camera.disparity(np.where(is_usable(values), values, 1.0)), np.nan)
@@ -313,7 +320,7 @@ def _to_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
 
 @dataclass(frozen=True)
 class PhotographedPair:
-    """What measuring needs to know about a foreign pair. Its points are in the axes of the left camera."""
+    """The facts about a foreign pair that a measurement needs. Its points are in the axes of the left camera."""
 
     name: str
     folder: Path
@@ -327,11 +334,11 @@ class PhotographedPair:
         return pose
 
 
-#: Photographs have no self-check: their brightness differs between the eyes, and their truth has errors too.
-_UNCHECKED = SelfCheck(None, None, None, None, None, ())
+#: Photographs have no self-check: the brightness of their eyes differs, and their truth has errors too.
+_NO_SELF_CHECK = SelfCheck(None, None, None, None, None, ())
 
 
-def safe_name(text: str) -> str:
+def make_safe_name(text: str) -> str:
     """A name for results: characters that some systems forbid in file names are replaced."""
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", text).strip("._ ") or "pair"
     return name if FILE_NAME.fits(name) else f"pair_{name}"

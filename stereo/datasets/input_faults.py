@@ -1,7 +1,7 @@
-"""Finding faults in truth and predictions whose numbers can be read but mean something else.
+"""Finds faults in truth and predictions whose numbers are readable but have another meaning.
 
-Images that viewers show turned, by the orientation in their EXIF data, are taken as they are stored. A truth and a
-calibration may be for either, as many programs turn such images when they read them. So the truth must confirm them.
+Icy Moon uses the pixels of images as stored. But a truth and a calibration may be for the image that viewers show
+turned, by the orientation in its EXIF data. So the truth must confirm such images.
 """
 
 from __future__ import annotations
@@ -17,23 +17,24 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_headers import UPRIGHT
-from ..measure.fit_check import KINDS, FitFault, MatchedPlaces, find_fault, find_misfit, make_known_places
+from ..measure.fit_check import READINGS, FitFault, MatchedPlaces, find_fault, find_misfit, make_known_places
 from ..measure.metrics import is_usable
 from .data_files import MapFile, read_orientation
 
-#: Share of negative numbers from which their sign is taken to be wrong.
-WRONG_SIGN = 0.99
-#: Factors between units: steps of a PNG, of OpenCV's disparities, millimetres.
-_UNITS = (256.0, 16.0, 1000.0)
-#: A median ratio of prediction and truth is a factor between units if it differs from it by at most the first number,
-#: and half of the pixels' ratios differ by at most the second: the ratios of a matcher that fails are scattered.
-_NEAR, _TIGHT = 0.03, 0.1
-#: Factors that numbers may be wrong by: units, scales of images, feet and inches.
-_FACTORS = (2.0, 3.0, 4.0, 8.0, 10.0, 16.0, 32.0, 64.0, 100.0, 128.0, 256.0, 1000.0, 1 / 0.3048, 1 / 0.0254)
-#: Baselines, m, and focal lengths, as shares of the width, of stereo heads and data sets: views of 1.9 to 147°.
+#: Share of negative numbers above which the sign counts as wrong.
+WRONG_SIGN_SHARE = 0.99
+#: Factors between units: steps of a PNG, steps of OpenCV's disparities, millimetres.
+_UNIT_FACTORS = (256.0, 16.0, 1000.0)
+#: A median ratio of prediction and truth counts as a factor between units if it differs from the factor by at most the
+#: first share, and half of the pixels' ratios differ by at most the second share. The ratios of a matcher that fails
+#: are scattered.
+_MEDIAN_TOLERANCE, _RATIO_TOLERANCE = 0.03, 0.1
+#: Factors by which numbers may be wrong: units, scales of images, feet and inches.
+_WRONG_FACTORS = (2.0, 3.0, 4.0, 8.0, 10.0, 16.0, 32.0, 64.0, 100.0, 128.0, 256.0, 1000.0, 1 / 0.3048, 1 / 0.0254)
+#: Usual baselines, m, and focal lengths, as shares of the width, of stereo heads and data sets: views of 1.9 to 147°.
 _BASELINES_M, _FOCAL_SHARES = (1e-3, 3.0), (0.15, 30.0)
-#: Ratio of the mean values of both eyes' images above which they are doubted; auto-exposures differ by less.
-_MOST_UNLIKE = 2.0
+#: Ratio of the mean values of both eyes' images above which a warning is given; auto-exposures differ by less.
+_MOST_BRIGHTNESS_RATIO = 2.0
 
 
 class PairFiles(Protocol):
@@ -55,13 +56,13 @@ class PairFiles(Protocol):
 def check_truth(pair: PairFiles, values: Array, camera: StereoCamera, places: MatchedPlaces) -> list[str]:
     """Warnings about the numbers (H, W) of a true map that the images do not confirm.
 
-    Raises IcyMoonError if they cannot be right, or if the images fit another reading of them.
+    Raises IcyMoonError if the numbers are impossible, or if the images fit them better in another reading.
     """
     path, kind = pair.truth.path, pair.truth.kind
     known = np.isfinite(values)
     if not known.any():
         raise IcyMoonError(f"{path} has no known value in any pixel; give the file with the truth.")
-    if np.mean(values[known] < 0) >= WRONG_SIGN:
+    if np.mean(values[known] < 0) >= WRONG_SIGN_SHARE:
         raise IcyMoonError(
             f"{path} has negative disparities (left column minus right column must be positive); negate "
             "them (truth.steps = -1 in pairs.toml), or exchange the images."
@@ -88,12 +89,12 @@ def check_truth(pair: PairFiles, values: Array, camera: StereoCamera, places: Ma
 
 
 def _describe_other_causes(fault: FitFault, kind: str) -> str:
-    """Faults other than the map's numbers that would look the same, as the rest of a sentence."""
+    """Other faults with the same symptoms as wrong numbers in the map, as the rest of a sentence."""
     if fault.kind != "factor":
         return ""
     if kind == "disparity":
         return ", or state truth.steps in pairs.toml"
-    size, large = _fault_size(fault)
+    size, large = _measure_fault_size(fault)
     return (
         ", or state truth.steps in pairs.toml, unless camera.focal_px or camera.baseline_m there is "
         f"{size:g} times too {'small' if large else 'large'}, which looks the same; then correct that"
@@ -101,7 +102,7 @@ def _describe_other_causes(fault: FitFault, kind: str) -> str:
 
 
 def _describe_misfit(fault: FitFault, kind: str, camera: StereoCamera) -> str:
-    """The end of a sentence about a map that nearly fits, without a full stop."""
+    """The end of a sentence about a map that almost fits, without a full stop."""
     if fault.kind == "zoom":
         return (
             f"fits the images better as the map of a camera with a focal length of about "
@@ -118,15 +119,16 @@ def _describe_misfit(fault: FitFault, kind: str, camera: StereoCamera) -> str:
     )
 
 
-def _fault_size(fault: FitFault) -> tuple[float, bool]:
-    """The factor of a fault, at least 1, and whether the numbers are too large by it."""
+def _measure_fault_size(fault: FitFault) -> tuple[float, bool]:
+    """The factor of a fault, at least 1, and whether it makes the numbers too large."""
     large = fault.factor > 1
     return round_to_unit_factor(fault.factor if large else 1 / fault.factor), large
 
 
 def warn_unlikely_camera(camera: StereoCamera) -> list[str]:
-    """Warnings about a camera that few stereo heads have: disparities alone do not tell that a length of it is in
-    another unit."""
+    """Warnings about a camera unlike most stereo heads. Disparities alone do not show that one of its lengths has a
+    wrong unit.
+    """
     found = []
     least, most = _BASELINES_M
     if not least <= camera.baseline_m <= most:
@@ -145,9 +147,9 @@ def warn_unlikely_camera(camera: StereoCamera) -> list[str]:
 
 
 def warn_dark_images(left: Array, right: Array) -> list[str]:
-    """A warning if one of two grey images (H, W) is too dark for matchers, which compare values, to find much."""
+    """A warning if one of two grey images (H, W) is too dark for matchers, which compare values."""
     means = float(np.mean(left)), float(np.mean(right))
-    if max(means) <= _MOST_UNLIKE * min(means):
+    if max(means) <= _MOST_BRIGHTNESS_RATIO * min(means):
         return []
     times = f"{max(means) / min(means):.1f} times" if min(means) > 0 else "infinitely"
     which = "left" if means[0] > means[1] else "right"
@@ -158,16 +160,17 @@ def warn_dark_images(left: Array, right: Array) -> list[str]:
 
 
 def _list_tried_factors() -> str:
-    *first, last = KINDS.values()
+    *first, last = READINGS.values()
     return f"{', '.join(first)} or {last}"
 
 
 def _describe_fault(fault: FitFault, kind: str) -> str:
-    """The end of a sentence about a map of another ``kind`` than "depth" or "disparity", with the fix, without a full
-    stop."""
+    """The end of a sentence about a map whose numbers have another meaning than ``kind``, "depth" or "disparity", with
+    the fix, without a full stop.
+    """
     what = "depths" if kind == "depth" else "disparities"
     if fault.kind == "factor":
-        size, large = _fault_size(fault)
+        size, large = _measure_fault_size(fault)
         return (
             f"has {what} that are {size:g} times too {'large; divide' if large else 'small; multiply'} them by {size:g}"
         )
@@ -185,26 +188,27 @@ def _describe_fault(fault: FitFault, kind: str) -> str:
 
 
 def round_to_unit_factor(size: float) -> float:
-    """A factor between units that a measured one is, else three of its digits."""
-    near = min(_FACTORS, key=lambda factor: abs(size / factor - 1))
-    return near if abs(size / near - 1) <= _NEAR else float(f"{size:.3g}")
+    """The factor between units that is equal to a measured factor within 2 %, else its first three digits."""
+    near = min(_WRONG_FACTORS, key=lambda factor: abs(size / factor - 1))
+    return near if abs(size / near - 1) <= _MEDIAN_TOLERANCE else float(f"{size:.3g}")
 
 
 def check_prediction(path: Path, disparity: Array, true_depth: Array, camera: StereoCamera) -> None:
-    """Raise IcyMoonError if a ``disparity`` map, NaN where unknown, has another size, sign, unit or orientation than
-    the pair, whose ``true_depth`` in metres is NaN where unknown."""
+    """Raise IcyMoonError if a ``disparity`` map (H, W), px, has another size, sign, unit or orientation than the pair
+    with the ``true_depth`` (H, W), m. Both are NaN where unknown.
+    """
     true_disparity = camera.disparity(true_depth)
     check_map_size(path, disparity.shape, true_disparity.shape, "disparity")
     known = np.isfinite(disparity)
     if not known.any():
         raise IcyMoonError(f"{path} has no number in any pixel; run the method on this pair again.")
-    if np.mean(disparity[known] < 0) >= WRONG_SIGN:
+    if np.mean(disparity[known] < 0) >= WRONG_SIGN_SHARE:
         raise IcyMoonError(f"{path} has negative disparities, as of optical flow; negate them.")
     both = is_usable(disparity) & is_usable(true_disparity)
     if not both.any():
         return
     ratio = disparity[both] / true_disparity[both]
-    for unit in _UNITS[:2]:
+    for unit in _UNIT_FACTORS[:2]:
         if _is_unit_factor(ratio, unit):
             raise IcyMoonError(f"{path} has disparities that are {unit:g} times too large; divide them by {unit:g}.")
         if _is_unit_factor(ratio, 1 / unit):
@@ -231,8 +235,9 @@ def check_prediction(path: Path, disparity: Array, true_depth: Array, camera: St
 def check_map_size(
     path: Path, shape: tuple[int, ...], wanted: tuple[int, ...], kind: str, beside: str = "the pair is"
 ) -> None:
-    """Raise IcyMoonError if a map of ``kind`` "depth" or "disparity" has a ``shape`` other than ``wanted``. ``beside``
-    names the data with that shape. The message proposes the likely change of size."""
+    """Raise IcyMoonError if the ``shape`` of a map of ``kind`` "depth" or "disparity" differs from ``wanted``, the
+    shape of the data that ``beside`` names. The message proposes the likely change of size.
+    """
     if shape != wanted:
         raise IcyMoonError(
             f"{path} is {shape[1]} x {shape[0]} px, and {beside} {wanted[1]} x {wanted[0]} px; "
@@ -256,7 +261,10 @@ def _find_resize(shape: tuple[int, ...], wanted: tuple[int, ...], kind: str) -> 
 
 
 def _is_unit_factor(ratio: Array, factor: float) -> bool:
-    return bool(abs(np.median(ratio) / factor - 1) <= _NEAR and np.mean(np.abs(ratio / factor - 1) <= _TIGHT) >= 0.5)
+    return bool(
+        abs(np.median(ratio) / factor - 1) <= _MEDIAN_TOLERANCE
+        and np.mean(np.abs(ratio / factor - 1) <= _RATIO_TOLERANCE) >= 0.5
+    )
 
 
 def find_turned(images: Sequence[Path]) -> dict[Path, int]:

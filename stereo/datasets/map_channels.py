@@ -1,7 +1,7 @@
-"""Which channel of an EXR file, or which array of an npz file, holds a map of disparity or depth.
+"""Chooses the channel of an EXR file, or the array of an npz file, that contains a map of disparity or depth.
 
 A file may have many channels: colours, normals, the depths of several layers. A channel is chosen only if the names of
-all channels leave no other. Where several remain, the user states one.
+all channels exclude every other. If several remain, the user must state one.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ from collections.abc import Sequence
 from ...support.files import shorten
 from ...support.foreign_bytes import RefusedError
 
-#: Names of layers, passes or channels that hold a map. Then components that may hold one, the likeliest first, except
-#: in the passes of ``_NO_MAPS``: directions, places, colours and labels.
-_WORDS = {"depth": ("depth", "disparity"), "disparity": ("disparity", "depth")}
-_COMPONENTS = ("Z", "Y", "V", "R")
-_NO_MAPS = (
+#: Names of layers, passes or channels that contain a map.
+_MAP_NAMES = {"depth": ("depth", "disparity"), "disparity": ("disparity", "depth")}
+#: Components that may contain a map, the likeliest first.
+_MAP_COMPONENTS = ("Z", "Y", "V", "R")
+#: Passes that contain no map: directions, places, colours and labels.
+_PASSES_WITHOUT_MAP = (
     "normal",
     "position",
     "vector",
@@ -35,17 +36,17 @@ _NO_MAPS = (
     "mist",
 )
 #: Number of names that a sentence quotes.
-_SHOWN = 6
-#: Components of a vector, which are no maps if there are two or more; of a picture; and its opacity.
+_MOST_QUOTED_NAMES = 6
+#: Components of a vector, of which two or more are no maps; colours of a picture; and its opacity.
 _VECTOR, _COLOURS, _OPACITY = {"x", "y", "z"}, ("R", "G", "B"), "A"
 
 
 def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> str:
     """The channel, of those with these ``names``, that holds a map of ``kind`` "depth" or "disparity".
 
-    It is one of a layer or pass that is called so, else one whose own name is usual for a map. A component such as Z is
-    a depth in a pass called Depth, and a direction in one called Normal or beside an X and a Y. Raises RefusedError if
-    several layers may hold the map, or none; ``predicted`` ones are of no ``pairs.toml``, in which it may be stated.
+    Names of layers and passes count first, then the usual names of channels. A component such as Z is a depth in a pass
+    called Depth, and a direction in one called Normal or beside an X and a Y. Raises RefusedError if several layers may
+    hold the map, or none; the fix for truth is to state the channel in ``pairs.toml``, which ``predicted`` maps lack.
     """
     if len(names) == 1:
         return names[0]
@@ -69,14 +70,16 @@ def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> 
 
 
 def find_sibling_colours(name: str, names: Sequence[str]) -> list[str]:
-    """The other colours of the picture that a channel is one of, if it is."""
+    """The other colours of the picture that contains a channel; empty if it is no colour."""
     layer, dot, own = name.rpartition(".")
     others = [layer + dot + colour for colour in _COLOURS if own in _COLOURS and colour != own]
     return [each for each in others if each in names]
 
 
 def refuse_picture(name: str, names: Sequence[str], kind: str, predicted: bool = False) -> None:
-    """Raise RefusedError, since a channel is one of different colours: a map may come as three equal ones only."""
+    """Raise RefusedError, since a channel belongs to a picture of different colours. A map may be three equal
+    channels.
+    """
     raise RefusedError(
         f"has the channels {_list_names(names)}, of which {shorten(name)} is a colour of a picture and none "
         f"is called as one with {_pluralise_kind(kind)}; {_ask_for_channel(kind, predicted)}"
@@ -93,7 +96,7 @@ def _ask_for_channel(kind: str, predicted: bool) -> str:
 
 
 def find_stated_channel(names: Sequence[str], stated: str) -> str:
-    """The one of ``names`` that ``truth.channel`` states. Raises RefusedError if it is not among them."""
+    """The stated ``truth.channel`` among ``names``. Raises RefusedError if it is missing."""
     if stated not in names:
         raise RefusedError(
             f"has no {shorten(stated)}, which truth.channel in pairs.toml states, but "
@@ -103,7 +106,7 @@ def find_stated_channel(names: Sequence[str], stated: str) -> str:
 
 
 def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> str:
-    """The array of an npz that is called as its ``kind``, or its only one. Raises RefusedError if there is neither."""
+    """The array of an npz with the name of its ``kind``, or its only array. Raises RefusedError without both."""
     if kind in names:
         return kind
     if len(names) == 1:
@@ -115,9 +118,11 @@ def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> st
 
 
 def _list_names(names: Sequence[str]) -> str:
-    """The first names, whole as a user has to state them."""
-    shown = [shorten(name) for name in names[:_SHOWN]]
-    return ", ".join([*shown, *([f"{len(names) - _SHOWN} more"] if len(names) > _SHOWN else [])])
+    """The first names, unshortened, as a user has to state them."""
+    shown = [shorten(name) for name in names[:_MOST_QUOTED_NAMES]]
+    return ", ".join(
+        [*shown, *([f"{len(names) - _MOST_QUOTED_NAMES} more"] if len(names) > _MOST_QUOTED_NAMES else [])]
+    )
 
 
 def _pluralise_kind(kind: str) -> str:
@@ -126,16 +131,18 @@ def _pluralise_kind(kind: str) -> str:
 
 def _group_candidates(names: Sequence[str], kind: str) -> list[list[str]]:
     """Groups of channels of different layers that may hold the map, the likeliest group first."""
-    other_words = [name for name in names if not any(layer.startswith(_NO_MAPS) for layer in _split_words(name)[:-1])]
+    other_words = [
+        name for name in names if not any(layer.startswith(_PASSES_WITHOUT_MAP) for layer in _split_words(name)[:-1])
+    ]
     return [
         *(
             _drop_repeated_colours([name for name in names if fits(word, name)])
-            for word in _WORDS[kind]
+            for word in _MAP_NAMES[kind]
             for fits in (_has_word, _has_word_beginning)
         ),
         *(
             _drop_repeated_colours([name for name in other_words if name.split(".")[-1] == component])
-            for component in _COMPONENTS
+            for component in _MAP_COMPONENTS
         ),
     ]
 
@@ -153,7 +160,7 @@ def _split_words(name: str) -> list[str]:
 
 
 def _drop_repeated_colours(names: Sequence[str]) -> list[str]:
-    """These channels, but of the colours of a layer only the first: a depth may come as three equal ones."""
+    """These channels with only the first colour of each layer, since a depth may be stored as three equal colours."""
     found: dict[str, str] = {}
     for name in sorted(names, key=lambda name: "RGB".find(name.rpartition(".")[2])):
         layer, _, own = name.rpartition(".")
@@ -162,7 +169,7 @@ def _drop_repeated_colours(names: Sequence[str]) -> list[str]:
 
 
 def _is_vector_component(name: str, names: Sequence[str]) -> bool:
-    """Whether a channel is a component of a vector, by those beside it."""
+    """Whether a channel is a component of a vector, by the channels beside it."""
     layer, _, own = name.rpartition(".")
     beside = {each.rpartition(".")[2].lower() for each in names if each.rpartition(".")[0] == layer} & _VECTOR
     return own.lower() in beside and len(beside) > 1

@@ -1,7 +1,7 @@
-"""Numbers in maps of others that stand for "unknown": one value in many pixels, and disparities that no image can show.
+"""Finds numbers in foreign maps that mean "unknown": one value in many pixels, and disparities that no image can show.
 
 Programs write 1e10 m where a ray meets nothing, 65535 in a PNG, 1e5 px, or -1 px for pixels without truth. Taken as
-truth, a few such pixels decide the mean error of a method.
+truth, a few such pixels would decide the mean error of a method.
 """
 
 from __future__ import annotations
@@ -13,16 +13,17 @@ from ...support.arrays import Array
 from ..measure.fit_check import MatchedPlaces, are_seen_at_disparity
 
 #: Least share of an image that a plateau has, and the factor by which it is nearer or farther than all other points.
-_SHARE, _BEYOND = 0.002, 1.5
-#: Distance of a plateau from all other values, in least steps between them: the levels of a coarse map are one apart.
-_STEPS = 2
+_LEAST_PLATEAU_SHARE, _PLATEAU_DISTANCE_RATIO = 0.002, 1.5
+#: Least distance of a plateau from all other values, in units of the smallest step between them. The levels of a coarse
+#: map are one step apart.
+_LEAST_PLATEAU_STEPS = 2
 
 
 def find_markers(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> tuple[float, ...]:
-    """Values that stand for unknown ones in a map (H, W) of "depth" (m) or "disparity" (px), NaN where unknown.
+    """Values that mean "unknown" in a map (H, W) of "depth" (m) or "disparity" (px), NaN where unknown.
 
-    Such a value is the nearest or the farthest one, is the same to the bit in many pixels, and lies far beyond all
-    others, or is the only negative disparity. If the images fit there, it is a real surface: a wall.
+    Such a value is the nearest or the farthest, is the same to the bit in many pixels, and is far beyond all others, or
+    is the only negative disparity. A value that the images confirm there is a real surface: a wall.
     """
     return tuple(
         value
@@ -32,33 +33,34 @@ def find_markers(values: Array, kind: str, camera: StereoCamera, places: Matched
 
 
 def _find_plateau(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces, nearest: bool) -> float | None:
-    """The value of the plateau at one end of the range, if there is one."""
+    """The value of the plateau at one end of the range; None without a plateau."""
     disparity = _to_disparity(values, kind, camera)
-    known = disparity > -camera.doffs_px  # there is nothing at the horizon and behind the camera
+    known = disparity > -camera.doffs_px  # no surface is at the horizon or behind the camera
     if not known.any():
         return None
     end = float((np.max if nearest else np.min)(disparity[known]))
     plateau = known & (disparity == end)
     others = np.unique(disparity[known & ~plateau])
-    if plateau.mean() < _SHARE or not others.size:
+    if plateau.mean() < _LEAST_PLATEAU_SHARE or not others.size:
         return None
     beside = float(others[-1 if nearest else 0])
-    if others.size > 1 and abs(end - beside) <= _STEPS * float(np.diff(others).min()):
+    if others.size > 1 and abs(end - beside) <= _LEAST_PLATEAU_STEPS * float(np.diff(others).min()):
         return None
     near, far = sorted((end + camera.doffs_px, beside + camera.doffs_px), reverse=True)
-    if not (near >= _BEYOND * far or (kind == "disparity" and end < 0 < beside)):
+    if not (near >= _PLATEAU_DISTANCE_RATIO * far or (kind == "disparity" and end < 0 < beside)):
         return None
     return None if are_seen_at_disparity(plateau, end, places) else float(values[plateau][0])
 
 
 def is_possible(disparity: Array) -> Array:
-    """Boolean (H, W): where a map of disparities in px is smaller than its width, so that both images can show a point;
-    also where it is NaN."""
+    """Pixels (H, W), bool, whose disparity in px is smaller than the width of the map, so that both images can show the
+    point, or is NaN.
+    """
     return ~(np.abs(disparity) >= disparity.shape[1])
 
 
 def _to_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
-    """Disparities in px, NaN where no depth is in front of the camera."""
+    """Disparities in px, NaN where the depth is not in front of the camera."""
     if kind == "disparity":
         return values
     with np.errstate(divide="ignore", invalid="ignore"):

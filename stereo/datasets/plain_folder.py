@@ -34,37 +34,37 @@ from ...support.file_schemas import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, c
 from ...support.files import list_put_there
 from ...support.foreign_bytes import hint_on_paths, parse_toml
 from ...support.suggestions import suggest_nearest
-from .data_files import MapFile, find_inside, read_text
-from .foreign_pair import ForeignPair, UnusablePair, open_foreign_pair, safe_name
+from .data_files import MapFile, read_text, resolve_inside
+from .foreign_pair import ForeignPair, UnusablePair, make_safe_name, open_foreign_pair
 from .visibility import Mask
 
-FILE = "pairs.toml"
-_PLACE = "{pair}"
-_NOT_ZERO = Kind("a number other than 0", lambda value: is_number(value) and value != 0)
-_ALONG = Kind('"axis" or "ray"', lambda value: value in ("axis", "ray"))
-#: Of a focal length (px) or a baseline (m): beyond these no product of two is one of a camera.
-_SIZE = Kind("a number from 1e-9 to 1e9", lambda value: POSITIVE.fits(value) and 1e-9 <= value <= 1e9)
-_SHAPE: dict[str, dict[str, Any]] = {
+PAIRS_FILE = "pairs.toml"
+_NAME_PLACE = "{pair}"
+_NONZERO = Kind("a number other than 0", lambda value: is_number(value) and value != 0)
+_DEPTH_DIRECTION = Kind('"axis" or "ray"', lambda value: value in ("axis", "ray"))
+#: A focal length (px) or a baseline (m). Outside these limits the product of both overflows or underflows.
+_CAMERA_LENGTH = Kind("a number from 1e-9 to 1e9", lambda value: POSITIVE.fits(value) and 1e-9 <= value <= 1e9)
+_FILE_SHAPE: dict[str, dict[str, Any]] = {
     "images": {"left": TEXT, "right": TEXT, "linear": Maybe(FLAG)},
     "truth": {
         "disparity": Maybe(TEXT),
         "depth": Maybe(TEXT),
-        "steps": Maybe(_NOT_ZERO),
+        "steps": Maybe(_NONZERO),
         "right": Maybe(TEXT),
         "visible": Maybe(TEXT),
-        "along": Maybe(_ALONG),
+        "along": Maybe(_DEPTH_DIRECTION),
         "channel": Maybe(TEXT),
     },
     "camera": {
-        "focal_px": _SIZE,
-        "baseline_m": _SIZE,
+        "focal_px": _CAMERA_LENGTH,
+        "baseline_m": _CAMERA_LENGTH,
         "cx_px": Maybe(NUMBER),
         "cy_px": Maybe(NUMBER),
         "doffs_px": Maybe(NUMBER),
     },
 }
 #: The tables and keys of the patterns of files.
-_KEYS = {
+_PATTERN_KEYS = {
     "left": ("images", "left"),
     "right": ("images", "right"),
     "disparity": ("truth", "disparity"),
@@ -72,44 +72,46 @@ _KEYS = {
     "visible": ("truth", "visible"),
     "truth_right": ("truth", "right"),
 }
-_FIX = "write it as the manual's page on foreign data shows"
+_WRITE_AS_IN_MANUAL = "write it as the manual's page on foreign data shows"
 
 
 def find_plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
     """The pairs that ``pairs.toml`` in a folder names; empty if there is no such file.
 
-    Raises IcyMoonError if it is wrong, or names no left image, or a file that no pair has.
+    Raises IcyMoonError for a wrong file, and if no left image exists or a named file exists for no pair.
     """
-    if not (root / FILE).exists():
+    if not (root / PAIRS_FILE).exists():
         return []
-    path = find_inside(root, FILE)
+    path = resolve_inside(root, PAIRS_FILE)
     data = parse_pairs_toml(path)
     patterns = {
-        name: _check_pattern(path, key, data[table][key]) for name, (table, key) in _KEYS.items() if key in data[table]
+        name: _check_pattern(path, key, data[table][key])
+        for name, (table, key) in _PATTERN_KEYS.items()
+        if key in data[table]
     }
-    kind = _truth_kind(path, patterns)
+    kind = _find_truth_kind(path, patterns)
     names = _list_pair_names(root, patterns["left"])
     if not names:
         raise IcyMoonError(f"{path}: there is no file {patterns['left']}; correct images.left.")
-    for key, pattern in patterns.items():  # files of single pairs may be missing, which costs these only
-        if not any(os.path.lexists(root / pattern.replace(_PLACE, name)) for name in names):
+    for key, pattern in patterns.items():  # a missing file of a single pair costs only that pair
+        if not any(os.path.lexists(root / pattern.replace(_NAME_PLACE, name)) for name in names):
             raise IcyMoonError(
                 f"{path}: there is no file {pattern} of any pair, such as "
-                f"{pattern.replace(_PLACE, names[0])}; correct {'.'.join(_KEYS[key])}."
+                f"{pattern.replace(_NAME_PLACE, names[0])}; correct {'.'.join(_PATTERN_KEYS[key])}."
             )
     return [
         open_foreign_pair(
-            safe_name(name),
+            make_safe_name(name),
             root,
-            root / patterns["left"].replace(_PLACE, name),
+            root / patterns["left"].replace(_NAME_PLACE, name),
             partial(_make_pair, root, path, name, kind, patterns, data),
         )
         for name in names
     ]
 
 
-def _truth_kind(path: Path, patterns: dict[str, str]) -> str:
-    """Whether the truth is ``disparity`` or ``depth``. Raises IcyMoonError unless one alone is named."""
+def _find_truth_kind(path: Path, patterns: dict[str, str]) -> str:
+    """Whether the truth is ``disparity`` or ``depth``. Raises IcyMoonError unless exactly one is named."""
     kinds = [kind for kind in ("disparity", "depth") if kind in patterns]
     if len(kinds) != 1:
         raise IcyMoonError(
@@ -129,14 +131,14 @@ def parse_pairs_toml(path: Path) -> dict[str, Any]:
     try:
         data = parse_toml(read_text(path))
     except tomllib.TOMLDecodeError as error:
-        raise IcyMoonError(f"{path} is not TOML ({error}){hint_on_paths(error)}; {_FIX}.") from None
-    check_record(data, _SHAPE, path, _FIX)
+        raise IcyMoonError(f"{path} is not TOML ({error}){hint_on_paths(error)}; {_WRITE_AS_IN_MANUAL}.") from None
+    check_record(data, _FILE_SHAPE, path, _WRITE_AS_IN_MANUAL)
     for table, keys in data.items():
-        if table not in _SHAPE:
-            raise IcyMoonError(f"{path}: unknown table {table}, {suggest_nearest(table, _SHAPE)}")
+        if table not in _FILE_SHAPE:
+            raise IcyMoonError(f"{path}: unknown table {table}, {suggest_nearest(table, _FILE_SHAPE)}")
         for key in keys:
-            if key not in _SHAPE[table]:
-                raise IcyMoonError(f"{path}: unknown key {table}.{key}, {suggest_nearest(key, _SHAPE[table])}")
+            if key not in _FILE_SHAPE[table]:
+                raise IcyMoonError(f"{path}: unknown key {table}.{key}, {suggest_nearest(key, _FILE_SHAPE[table])}")
     return data
 
 
@@ -147,22 +149,20 @@ def _check_pattern(path: Path, key: str, pattern: str) -> str:
             f"{path}: {key} is {pattern[:60]!r}, and only files in this folder are read; write a path "
             "in it, with / between folders."
         )
-    if _PLACE not in pattern:
+    if _NAME_PLACE not in pattern:
         raise IcyMoonError(
-            f"{path}: {key} is {pattern[:60]!r}, the same file for all pairs; write {_PLACE} where the "
+            f"{path}: {key} is {pattern[:60]!r}, the same file for all pairs; write {_NAME_PLACE} where the "
             "name of the pair stands."
         )
-    if _PLACE * 2 in pattern:
-        raise IcyMoonError(
-            f"{path}: {key} is {pattern[:60]!r}, with {_PLACE} twice without anything between; write it once there."
-        )
+    if _NAME_PLACE * 2 in pattern:
+        raise IcyMoonError(f"{path}: {key} is {pattern[:60]!r}, with {_NAME_PLACE} twice in a row; write it once.")
     return pattern
 
 
 def _list_pair_names(root: Path, pattern: str) -> list[str]:
-    """The names of all pairs for which there is a left image, sorted."""
-    wildcard = "*".join(glob.escape(part) for part in pattern.split(_PLACE))
-    first, *rest = (re.escape(part) for part in pattern.split(_PLACE))
+    """The names of all pairs with a left image, sorted."""
+    wildcard = "*".join(glob.escape(part) for part in pattern.split(_NAME_PLACE))
+    first, *rest = (re.escape(part) for part in pattern.split(_NAME_PLACE))
     matching = re.compile(first + r"(?P<pair>[^/]+?)" + "(?P=pair)".join(rest))
     found = (matching.fullmatch(file.relative_to(root).as_posix()) for file in list_put_there(root, wildcard))
     return sorted({match["pair"] for match in found if match})
@@ -171,25 +171,27 @@ def _list_pair_names(root: Path, pattern: str) -> list[str]:
 def _make_pair(
     root: Path, path: Path, name: str, kind: str, patterns: dict[str, str], data: dict[str, Any]
 ) -> ForeignPair:
-    def file(key: str) -> Path:
-        return find_inside(root, patterns[key].replace(_PLACE, name))
+    def resolve_file(key: str) -> Path:
+        return resolve_inside(root, patterns[key].replace(_NAME_PLACE, name))
 
     steps, along_ray = data["truth"].get("steps"), data["truth"].get("along") == "ray"
     channel = data["truth"].get("channel")
     if along_ray and kind != "depth":
         raise IcyMoonError(f"{path}: truth.along is of depths, and there are disparities; leave it out.")
     return ForeignPair(
-        safe_name(name),
+        make_safe_name(name),
         root,
         "Plain folder",
         name,
-        file("left"),
-        file("right"),
-        MapFile(file(kind), kind, steps, along_ray, channel=channel),
+        resolve_file("left"),
+        resolve_file("right"),
+        MapFile(resolve_file(kind), kind, steps, along_ray, channel=channel),
         partial(_make_camera, data["camera"]),
         (path,),
-        MapFile(file("truth_right"), kind, steps, along_ray, channel=channel) if "truth_right" in patterns else None,
-        Mask("seen", (file("visible"),)) if "visible" in patterns else None,
+        MapFile(resolve_file("truth_right"), kind, steps, along_ray, channel=channel)
+        if "truth_right" in patterns
+        else None,
+        Mask("seen", (resolve_file("visible"),)) if "visible" in patterns else None,
         linear=data["images"].get("linear", False),
     )
 

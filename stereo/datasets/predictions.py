@@ -1,4 +1,4 @@
-"""Disparities that were computed elsewhere, one file per pair, evaluated as a method."""
+"""Disparities that were computed elsewhere, one file per pair, evaluated like a method."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from ..matchers.methods import Method, describe_method
 from ..measure.metrics import is_usable
 from ..measure.prepare_pair import PreparedPair
 from ..measure.row_metrics import COSTS
-from .data_files import MapFile, find_inside, read_map
+from .data_files import MapFile, read_map, resolve_inside
 from .input_faults import check_prediction
 from .markers import is_possible
 
-#: The name of such a method where others have the name of their matcher.
+#: Stands in place of the matcher's name for such a method.
 PREDICTION = "prediction"
-#: Files that are looked for, the first one counts.
-ENDINGS = (".pfm", ".png", ".npy", ".npz", ".exr", ".tiff", ".tif")
-#: Files of a folder that are looked through for one with another name.
-_LOOKED_THROUGH = 1000
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
+#: Endings of prediction files; the first that exists counts.
+PREDICTION_SUFFIXES = (".pfm", ".png", ".npy", ".npz", ".exr", ".tiff", ".tif")
+#: Most files of a folder that are searched for a prediction under another name.
+_MOST_SEARCHED_FILES = 1000
+_METHOD_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
 
 
 def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequence[str] = ()) -> list[Method]:
@@ -40,7 +40,7 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
     empty: list[str] = []
     for text in texts:
         name, equals, folder = text.partition("=")
-        if not (equals and folder and _NAME.fullmatch(name)):
+        if not (equals and folder and _METHOD_NAME.fullmatch(name)):
             raise IcyMoonError(
                 f"--predictions {text}: write it as NAME=FOLDER, as in mynet=results/mynet; a name "
                 "begins with a letter or digit."
@@ -49,7 +49,7 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
             raise IcyMoonError(f"--predictions {text}: there is already a method {name}; choose another name.")
         root = Path(folder).expanduser().absolute()
         if not any(_find_prediction_files(root, pair) for pair in pairs):
-            shown = ", ".join(f"{pairs[0]}{ending}" for ending in ENDINGS[:3])
+            shown = ", ".join(f"{pairs[0]}{ending}" for ending in PREDICTION_SUFFIXES[:3])
             empty.append(f"{folder} has no disparity of any pair; name the files after the pairs, such as {shown}.")
             if not root.is_dir():
                 raise IcyMoonError(empty[-1])
@@ -60,7 +60,7 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
 
 
 def find_prediction(method: Method, pair: str) -> Path:
-    """The file with a pair's disparity. Raises IcyMoonError if there are no files or several."""
+    """The file with a pair's disparity. Raises IcyMoonError if no file or several exist."""
     root = Path(method.options["folder"])
     found = _find_prediction_files(root, pair)
     if not found:
@@ -71,11 +71,11 @@ def find_prediction(method: Method, pair: str) -> Path:
         raise IcyMoonError(
             f"{root} has {' and '.join(path.name for path in found)} of the pair {pair}; keep one of them."
         )
-    return find_inside(root, found[0].relative_to(root))
+    return resolve_inside(root, found[0].relative_to(root))
 
 
 def _find_prediction_files(root: Path, pair: str) -> list[Path]:
-    return [path for ending in ENDINGS if (path := root / f"{pair}{ending}").is_file()]
+    return [path for ending in PREDICTION_SUFFIXES if (path := root / f"{pair}{ending}").is_file()]
 
 
 def _find_misnamed_file(root: Path, pair: str) -> Path | None:
@@ -85,8 +85,8 @@ def _find_misnamed_file(root: Path, pair: str) -> Path | None:
     try:
         found = [
             path
-            for path in islice(root.iterdir(), _LOOKED_THROUGH)
-            if path.suffix in ENDINGS and named.search(path.stem) and not is_of_file_manager(path.name)
+            for path in islice(root.iterdir(), _MOST_SEARCHED_FILES)
+            if path.suffix in PREDICTION_SUFFIXES and named.search(path.stem) and not is_of_file_manager(path.name)
         ]
     except OSError:
         return None

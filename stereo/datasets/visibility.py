@@ -1,5 +1,6 @@
-"""Which pixels of the left eye the right one sees too, by a mask or by the right eye's truth; both are held against the
-left eye's truth, which tells most of it by itself."""
+"""Finds the pixels of the left eye whose point the right eye sees too, by a mask or by the right eye's truth. Both are
+checked against the left eye's truth.
+"""
 
 from __future__ import annotations
 
@@ -14,25 +15,30 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size, to_grey
-from ..images.masks import intersection_over_union
-from ..measure.fit_check import KINDS, TURNS, FitFault, find_fault, make_known_places, warp_to_other_eye
+from ..images.masks import compute_intersection_over_union
+from ..measure.fit_check import READINGS, TURN_BY_READING, FitFault, find_fault, make_known_places, warp_to_other_eye
 from .data_files import MapFile, read_image, read_map
-from .input_faults import WRONG_SIGN, round_to_unit_factor
+from .input_faults import WRONG_SIGN_SHARE, round_to_unit_factor
 
-#: Numbers of a mask: hidden or unknown, known to the left eye only, seen by both. The share of pixels that may have
-#: others, as edges of a mask that was made smaller do.
-_SEEN, _NUMBERS, _OTHERS = 255, (0, 128, 255), 0.1
-#: Hidden pixels from which on a mask is held against the truth; the least overlap, intersection over union, of the
-#: hidden pixels by another reading of the mask and by the truth; and the least ratio to the stated reading's overlap.
-_FEWEST, _FITS, _BETTER = 150, 0.5, 2.0
+#: The mask's value for a point that both eyes see.
+_SEEN = 255
+#: Values of a mask: hidden or unknown, known to the left eye only, seen by both.
+_MASK_VALUES = (0, 128, 255)
+#: Most pixels with other values, as a share: edges of a mask that was scaled down have them.
+_MOST_OTHER_VALUES = 0.1
+#: Fewest hidden pixels for which a mask is checked against the truth.
+_FEWEST_HIDDEN_PX = 150
+#: Least overlap (intersection over union) of the hidden pixels by another reading of the mask and by the truth, and its
+#: least ratio to the overlap of the stated reading, for the other reading to count as right.
+_LEAST_OVERLAP, _LEAST_OVERLAP_RATIO = 0.5, 2.0
 
 
 @dataclass(frozen=True)
 class Mask:
-    """Which pixels the right eye sees too, in image files.
+    """Image files that mark the pixels whose point the right eye sees too.
 
-    ``kind``: "seen" (255 where it does, as Middlebury's nocc), "hidden" (not 0 where it does not, in one of the files,
-    as Sintel's occlusions), or "known" (there is a disparity where it does, as KITTI's noc).
+    ``kind`` is "seen" (255 for a seen point, as Middlebury's nocc), "hidden" (other than 0 for a hidden point in one of
+    the files, as Sintel's occlusions), or "known" (a disparity for a seen point, as KITTI's noc).
     """
 
     kind: str
@@ -40,10 +46,11 @@ class Mask:
 
 
 def read_mask(mask: Mask, disparity: Array) -> Array:
-    """Boolean (H, W): the right eye sees the point of a pixel too, by ``mask``.
+    """The pixels (H, W), bool, whose point the right eye sees too, by ``mask``.
 
-    Raises IcyMoonError if it has another size than the true ``disparity`` (H, W), px, NaN where unknown, or other
-    numbers than a mask, if it marks no pixel with a truth, or if it fits the truth only in another reading.
+    ``disparity`` (H, W), px, is the left eye's truth, NaN where unknown. Raises IcyMoonError if the mask has another
+    size or other values than a mask, if it marks no pixel with a truth, or if it fits the truth only in another
+    reading.
     """
     first = mask.files[0]
     if mask.kind == "known":
@@ -71,7 +78,7 @@ def read_mask(mask: Mask, disparity: Array) -> Array:
 
 def _check_numbers(path: Path, mask: Array) -> None:
     levels = np.unique(mask)
-    if len(levels) > len(_NUMBERS) and np.mean(~np.isin(mask, _NUMBERS)) > _OTHERS:
+    if len(levels) > len(_MASK_VALUES) and np.mean(~np.isin(mask, _MASK_VALUES)) > _MOST_OTHER_VALUES:
         raise IcyMoonError(
             f"{path} has many numbers between 0 and {_SEEN} and is no mask; write {_SEEN} where the "
             "right eye sees the point too and 0 elsewhere."
@@ -84,29 +91,34 @@ def _check_numbers(path: Path, mask: Array) -> None:
 
 
 def find_better_reading(seen: Array, disparity: Array) -> str | None:
-    """Another reading, in words, of ``seen``, a Boolean mask (H, W) of the pixels that the right eye sees, if it fits
-    the left eye's true ``disparity`` (H, W), px, far better. None if no reading does or nearly nothing is hidden."""
+    """Another reading of ``seen``, in words, if it fits the truth far better; else None.
+
+    ``seen`` (H, W), bool, marks the pixels that the right eye sees. ``disparity`` (H, W), px, is the left eye's truth.
+    None also if almost nothing is hidden.
+    """
     known = np.isfinite(disparity)
     hidden = known & ~(
         is_in_frame(find_matching_column(disparity))
         & ~find_hidden(disparity, warp_to_other_eye(disparity, "left"), "left")
     )
-    if hidden.sum() < _FEWEST:
+    if hidden.sum() < _FEWEST_HIDDEN_PX:
         return None
-    shares = {words: intersection_over_union(known & ~reading, hidden) for words, reading in _list_readings(seen)}
-    stated = intersection_over_union(known & ~seen, hidden)
+    shares = {
+        words: compute_intersection_over_union(known & ~reading, hidden) for words, reading in _list_readings(seen)
+    }
+    stated = compute_intersection_over_union(known & ~seen, hidden)
     best = max(shares, key=lambda words: shares[words])
-    return best if shares[best] >= max(_FITS, _BETTER * stated) else None
+    return best if shares[best] >= max(_LEAST_OVERLAP, _LEAST_OVERLAP_RATIO * stated) else None
 
 
 def _list_readings(seen: Array) -> Iterator[tuple[str, Array]]:
     yield "with seen and hidden exchanged", ~seen
-    for name, turn in TURNS.items():
-        yield KINDS[name], turn(seen)
+    for name, turn in TURN_BY_READING.items():
+        yield READINGS[name], turn(seen)
 
 
 def make_right_camera(camera: StereoCamera) -> StereoCamera:
-    """The camera with the principal point of its right eye."""
+    """The camera with the principal point of its right eye in place of the left."""
     return replace(camera, cx_px=camera.cx_px + camera.doffs_px)
 
 
@@ -120,7 +132,7 @@ def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, dispar
     if not known.any():
         raise IcyMoonError(f"{file.path} has no known value in any pixel; give the right eye's truth, or leave it out.")
     what = "depths" if file.kind == "depth" else "disparities"
-    if np.mean(values[known] < 0) >= WRONG_SIGN:
+    if np.mean(values[known] < 0) >= WRONG_SIGN_SHARE:
         raise IcyMoonError(f"{file.path} has negative {what}, and those of the left eye are positive; negate them.")
     fault = find_fault_of_right(values, file.kind, camera, disparity)
     if fault is None:
@@ -130,7 +142,7 @@ def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, dispar
             f"{file.path} does not fit the left eye's truth: only {100 * fault.stated_share:.0f} % of its "
             f"{what} are those that the left eye's give; look at both maps."
         ]
-    how = KINDS[fault.kind]
+    how = READINGS[fault.kind]
     if fault.kind == "factor":
         size = round_to_unit_factor(max(fault.factor, 1 / fault.factor))
         how = f"with {what} {'divided' if fault.factor > 1 else 'multiplied'} by {size:g}"
@@ -145,7 +157,7 @@ def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, dispar
 def find_fault_of_right(values: Array, kind: str, camera: StereoCamera, disparity: Array) -> FitFault | None:
     """The fault of the right eye's map ``values`` (H, W), of ``kind`` "depth" (m) or "disparity" (px), by the left
     eye's true ``disparity`` (H, W); both NaN where unknown. None if they fit. "right_eye" is the left eye's map."""
-    # Mirrored, the right eye is the left one of a pair. Its places are where the left eye's truth puts them.
+    # Mirrored, the right eye is the left eye of a pair. Its points are where the left eye's truth puts them.
     right = make_right_camera(camera)
     mirrored = replace(right, cx_px=camera.width_px - right.cx_px)
     return find_fault(values[:, ::-1], kind, mirrored, make_known_places(warp_to_other_eye(disparity, "left")[:, ::-1]))

@@ -1,1 +1,1 @@
-"""From a matcher's depth to decisions on a lander's workspace, and how they differ from those that the truth gives."""
+"""From a matcher's depth to decisions on a lander's workspace, and their differences from decisions by the truth."""

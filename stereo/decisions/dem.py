@@ -17,18 +17,20 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import MOST_BYTES, ForeignBytes, RefusedError, parse_npy, read
 
-#: Least number of points for a known height of a cell: a median of fewer is no better than one flying point.
-FEWEST_POINTS = 3
-#: From the median absolute deviation to the standard deviation of a normal distribution.
-_NORMAL = 1.4826
-#: Bytes of a file beside its values, and most cells along a side.
-_HEADER, _MOST_CELLS = 2**14, 4096
-_FRAME = "Icy Moon site frame: x east, y north, z up, metres"
+#: Fewest points for a known height of a cell: the median of fewer is as bad as one outlier.
+FEWEST_POINTS_PER_CELL = 3
+#: Standard deviation of a normal distribution over its median absolute deviation.
+_DEVIATION_OF_MEDIAN = 1.4826
+#: Bytes of a file without its values, and most cells along a side.
+_HEADER_BYTES, _MOST_CELLS = 2**14, 4096
+_FRAME_TEXT = "Icy Moon site frame: x east, y north, z up, metres"
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Square cells, row 0 northernmost: their side, how many, and the outer corner of the north-west one, metres."""
+    """Square cells, row 0 northernmost: side, numbers of rows and columns, and outer corner of the north-west
+    cell, m.
+    """
 
     cell_m: float
     rows: int
@@ -44,7 +46,7 @@ class Grid:
         return x, y
 
     def find_cells(self, position_m: Array) -> Array:
-        """The number of the cell, row by row, of each point (n, 2 or 3); -1 outside."""
+        """The number of the cell, row by row, that contains each point (n, 2 or 3); -1 outside."""
         column = np.floor((position_m[:, 0] - self.west_m) / self.cell_m)
         row = np.floor((self.north_m - position_m[:, 1]) / self.cell_m)
         inside = (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)
@@ -55,8 +57,9 @@ class Grid:
 
 @dataclass(frozen=True)
 class Dem:
-    """Heights (rows, columns) float64 in metres, NaN where fewer than ``FEWEST_POINTS`` points fell, and their
-    numbers."""
+    """Heights (rows, columns) float64, m, NaN for cells with fewer than ``FEWEST_POINTS_PER_CELL`` points, and the
+    numbers of points.
+    """
 
     grid: Grid
     height_m: Array
@@ -64,23 +67,23 @@ class Dem:
 
     @property
     def known(self) -> Array:
-        """Boolean (rows, columns): the height is known."""
+        """The cells (rows, columns), bool, with a known height."""
         return np.isfinite(self.height_m)
 
     def encode_geotiff(self, ground: Mapping[str, Any] | None = None) -> bytes:
         """The heights as the bytes of a GeoTIFF in the site's frame.
 
-        Its metadata ``map`` is the place on a map that the entry ``ground`` of a ``pair.json`` states, as JSON.
+        Its tag ``map`` is the place on a map in the entry ``ground`` of a ``pair.json``, as JSON.
         """
         grid = self.grid
-        place = Place(grid.cell_m, grid.west_m, grid.north_m, _FRAME, notes=describe_map_notes(ground))
+        place = Place(grid.cell_m, grid.west_m, grid.north_m, _FRAME_TEXT, notes=describe_map_notes(ground))
         return encode_tiff(self.height_m.astype(np.float32), place)
 
 
 def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> Array:
-    """The numbers of all cells that a file in numpy's format contains: float32 or boolean of this shape, as float64.
+    """Read all cells of a file in numpy's format, float32 or boolean of this shape, as float64.
 
-    ``fix`` is an imperative without a full stop. Raises IcyMoonError for a file that is missing, damaged, or another.
+    ``fix`` is an imperative without a full stop. Raises IcyMoonError for a missing, damaged or different file.
     """
 
     def parse(foreign: ForeignBytes) -> Array:
@@ -90,13 +93,13 @@ def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> Array:
             raise RefusedError(f"is no map of {cells} cells; {fix}.")
         return found.astype(np.float64)
 
-    return read(path, parse, "a map of cells", fix, most=min(4 * math.prod(shape) + _HEADER, MOST_BYTES))
+    return read(path, parse, "a map of cells", fix, most=min(4 * math.prod(shape) + _HEADER_BYTES, MOST_BYTES))
 
 
 def back_project_depth(depth_m: Array, camera: StereoCamera, pose: Array) -> tuple[Array, Array]:
-    """Points (n, 3) in the site's frame of the pixels of a planar depth (H, W) that are known, and their flat indices.
+    """Points (n, 3), m, in the site's frame of the known pixels of a planar depth (H, W), and the pixels' flat indices.
 
-    ``pose`` (4, 4) leads from the eye of the parallel rig, in OpenCV's axes, to the site.
+    ``pose`` (4, 4) is the transform from the eye of the parallel rig, in OpenCV's axes, to the site.
     """
     index = np.flatnonzero(np.isfinite(depth_m))
     row, column = np.divmod(index, depth_m.shape[1])
@@ -111,8 +114,8 @@ def back_project_depth(depth_m: Array, camera: StereoCamera, pose: Array) -> tup
     return (rays * depth_m.ravel()[index, None]) @ pose[:3, :3].T + pose[:3, 3], index
 
 
-def make_dem(position_m: Array, grid: Grid, fewest: int = FEWEST_POINTS) -> Dem:
-    """The median height of the points (n, 3) in each cell; a median, because matchers leave flying points at edges."""
+def make_dem(position_m: Array, grid: Grid, fewest: int = FEWEST_POINTS_PER_CELL) -> Dem:
+    """The median height of the points (n, 3) in each cell. The median resists the outliers of matchers at edges."""
     cell = grid.find_cells(position_m)
     inside = cell >= 0
     cell, height = cell[inside], position_m[inside, 2]
@@ -138,10 +141,10 @@ def mean_by_cell(position_m: Array, values: Array, grid: Grid) -> Array:
 
 
 def measure_height_errors(found: Dem, truth_m: Array, over: Array) -> dict[str, float | None]:
-    """Errors of the heights of the cells that are true in ``over``, metres; None where no cell is known.
+    """Errors of the heights of the cells ``over`` (rows, columns), m; None without known cells.
 
-    ``bias_m`` mean, ``rmse_m``, ``nmad_m`` 1.4826 times the median distance from the median, ``le90_m`` the 90th
-    percentile of the absolute error (Höhle and Höhle 2009, ISPRS J. 64), ``completeness`` the share that is known.
+    ``bias_m`` is the mean, ``nmad_m`` 1.4826 times the median distance from the median, ``le90_m`` the 90th percentile
+    of the absolute error (Höhle and Höhle 2009, ISPRS J. 64), and ``completeness`` the share of known cells.
     """
     wanted = over & np.isfinite(truth_m)
     error = (found.height_m - truth_m)[wanted]
@@ -149,7 +152,7 @@ def measure_height_errors(found: Dem, truth_m: Array, over: Array) -> dict[str, 
     share = known.size / error.size if error.size else None
     if not known.size:
         return {"bias_m": None, "rmse_m": None, "nmad_m": None, "le90_m": None, "completeness": share}
-    spread = _NORMAL * np.median(np.abs(known - np.median(known)))
+    spread = _DEVIATION_OF_MEDIAN * np.median(np.abs(known - np.median(known)))
     return {
         "bias_m": float(known.mean()),
         "rmse_m": float(np.sqrt((known**2).mean())),
@@ -162,7 +165,7 @@ def measure_height_errors(found: Dem, truth_m: Array, over: Array) -> dict[str, 
 def read_grid(stated: Mapping[str, Any]) -> Grid:
     """The grid of the entry ``workspace`` of a ``pair.json``.
 
-    Raises IcyMoonError if it is not of two sides with 1 to 4096 cells, or has no corner.
+    Raises IcyMoonError unless it has 1 to 4096 cells along both sides, and a corner.
     """
     shape, origin = stated["shape"], stated["origin_m"]
     if len(shape) != 2 or len(origin) != 2 or not all(0 < side <= _MOST_CELLS for side in shape):

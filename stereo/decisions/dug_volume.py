@@ -1,7 +1,7 @@
-"""What was dug out between two elevation models: volume and depth, with the least that can be told from noise.
+"""Excavated volume and depth from two elevation models, and the smallest change that noise does not hide.
 
-Heights of neighbouring cells err together, so the error of a volume is not that of its cells over the root of their
-number. It is measured on null pairs, in which nothing was dug, and which differ in all noise.
+Errors of neighbouring cells correlate, so the error of a volume is larger than independent cells would give. It is
+measured on null pairs, in which nothing was dug and all noise differs.
 """
 
 from __future__ import annotations
@@ -17,22 +17,24 @@ from .dem import Grid
 from .footprints import make_disc, sum_under_footprint
 
 #: Standard deviations of a difference beyond which a cell has changed, at 95 % (Lane et al. 2003).
-_LEVEL = 1.96
-#: Standard deviations of a volume that is noticed at 95 % with 5 % false alarms: twice 1.645.
-NOTICED = 3.29
-#: Fewest null pairs beside the first that tell a standard deviation: five, within a factor of three.
-FEWEST_NULLS = 5
-#: True changes of a cell below this are none; chosen far below what any matcher's heights tell.
+_DETECTION_DEVIATIONS = 1.96
+#: Standard deviations of a volume that is noticed in 95 % of cases with 5 % false alarms: twice 1.645.
+NOTICED_DEVIATIONS = 3.29
+#: Fewest null pairs besides the first for a standard deviation: five give it within a factor of three.
+FEWEST_NULL_PAIRS = 5
+#: True changes of a cell below this count as none. It is far below the precision of matchers' heights.
 UNCHANGED_M = 1e-4
-#: Share of a region's cells that must be known in both models.
-_LEAST_KNOWN = 0.5
-#: Share of the lowered cells that lie above the depth that is stated: one flying cell is no depth.
-_DEEPEST = 0.95
+#: Least share of a region's cells that must be known in both models.
+_LEAST_KNOWN_SHARE = 0.5
+#: Quantile of the lowered cells' depths that counts as the depth, so that one outlier cannot set it.
+_DEPTH_QUANTILE = 0.95
 
 
 @dataclass(frozen=True)
 class Change:
-    """What left a region: ``volume_m3`` (negative where material came), ``depth_m`` and the share of cells known."""
+    """The material that left a region: ``volume_m3`` (negative for added material), ``depth_m`` and the share of known
+    cells.
+    """
 
     volume_m3: float
     depth_m: float
@@ -40,60 +42,62 @@ class Change:
 
 
 def find_region_cells(grid: Grid, region_m: Sequence[float]) -> Array:
-    """Boolean (rows, columns): cells whose centre is in [x_min, y_min, x_max, y_max], metres."""
+    """The cells (rows, columns), bool, with a centre in [x_min, y_min, x_max, y_max], m."""
     east, north = grid.centres()
     west, south, last_east, last_north = region_m
     return np.asarray((east >= west) & (east <= last_east) & (north >= south) & (north <= last_north))
 
 
 def measure_change(before_m: Array, after_m: Array, region: Array, cell_m: float) -> Change | None:
-    """The change of heights (rows, columns), NaN unknown, over *all* cells of a region.
+    """The change of heights (rows, columns), m, NaN unknown, over *all* cells of a region.
 
-    Summing only those beyond a level of detection would lose shallow cuts. Unknown cells count as the mean of the known
-    ones. None if less than half of the region is known, or there is none.
+    A sum over cells beyond a level of detection would lose shallow cuts. Unknown cells count as the mean of the known
+    cells. None for an empty region, or with less than half of it known.
     """
     lowered = (before_m - after_m)[region]
     known = np.isfinite(lowered)
-    if not lowered.size or known.mean() < _LEAST_KNOWN:
+    if not lowered.size or known.mean() < _LEAST_KNOWN_SHARE:
         return None
     found = lowered[known]
     return Change(
-        float(found.mean() * lowered.size * cell_m**2), float(np.quantile(found, _DEEPEST)), float(known.mean())
+        float(found.mean() * lowered.size * cell_m**2), float(np.quantile(found, _DEPTH_QUANTILE)), float(known.mean())
     )
 
 
 def measure_local_sigma(error_m: Array, cell_m: float, diameter_m: float) -> Array:
-    """The standard deviation of the heights of each cell about the truth (rows, columns), metres: the root mean square
-    of the known errors in a disc around it, NaN where there is none."""
+    """The standard deviation (rows, columns), m, of the height of each cell about the truth: the root mean square of
+    the known errors in a disc around it, NaN without known errors.
+    """
     known, around = np.isfinite(error_m), make_disc(diameter_m, cell_m)
     count = np.rint(sum_under_footprint(known, around))
     square = np.maximum(
         sum_under_footprint(np.where(known, error_m, 0.0) ** 2, around), 0.0
-    )  # the filter may give less than 0
+    )  # the filter may give slightly less than 0
     return np.sqrt(np.divide(square, count, out=np.full(count.shape, np.nan), where=count > 0))
 
 
 def find_detection_level(before_sigma_m: Array, after_sigma_m: Array) -> Array:
-    """The level of detection of each cell at 95 %, metres, from the standard deviations of both heights."""
-    return np.asarray(_LEVEL * np.hypot(before_sigma_m, after_sigma_m))
+    """The level of detection (rows, columns), m, at 95 %, from the standard deviations of both heights."""
+    return np.asarray(_DETECTION_DEVIATIONS * np.hypot(before_sigma_m, after_sigma_m))
 
 
 @dataclass(frozen=True)
 class Detection:
-    """Cells whose change is beyond their ``level_m`` (rows, columns), and how right they are."""
+    """Cells whose change is beyond their ``level_m`` (rows, columns), and their rates of right and wrong detections."""
 
     level_m: Array
-    changed_m: Array  # measured, positive where ground was taken; NaN where a height is not known
+    changed_m: Array  # measured change, positive for removed ground; NaN for an unknown height
 
     @property
     def significant(self) -> Array:
-        """Boolean (rows, columns)."""
+        """The cells (rows, columns), bool, with a significant change."""
         return np.asarray(np.abs(self.changed_m) > self.level_m)
 
     def score(self, true_m: Array) -> dict[str, float | None]:
-        """``level_m``, its median over the known cells; of those that truly changed by more than their level, the
-        share that is ``noticed``; of those that did not change, the share that is a ``false_alarm``. None where there
-        is no such cell."""
+        """``level_m`` is the median level of the known cells. ``noticed`` is the noticed share of the cells that truly
+        changed by more than their level. ``false_alarm`` is the share of unchanged cells with a detection. None without
+        such cells.
+        """
         known = np.isfinite(self.changed_m) & np.isfinite(true_m) & np.isfinite(self.level_m)
         more, same = known & (np.abs(true_m) > self.level_m), known & (np.abs(true_m) < UNCHANGED_M)
         return {
@@ -111,7 +115,7 @@ def detect_change(
     cell_m: float,
     diameter_m: float,
 ) -> Detection:
-    """Which cells changed beyond the errors of two elevation models (rows, columns) against their truths."""
+    """Detect the cells that changed beyond the errors of two elevation models (rows, columns) against their truths."""
     sigmas = [
         measure_local_sigma(found - true, cell_m, diameter_m)
         for found, true in ((before_m, truth_before_m), (after_m, truth_after_m))
@@ -121,28 +125,35 @@ def detect_change(
 
 @dataclass(frozen=True)
 class VolumeNoise:
-    """Volumes of null pairs: their mean, their standard deviation, and the smallest volume that is noticed, m3."""
+    """Volumes of null pairs, m3: mean, standard deviation, and the smallest volume that is noticed."""
 
     bias_m3: float
     sigma_m3: float
     smallest_m3: float
-    bounds_m3: tuple[float, float]  # of the smallest volume, at 95 %: few pairs tell a standard deviation badly
+    # Limits of the smallest volume at 95 %, since few pairs give an inexact standard deviation.
+    bounds_m3: tuple[float, float]
     pairs: int
 
 
 def find_volume_noise(volumes_m3: Sequence[float]) -> VolumeNoise | None:
-    """What null pairs tell of a volume; None of fewer than ``FEWEST_NULLS``. The volumes are differences to one common
-    model, whose own error they share, so it is estimated from them: a difference of two has twice the variance of one.
+    """The noise of a volume from null pairs; None with fewer than ``FEWEST_NULL_PAIRS``.
+
+    All volumes are differences to one common model and share its error, so that error is estimated from them: a
+    difference of two models has twice the variance of one.
     """
-    if len(volumes_m3) < FEWEST_NULLS:
+    if len(volumes_m3) < FEWEST_NULL_PAIRS:
         return None
     values = np.asarray(volumes_m3, np.float64)
     sigma, free = math.sqrt(2.0) * float(values.std(ddof=1)), len(values) - 1
-    low, high = (NOTICED * sigma * math.sqrt(free / _chi_square_quantile(free, z)) for z in (_LEVEL, -_LEVEL))
-    return VolumeNoise(float(values.mean()), sigma, NOTICED * sigma, (low, high), len(values))
+    low, high = (
+        NOTICED_DEVIATIONS * sigma * math.sqrt(free / _chi_square_quantile(free, z))
+        for z in (_DETECTION_DEVIATIONS, -_DETECTION_DEVIATIONS)
+    )
+    return VolumeNoise(float(values.mean()), sigma, NOTICED_DEVIATIONS * sigma, (low, high), len(values))
 
 
 def _chi_square_quantile(free: int, z: float) -> float:
-    """The quantile of chi-square at the normal deviate ``z`` (Wilson and Hilferty 1931): from four degrees of freedom
-    on its root is within 4 % at both ends of 95 %."""
+    """The quantile of chi-square at the normal deviate ``z`` (Wilson and Hilferty 1931). From four degrees of freedom
+    on its root is within 4 % at both ends of 95 %.
+    """
     return float(free * (1 - 2 / (9 * free) + z * math.sqrt(2 / (9 * free))) ** 3)

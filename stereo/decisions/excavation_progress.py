@@ -20,7 +20,7 @@ from ..images.image_files import write_png
 from ..matchers.methods import describe_method
 from .dem import Grid, read_cells
 from .dug_volume import (
-    FEWEST_NULLS,
+    FEWEST_NULL_PAIRS,
     Change,
     VolumeNoise,
     detect_change,
@@ -30,25 +30,25 @@ from .dug_volume import (
 )
 from .pictures import draw_changes
 
-#: Settings by which the pairs of a series differ besides light and cameras: which state it is.
-_STATE = ("excavation", "state")
-_DUG = "excavation"
-_SHAPE = ("geometry",)
-#: Entries of a fact that are equal for two elevation models with the same cells.
-_CELLS = ("cell_m", "rows", "columns", "origin_m")
-#: A change of the true volume up to this, m3, counts as no change.
-_NOTHING_M3 = 1e-9
+#: The setting that numbers the states of a series, whose pairs otherwise differ only in light and cameras.
+_STATE_SETTING = ("excavation", "state")
+_EXCAVATION_TOPIC = "excavation"
+_GEOMETRY_EFFECTS = ("geometry",)
+#: Facts that are equal for elevation models with the same cells.
+_GRID_KEYS = ("cell_m", "rows", "columns", "origin_m")
+#: Largest change of the true volume, m3, that counts as no change.
+_UNCHANGED_M3 = 1e-9
 _Entry = Mapping[str, Any]
 
 
 def name_series(settings: Mapping[str, Mapping[str, Any]]) -> str:
-    """A name of the ground of a pair that all states of one excavation share."""
-    return _name_ground(settings, lambda topic, key: (topic, key) != _STATE)
+    """The name of a pair's ground that all states of one excavation share."""
+    return _name_ground(settings, lambda topic, key: (topic, key) != _STATE_SETTING)
 
 
 def name_site(settings: Mapping[str, Mapping[str, Any]]) -> str:
-    """A name of the untouched ground of a pair, which series on the same site share whatever they dig."""
-    return _name_ground(settings, lambda topic, key: topic != _DUG)
+    """The name of a pair's untouched ground, which all series on the same site share."""
+    return _name_ground(settings, lambda topic, key: topic != _EXCAVATION_TOPIC)
 
 
 def _name_ground(settings: Mapping[str, Mapping[str, Any]], counts: Callable[[str, str], bool]) -> str:
@@ -56,7 +56,7 @@ def _name_ground(settings: Mapping[str, Mapping[str, Any]], counts: Callable[[st
         f"{topic}.{key}": value
         for topic, values in settings.items()
         for key, value in values.items()
-        if topic in TOPICS and TOPICS[topic][key].effect in _SHAPE and counts(topic, key)
+        if topic in TOPICS and TOPICS[topic][key].effect in _GEOMETRY_EFFECTS and counts(topic, key)
     }
     return json.dumps(kept, sort_keys=True)
 
@@ -64,15 +64,14 @@ def _name_ground(settings: Mapping[str, Mapping[str, Any]], counts: Callable[[st
 def find_progress(
     rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str], out: Path, disc_m: float
 ) -> list[dict[str, Any]]:
-    """For each series of states and each method the ``steps`` and the errors of a volume by null pairs.
+    """The ``steps`` of each series of states by each method, and the errors of a volume by null pairs.
 
     A step has ``state``, ``true_m3``, ``found_m3``, ``error_m3``, ``depth_m`` and ``known``; ``level_m``, ``noticed``
-    and ``false_alarm`` of its cells (see ``dug_volume.Detection``), with the errors of a disc of ``disc_m``; and the
-    path ``map`` of a picture of the cells, which this writes. Null pairs give ``bias_m3``, ``sigma_m3``,
-    ``smallest_m3`` (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences that say which numbers are
-    missing, and why.
+    and ``false_alarm`` of its cells (see ``change.Detection``), with the errors of a disc of ``disc_m``; and the path
+    ``map`` of a picture of the cells, which this writes. Null pairs give ``bias_m3``, ``sigma_m3``, ``smallest_m3``
+    (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences on missing numbers and their reasons.
 
-    A series starts with its state of the least number. All states in which something is dug are compared with it.
+    A series starts with the state of the smallest number. All states with a dug volume are compared with it.
     """
     dug = [fact for fact in facts if fact.get("excavation")]
     series: dict[str, list[_Entry]] = {}
@@ -112,7 +111,7 @@ def _find_series_progress(
 
 def _measure_step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, disc_m: float) -> dict[str, Any]:
     """A method's result for a state; ``missing`` is the reason for a missing volume, or empty."""
-    true = _left_region_m3(state) - _left_region_m3(first)
+    true = _measure_removed_from_region_m3(state) - _measure_removed_from_region_m3(first)
     step: dict[str, Any] = {
         "pair": state["pair"],
         "state": int(state["excavation"]["state"]),
@@ -123,7 +122,7 @@ def _measure_step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: 
     lost = [fact["pair"] for fact in (first, state) if fact["pair"] not in own]
     if lost:
         return step | {"missing": f"pair {lost[0]} failed or contradicts itself"}
-    if not _same_cells(first, state):
+    if not _have_same_cells(first, state):
         return step | {"missing": "its cells are not those of the first state; render both with one workspace"}
     change, known = _measure_between(own, first, state, state["excavation"]["region_m"], out)
     if change is None:
@@ -152,18 +151,19 @@ def _detect_step_change(
 def _find_null_noise(
     states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _Entry], out: Path
 ) -> tuple[VolumeNoise | None, str]:
-    """The noise of a volume over the region that is dug, by null pairs; or None, and the reason in words.
+    """The noise of a volume over the dug region, by null pairs; or None, and the reason in words.
 
-    Null pairs are the pairs of this site in which nothing had been dug. Only pairs with the same cells can be
-    compared, so the largest group of them is used.
+    Null pairs are the pairs of this site in which nothing was dug. Only pairs with the same cells can be compared, so
+    the largest such group is used.
     """
     groups: list[list[_Entry]] = []
     for fact in dug:
         if fact["site"] == states[0]["site"] and not _is_dug(fact) and fact["pair"] in own:
-            same = next((group for group in groups if _same_cells(group[0], fact)), None)
+            same = next((group for group in groups if _have_same_cells(group[0], fact)), None)
             if same is None:
                 groups.append([fact])
-            elif all(fact["render_seed"] != other["render_seed"] for other in same):  # else it is the same noise
+            # With the same seed the noise would be the same.
+            elif all(fact["render_seed"] != other["render_seed"] for other in same):
                 same.append(fact)
     group = max(groups, key=len, default=[])
     region = states[-1]["excavation"]["region_m"]
@@ -172,33 +172,35 @@ def _find_null_noise(
         for fact in group[1:]
         if (change := _measure_between(own, group[0], fact, region, out)[0]) is not None
     ]
-    if len(volumes) >= FEWEST_NULLS:
+    if len(volumes) >= FEWEST_NULL_PAIRS:
         return find_volume_noise(volumes), ""
     there = f"{format_count(len(group), 'pair')} of this site show{'s' * (len(group) == 1)}"
     return None, (
         f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
-        f"compared with the first, and it takes {FEWEST_NULLS}; render state 0 again with another "
+        f"compared with the first, and it takes {FEWEST_NULL_PAIRS}; render state 0 again with another "
         "Sun or camera, as datasets/excavation_nulls does, and decide on both data sets together"
     )
 
 
 def _is_dug(fact: _Entry) -> bool:
-    return abs(_left_region_m3(fact)) > _NOTHING_M3
+    return abs(_measure_removed_from_region_m3(fact)) > _UNCHANGED_M3
 
 
-def _same_cells(one: _Entry, other: _Entry) -> bool:
-    return all(one[key] == other[key] for key in _CELLS)
+def _have_same_cells(one: _Entry, other: _Entry) -> bool:
+    return all(one[key] == other[key] for key in _GRID_KEYS)
 
 
-def _left_region_m3(state: _Entry) -> float:
-    """Decrease of the volume under the surface of the region, m3; not the volume dug, as spoil slides in."""
+def _measure_removed_from_region_m3(state: _Entry) -> float:
+    """Decrease of the volume under the surface of the region, m3. It differs from the dug volume, as spoil
+    slides in.
+    """
     return -float(state["excavation"]["change_in_region_by_state_m3"][-1])
 
 
 def _measure_between(
     own: Mapping[str, _Entry], first: _Entry, state: _Entry, region_m: Sequence[float], out: Path
 ) -> tuple[Change | None, float]:
-    """The change from one pair to another, None if too little is known, and the share of the region that is."""
+    """The change from one pair to another, None if too little is known, and the known share of the region."""
     heights = [_read_map(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state)]
     grid = Grid(first["cell_m"], first["rows"], first["columns"], *first["origin_m"])
     region = find_region_cells(grid, region_m)

@@ -1,4 +1,4 @@
-"""The ground under a round footprint that is centred on each cell of an elevation model: slope, roughness, shares.
+"""Slope, roughness and shares of the ground under a round footprint around each cell of an elevation model.
 
 Planes are fitted by least squares to the known cells of the footprint, from sums that are filters of the heights. The
 coordinates of these sums are centred on the footprint, so nothing cancels.
@@ -13,10 +13,10 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Fewest known cells of a footprint through which a plane is fitted.
-_FEWEST = 4
-#: The least determinant of the spread of the cells, over the square of its trace: through a line goes no one plane.
-_LINE = 1e-6
+#: Fewest known cells of a footprint for a plane.
+_FEWEST_PLANE_CELLS = 4
+#: Least determinant of the cells' spread, over the square of its trace. Cells along a line determine no plane.
+_LEAST_SPREAD = 1e-6
 
 
 @dataclass(frozen=True)
@@ -25,30 +25,32 @@ class Planes:
 
     slope_deg: Array
     roughness_m: Array  # root mean square distance of the heights from the plane, along z
-    middle_m: Array  # height of the plane in the middle of the footprint
-    east_slope: Array  # rise of the plane per metre eastward
-    north_slope: Array  # and northward
+    middle_m: Array  # height of the plane at the middle of the footprint
+    east_slope: Array  # rise of the plane per metre to the east
+    north_slope: Array  # rise of the plane per metre to the north
 
 
 def make_disc(diameter_m: float, cell_m: float) -> Array:
-    """Cells, 1.0 or 0.0, of a disc on a square of an odd number of cells; its centre always is."""
+    """A disc as cells with 1.0 inside and 0.0 outside, on a square of an odd number of cells; its centre is inside."""
     reach = max(0, int(np.floor(diameter_m / 2 / cell_m + 1e-9)))
     north, east = np.mgrid[-reach : reach + 1, -reach : reach + 1] * cell_m
     return np.asarray((east**2 + north**2 <= (diameter_m / 2) ** 2 * (1 + 1e-9)), np.float64)
 
 
 def sum_under_footprint(values: Array, weights: Array) -> Array:
-    """The sum of values (rows, columns) under the footprint ``weights`` around each cell; beyond the border is 0."""
+    """The sum of values (rows, columns) under the footprint ``weights`` around each cell. Cells beyond the border count
+    as 0.
+    """
     return np.asarray(cv2.filter2D(values.astype(np.float64), cv2.CV_64F, weights, borderType=cv2.BORDER_CONSTANT))
 
 
 def fit_planes(height_m: Array, cell_m: float, diameter_m: float) -> Planes:
-    """Fit a plane by least squares to the known heights in a disc around each cell; NaN where there are too few."""
+    """Fit a plane by least squares to the known heights in a disc around each cell; NaN with too few heights."""
     shape = make_disc(diameter_m, cell_m)
     reach = shape.shape[0] // 2
     v, u = (
         np.mgrid[-reach : reach + 1, -reach : reach + 1] * cell_m
-    )  # row 0 is north: v points south, slopes do not care
+    )  # row 0 is north, so v points south, which leaves slopes the same
     known = np.isfinite(height_m)
     middle = float(np.mean(height_m[known])) if known.any() else 0.0
     mask, z = known.astype(np.float64), np.where(known, height_m - middle, 0.0)
@@ -61,7 +63,7 @@ def fit_planes(height_m: Array, cell_m: float, diameter_m: float) -> Planes:
     cuu, cuv, cvv = suu - su * su / count, suv - su * sv / count, svv - sv * sv / count
     cuz, cvz, czz = suz - su * sz / count, svz - sv * sz / count, szz - sz * sz / count
     determinant = cuu * cvv - cuv * cuv
-    fits = (np.rint(n) >= _FEWEST) & (determinant > _LINE * (cuu + cvv) ** 2)
+    fits = (np.rint(n) >= _FEWEST_PLANE_CELLS) & (determinant > _LEAST_SPREAD * (cuu + cvv) ** 2)
     safe = np.where(fits, determinant, 1.0)
     a, b = (cuz * cvv - cvz * cuv) / safe, (cvz * cuu - cuz * cuv) / safe
     residual = np.maximum(czz - a * cuz - b * cvz, 0.0)
@@ -74,9 +76,12 @@ def fit_planes(height_m: Array, cell_m: float, diameter_m: float) -> Planes:
     )
 
 
-def share_under_footprint(mask: Array, cell_m: float, diameter_m: float, among: Array | None = None) -> Array:
-    """The share of the cells under each footprint where ``mask`` is true, or its mean value. If ``among`` is given,
-    only its cells count, and footprints without any are NaN. Cells beyond the border count as false."""
+def average_under_footprint(mask: Array, cell_m: float, diameter_m: float, among: Array | None = None) -> Array:
+    """The share of the cells under each footprint where ``mask`` is true, or its mean value.
+
+    With ``among``, only its cells count, and footprints without such cells are NaN. Cells beyond the border count as
+    false.
+    """
     shape = make_disc(diameter_m, cell_m)
     if among is None:
         return np.clip(sum_under_footprint(mask.astype(np.float64), shape) / shape.sum(), 0.0, 1.0)
@@ -85,8 +90,8 @@ def share_under_footprint(mask: Array, cell_m: float, diameter_m: float, among: 
     return np.clip(np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0), 0.0, 1.0)
 
 
-def distance_to_nearest_m(mask: Array, cell_m: float) -> Array:
-    """The distance of each cell's centre to the nearest cell where ``mask`` is true, metres; infinite if none is."""
+def measure_distance_to_nearest_m(mask: Array, cell_m: float) -> Array:
+    """The distance of each cell's centre to the nearest cell where ``mask`` is true, m; infinite without such cells."""
     if not mask.any():
         return np.full(mask.shape, np.inf)
     free = (~mask).astype(np.uint8)

@@ -1,8 +1,8 @@
-"""Which fault of a joint a matcher's pose of the scoop shows: measured on pairs with a joint off by a known angle.
+"""The faults of joints that a matcher's pose of the scoop shows, measured on pairs with a joint off by a known angle.
 
 The score of a pair is the distance of the found scoop from its mean place in the pairs without a fault that have the
-same commanded angles. The mean takes away the constant error of a matcher. The limit beyond which a score means a fault
-is exceeded by 5 of 100 pairs without one: each of these is scored against the mean of the others.
+same commanded angles. The mean removes the constant error of a matcher. A score above the limit means a fault; 5 of 100
+pairs without a fault exceed it. Each pair without a fault is scored against the mean of the others.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from ...support.arrays import Array
 from ...support.number_text import format_count
 from ..matchers.methods import describe_method
 
-#: Fewest pairs without a fault from which a limit is computed.
-FEWEST_SOUND = 6
-#: The 95 % quantile of Student's t by its degrees of freedom; between two entries the lower one counts, to be safe.
-_T95 = {5: 2.015, 6: 1.943, 7: 1.895, 8: 1.860, 9: 1.833, 10: 1.812, 15: 1.753, 20: 1.725, 30: 1.697}
-#: Angles this near are the same, degrees.
-_SAME_DEG = 1e-4
+#: Fewest pairs without a fault for a limit.
+FEWEST_FAULTLESS_PAIRS = 6
+#: The 95 % quantile of Student's t by degrees of freedom; between two entries the lower one counts, to be safe.
+_STUDENT_T_95 = {5: 2.015, 6: 1.943, 7: 1.895, 8: 1.860, 9: 1.833, 10: 1.812, 15: 1.753, 20: 1.725, 30: 1.697}
+#: Angles that differ by less than this are equal, degrees.
+_ANGLE_TOLERANCE_DEG = 1e-4
 _Entry = Mapping[str, Any]
 
 
@@ -58,15 +58,15 @@ def _find_by_method(
     sound: dict[str, list[Array]] = {}
     for pair, place in own.items():
         if not off[pair] and place is not None:
-            sound.setdefault(_commanded_key(joints[pair]), []).append(np.array(place))
+            sound.setdefault(_make_commanded_key(joints[pair]), []).append(np.array(place))
     scores = np.array([score for places in sound.values() for score in _score_leaving_one_out(places)])
     limit = _find_fault_limit(scores)
     found = []
     for joint in names:
         angles: dict[float, list[float]] = {}
         for pair, place in own.items():
-            if list(off[pair]) == [joint] and _commanded_key(joints[pair]) in sound:
-                middle = np.mean(sound[_commanded_key(joints[pair])], axis=0)
+            if list(off[pair]) == [joint] and _make_commanded_key(joints[pair]) in sound:
+                middle = np.mean(sound[_make_commanded_key(joints[pair])], axis=0)
                 score = -math.inf if place is None else float(np.linalg.norm(np.array(place) - middle))
                 angles.setdefault(abs(off[pair][joint]), []).append(score)
         found.append(
@@ -81,8 +81,8 @@ def _find_by_method(
                 if limit is not None
                 else f"By {describe_method(label)} it cannot be given which fault is noticed: "
                 f"{format_count(len(scores), 'pair')} without a fault, at "
-                f"the commanded angles of those with one, show the scoop, and it takes {FEWEST_SOUND}; add some "
-                "with other noise, as datasets/arm_faults has.",
+                f"the commanded angles of those with one, show the scoop, and it takes {FEWEST_FAULTLESS_PAIRS}; add "
+                "some with other noise, as datasets/arm_faults has.",
             }
         )
     return found
@@ -93,7 +93,7 @@ def _measure_rates(angles: Mapping[float, Sequence[float]], sound: Array, limit:
         {
             "deg": angle,
             "pairs": len(scores),
-            "roc_area": roc_area(np.array(scores), sound),
+            "roc_area": compute_roc_area(np.array(scores), sound),
             "noticed": None if limit is None else float((np.array(scores) > limit).mean()),
         }
         for angle, scores in sorted(angles.items())
@@ -104,12 +104,13 @@ def _measure_rates(angles: Mapping[float, Sequence[float]], sound: Array, limit:
             break
         surely = rate["deg"]
     every = np.array([score for scores in angles.values() for score in scores])
-    return {"angles": rates, "noticed_from_deg": surely, "roc_area": roc_area(every, sound)}
+    return {"angles": rates, "noticed_from_deg": surely, "roc_area": compute_roc_area(every, sound)}
 
 
-def roc_area(scores: Array, sound: Array) -> float | None:
-    """The area under the ROC curve: the chance that a pair with a fault (n,) scores more than one without (m,); equal
-    scores count half (Mann and Whitney). None without either."""
+def compute_roc_area(scores: Array, sound: Array) -> float | None:
+    """The area under the ROC curve: the probability that a pair with a fault (n,) scores more than a pair without (m,);
+    equal scores count half (Mann and Whitney). None without either kind.
+    """
     if not (len(scores) and len(sound)):
         return None
     above = scores[:, None] > sound
@@ -117,24 +118,25 @@ def roc_area(scores: Array, sound: Array) -> float | None:
 
 
 def _score_leaving_one_out(places: Sequence[Array]) -> list[float]:
-    """Distance of each place (3,) from the mean of the others."""
+    """Distance of each place (3,) from the mean of the other places."""
     total, count = np.sum(places, axis=0), len(places)
     return [float(np.linalg.norm(place - (total - place) / (count - 1))) for place in places] if count > 1 else []
 
 
 def _find_fault_limit(scores: Array) -> float | None:
-    """The limit that one more score exceeds in 5 of 100 cases, by Student's t of the scores' mean and deviation; None
-    for fewer than FEWEST_SOUND scores."""
-    if len(scores) < FEWEST_SOUND:
+    """The limit that a further score exceeds in 5 of 100 cases, by Student's t of the scores' mean and deviation; None
+    for fewer than ``FEWEST_FAULTLESS_PAIRS`` scores.
+    """
+    if len(scores) < FEWEST_FAULTLESS_PAIRS:
         return None
     free = len(scores) - 1
-    factor = _T95[max(key for key in _T95 if key <= free)]
+    factor = _STUDENT_T_95[max(key for key in _STUDENT_T_95 if key <= free)]
     return float(scores.mean() + factor * scores.std(ddof=1) * math.sqrt(1 + 1 / len(scores)))
 
 
 def _read_faults(stated: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    return {joint: angle for joint, angle in stated["fault"].items() if abs(angle) > _SAME_DEG}
+    return {joint: angle for joint, angle in stated["fault"].items() if abs(angle) > _ANGLE_TOLERANCE_DEG}
 
 
-def _commanded_key(stated: Mapping[str, Mapping[str, float]]) -> str:
+def _make_commanded_key(stated: Mapping[str, Mapping[str, float]]) -> str:
     return repr(sorted(stated["commanded"].items()))

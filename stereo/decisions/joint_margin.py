@@ -1,4 +1,4 @@
-"""How far the joints of the lander's arm are from their limits with its scoop on each cell."""
+"""Margins of the lander's arm joints to their limits, with the scoop on each cell."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from ...physics.arm.parametric_arm import find_joint_margin, make_parametric_arm
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 
-#: Margin of every joint while nothing states an arm: more than any rule asks for.
-_ANYWHERE_DEG = 180.0
+#: Margin of each joint without a stated arm: more than any rule requires.
+_UNLIMITED_MARGIN_DEG = 180.0
 
 
 def has_arm(settings: Settings) -> bool:
-    """Whether the settings state an arm whose reach is known, so that some ground is out of it: not the user's own."""
+    """Whether the settings state an arm with a known reach: a shipped arm, not the user's own."""
     return settings.lander.kind == "PARAMETRIC"
 
 
 def find_joint_margins_deg(settings: Settings, site_m: float, east_m: Array, north_m: Array, height_m: Array) -> Array:
-    """The smallest distance of a joint to its limit, degrees (rows, columns); NaN out of reach or of unknown height.
+    """The smallest distance of a joint to its limit (rows, columns), degrees; NaN out of reach and for an unknown
+    height.
 
     ``site_m`` is the height of the ground under the left camera, on which the lander stands.
     """
@@ -29,6 +30,6 @@ def find_joint_margins_deg(settings: Settings, site_m: float, east_m: Array, nor
             find_joint_margin(make_parametric_arm(settings, site_m), east_m[known], north_m[known], height_m[known])
         )
         if has_arm(settings)
-        else _ANYWHERE_DEG
+        else _UNLIMITED_MARGIN_DEG
     )
     return found

@@ -1,8 +1,8 @@
-"""Albedo and share of salt of the cells of a workspace: from the truth, and as a lander finds them in its left image.
+"""Albedo and share of salt of a workspace's cells: from the truth, and as a lander finds them in its left image.
 
-A lander knows the light of the Sun, its camera's response and the slopes of its own elevation model. The albedo that it
-finds is that of Lambert ground: A = π L / (E cos i). Shares of salt come from colours: the light of a mixture by area
-is a sum of the light of its parts, so R, G and B give the amounts of ice and of salt by least squares. The colours of
+A lander knows the light of the Sun, its camera's response and the slopes of its own elevation model. The found albedo
+is the one of Lambert ground: A = π L / (E cos i). Shares of salt come from colours: the light of a mixture by area is
+the sum of the light of its parts, so R, G and B give the amounts of ice and of salt by least squares. The colours of
 both are known.
 """
 
@@ -25,30 +25,32 @@ from ..images.develop import Channels, DevelopedImages
 from .dem import Grid, mean_by_cell
 from .footprints import Planes
 
-#: The least angle between the colours of ice and salt that tells them apart, radians: noise of 1 % turns a share of it
-#: by a half.
-_LEAST_ANGLE = 0.02
-#: Below this cosine of incidence the slope decides what the albedo is.
-_GRAZING = 0.1
+#: Least angle between the colours of ice and salt for a share of salt, rad. At this angle noise of 1 % changes the
+#: share by a half.
+_LEAST_COLOUR_ANGLE_RAD = 0.02
+#: Least cosine of incidence for an albedo; below it an error of the slope would decide the albedo.
+_LEAST_INCIDENCE_COSINE = 0.1
 
 
 @dataclass(frozen=True)
 class Materials:
-    """``albedo``, the mean of the bands, and ``salt``, the share of the area, of cells (rows, columns); NaN where they
-    are not known."""
+    """``albedo``, the mean of the bands, and ``salt``, the share of the area, of cells (rows, columns); NaN where
+    unknown.
+    """
 
     albedo: Array
     salt: Array
 
 
-def from_truth(maps: Array) -> Materials:
-    """Of the file ``workspace_cells.MATERIALS_FILE``, (4, rows, columns)."""
+def make_true_materials(maps: Array) -> Materials:
+    """The materials in the maps (4, rows, columns) of the file ``workspace_cells.MATERIALS_FILE``."""
     return Materials(maps[:3].mean(axis=0), maps[3])
 
 
-def white_radiance(images: DevelopedImages, settings: Settings) -> Array:
-    """W/(m² sr) of white ground that gives what the left image has, (H, W), or (H, W, 3) of a colour sensor; NaN at the
-    top of the image, where there may be more."""
+def compute_white_radiance(images: DevelopedImages, settings: Settings) -> Array:
+    """Radiance, W/(m² sr), of white ground that gives the values of the left image, (H, W), or (H, W, 3) of a colour
+    sensor; NaN where the image is saturated.
+    """
     seen = images.seen("left").astype(np.float64)
     black = black_dn(settings.sensor) if len(images.frames) == 1 else 0.0
     top = 2.0**images.bits - 1
@@ -65,19 +67,20 @@ def measure(
     irradiance: float,
     settings: Settings,
 ) -> Materials:
-    """What a lander finds from ``white_radiance`` in sunlit pixels, NaN in the others.
+    """The materials that a lander finds from ``white``, the result of ``compute_white_radiance``, with NaN outside
+    sunlit pixels.
 
     ``index`` (n,) are the flat indices of the pixels whose points are ``position_m`` (n, 3). ``planes`` lie under each
-    cell, and ``irradiance`` is the Sun's on ground that faces it, W/m².
+    cell. ``irradiance`` is the Sun's on ground that faces it, W/m².
     """
     channels = [_mean(one.ravel()[index], position_m, grid) for one in np.atleast_3d(white).transpose(2, 0, 1)]
     east, north, up = (float(each) for each in toward_sun)
     facing = up - planes.east_slope * east - planes.north_slope * north
     cosine = facing / np.hypot(1.0, np.hypot(planes.east_slope, planes.north_slope))
-    lit = np.where(cosine > _GRAZING, cosine, np.nan)
-    of_white = _seen((1.0, 1.0, 1.0), settings)[:, None, None]
+    lit = np.where(cosine > _LEAST_INCIDENCE_COSINE, cosine, np.nan)
+    of_white = _compute_channel_signals((1.0, 1.0, 1.0), settings)[:, None, None]
     albedo = math.pi * np.mean(channels / of_white, axis=0) / (irradiance * lit)
-    return Materials(albedo, _salt_share(np.array(channels), settings))
+    return Materials(albedo, _find_salt_share(np.array(channels), settings))
 
 
 def _mean(values: Array, position_m: Array, grid: Grid) -> Array:
@@ -85,11 +88,15 @@ def _mean(values: Array, position_m: Array, grid: Grid) -> Array:
     return mean_by_cell(position_m[known], values[known], grid)
 
 
-def _salt_share(channels: Array, settings: Settings) -> Array:
-    """The share of salt (rows, columns) from the signals (channels, rows, columns); NaN where they do not tell it."""
-    ice, salt = (_seen(bands, settings) for bands in ice_and_salt_bands(settings.surface, settings.hapke))
+def _find_salt_share(channels: Array, settings: Settings) -> Array:
+    """The share of salt (rows, columns) from the signals (channels, rows, columns); NaN where they do not
+    determine it.
+    """
+    ice, salt = (
+        _compute_channel_signals(bands, settings) for bands in ice_and_salt_bands(settings.surface, settings.hapke)
+    )
     angle = math.atan2(float(np.linalg.norm(np.cross(ice, salt))), float(ice @ salt)) if len(ice) == 3 else 0.0
-    if len(channels) != 3 or angle < _LEAST_ANGLE:
+    if len(channels) != 3 or angle < _LEAST_COLOUR_ANGLE_RAD:
         return np.full(channels.shape[1:], np.nan)
     parts = np.tensordot(np.linalg.pinv(np.stack([ice, salt], axis=1)), channels, axes=1)
     of_ice, of_salt = np.maximum(parts, 0.0)
@@ -97,13 +104,13 @@ def _salt_share(channels: Array, settings: Settings) -> Array:
     return np.asarray(np.divide(of_salt, total, out=np.full(total.shape, np.nan), where=total > 0))
 
 
-def _seen(bands: Bands, settings: Settings) -> Array:
-    """What the channels of a camera show of sunlit ground of these reflectances, relative to white ground."""
+def _compute_channel_signals(bands: Bands, settings: Settings) -> Array:
+    """The signals of a camera's channels for sunlit ground with these reflectances, relative to white ground."""
     channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
     light: Any = np.array(bands) * sun_colour(settings.light.sun_temperature_k)
     return np.array([plane[0, 0] for plane in channels.planes(light[None, None])]) * channels.gains
 
 
-def sun_irradiance(irradiance_wm2: float, settings: Settings) -> float:
+def scale_sun_irradiance(irradiance_wm2: float, settings: Settings) -> float:
     """The Sun's irradiance on ground that faces it, scaled by ``light.sun_scale``, W/m²."""
     return irradiance_wm2 * float(settings.light[LIGHT_GROUPS["Sun"]])

@@ -9,7 +9,7 @@ from ...support.arrays import Array
 from .dug_volume import Detection
 from .workspace import DecisionMaps, Workspace
 
-#: What became of a cell: its name and its RGB colour, distinct for colour-blind eyes.
+#: Outcomes of a cell: name and RGB colour, distinct for colour-blind eyes.
 OUTCOMES = (
     ("safe and taken for safe", (0, 158, 115)),
     ("unsafe, but taken for safe", (213, 60, 0)),
@@ -17,8 +17,8 @@ OUTCOMES = (
     ("unsafe and known as that", (111, 127, 143)),
     ("out of reach or beyond the map", (205, 211, 218)),
 )
-#: Names and BGR colours of the cells of a single map: safe, or the rule that fails first.
-CODES = (
+#: Names and BGR colours of the cells of a single map: safe, or the first rule that fails.
+RULE_COLOURS = (
     ("safe", (0, 158, 115)),
     ("not known", (60, 66, 74)),
     ("too steep", (192, 105, 160)),
@@ -30,10 +30,10 @@ CODES = (
     ("too bright", (240, 228, 66)),
     ("too little salt", (150, 190, 120)),
 )
-#: Height error, metres, with the full colour: from blue (too low) over white to red (too high).
-FULL_M = 0.05
+#: Height error, m, with the saturated colour: from blue (too low) over white to red (too high).
+SATURATED_ERROR_M = 0.05
 _LOW, _RIGHT, _HIGH, _UNKNOWN = (0x2B, 0x5F, 0xC4), (0xF4, 0xF4, 0xF4), (0xC4, 0x2B, 0x2B), (150, 150, 150)
-#: Side of a picture, pixels, about.
+#: Approximate side of a picture, px.
 _SIDE_PX = 360
 
 
@@ -46,30 +46,33 @@ def draw_outcomes(workspace: Workspace, found: DecisionMaps) -> Array:
 
 def draw_failed_rules(maps: DecisionMaps, inside: Array) -> Array:
     """BGR picture of the safe cells and the failed rule of the others; cells beyond ``inside`` are out of reach."""
-    return _enlarge(_colour_classes(np.where(inside, maps.sites.failed, 5), CODES))
+    return _enlarge(_colour_classes(np.where(inside, maps.sites.failed, 5), RULE_COLOURS))
 
 
 def draw_height_errors(workspace: Workspace, found: DecisionMaps) -> Array:
-    """BGR picture of the height error of each cell: red too high, blue too low, grey not known."""
+    """BGR picture of the height error of each cell: red too high, blue too low, grey unknown."""
     return _draw_signed(found.dem.height_m - workspace.truth.dem.height_m)
 
 
 def draw_changes(found: Detection) -> Array:
     """BGR picture of the cells that changed beyond their level of detection: blue lower than before, red higher, white
-    no change beyond it, grey not known."""
+    unchanged, grey unknown.
+    """
     risen = -np.where(found.significant | np.isnan(found.changed_m), found.changed_m, 0.0)
     return _draw_signed(risen)
 
 
 def _draw_signed(metres: Array) -> Array:
-    amount = np.clip(np.abs(np.nan_to_num(metres)) / FULL_M, 0, 1)[..., None]
+    amount = np.clip(np.abs(np.nan_to_num(metres)) / SATURATED_ERROR_M, 0, 1)[..., None]
     end = np.where((np.nan_to_num(metres) > 0)[..., None], _HIGH, _LOW)
     rgb = np.rint(_RIGHT + amount * (end - np.array(_RIGHT)))
     return _enlarge(np.where(np.isnan(metres)[..., None], _UNKNOWN, rgb).astype(np.uint8)[..., ::-1])
 
 
 def add_ring(picture: Array, place: list[int] | None, shape: tuple[int, ...], disc_m: float, cell_m: float) -> Array:
-    """The picture with a ring around the site at a row and column of a map of this ``shape``; itself without one."""
+    """The picture with a ring around the site at ``place`` (row, column) of a map of this ``shape``; unchanged without
+    a site.
+    """
     if place is None:
         return picture
     scale = picture.shape[0] / shape[0]

@@ -1,4 +1,4 @@
-"""Writing decisions: JSON, CSV, and a page with what an engineer asks first, tables, ROC curves and maps."""
+"""Writes decisions as JSON, as CSV, and as a page with the main results, tables, ROC curves and maps."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from ..inference import typical_scene
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN, average_by_scene, find_mean_intervals
 from ..matchers.methods import describe_method
 from ..measure.render_noise import BAKE, DECIDES, UNKNOWN
-from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
+from ..report.charts import METHOD_COLOURS, STYLE, add_legend, make_figure, render_svg
 from ..report.page_templates import read_template
 from ..report.pictures import embed_picture
 from ..report.table_columns import Column, format_interval, format_number
 from . import pictures
-from .rules import SHIPPED, Rules
-from .scores import ROC_AT
+from .rules import SHIPPED_RULES, Rules
+from .scores import ROC_FALSE_SAFE_SHARES
 from .stored_maps import TRUE_DEPTH
 
-#: Rows, facts of pairs or entries of the summary, as ``decisions.json`` has them.
+#: Rows, facts of pairs, or entries of the summary, as ``decisions.json`` contains them.
 _Entries = Sequence[Mapping[str, Any]]
 FORMAT = "icymoon-decisions"
 VERSION = 1
-#: The files beside ``pairs/``, and how each begins.
-OPENINGS = {
+#: The files beside ``pairs/``, and the first bytes of each.
+FIRST_BYTES = {
     "decisions.jsonl": b'{"pair": ',
     "decisions.csv": b"pair,method,status,",
     "decisions.json": b'{\n "format": "icymoon-decisions',
@@ -44,15 +44,15 @@ OPENINGS = {
 }
 #: Most pairs whose maps the page contains.
 MOST_PAIRS = 12
-_MM = 1000.0
+_MM_PER_M = 1000.0
 #: Litres in a cubic metre.
-_LITRES = 1000.0
-#: Share of the cells that the true depth knows below which cells are too small for the images.
-_FEW_KNOWN = 0.5
-#: Share of the ground in reach that is hardly any of it: what a smaller part of it is tells little.
-_HARDLY = 0.005
-#: The numbers of a row, by their path in it: the columns of the tables.
-DEM = (
+_LITRES_PER_M3 = 1000.0
+#: Share of the cells known to the true depth below which the cells are too small for the images.
+_LEAST_KNOWN_SHARE = 0.5
+#: Share of the ground in reach below which a part of it is too small to give results.
+_LEAST_GROUND_SHARE = 0.005
+#: The numbers of a row by their path in it, which are the columns of the tables.
+DEM_COLUMNS = (
     Column("dem.bias_m", "Bias", "mm", 1, "mean height error of the cells in reach that the left image shows"),
     Column("dem.rmse_m", "RMSE", "mm", 1, "root mean square height error"),
     Column("dem.nmad_m", "NMAD", "mm", 1, "1.4826 times the median distance from the median error"),
@@ -62,7 +62,7 @@ DEM = (
     Column("dem.slope_rmse_deg", "Slope", "°", 2, "root mean square error of the slope under the footprint"),
     Column("dem.roughness_rmse_m", "Roughness", "mm", 1, "root mean square error of the roughness"),
 )
-SITES = (
+SITE_COLUMNS = (
     Column("sites.taken", "Taken", "%", 1, "share of the cells in reach that are taken for safe"),
     Column("sites.false_safe", "Of these unsafe", "%", 1, "of the cells taken for safe, those that are not"),
     Column("sites.safe_lost", "Safe lost", "%", 1, "of the safe cells, those that are not taken"),
@@ -72,7 +72,7 @@ SITES = (
     Column("sites.unsafe_choice", "Choice unsafe", "%", 0, "pairs where the chosen site is not safe"),
     Column("sites.no_site", "None chosen", "%", 0, "pairs where none is chosen although there is one"),
 )
-OTHERS = (
+OTHER_COLUMNS = (
     Column("pads.false_safe", "Pads: unsafe", "%", 1, "of the places taken for safe, those that are not"),
     Column("pads.safe_lost", "Pads: lost", "%", 1, "of the places safe for a pad, those that are not taken"),
     Column("cpu_s.match", "Matching", "s", 2, "processor seconds a pair"),
@@ -98,25 +98,25 @@ SCOOP_COLUMNS = (
         "of the cells in reach that the left image shows, those that only the pixels left out know",
     ),
 )
-MATERIALS = (
+MATERIAL_COLUMNS = (
     Column("materials.albedo_bias", "Albedo: bias", "", 3, "mean error of the albedo of the footprints in reach"),
     Column("materials.albedo_rmse", "Albedo: RMSE", "", 3, "root mean square error of it"),
     Column("materials.salt_bias", "Salt: bias", "%", 1, "mean error of the share of salt"),
     Column("materials.salt_rmse", "Salt: RMSE", "%", 1, "root mean square error of it"),
 )
-COLUMNS = (*DEM, *SITES, *OTHERS, *SCOOP_COLUMNS, *MATERIALS)
-#: Numbers from 0 to 1 beside those in %.
-_SHARES = ("sites.average_precision", "sites.roc_area", "sites.regret")
-_INTERVALS = (
+COLUMNS = (*DEM_COLUMNS, *SITE_COLUMNS, *OTHER_COLUMNS, *SCOOP_COLUMNS, *MATERIAL_COLUMNS)
+#: Numbers from 0 to 1 that are shown as they are, without %.
+_PLAIN_SHARES = ("sites.average_precision", "sites.roc_area", "sites.regret")
+_INTERVALS_TEXT = (
     f"of shares from 2 scenes on, of other means from {FEWEST_FOR_MEAN} scenes on, approximate below {FEWEST_EXACT}"
 )
-#: By what methods are compared; less is better but for those of _MORE.
-_COMPARED = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "dem.rmse_m")
-_MORE = ("sites.average_precision",)
+#: Numbers by which methods are compared. Less is better, except for the ones of _MORE_IS_BETTER.
+_COMPARED_NUMBERS = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "dem.rmse_m")
+_MORE_IS_BETTER = ("sites.average_precision",)
 
 
 def read_number(row: Mapping[str, Any], column: Column) -> float:
-    """The number of a row, NaN where it is undefined."""
+    """A number of a row, NaN if it is undefined."""
     table, _, key = column.key.partition(".")
     numbers = row["numbers"]
     value = None if numbers is None else numbers.get(table, {}).get(key)
@@ -134,13 +134,13 @@ def write_decisions(
     failed: _Entries,
     provenance: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Write ``decisions.csv``, ``.json`` and ``.html``; return what is in the JSON.
+    """Write ``decisions.csv``, ``.json`` and ``.html``; return the content of the JSON.
 
     ``rows`` are of all pairs by all ``labels``, pair by pair. Pairs that contradict themselves count in no mean.
     """
     summary = summarise(rows, facts, labels)
     found = compare_methods(rows, facts, labels, int(provenance["seed"]))
-    head = [*head_sentences(summary, facts), *_volume_sentences(progress), *_fault_sentences(faults)]
+    head = [*make_head_sentences(summary, facts), *_make_volume_sentences(progress), *_make_fault_sentences(faults)]
     notes = [
         *find_notes(rows, facts),
         *(note for entry in progress for note in entry["notes"]),
@@ -161,7 +161,7 @@ def write_decisions(
             **provenance,
             "icymoon": version(),
             "created": datetime.now(UTC).isoformat(" ", "seconds"),
-            "intervals": f"95 %, over scenes: {_INTERVALS}",
+            "intervals": f"95 %, over scenes: {_INTERVALS_TEXT}",
         },
         "rows": list(rows),
     }
@@ -172,7 +172,7 @@ def write_decisions(
 
 
 def _make_number_matrix(rows: _Entries, facts: _Entries, label: str) -> tuple[Array, Array]:
-    """Numbers (pairs, columns) of a method on the pairs that count, and the scene of each."""
+    """Numbers (pairs, columns) of a method on the pairs without contradictions, and the scene of each pair."""
     scene_of = {fact["pair"]: fact["scene"] for fact in facts}
     own = [row for row in rows if row["method"] == label and row["status"] == "ok" and row["pair"] in scene_of]
     names = sorted({scene_of[row["pair"]] for row in own})
@@ -217,7 +217,7 @@ def summarise(rows: _Entries, facts: _Entries, labels: Sequence[str]) -> list[di
 
 def is_share(column: Column) -> bool:
     """Whether a number is a share, from 0 to 1."""
-    return column.unit == "%" or column.key in _SHARES
+    return column.unit == "%" or column.key in _PLAIN_SHARES
 
 
 def _none_if_not_finite(value: float) -> float | None:
@@ -225,15 +225,16 @@ def _none_if_not_finite(value: float) -> float | None:
 
 
 def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed: int) -> list[dict[str, Any]]:
-    """Which matchers differ by a decision in the typical scene: paired over scenes, as one family for each number, see
-    ``inference.typical_scene``. Only what was found, the better one first, with the typical difference."""
+    """The significant differences between matchers in the typical scene, paired over scenes, as one family for each
+    number (see ``inference.typical_scene``). The better matcher comes first, with the typical difference.
+    """
     matchers = list(labels[1:])
-    chosen = typical_scene.list_comparisons(len(matchers))
+    chosen = typical_scene.list_method_pairs(len(matchers))
     scene_of = {fact["pair"]: fact["scene"] for fact in facts}
     found: list[dict[str, Any]] = []
     if not chosen:
         return found
-    for key in _COMPARED:
+    for key in _COMPARED_NUMBERS:
         column = next(each for each in COLUMNS if each.key == key)
         of = {(row["pair"], row["method"]): read_number(row, column) for row in rows if row["status"] == "ok"}
         pairs = sorted(scene_of, key=lambda pair: scene_of[pair])
@@ -245,7 +246,7 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
         family = typical_scene.compare_in_typical_scene(average_by_scene(values, scenes), seed)
         for k, (i, j) in enumerate(chosen):
             if family.found[k]:
-                first = (family.typical[k] < 0) != (key in _MORE)
+                first = (family.typical[k] < 0) != (key in _MORE_IS_BETTER)
                 found.append(
                     {
                         "metric": key,
@@ -260,8 +261,8 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
     return found
 
 
-def head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
-    """What an engineer asks first, a sentence per method, and only what the numbers carry."""
+def make_head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
+    """The main results, one sentence per method, without claims that the numbers do not support."""
     heights = sorted({round(float(fact["sun_elevation_deg"])) for fact in facts})
     sun = (
         ""
@@ -272,44 +273,49 @@ def head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
             else f", with the Sun at {heights[0]}° to {heights[-1]}°"
         )
     )
-    return [sentence for entry in summary if (sentence := _head_sentence(entry, sun))]
+    return [sentence for entry in summary if (sentence := _make_head_sentence(entry, sun))]
 
 
-def _head_sentence(entry: Mapping[str, Any], sun: str) -> str:
-    if not entry["pairs"] or entry["dem.completeness"] is None:  # the second: no image shows ground in reach
+def _make_head_sentence(entry: Mapping[str, Any], sun: str) -> str:
+    # Without a second number, no image shows ground in reach.
+    if not entry["pairs"] or entry["dem.completeness"] is None:
         return ""
     name = "the true depth" if entry["method"] == TRUE_DEPTH else describe_method(entry["method"])
     scenes = format_count(entry["scenes"], "scene")
     lost = entry["sites.safe_lost"]
     unsafe = entry["sites.false_safe"]
-    if unsafe is None or entry["sites.taken"] < _HARDLY:
+    if unsafe is None or entry["sites.taken"] < _LEAST_GROUND_SHARE:
         much = "no" if unsafe is None else "hardly any"
-        there = "" if entry["base_rate"] is None else f", although {_percent_text(entry['base_rate'])} of 100 are safe"
+        there = (
+            "" if entry["base_rate"] is None else f", although {_format_percent(entry['base_rate'])} of 100 are safe"
+        )
         return f"With {name}{sun}, {much} site looks safe{there} ({scenes})."
-    between = _interval_text(entry, "sites.false_safe")
+    between = _format_interval(entry, "sites.false_safe")
     return (
-        f"With {name}{sun}, {_percent_text(unsafe)} of 100 sites that look safe are not{between}"
-        f"{'' if lost is None else f', and {_percent_text(lost)} of 100 safe ones are lost'}; it would choose a "
+        f"With {name}{sun}, {_format_percent(unsafe)} of 100 sites that look safe are not{between}"
+        f"{'' if lost is None else f', and {_format_percent(lost)} of 100 safe ones are lost'}; it would choose a "
         "site in "
         f"{entry['chosen']} of {format_count(entry['pairs'], 'pair')}, an unsafe one in "
         f"{entry['unsafe_chosen']} ({scenes})."
     )
 
 
-def _interval_text(entry: Mapping[str, Any], key: str) -> str:
-    """The interval of a share over scenes, as ' (29 to 71)'; empty where there is none, as of one scene."""
+def _format_interval(entry: Mapping[str, Any], key: str) -> str:
+    """The interval of a share over scenes, such as ' (29 to 71)'; empty without an interval, as for one scene."""
     low, high = entry["intervals"][key]
     if low is None or high is None:
         return ""
     return f" ({100 * low:.0f} to {100 * high:.0f})"
 
 
-def _volume_sentences(progress: _Entries) -> list[str]:
-    """The smallest volume that each method notices, where null pairs tell it."""
+def _make_volume_sentences(progress: _Entries) -> list[str]:
+    """The smallest volume that each method notices, if null pairs give it."""
     said = []
     for entry in progress:
         if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH:
-            least, low, high = (show_rounded(_LITRES * value) for value in (entry["smallest_m3"], *entry["bounds_m3"]))
+            least, low, high = (
+                show_rounded(_LITRES_PER_M3 * value) for value in (entry["smallest_m3"], *entry["bounds_m3"])
+            )
             nulls = format_count(entry["null_pairs"], "pair")
             said.append(
                 f"With {describe_method(entry['method'])}, a dug volume is noticed from {least} L "
@@ -318,8 +324,8 @@ def _volume_sentences(progress: _Entries) -> list[str]:
     return said
 
 
-def _fault_sentences(faults: _Entries) -> list[str]:
-    """The fault of each joint from which on a method noticed every one, a sentence per method."""
+def _make_fault_sentences(faults: _Entries) -> list[str]:
+    """For each method a sentence: the fault of each joint from which on all faults were noticed."""
     found = []
     for method in dict.fromkeys(entry["method"] for entry in faults):
         own = [entry for entry in faults if entry["method"] == method and entry["limit_mm"] is not None]
@@ -340,23 +346,23 @@ def _fault_sentences(faults: _Entries) -> list[str]:
     return found
 
 
-def _percent_text(share: float) -> str:
+def _format_percent(share: float) -> str:
     return f"{100 * share:.0f}" if share == 0 or share >= 0.005 else "fewer than 1"
 
 
 def find_notes(rows: _Entries, facts: _Entries) -> list[str]:
-    """Sentences on what limits the numbers."""
+    """Sentences on the limits of the numbers."""
     advice = dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
     return [
-        *_notes_on_heights(rows, facts),
-        *_notes_on_noise(facts),
-        *_notes_on_pairs(rows, facts),
+        *_find_notes_on_heights(rows, facts),
+        *_find_notes_on_noise(facts),
+        *_find_notes_on_pairs(rows, facts),
         *advice,
-        *_notes_on_scenes(rows, facts),
+        *_find_notes_on_scenes(rows, facts),
     ]
 
 
-def _notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
+def _find_notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
     all_pairs = format_count(len(facts), "pair")
     unseen = sum(not fact["exact"] for fact in facts)
     if unseen:
@@ -372,7 +378,7 @@ def _notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
             "them, whatever the matcher; aim the camera at the workspace to judge sites."
         )
     known = [share for share in shown if share is not None]
-    if known and np.mean(known) < _FEW_KNOWN:
+    if known and np.mean(known) < _LEAST_KNOWN_SHARE:
         yield (
             f"Cells have too few pixels of these images: even the true depth knows only "
             f"{100 * np.mean(known):.0f} % of those that the left image shows; raise workspace.cell_m, or "
@@ -380,7 +386,7 @@ def _notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
         )
 
 
-def _notes_on_noise(facts: _Entries) -> Iterator[str]:
+def _find_notes_on_noise(facts: _Entries) -> Iterator[str]:
     all_pairs = format_count(len(facts), "pair")
     noises = [fact.get("noise") or {} for fact in facts]
     by_bake = sum(noise.get("verdict") == DECIDES and noise.get("larger") == BAKE for noise in noises)
@@ -401,7 +407,7 @@ def _notes_on_noise(facts: _Entries) -> Iterator[str]:
         )
 
 
-def _notes_on_pairs(rows: _Entries, facts: _Entries) -> Iterator[str]:
+def _find_notes_on_pairs(rows: _Entries, facts: _Entries) -> Iterator[str]:
     all_pairs = format_count(len(facts), "pair")
     suspect = sorted({row["pair"] for row in rows if row["status"] == "suspect"})
     if suspect:
@@ -419,7 +425,7 @@ def _notes_on_pairs(rows: _Entries, facts: _Entries) -> Iterator[str]:
         )
 
 
-def _notes_on_scenes(rows: _Entries, facts: _Entries) -> Iterator[str]:
+def _find_notes_on_scenes(rows: _Entries, facts: _Entries) -> Iterator[str]:
     scenes = len({fact["scene"] for fact in facts})
     matchers = len({row["method"] for row in rows} - {TRUE_DEPTH})
     if scenes < (needed := typical_scene.count_scenes_for_methods(matchers)):
@@ -455,8 +461,8 @@ def _render_page(
     rules: Rules,
     out: Path,
 ) -> str:
-    sources = parse_toml(read_text(SHIPPED))["sources"]
-    shipped = {part: parse_toml(read_text(SHIPPED))[part] for part in rules.to_json()}
+    sources = parse_toml(read_text(SHIPPED_RULES))["sources"]
+    shipped = {part: parse_toml(read_text(SHIPPED_RULES))[part] for part in rules.to_json()}
     stated = [
         (f"{part}.{key}", value, sources[f"{part}.{key}"] if shipped[part].get(key) == value else "Stated by --rules")
         for part, table in rules.to_json().items()
@@ -466,16 +472,16 @@ def _render_page(
     return read_template("decisions.html.j2", Path(__file__).parent).render(
         report=report,
         groups=(
-            ("Sites", SITES),
-            ("Elevation model", DEM),
-            ("Landing pads and cost", OTHERS),
-            *((("The arm", SCOOP_COLUMNS),) if _has(rows, "scoop") else ()),
-            *((("Albedo and salts", MATERIALS),) if _has(rows, "materials") else ()),
+            ("Sites", SITE_COLUMNS),
+            ("Elevation model", DEM_COLUMNS),
+            ("Landing pads and cost", OTHER_COLUMNS),
+            *((("The arm", SCOOP_COLUMNS),) if _has_numbers(rows, "scoop") else ()),
+            *((("Albedo and salts", MATERIAL_COLUMNS),) if _has_numbers(rows, "materials") else ()),
         ),
         cell=format_cell,
         bounds=_format_bounds,
         apart=_format_difference,
-        how=_INTERVALS if any(entry["scenes"] > 1 for entry in report["summary"]) else "",
+        how=_INTERVALS_TEXT if any(entry["scenes"] > 1 for entry in report["summary"]) else "",
         titles=titles,
         roc=_draw_roc(report["summary"]),
         rules=stated,
@@ -487,20 +493,20 @@ def _render_page(
         ],
         fault_angles=sorted({angle["deg"] for entry in report["faults"] for angle in entry["angles"]}),
         outcomes=pictures.OUTCOMES,
-        codes=pictures.CODES,
-        full_mm=pictures.FULL_M * _MM,
+        codes=pictures.RULE_COLOURS,
+        full_mm=pictures.SATURATED_ERROR_M * _MM_PER_M,
         pairs=[_make_pair_section(fact, rows, out) for fact in facts[:MOST_PAIRS]],
         more=max(0, len(facts) - MOST_PAIRS),
     )
 
 
-def _has(rows: _Entries, table: str) -> bool:
+def _has_numbers(rows: _Entries, table: str) -> bool:
     return any(row["numbers"] and table in row["numbers"] for row in rows)
 
 
 def _scale_to_unit(entry: Mapping[str, Any], column: Column) -> dict[str, Any]:
     value = entry[column.key]
-    return {column.key: value * _MM if value is not None and column.unit == "mm" else value}
+    return {column.key: value * _MM_PER_M if value is not None and column.unit == "mm" else value}
 
 
 def format_cell(entry: Mapping[str, Any], column: Column) -> str:
@@ -509,7 +515,7 @@ def format_cell(entry: Mapping[str, Any], column: Column) -> str:
 
 
 def _format_bounds(entry: Mapping[str, Any], column: Column) -> str:
-    factor = _MM if column.unit == "mm" else 1.0
+    factor = _MM_PER_M if column.unit == "mm" else 1.0
     low, high = (None if bound is None else factor * bound for bound in entry["intervals"][column.key])
     return format_interval([low, high], column)
 
@@ -517,7 +523,7 @@ def _format_bounds(entry: Mapping[str, Any], column: Column) -> str:
 def _format_difference(found: Mapping[str, Any]) -> str:
     """The typical difference of a comparison in the unit of its column, with its interval."""
     column = next(each for each in COLUMNS if each.key == found["metric"])
-    factor, unit = (_MM, " mm") if column.unit == "mm" else (1.0, " points" if column.unit == "%" else "")
+    factor, unit = (_MM_PER_M, " mm") if column.unit == "mm" else (1.0, " points" if column.unit == "%" else "")
     low, high = (format_number({column.key: factor * each}, column) for each in found["typical_interval"])
     return f"by {format_number({column.key: factor * found['typical']}, column)}{unit}, {low} to {high}"
 
@@ -549,11 +555,11 @@ def _draw_roc(summary: _Entries) -> str:
         for k, entry in enumerate(drawn):
             truth = entry is summary[0]
             axis.plot(
-                ROC_AT,
+                ROC_FALSE_SAFE_SHARES,
                 entry["roc"],
                 label=describe_method(entry["method"])[:24],
                 linestyle="--" if truth else "-",
-                color="#6f7f8f" if truth else COLOURS[(k - 1) % len(COLOURS)],
+                color="#6f7f8f" if truth else METHOD_COLOURS[(k - 1) % len(METHOD_COLOURS)],
             )
         axis.set_xlabel("Unsafe cells taken for safe (share)")
         axis.set_ylabel("Safe cells taken (share)")

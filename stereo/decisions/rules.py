@@ -12,7 +12,7 @@ from ...support.files import quote, read_text, shorten
 from ...support.foreign_bytes import describe_reason, parse_toml
 from ...support.suggestions import suggest_nearest
 
-SHIPPED = Path(__file__).with_suffix(".toml")
+SHIPPED_RULES = Path(__file__).with_suffix(".toml")
 
 
 @dataclass(frozen=True)
@@ -20,22 +20,22 @@ class SiteRules:
     """Limits of a safe site, over a disc around it; lengths in metres."""
 
     disc_m: float
-    slope_deg: float  # at most, of the plane under the disc
-    roughness_m: float  # at most, root mean square distance from that plane
-    rock_height_m: float  # anything that stands higher above the ground around it is a rock
-    rock_distance_m: float  # at least, to a rock
-    joint_margin_deg: float  # at least, of every joint of the arm to its limit
-    lit_share: float  # at least, of the disc
+    slope_deg: float  # most slope of the plane under the disc
+    roughness_m: float  # most root mean square distance from that plane
+    rock_height_m: float  # height above the ground around from which on an object is a rock
+    rock_distance_m: float  # least distance to a rock
+    joint_margin_deg: float  # least margin of each joint of the arm to its limit
+    lit_share: float  # least share of the disc in light
     lit_level: float  # share of the median level from which on a pixel is lit
-    known_share: float  # at least, of the cells of the disc
-    # Rules that are not asked unless a file states them.
-    least_albedo: float | None = None  # mean of the disc in even light, as the mean of the bands R, G, B
+    known_share: float  # least share of known cells in the disc
+    # Rules that apply only if a file states them.
+    least_albedo: float | None = None  # albedo of the disc in even light, as the mean of the bands R, G, B
     most_albedo: float | None = None
-    salt_share: float | None = None  # at least, of the disc
+    salt_share: float | None = None  # least share of the disc
 
     @property
-    def ask_materials(self) -> bool:
-        """Whether albedo or salts decide."""
+    def needs_materials(self) -> bool:
+        """Whether a rule is about albedo or salts."""
         return (self.least_albedo, self.most_albedo, self.salt_share) != (None, None, None)
 
 
@@ -57,24 +57,24 @@ class Rules:
     pad: PadRules
 
     def to_json(self) -> dict[str, dict[str, float]]:
-        """The rules that are asked, as tables."""
+        """The rules that apply, as tables."""
         tables: dict[str, dict[str, float | None]] = asdict(self)
         return {
             part: {key: value for key, value in table.items() if value is not None} for part, table in tables.items()
         }
 
 
-_PARTS = {"site": SiteRules, "pad": PadRules}
-_SHARES = ("lit_share", "known_share", "lit_level", "least_albedo", "most_albedo", "salt_share")
+_RULES_BY_TABLE = {"site": SiteRules, "pad": PadRules}
+_SHARE_RULES = ("lit_share", "known_share", "lit_level", "least_albedo", "most_albedo", "salt_share")
 
 
 def read_rules(path: Path | None = None) -> Rules:
     """The shipped rules, overridden by the rules of a TOML file. Raises IcyMoonError if the file is invalid."""
-    tables = _read_rule_tables(SHIPPED)
+    tables = _read_rule_tables(SHIPPED_RULES)
     if path is not None:
         for part, own in _read_rule_tables(path).items():
             tables[part] |= own
-    return Rules(**{part: kind(**tables[part]) for part, kind in _PARTS.items()})
+    return Rules(**{part: kind(**tables[part]) for part, kind in _RULES_BY_TABLE.items()})
 
 
 def _read_rule_tables(path: Path) -> dict[str, dict[str, float]]:
@@ -85,17 +85,17 @@ def _read_rule_tables(path: Path) -> dict[str, dict[str, float]]:
     data.pop("sources", None)
     found = {}
     for part, table in data.items():
-        if part not in _PARTS or not isinstance(table, dict):
+        if part not in _RULES_BY_TABLE or not isinstance(table, dict):
             raise IcyMoonError(f"{path} states {shorten(part)}, which is no table of rules; use [site] and [pad].")
         found[part] = {key: _check_number(path, part, key, value) for key, value in table.items()}
     return found
 
 
 def _check_number(path: Path, part: str, key: str, value: object) -> float:
-    names = [field.name for field in fields(_PARTS[part])]
+    names = [field.name for field in fields(_RULES_BY_TABLE[part])]
     if key not in names:
         raise IcyMoonError(f"{path} states {shorten(f'{part}.{key}')}, which is no rule; {suggest_nearest(key, names)}")
-    most = 1.0 if key in _SHARES else 90.0 if key.endswith("_deg") else math.inf
+    most = 1.0 if key in _SHARE_RULES else 90.0 if key.endswith("_deg") else math.inf
     if not is_number(value) or not 0 < value <= most:
         raise IcyMoonError(
             f"{path}: {part}.{key} is {quote(value)}; give a number above 0"

@@ -1,7 +1,7 @@
-"""Where it is safe to sample, by stated rules, from the heights of a workspace.
+"""Finds the cells where it is safe to sample, by stated rules, from the heights of a workspace.
 
-The truth's map and a matcher's are made by the same function from the same rules; only the known heights differ.
-Unknown ground is unsafe.
+The truth's map and a matcher's map come from the same function and rules, and differ only in the known heights. Unknown
+ground is unsafe.
 """
 
 from __future__ import annotations
@@ -13,17 +13,22 @@ import numpy as np
 
 from ...support.arrays import Array
 from .dem import Dem
-from .footprints import distance_to_nearest_m, fit_planes, make_disc, share_under_footprint, sum_under_footprint
+from .footprints import (
+    average_under_footprint,
+    fit_planes,
+    make_disc,
+    measure_distance_to_nearest_m,
+    sum_under_footprint,
+)
 from .materials import Materials
 from .rules import SiteRules
 
-#: The code of a cell that no rule fails; the others have 1 + the place in ``judge_sites`` of the first rule that fails
-#: them.
+#: The code of a cell that fails no rule. Other codes are 1 + the place in ``judge_sites`` of the first failed rule.
 SAFE = 0
-#: Width of the ground around a rock from which its height is measured, as a multiple of the footprint.
-_AROUND = 2.0
-#: Number of fits of the ground around, each without the rocks of the last one.
-_FITS = 3
+#: Diameter of the ground around a rock from which its height is measured, as a multiple of the footprint.
+_SURROUNDINGS_FACTOR = 2.0
+#: Number of fits of the ground around, each without the rocks of the fit before.
+_PLANE_FITS = 3
 
 
 @dataclass(frozen=True)
@@ -36,14 +41,15 @@ class SiteLayers:
     rock_distance_m: Array
     joint_margin_deg: Array
     lit_share: Array
-    albedo: Array | None = None  # of these two None where no rule asks
+    albedo: Array | None = None  # both None unless a rule needs them
     salt_share: Array | None = None
 
 
 @dataclass(frozen=True)
 class Sites:
     """A suitability map. ``margin`` is the least of ``(limit - value) / limit`` over the rules: safe from 0 on, at most
-    1, minus infinity where something is unknown. ``failed`` is SAFE or the code of the first rule that fails."""
+    1, minus infinity where a value is unknown. ``failed`` is SAFE or the code of the first rule that fails.
+    """
 
     margin: Array
     failed: Array
@@ -51,19 +57,19 @@ class Sites:
 
     @property
     def safe(self) -> Array:
-        """Boolean (rows, columns)."""
+        """The safe cells (rows, columns), bool."""
         return np.asarray(self.failed == SAFE)
 
 
 def find_rocks(height_m: Array, cell_m: float, rules: SiteRules) -> Array:
-    """Boolean (rows, columns): cells that stand more than ``rock_height_m`` above the plane of the ground around them.
+    """Cells (rows, columns), bool, that stand more than ``rock_height_m`` above the plane of the ground around them.
 
-    The plane is fitted again without what stands above it, so that a rock does not lift its own ground.
+    The plane is fitted again without the rocks, so that a rock does not raise its own ground.
     """
     ground = height_m.copy()
     rocks = np.zeros(height_m.shape, bool)
-    for _ in range(_FITS):
-        above = height_m - fit_planes(ground, cell_m, _AROUND * rules.disc_m).middle_m
+    for _ in range(_PLANE_FITS):
+        above = height_m - fit_planes(ground, cell_m, _SURROUNDINGS_FACTOR * rules.disc_m).middle_m
         rocks = above > rules.rock_height_m
         ground = np.where(rocks, np.nan, height_m)
     return rocks
@@ -87,14 +93,14 @@ def measure_layers(
     planes = fit_planes(dem.height_m, cell, rules.disc_m)
     rocks = find_rocks(dem.height_m, cell, rules) if rocks is None else rocks
     return SiteLayers(
-        share_under_footprint(dem.known, cell, rules.disc_m),
+        average_under_footprint(dem.known, cell, rules.disc_m),
         planes.slope_deg,
         planes.roughness_m,
-        distance_to_nearest_m(rocks, cell),
+        measure_distance_to_nearest_m(rocks, cell),
         joint_margin_deg,
-        share_under_footprint(lit, cell, rules.disc_m, np.isfinite(lit)),
+        average_under_footprint(lit, cell, rules.disc_m, np.isfinite(lit)),
         *(
-            share_under_footprint(values, cell, rules.disc_m, np.isfinite(values))
+            average_under_footprint(values, cell, rules.disc_m, np.isfinite(values))
             for values in ((materials.albedo, materials.salt) if materials is not None else ())
         ),
     )
@@ -109,9 +115,9 @@ def judge_sites(layers: SiteLayers, rules: SiteRules) -> Sites:
         _margin_above(layers.rock_distance_m, rules.rock_distance_m),
         _margin_above(layers.joint_margin_deg, rules.joint_margin_deg),
         _margin_above(layers.lit_share, rules.lit_share),
-        _if_asked(_margin_above, layers.albedo, rules.least_albedo),
-        _if_asked(_margin_below, layers.albedo, rules.most_albedo),
-        _if_asked(_margin_above, layers.salt_share, rules.salt_share),
+        _limit_margin(_margin_above, layers.albedo, rules.least_albedo),
+        _limit_margin(_margin_below, layers.albedo, rules.most_albedo),
+        _limit_margin(_margin_above, layers.salt_share, rules.salt_share),
     ]
     margins = list(np.broadcast_arrays(*margins))
     stack = np.stack([np.where(np.isnan(each), -np.inf, each) for each in margins])
@@ -123,8 +129,8 @@ def judge_sites(layers: SiteLayers, rules: SiteRules) -> Sites:
     )
 
 
-def _if_asked(margin: Callable[[Array, float], Array], value: Array | None, limit: float | None) -> Array:
-    """The margin by a rule, unlimited if none is stated, and not known without a value."""
+def _limit_margin(margin: Callable[[Array, float], Array], value: Array | None, limit: float | None) -> Array:
+    """The margin by a rule: unlimited without a rule, and unknown without a value."""
     if limit is None:
         return np.array(np.inf)
     return np.array(np.nan) if value is None else margin(value, limit)
@@ -139,9 +145,10 @@ def _margin_above(value: Array, limit: float) -> Array:
 
 
 def choose_site(sites: Sites, among: Array) -> tuple[int, int] | None:
-    """Row and column of the site that would be chosen: the safe one ``among`` these with the largest margin.
+    """Row and column of the chosen site: the safe cell ``among`` these with the largest margin.
 
-    Of equal ones it is the nearest to the middle of the map, then the first by row and column. None if none is safe.
+    Of equal cells, the nearest to the middle of the map is chosen, then the first by row and column. None without a
+    safe cell.
     """
     margin = np.where(among & sites.safe, sites.margin, -np.inf)
     if not np.isfinite(margin).any():
@@ -154,11 +161,11 @@ def choose_site(sites: Sites, among: Array) -> tuple[int, int] | None:
 
 
 def find_lit_cells(height_m: Array, cell_m: float, toward_sun: Array) -> Array:
-    """1.0 where the middle of the Sun, in this direction of the site, is seen from a cell over the heights, 0.0 where
-    ground stands before it, NaN where the height is unknown.
+    """1.0 where the middle of the Sun, in this direction of the site, is visible from a cell, 0.0 where higher ground
+    hides it, NaN for an unknown height.
 
-    Heights are linear between the middles of neighbouring cells, and a ray is compared with them wherever it crosses a
-    row or a column of middles. What is outside the map or unknown casts no shadow.
+    Heights are linear between the middles of neighbouring cells, and a ray is compared with them at each crossing of a
+    row or a column of middles. Unknown cells and cells beyond the border cast no shadow.
     """
     east, north, up = (float(each) for each in toward_sun)
     level = float(np.hypot(east, north))
@@ -178,8 +185,9 @@ def find_lit_cells(height_m: Array, cell_m: float, toward_sun: Array) -> Array:
 def _find_crossings(
     shape: tuple[int, ...], toward: tuple[float, float], reach: float
 ) -> Iterator[tuple[float, float, float]]:
-    """Where a level ray from a cell crosses rows and columns of middles: the way, and its rows and columns, all in
-    cells, up to the border of a map of this shape or to ``reach``."""
+    """The crossings of a level ray from a cell with rows and columns of middles: the distance, and its rows and
+    columns, all in cells, up to the border of a map of this shape or to ``reach``.
+    """
     for axis, rate in enumerate(map(abs, toward)):
         if rate > 1e-9:
             for step in range(1, min(shape[axis], int(np.ceil(reach * rate)) + 1)):
@@ -189,8 +197,9 @@ def _find_crossings(
 
 
 def _interpolate_heights(heights: Array, rows: float, columns: float) -> Array:
-    """For each cell the height ``rows`` and ``columns`` further on, one of which is whole: linear between two cells,
-    minus infinity where one of them is unknown or beyond the border."""
+    """For each cell the height ``rows`` and ``columns`` away, one of which is whole: linear between two cells, minus
+    infinity if one of them is unknown or beyond the border.
+    """
     below = [int(np.floor(each + 1e-9)) for each in (rows, columns)]
     share = max(rows - below[0], columns - below[1])
     first = _shift_cells(heights, *below)
@@ -201,7 +210,7 @@ def _interpolate_heights(heights: Array, rows: float, columns: float) -> Array:
 
 
 def _shift_cells(values: Array, rows: int, columns: int) -> Array:
-    """For each cell the value of the cell ``rows`` and ``columns`` further on; minus infinity beyond the border."""
+    """For each cell the value of the cell ``rows`` and ``columns`` away; minus infinity beyond the border."""
     result = np.full(values.shape, -np.inf)
     height, width = values.shape
     if abs(rows) < height and abs(columns) < width:
@@ -212,13 +221,14 @@ def _shift_cells(values: Array, rows: int, columns: int) -> Array:
 
 
 def judge_pads(dem: Dem, diameter_m: float, slope_deg: float, rock_height_m: float, known_share: float) -> Array:
-    """uint8 (rows, columns) for a landing pad centred on each cell: 0 fits, 1 unknown, 2 too steep, 3 a rock under it.
+    """Codes, uint8 (rows, columns), of a landing pad centred on each cell: 0 fits, 1 unknown, 2 too steep, 3 a rock
+    under it.
 
-    A rock is what stands higher than ``rock_height_m`` above the plane under the pad.
+    A rock is a part higher than ``rock_height_m`` above the plane under the pad.
     """
     cell = dem.grid.cell_m
     planes = fit_planes(dem.height_m, cell, diameter_m)
-    known = share_under_footprint(dem.known, cell, diameter_m) >= known_share
+    known = average_under_footprint(dem.known, cell, diameter_m) >= known_share
     rocks = dem.height_m - planes.middle_m > rock_height_m
     under = np.rint(sum_under_footprint(rocks.astype(np.float64), make_disc(diameter_m, cell))) > 0
     steep = planes.slope_deg > slope_deg

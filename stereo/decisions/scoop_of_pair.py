@@ -1,4 +1,4 @@
-"""The scoop of a pair's arm: its pixels, where it is, where it was told to be, and where a depth finds it."""
+"""The scoop of a pair's arm: its pixels, its true place, its commanded place, and its place by a depth."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from ..images.exr import NORMAL_PASSES, read_truth
 from .dem import back_project_depth
 from .scoop_pose import find_pose, measure_pose_error, sample_surface
 
-SCOOP = "scoop"
-_MODEL_POINTS = 6000
+SCOOP_LINK = "scoop"
+_MODEL_POINT_COUNT = 6000
 
 
 @dataclass(frozen=True)
 class Scoop:
-    """The scoop of a pair. Poses (4, 4) lead from the link to the site."""
+    """The scoop of a pair. Its poses (4, 4) are link to site."""
 
     mask: Array  # boolean (H, W) of the left image
     true: Array
@@ -32,29 +32,30 @@ class Scoop:
 
 
 def find_scoop(pair: Pair, pose: Array, random: np.random.Generator) -> Scoop | None:
-    """The scoop of a pair whose left eye has this ``pose`` (4, 4); None if there is no arm of ours in it."""
+    """The scoop of a pair whose left eye has this ``pose`` (4, 4); None without a shipped arm in the image."""
     links = {link["name"]: link for link in pair.data.get("lander", {}).get("links", ())}
-    if SCOOP not in links or pair.settings.lander.kind != "PARAMETRIC":
+    if SCOOP_LINK not in links or pair.settings.lander.kind != "PARAMETRIC":
         return None
     instance = read_truth(pair.truth("left"), "left", NORMAL_PASSES).instance
     if instance is None:
         return None
     site_m = float(pose[2, 3]) - pair.settings.rig.height_m
     arm, joints = make_parametric_arm(pair.settings, site_m), read_commanded_rad(pair.settings.arm)
-    solid = make_arm_solids(pair.settings.arm)[SCOOP]
+    solid = make_arm_solids(pair.settings.arm)[SCOOP_LINK]
     middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
     return Scoop(
-        pair.camera.cropped(instance) == links[SCOOP]["instance"],
-        pose @ np.array(links[SCOOP]["link_to_left"], np.float64),
+        pair.camera.cropped(instance) == links[SCOOP_LINK]["instance"],
+        pose @ np.array(links[SCOOP_LINK]["link_to_left"], np.float64),
         forward_kinematics(arm, joints)[-1],
-        sample_surface(solid.vertices, solid.triangles, _MODEL_POINTS, random),
+        sample_surface(solid.vertices, solid.triangles, _MODEL_POINT_COUNT, random),
         middle,
     )
 
 
 def read_stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
-    """The angles in degrees that the joints of a pair's arm were told, ``commanded``, and the ``fault`` of each; None
-    if there is no arm of ours in it."""
+    """The ``commanded`` angles, degrees, of the joints of a pair's arm, and the ``fault`` of each; None without a
+    shipped arm.
+    """
     if not pair.data.get("lander") or pair.settings.lander.kind != "PARAMETRIC":
         return None
     told = read_commanded_rad(pair.settings.arm)
@@ -65,11 +66,12 @@ def read_stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
 
 
 def locate_scoop(scoop: Scoop, depth_m: Array, pair: Pair, pose: Array, random: np.random.Generator) -> dict[str, Any]:
-    """Where a planar depth (H, W) finds the scoop, seen from a left eye that is taken to have this ``pose``.
+    """The place at which a planar depth (H, W), m, shows the scoop, if the left eye has this ``pose`` (4, 4).
 
-    ``error_mm`` at its middle and ``error_deg`` from the true pose, ``apart_mm`` of the true pose from the commanded
-    one, ``found_mm`` (3,) east, north and up of the pose found from the commanded one, ``pixels`` of it, and the share
-    ``known`` of these. None where there is no pose.
+    ``error_mm`` at its middle and ``error_deg`` are from the true pose. ``apart_mm`` is the distance of the true pose
+    from the commanded one. ``found_mm`` (3,) is the found pose relative to the commanded one: east, north, up.
+    ``pixels`` is the scoop's number of pixels, and ``known`` the share of these with a depth. Values are None if no
+    pose is found.
     """
     apart, _ = measure_pose_error(scoop.true, scoop.commanded, scoop.middle)
     points, _ = back_project_depth(np.where(scoop.mask, depth_m, np.nan), pair.camera.rectified, pose)

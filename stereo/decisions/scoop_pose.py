@@ -1,13 +1,13 @@
-"""Where a link of the arm is, from the depth of its pixels: iterative closest points from where it was told to be.
+"""The pose of an arm's link from the depth of its pixels: iterative closest points from the commanded pose.
 
-Each point is drawn to the plane of the nearest point of the link's surface (Chen and Medioni 1992), and the pose to the
-commanded one, by how far joints may be off: few points of a scoop lie on all of its sides, and a matcher's points are
-off together, so they alone would turn it at will. A joint that is off shows as a pose that is not the commanded one by
-more than the noise of the pose.
+Each step reduces the distances of the points to the plane at the nearest point of the link's surface (Chen and Medioni
+1992), and the distance to the commanded pose, weighted by the expected error of joints. Without the commanded pose the
+result would turn at random, since few points lie on all sides of a scoop and a matcher's points have common errors. A
+faulty joint shows as a pose that differs from the commanded one by more than the noise.
 
-Where a fault moves the link farther than its own size, points are nearest to a wrong side of it, and the steps end at
-a pose that fits worse. So they start at several poses: the commanded one, and those around its middle's place among the
-points. The one that fits best is kept.
+If a fault moves the link farther than its own size, points are nearest to a wrong side, and the steps end at a worse
+pose. So they start at several poses: the commanded one, and turned ones at the middle of the points. The best fit is
+kept.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from ...physics.arm.kinematics import rigid_transform, rotation_about
 from ...physics.camera.rotations import from_vector, to_vector
 from ...support.arrays import Array
 
-#: Maximum number of steps; the turn (rad) and shift (m) below which the steps end.
-_STEPS, _STILL = 40, 1e-6
-#: A point is an outlier if its distance from the surface exceeds the first number times the median distance and the
+#: Most steps; and the turn (rad) and shift (m) below which the steps end.
+_MOST_STEPS, _LEAST_MOTION = 40, 1e-6
+#: A point is an outlier if its distance from the surface exceeds the first number times the median distance, and the
 #: second number, m.
-_OUTLIER, _NEAR_M = 2.5, 1e-3
-#: Errors of a pose before anything is seen, standard deviations in rad and m: four degrees in a joint 2 m away.
-_TURN, _SHIFT_M = math.radians(4.0), 0.12
-#: Number of points with a common error: a window of 5 x 5 pixels; and the least noise of a point, m.
-_TOGETHER, _NOISE_M = 25, 2e-4
+_OUTLIER_FACTOR, _LEAST_OUTLIER_M = 2.5, 1e-3
+#: Prior standard deviations of a pose, rad and m: four degrees in a joint 2 m away.
+_PRIOR_TURN_RAD, _PRIOR_SHIFT_M = math.radians(4.0), 0.12
+#: Number of points with a common error, a window of 5 x 5 pixels; and the least noise of a point, m.
+_CORRELATED_POINTS, _LEAST_NOISE_M = 25, 2e-4
 #: Fewest points for a pose: a scoop of 10 x 8 cm has some 190 pixels in the paper's camera, and half of them are seen.
 FEWEST_POINTS = 40
-#: Most points that are matched: more cost time and change little.
+#: Most points that are matched; more take time and change little.
 _MOST_POINTS = 500
-#: Turns (degrees, either way about each axis) of the other starts; numbers of points and steps that compare the starts;
-#: and the largest misfit of a better start, as a share of the misfit from the commanded pose.
-_TURN_DEG, _FEW_POINTS, _FEW_STEPS, _BETTER = 15.0, 150, 15, 0.5
-#: Largest distance that counts in a misfit, m: points that are not on the link are far from all poses.
-_FAR_M = 0.02
+#: The other starts: turns (degrees, both ways about each axis), numbers of points and steps of the comparison, and the
+#: largest misfit of a better start as a share of the misfit from the commanded pose.
+_START_TURN_DEG, _START_POINTS, _START_STEPS, _BETTER_START_SHARE = 15.0, 150, 15, 0.5
+#: Largest distance that counts in a misfit, m, since points beside the link are far from all poses.
+_MOST_MISFIT_M = 0.02
 
 
 def sample_surface(vertices: Array, triangles: Array, count: int, random: np.random.Generator) -> Array:
@@ -52,8 +52,8 @@ def sample_surface(vertices: Array, triangles: Array, count: int, random: np.ran
 
 
 def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random: np.random.Generator) -> Array | None:
-    """The pose (4, 4) of a link whose surface is ``model`` (n, 6: points and normals in its own frame), from the points
-    (m, 3) that an ``eye`` (3,) sees of it, starting at the ``commanded`` pose (4, 4). None if there are too few points.
+    """The pose (4, 4) of a link whose surface is ``model`` (n, 6: points and normals in its own frame), from points (m,
+    3) of it that an ``eye`` (3,) sees, starting at the ``commanded`` pose (4, 4). None if there are too few points.
     """
     if len(points) < FEWEST_POINTS:
         return None
@@ -62,10 +62,11 @@ def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random:
     facing = _select_facing_points(_transform_cloud(model, commanded), eye)
     if len(facing) < FEWEST_POINTS:
         return None
-    # Around its middle, as the site may be far from its origin; a turn about it moves the link least.
+    # Motions are about the link's middle, since the site's origin may be far away and a turn there would shift the
+    # link.
     middle = facing[:, :3].mean(axis=0)
     surface, scene = facing - np.append(middle, np.zeros(3)), points - middle
-    motion, _ = _fit_motion(surface, scene, _find_best_start(surface, scene), _STEPS)
+    motion, _ = _fit_motion(surface, scene, _find_best_start(surface, scene), _MOST_STEPS)
     found = commanded.copy()
     found[:3, :3] = motion[:3, :3] @ commanded[:3, :3]
     found[:3, 3] = motion[:3, :3] @ (commanded[:3, 3] - middle) + motion[:3, 3] + middle
@@ -73,53 +74,55 @@ def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random:
 
 
 def _find_best_start(surface: Array, points: Array) -> Array:
-    """The motion (4, 4) of a surface (n, 6) from which steps reach the pose that fits points (m, 3) best."""
-    few = points[:: math.ceil(len(points) / _FEW_POINTS)]
+    """The start motion (4, 4) of a surface (n, 6) from which the steps reach the best fit to points (m, 3)."""
+    few = points[:: math.ceil(len(points) / _START_POINTS)]
     moved = rigid_transform(None, np.median(points, axis=0))
-    turns = [rotation_about(sign * axis, math.radians(_TURN_DEG)) for axis in np.eye(3) for sign in (-1.0, 1.0)]
+    turns = [rotation_about(sign * axis, math.radians(_START_TURN_DEG)) for axis in np.eye(3) for sign in (-1.0, 1.0)]
     starts = [np.eye(4), moved, *(moved @ rigid_transform(each, np.zeros(3)) for each in turns)]
-    reached = [_fit_motion(surface, few, start, _FEW_STEPS)[0] for start in starts]
+    reached = [_fit_motion(surface, few, start, _START_STEPS)[0] for start in starts]
     misfits = np.array([_rms_distance_m(_transform_cloud(surface, motion), few) for motion in reached])
     best = int(misfits.argmin())
-    return reached[best if misfits[best] < _BETTER * misfits[0] else 0]
+    return reached[best if misfits[best] < _BETTER_START_SHARE * misfits[0] else 0]
 
 
 def _fit_motion(surface: Array, points: Array, motion: Array, steps: int) -> tuple[Array, float]:
-    """The motion (4, 4) after at most ``steps`` steps that draw a surface (n, 6) to points (m, 3), and the points'
-    distance from it, RMS."""
+    """The motion (4, 4) after at most ``steps`` steps that fit a surface (n, 6) to points (m, 3), and the points'
+    distance from it, RMS, m.
+    """
     left = math.inf
     for _ in range(steps):
         step, left = _step_motion(_transform_cloud(surface, motion), points, motion)
         motion = step @ motion
-        if np.abs(step - np.eye(4)).max() < _STILL:
+        if np.abs(step - np.eye(4)).max() < _LEAST_MOTION:
             break
     return motion, left
 
 
 def _rms_distance_m(surface: Array, points: Array) -> float:
-    """Distance of points (m, 3) from a surface (n, 6), RMS in m, each limited to ``_FAR_M``."""
+    """RMS distance of points (m, 3) from a surface (n, 6), m, each limited to ``_MOST_MISFIT_M``."""
     place = surface[:, :3]
     squared = (place**2).sum(axis=1) - 2 * points @ place.T
     apart = squared.min(axis=1) + (points**2).sum(axis=1)
-    return float(np.sqrt(np.clip(apart, 0.0, _FAR_M**2).mean()))
+    return float(np.sqrt(np.clip(apart, 0.0, _MOST_MISFIT_M**2).mean()))
 
 
 def _step_motion(surface: Array, points: Array, motion: Array) -> tuple[Array, float]:
-    """The motion (4, 4) of a surface (n, 6), after the ``motion`` that it has had, that brings it nearer to points
-    (m, 3) and to the commanded pose; and the points' distance from it, RMS."""
+    """The next motion (4, 4) of a surface (n, 6), which was moved by ``motion``, toward points (m, 3) and the commanded
+    pose; and the points' distance from it, RMS, m.
+    """
     place, normal = surface[:, :3], surface[:, 3:]
     squared = (place**2).sum(axis=1) - 2 * points @ place.T
     nearest = squared.argmin(axis=1)
     place, normal = place[nearest], normal[nearest]
     apart = np.linalg.norm(points - place, axis=1)
-    kept = apart <= max(_OUTLIER * float(np.median(apart)), _NEAR_M)
+    kept = apart <= max(_OUTLIER_FACTOR * float(np.median(apart)), _LEAST_OUTLIER_M)
     place, normal = place[kept], normal[kept]
     residual = ((points[kept] - place) * normal).sum(axis=1)
     left = float(np.sqrt((residual**2).mean()))
     rows = np.hstack([np.cross(place, normal), normal])
-    certainty = 1 / (_TOGETHER * max(left, _NOISE_M) ** 2)
+    certainty = 1 / (_CORRELATED_POINTS * max(left, _LEAST_NOISE_M) ** 2)
     off = np.append(to_vector(motion[:3, :3]), motion[:3, 3])
-    before = np.repeat([_TURN, _SHIFT_M], 3) ** -2.0
+    before = np.repeat([_PRIOR_TURN_RAD, _PRIOR_SHIFT_M], 3) ** -2.0
     solved = np.linalg.solve(certainty * rows.T @ rows + np.diag(before), certainty * rows.T @ residual - before * off)
     return rigid_transform(from_vector(solved[:3]), solved[3:]), left
 
@@ -129,7 +132,7 @@ def _transform_cloud(cloud: Array, motion: Array) -> Array:
 
 
 def _select_facing_points(cloud: Array, eye: Array) -> Array:
-    """The points whose normals face the eye: it sees no others, and the far side would pull the near one back."""
+    """The points whose normals face the eye. Other points are invisible to it and would pull the surface back."""
     return cloud[((eye - cloud[:, :3]) * cloud[:, 3:]).sum(axis=1) > 0]
 
 
@@ -137,7 +140,7 @@ def measure_pose_error(found: Array, true: Array, point: Array) -> tuple[float, 
     """Error of a pose (4, 4) against the true one: mm at a ``point`` (3,) of the link's frame, and degrees."""
     apart = (found[:3, :3] - true[:3, :3]) @ point + found[:3, 3] - true[:3, 3]
     apart_by = found[:3, :3] @ true[:3, :3].T
-    # By the sine too: the arc cosine of a small angle loses half its digits.
+    # By the sine too, because the arc cosine of a small angle loses half of its digits.
     sine = (
         np.linalg.norm(
             [apart_by[2, 1] - apart_by[1, 2], apart_by[0, 2] - apart_by[2, 0], apart_by[1, 0] - apart_by[0, 1]]

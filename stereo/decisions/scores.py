@@ -1,6 +1,6 @@
-"""A map of decisions against the truth's: its correct and its dangerous decisions, and their cost.
+"""Compares a map of decisions with the truth's: right and dangerous decisions, and their cost.
 
-Cells of one map are not independent: intervals are over scenes, see ``inference.scene_means``.
+Cells of one map are not independent, so intervals are over scenes, see ``inference.scene_means``.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import numpy as np
 from ...support.arrays import Array
 from .safe_sites import Sites, choose_site
 
-#: The shares of unsafe cells taken for safe at which a ROC curve is given.
-ROC_AT = tuple(float(each) for each in np.linspace(0, 1, 51))
-#: The numbers of ``score_sites`` in this order.
-NUMBERS = (
+#: The shares of unsafe cells taken for safe at which a ROC curve is sampled.
+ROC_FALSE_SAFE_SHARES = tuple(float(each) for each in np.linspace(0, 1, 51))
+#: The numbers of ``score_sites``, in this order.
+SITE_NUMBERS = (
     "base_rate",
     "taken",
     "precision",
@@ -37,7 +37,7 @@ def score_sites(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
     * ``taken``: share of cells taken for safe. Of the taken cells, ``precision`` is the share of safe ones and
       ``false_safe`` the rest. Of the safe cells, ``recall`` is the share of taken ones and ``safe_lost`` the rest.
     * ``average_precision`` and ``roc_area``, of the margin as a score; ``roc``: the share of safe cells taken at the
-      shares ``ROC_AT`` of unsafe ones.
+      shares ``ROC_FALSE_SAFE_SHARES`` of unsafe ones.
     * ``regret``: true margin of the best site minus true margin of the chosen site; 1 if the chosen site is unsafe.
     * ``unsafe_choice``: 1 if the chosen site is unsafe, else 0; ``no_site``: 1 if no site is chosen although the truth
       has a safe one, else 0.
@@ -58,7 +58,7 @@ def score_sites(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
 
 
 def rank_scores(score: Array, positive: Array) -> dict[str, Any]:
-    """Average precision, area under the ROC curve and the curve at ``ROC_AT``, of scores (n,) and truth (n,).
+    """Average precision, ROC area and the ROC curve at ``ROC_FALSE_SAFE_SHARES`` of scores (n,) and truth (n,).
 
     Equal scores are one step of the curves. None if all or none are positive.
     """
@@ -71,7 +71,7 @@ def rank_scores(score: Array, positive: Array) -> dict[str, Any]:
     recall, false = hits / total, (ends + 1 - hits) / (positive.size - total)
     precision = hits / (ends + 1)
     area = float((np.diff(false, prepend=0.0) * (recall + np.append(0.0, recall[:-1])) / 2).sum())
-    curve = np.interp(ROC_AT, np.append(0.0, false), np.append(0.0, recall))
+    curve = np.interp(ROC_FALSE_SAFE_SHARES, np.append(0.0, false), np.append(0.0, recall))
     return {
         "average_precision": float((np.diff(recall, prepend=0.0) * precision).sum()),
         "roc_area": area,

@@ -1,4 +1,4 @@
-"""Reading the maps of decisions that ``icymoon decide`` wrote, for the window. Needs only numpy, which Blender has."""
+"""Reads the maps of decisions that ``icymoon decide`` wrote, for the window. Needs only NumPy, which Blender has."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .dem import Grid, read_cells
 
 #: Kinds of maps: the margin of a site, the slope under its disc, and the height error of the elevation model.
 SUITABILITY, SLOPE, HEIGHT_ERROR = "SUITABILITY", "SLOPE", "HEIGHT_ERROR"
-#: The row of the true depth, which shows the cost of the rules, the cells and unseen ground alone.
+#: The label of the row of the true depth, which shows the effect of the rules, the cells and hidden ground alone.
 TRUE_DEPTH = "true depth"
-_FIX = "press Decide Where to Dig again"
-_REPORT = {
+_DECIDE_AGAIN = "press Decide Where to Dig again"
+_REPORT_SHAPE = {
     "rules": {"site": {"slope_deg": POSITIVE, "disc_m": POSITIVE}},
     "rows": Each(
         {
@@ -31,7 +31,7 @@ _REPORT = {
         }
     ),
 }
-_FACTS = {
+_FACTS_SHAPE = {
     "arm": FLAG,
     "cell_m": POSITIVE,
     "rows": COUNT,
@@ -39,7 +39,7 @@ _FACTS = {
     "origin_m": Each(NUMBER),
     "images": Each(TEXT, TEXT),
 }
-#: Most bytes of ``decisions.json`` that a window reads, and most cells along a side, as ``icymoon decide`` makes them.
+#: Limits of files: bytes of ``decisions.json``, and cells along a side as ``icymoon decide`` writes at most.
 _MOST_BYTES, _MOST_CELLS = 2**27, 4096
 
 
@@ -49,10 +49,10 @@ class StoredMap:
 
     kind: str  # SUITABILITY, SLOPE or HEIGHT_ERROR
     grid: Grid
-    values: Array  # float64: a margin, minus infinity where something is not known; degrees; or metres
+    values: Array  # float64: a margin, minus infinity where unknown; degrees; or metres
     height_m: Array  # the true heights
-    reach: Array | None  # boolean: where the arm gets; None without an arm
-    chosen: tuple[int, int] | None  # row and column of the site that would be chosen
+    reach: Array | None  # boolean: cells that the arm reaches; None without an arm
+    chosen: tuple[int, int] | None  # row and column of the chosen site
     disc_m: float  # diameter of the footprint
     slope_deg: float  # the slope that the rules allow
 
@@ -67,21 +67,21 @@ def list_methods(folder: Path) -> list[str]:
 
 
 def list_pairs(folder: Path, method: str) -> list[str]:
-    """The pairs that a matcher has decisions on. Raises IcyMoonError if these cannot be read."""
+    """The pairs with decisions of a matcher. Raises IcyMoonError if the decisions cannot be read."""
     return [row["pair"] for row in _read_report(folder)["rows"] if row["method"] == method and row["images"]]
 
 
 def read_map(folder: Path, pair: str, method: str, kind: str) -> StoredMap:
-    """Read a map. Raises IcyMoonError if a file is missing, damaged or not of this map."""
+    """Read a map. Raises IcyMoonError if a file is missing, damaged or of another map."""
     report = _read_report(folder)
     row = next((each for each in report["rows"] if (each["pair"], each["method"]) == (pair, method)), None)
     path = folder / "pairs" / pair / "decisions.json"
     try:
-        facts = read_record(path, _FACTS, _FIX)
+        facts = read_record(path, _FACTS_SHAPE, _DECIDE_AGAIN)
     except FileNotFoundError:
         facts = None
     if row is None or facts is None or row["numbers"] is None:
-        raise IcyMoonError(f"{folder} contains no decisions on pair {pair}; {_FIX}.")
+        raise IcyMoonError(f"{folder} contains no decisions on pair {pair}; {_DECIDE_AGAIN}.")
     grid, site = _read_grid(facts, path), report["rules"]["site"]
     truth = _read_cells(folder, facts["images"], "truth_dem", grid)
     reach = _read_cells(folder, facts["images"], "reach", grid) > 0 if facts["arm"] else None
@@ -102,7 +102,7 @@ def _read_report(folder: Path) -> dict[str, Any]:
     try:
         facts = path.stat()
     except OSError:
-        raise IcyMoonError(f"There are no decisions in {folder}; {_FIX}.") from None
+        raise IcyMoonError(f"There are no decisions in {folder}; {_DECIDE_AGAIN}.") from None
     if facts.st_size > _MOST_BYTES:
         raise IcyMoonError(f"{path} is larger than {_MOST_BYTES >> 20} MiB; decide on fewer pairs.")
     return _read_cached_report(path, facts.st_mtime_ns)
@@ -110,13 +110,13 @@ def _read_report(folder: Path) -> dict[str, Any]:
 
 @lru_cache(maxsize=4)
 def _read_cached_report(path: Path, written_ns: int) -> dict[str, Any]:
-    return dict(read_record(path, _REPORT, _FIX))
+    return dict(read_record(path, _REPORT_SHAPE, _DECIDE_AGAIN))
 
 
 def _read_grid(facts: Mapping[str, Any], path: Path) -> Grid:
     rows, columns = facts["rows"], facts["columns"]
     if not (0 < rows <= _MOST_CELLS and 0 < columns <= _MOST_CELLS and len(facts["origin_m"]) == 2):
-        raise IcyMoonError(f"{path} states no map of at most {_MOST_CELLS} cells a side; {_FIX}.")
+        raise IcyMoonError(f"{path} states no map of at most {_MOST_CELLS} cells a side; {_DECIDE_AGAIN}.")
     return Grid(float(facts["cell_m"]), rows, columns, *map(float, facts["origin_m"]))
 
 
@@ -130,8 +130,8 @@ def _read_cells(folder: Path, files: Mapping[str, str], name: str, grid: Grid) -
     """Numbers of all cells, float64."""
     path = folder / files.get(name, "")
     if name not in files or "\0" in files[name] or not path.resolve().is_relative_to(folder.resolve()):
-        raise IcyMoonError(f"The decisions in {folder} have no map of this kind; {_FIX}.")
-    return read_cells(path, (grid.rows, grid.columns), _FIX)
+        raise IcyMoonError(f"The decisions in {folder} have no map of this kind; {_DECIDE_AGAIN}.")
+    return read_cells(path, (grid.rows, grid.columns), _DECIDE_AGAIN)
 
 
 def _find_chosen_cell(chosen: list[int] | None, grid: Grid) -> tuple[int, int] | None:
@@ -140,12 +140,13 @@ def _find_chosen_cell(chosen: list[int] | None, grid: Grid) -> tuple[int, int] |
 
 
 def trace_outlines(cells: Array) -> list[Array]:
-    """The closed outlines of the true cells (rows, columns): corners (n, 2) of cells, row first, in the order in which
-    they follow; holes have outlines of their own."""
+    """The closed outlines of the true cells (rows, columns): corners (n, 2) of cells, row first, in order along the
+    outline. Holes have outlines too.
+    """
     padded = np.pad(cells, 1)
     inner = padded[1:-1, 1:-1]
     after: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    # The neighbour that is not true, then both ends of the edge towards it, with the true cell to the right.
+    # The neighbour that is false, then both ends of the edge to it, with the true cell on the right.
     for other, start, end in (
         (padded[:-2, 1:-1], (0, 0), (0, 1)),
         (padded[1:-1, 2:], (0, 1), (1, 1)),
@@ -155,7 +156,7 @@ def trace_outlines(cells: Array) -> list[Array]:
         for row, column in np.argwhere(inner & ~other).tolist():
             after.setdefault((row + start[0], column + start[1]), []).append((row + end[0], column + end[1]))
     found = []
-    while after:  # as many edges lead to a corner as from it, so a way along them ends where it began
+    while after:  # each corner has as many edges in as out, so a way along them ends at its start
         way = [next(iter(after))]
         while len(way) == 1 or way[-1] != way[0]:
             ends = after[way[-1]]

@@ -19,26 +19,26 @@ from ..images.exr import read_depth
 from ..measure.by_pixel_class import MATERIAL
 from ..measure.prepare_pair import PreparedPair
 from .dem import Dem, Grid, back_project_depth, make_dem, mean_by_cell, measure_height_errors, read_cells, read_grid
-from .footprints import fit_planes, share_under_footprint
+from .footprints import average_under_footprint, fit_planes
 from .joint_margin import find_joint_margins_deg
-from .materials import Materials, from_truth, measure, sun_irradiance, white_radiance
+from .materials import Materials, compute_white_radiance, make_true_materials, measure, scale_sun_irradiance
 from .rules import Rules
 from .safe_sites import SiteLayers, Sites, find_lit_cells, find_rocks, judge_pads, judge_sites, measure_layers
 from .scores import score_sites
 
-#: Side of a cell where a pair states none, metres: three pixels of the paper's camera or more at its workspace.
-CELL_M = 0.02
-#: Class of ``by_pixel_class.MATERIAL`` of pixels of the lander, which are no ground.
-_LANDER = 2
-#: Pixels beside the lander whose depth may be the lander's: half of StereoBM's default window of 17.
-_SMEARED_PX = 8
-#: From which share on a footprint is inside the workspace: all of it, but for rounding.
-_WHOLE = 1 - 1e-6
+#: Default side of a cell, m, of a pair that states none: at least three pixels of the paper's camera at its workspace.
+DEFAULT_CELL_M = 0.02
+#: Class of ``by_pixel_class.MATERIAL`` for pixels of the lander, which are no ground.
+_LANDER_CLASS = 2
+#: Distance from the lander, px, within which a depth may be the lander's: half of StereoBM's default window of 17.
+_LANDER_MARGIN_PX = 8
+#: Share from which on a footprint is inside the workspace: all of it, with a margin for rounding.
+_WHOLE_SHARE = 1 - 1e-6
 
 
 @dataclass(frozen=True)
 class DecisionMaps:
-    """The maps from one depth: elevation model, suitability of each cell, and places where a pad would stand."""
+    """The maps from one depth: elevation model, suitability of each cell, and places for a pad."""
 
     dem: Dem
     sites: Sites
@@ -53,10 +53,10 @@ class Workspace:
     pair: Pair
     pose: Array  # (4, 4), from the left eye of the parallel rig to the site
     rules: Rules
-    exact: bool  # the true heights come from the meshes; otherwise from the true depth of both eyes
-    seen: Array  # boolean (rows, columns): a pixel of the left image lies in this cell
-    inside: Array  # boolean: the whole footprint of a site lies in the workspace
-    reached: Array  # boolean: inside, and the arm reaches the cell within its joint limits
+    exact: bool  # whether the true heights come from the meshes, and not from the true depth of both eyes
+    seen: Array  # boolean (rows, columns): the left image shows this cell
+    inside: Array  # boolean: the whole footprint of a site is in the workspace
+    reached: Array  # boolean: inside, and within the joint limits of the arm
     truth: DecisionMaps
 
     @property
@@ -68,8 +68,8 @@ class Workspace:
 def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = None) -> Workspace:
     """The workspace of a pair with the truth's decisions.
 
-    ``cell_m`` is the side of a cell where the pair contains no true heights. Raises IcyMoonError for a pair that was
-    not rendered here, whose camera's position is not known, or that shows no ground.
+    ``cell_m`` is the side of a cell for a pair without true heights. Raises IcyMoonError for a pair of another program,
+    without the camera's position, or without ground.
     """
     pair, pose = prepared.pair, prepared.pair.rectified_pose("left")
     if not isinstance(pair, Pair) or pose is None:
@@ -87,14 +87,14 @@ def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = 
         dem = Dem(grid, heights[0], np.where(np.isfinite(heights[0]), 1, 0))
         rocks = heights[0] - heights[1] > rules.site.rock_height_m
     else:
-        grid = _make_grid_ahead(pair, seen_points, cell_m or CELL_M)
-        dem = make_dem(np.concatenate([seen_points, _points_of_right_eye(pair)]), grid, 1)
+        grid = _make_grid_ahead(pair, seen_points, cell_m or DEFAULT_CELL_M)
+        dem = make_dem(np.concatenate([seen_points, _find_points_of_right_eye(pair)]), grid, 1)
         rocks = find_rocks(dem.height_m, grid.cell_m, rules.site)
     margin = _find_joint_margins(pair, pose, dem)
     lit = find_lit_cells(dem.height_m, grid.cell_m, read_sun_direction(pair))
-    layers = measure_layers(dem, margin, lit, rules.site, rocks, _true_materials(pair, rules))
+    layers = measure_layers(dem, margin, lit, rules.site, rocks, _read_true_materials(pair, rules))
     maps = DecisionMaps(dem, judge_sites(layers, rules.site), _judge_pads(dem, rules))
-    inside = share_under_footprint(np.ones(dem.height_m.shape, bool), grid.cell_m, rules.site.disc_m) > _WHOLE
+    inside = average_under_footprint(np.ones(dem.height_m.shape, bool), grid.cell_m, rules.site.disc_m) > _WHOLE_SHARE
     return Workspace(
         prepared,
         pair,
@@ -109,7 +109,7 @@ def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = 
 
 
 def read_sun_direction(pair: Pair) -> Array:
-    """Unit vector from the site to the Sun. Raises IcyMoonError if the pair does not contain it."""
+    """Unit vector from the site to the Sun. Raises IcyMoonError if the pair does not state it."""
     if pair.sun is None:
         raise IcyMoonError(
             f"{pair.folder / 'pair.json'} does not contain the direction of the Sun; render the pair again."
@@ -120,7 +120,7 @@ def read_sun_direction(pair: Pair) -> Array:
 def decide_from_depth(workspace: Workspace, depth_m: Array, pose: Array | None = None) -> DecisionMaps:
     """The maps from a planar depth (H, W) of the left image, NaN where unknown.
 
-    ``pose`` is the pose that the lander assumes for its left eye; by default the true one.
+    ``pose`` is the pose that the lander assumes for its left eye; by default the true pose.
     """
     pose = workspace.pose if pose is None else pose
     ground = np.where(_find_pixels_apart_from_lander(workspace.prepared), depth_m, np.nan)
@@ -130,7 +130,7 @@ def decide_from_depth(workspace: Workspace, depth_m: Array, pose: Array | None =
     bright = _find_lit_pixels(workspace)
     lit = mean_by_cell(position, bright.ravel()[index], dem.grid)
     rules = workspace.rules
-    found = _found_materials(workspace, dem, bright, position, index) if rules.site.ask_materials else None
+    found = _measure_materials(workspace, dem, bright, position, index) if rules.site.needs_materials else None
     layers = measure_layers(dem, margin, lit, rules.site, materials=found)
     return DecisionMaps(dem, judge_sites(layers, rules.site), _judge_pads(dem, rules))
 
@@ -161,7 +161,7 @@ def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, A
 
 
 def _compare_materials(truth: SiteLayers, found: SiteLayers, among: Array) -> dict[str, Any]:
-    """The table ``materials``, if the rules ask for them: errors of albedo and share of salt of the footprints."""
+    """The table ``materials``, if the rules need it: errors of the footprints' albedo and share of salt."""
     if truth.albedo is None or truth.salt_share is None or found.albedo is None or found.salt_share is None:
         return {}
     numbers: dict[str, float | None] = {}
@@ -198,8 +198,9 @@ def compare_beside_lander(
 
 
 def disturb_pose(pose: Array, error_mm: float, error_deg: float, random: np.random.Generator) -> Array:
-    """The pose (4, 4) with an error: a shift and a turn about the eye, each normal in three axes, these their standard
-    deviations per axis."""
+    """The pose (4, 4) with a random error: a shift and a turn about the eye, normal in three axes with these standard
+    deviations per axis.
+    """
     turn = np.radians(error_deg) * random.standard_normal(3)
     shift = error_mm / 1000 * random.standard_normal(3)
     angle = float(np.linalg.norm(turn))
@@ -212,7 +213,7 @@ def disturb_pose(pose: Array, error_mm: float, error_deg: float, random: np.rand
 
 
 def _find_joint_margins(pair: Pair, pose: Array, dem: Dem) -> Array:
-    """The arm's margins, of a lander whose camera has this ``pose``."""
+    """The margins of the arm's joints, for a lander whose camera has this ``pose``."""
     return find_joint_margins_deg(
         pair.settings, float(pose[2, 3]) - pair.settings.rig.height_m, *dem.grid.centres(), dem.height_m
     )
@@ -235,18 +236,18 @@ def _judge_pads(dem: Dem, rules: Rules) -> Array:
 
 def find_ground_pixels(prepared: PreparedPair) -> Array:
     """Boolean (H, W): the left image shows no lander there."""
-    return np.asarray(prepared.classes[MATERIAL.key] != _LANDER)
+    return np.asarray(prepared.classes[MATERIAL.key] != _LANDER_CLASS)
 
 
 def _find_pixels_apart_from_lander(prepared: PreparedPair) -> Array:
     """Ground (H, W) around which a matcher's window sees no lander: a lander knows where its arm is."""
     lander = (~find_ground_pixels(prepared)).astype(np.uint8)
-    side = 2 * _SMEARED_PX + 1
+    side = 2 * _LANDER_MARGIN_PX + 1
     return np.asarray(cv2.dilate(lander, np.ones((side, side), np.uint8)) == 0)
 
 
 def _find_lit_pixels(workspace: Workspace) -> Array:
-    """1.0 or 0.0 (H, W): the left image is brighter than a share of the median of its ground."""
+    """1.0 or 0.0 (H, W): whether the left image is brighter than a share of the median of its ground."""
     image = workspace.prepared.left
     grey = (image if image.ndim == 2 else image.mean(axis=2)).astype(np.float64)
     level = grey**2 if workspace.prepared.facts["settings"].sensor.encoding == "SQUARE_ROOT" else grey
@@ -254,9 +255,11 @@ def _find_lit_pixels(workspace: Workspace) -> Array:
     return (level > workspace.rules.site.lit_level * np.median(level[ground])).astype(np.float64)
 
 
-def _true_materials(pair: Pair, rules: Rules) -> Materials | None:
-    """Of the file of a pair; None if the rules do not ask. Raises IcyMoonError if the pair has none."""
-    if not rules.site.ask_materials:
+def _read_true_materials(pair: Pair, rules: Rules) -> Materials | None:
+    """The materials from the file of a pair; None if the rules need none. Raises IcyMoonError if the pair lacks
+    them.
+    """
+    if not rules.site.needs_materials:
         return None
     stated = pair.data.get("workspace") or {}
     if "materials" not in stated:
@@ -264,10 +267,12 @@ def _true_materials(pair: Pair, rules: Rules) -> Materials | None:
             f"{pair.folder} contains no true albedo and salts, and the rules ask for them; render the pair again with "
             "workspace.materials true and workspace.cell_m above 0, or leave these rules out."
         )
-    return from_truth(read_cells(pair.folder / stated["materials"], (4, *stated["shape"]), "render the pair again"))
+    return make_true_materials(
+        read_cells(pair.folder / stated["materials"], (4, *stated["shape"]), "render the pair again")
+    )
 
 
-def _found_materials(workspace: Workspace, dem: Dem, bright: Array, position_m: Array, index: Array) -> Materials:
+def _measure_materials(workspace: Workspace, dem: Dem, bright: Array, position_m: Array, index: Array) -> Materials:
     """As the lander finds them, see ``materials``, where ``bright`` (H, W) is 1.
 
     Raises IcyMoonError for light that has no one irradiance.
@@ -276,13 +281,13 @@ def _found_materials(workspace: Workspace, dem: Dem, bright: Array, position_m: 
     settings, sun = prepared.facts["settings"], pair.sun
     assert prepared.images is not None
     assert sun is not None
-    irradiance = sun_irradiance(sun.irradiance_wm2, settings)
+    irradiance = scale_sun_irradiance(sun.irradiance_wm2, settings)
     if sun.distance_m or not irradiance > 0:
         raise IcyMoonError(
             f"{pair.folder}: an albedo follows from light of one irradiance, and this is a lamp nearby or no light; "
             "render with the Sun, or leave the rules of albedo and salts out."
         )
-    white = white_radiance(prepared.images, settings)
+    white = compute_white_radiance(prepared.images, settings)
     white = np.where(bright.reshape(bright.shape + (1,) * (white.ndim - 2)) > 0, white, np.nan)
     planes = fit_planes(dem.height_m, dem.grid.cell_m, workspace.rules.site.disc_m)
     return measure(white, position_m, index, dem.grid, planes, sun.direction, irradiance, settings)
@@ -293,7 +298,7 @@ def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> Array:
     return read_cells(pair.folder / stated["file"], (2, *stated["shape"]), "render the pair again")
 
 
-def _points_of_right_eye(pair: Pair) -> Array:
+def _find_points_of_right_eye(pair: Pair) -> Array:
     pose = pair.rectified_pose("right")
     view = read_depth(pair.truth("right"), "right")
     ground = np.ones(view.depth.shape, bool) if view.semantic is None else view.semantic != LANDER

@@ -1,4 +1,4 @@
-"""Installing the evaluator's environment; runs in a Python outside Blender, on an explicit click only."""
+"""Installs the evaluator's environment. Runs in a Python outside Blender, after an explicit click."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from ...support.printer import emit
 from ...support.version import ROOT
 
 #: The packages to install, one version of each. pip checks the hash of each wheel before it unpacks the wheel.
-LOCK = Path(__file__).with_name("evaluator.lock")
+LOCK_FILE = Path(__file__).with_name("evaluator.lock")
 
 #: Disk space of the installed packages, measured on Linux with Python 3.11.
 DISK_MB = 390
 
 #: The command that checks whether a Python has the packages of the evaluator.
-_CHECK = (str(ROOT / "__main__.py"), "stereo", "check")
-#: A file of this name lies in an environment until it is complete.
-_UNFINISHED = "unfinished"
-#: Words in the output of pip, and the message for the user; if none fits, the last line of the output is reported.
-_REASONS = (
+_CHECK_COMMAND = (str(ROOT / "__main__.py"), "stereo", "check")
+#: A file of this name is in an environment until it is complete.
+_UNFINISHED_MARK = "unfinished"
+#: Words in the output of pip, and the message for the user. Without a match, the last line of the output is reported.
+_REASON_BY_OUTPUT = (
     (
         "CERTIFICATE_VERIFY_FAILED",
         "the server's certificate is not trusted here, as behind a proxy that reads "
@@ -53,26 +53,26 @@ _REASONS = (
 def main(arguments: list[str]) -> int:
     """Make a virtual environment with the packages of the evaluator, in the folder that is the only argument.
 
-    Prints its progress as JSON messages. If it fails or is stopped, it removes the folder if it made it. A process that
-    is killed leaves an unfinished folder, see ``is_unfinished``.
+    Prints its progress as JSON messages. After a failure or a stop, a folder that was made here is removed. A killed
+    process leaves an unfinished folder, see ``is_unfinished``.
     """
     (folder,) = arguments
     new, made = not Path(folder).exists() or is_unfinished(Path(folder)), False
     Path(folder).mkdir(parents=True, exist_ok=True)
-    (Path(folder) / _UNFINISHED).touch()
+    (Path(folder) / _UNFINISHED_MARK).touch()
     try:
         made = _make_environment(folder)
     finally:
         if new and not made:
             system.remove_folder(Path(folder))
         else:
-            system.remove(Path(folder) / _UNFINISHED)
+            system.remove(Path(folder) / _UNFINISHED_MARK)
     return 0 if made else 1
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Whether an environment is still being made or was left incomplete, so that it is no evaluator."""
-    return (folder / _UNFINISHED).exists()
+    """Whether an environment is incomplete, so that it is no evaluator."""
+    return (folder / _UNFINISHED_MARK).exists()
 
 
 def _make_environment(folder: str) -> bool:
@@ -93,25 +93,25 @@ def _make_environment(folder: str) -> bool:
                 "--require-hashes",
                 "--only-binary=:all:",
                 "-r",
-                str(LOCK),
+                str(LOCK_FILE),
             ],
         ),
-        # A file or an environment variable may have made pip install elsewhere.
-        ("Looking at what is installed", [str(python), "-I", *_CHECK]),
+        # A file or an environment variable may have directed pip to another place.
+        ("Checking the installed packages", [str(python), "-I", *_CHECK_COMMAND]),
     )
     for k, (text, command) in enumerate(steps):
         emit("progress", fraction=0.05 + 0.2 * k, message=text)
         done = system.run(command)
         if done.returncode:
-            emit("error", message=f"{text} failed: {_failure_reason(done.stderr or done.stdout)}")
+            emit("error", message=f"{text} failed: {_find_failure_reason(done.stderr or done.stdout)}")
             return False
     emit("progress", fraction=1.0, message="Installed")
     emit("done")
     return True
 
 
-def _failure_reason(output: str) -> str:
-    """Why a step with this output failed, and the fix."""
-    known = next((meaning for words, meaning in _REASONS if words in output), None)
+def _find_failure_reason(output: str) -> str:
+    """The reason why a step with this output failed, and the fix."""
+    known = next((meaning for words, meaning in _REASON_BY_OUTPUT if words in output), None)
     last = (output.strip().splitlines() or ["no message"])[-1]
     return known or f"{last}; check network and disk and press Install again."

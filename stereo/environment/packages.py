@@ -1,4 +1,4 @@
-"""Which packages the evaluation needs, and whether this Python has them; needs none of them itself."""
+"""The packages that the evaluation needs, and a check of this Python for them. This module needs none of them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from typing import Any
 from ...support import bundled_wheels
 from ...support.errors import IcyMoonError
 
-PYTHON = (3, 11)
+LEAST_PYTHON = (3, 11)
 
-# On its first run it reports on standard error that it looks for fonts.
+# On its first run Matplotlib prints on standard error that it builds the font cache.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 #: Module -> (name for pip, oldest version that works, first major version that is not tested).
@@ -31,11 +31,15 @@ PACKAGES = {
 
 
 def check_packages() -> dict[str, Any]:
-    """Check all packages: the versions, whether all is ``ok``, the ``missing`` ones, and a ``message`` with the fix."""
+    """Check all packages: their versions, whether all is ``ok``, the ``missing`` packages, and a ``message`` with the
+    fix.
+    """
     missing = [problem for _, problem in map(_import_package, PACKAGES) if problem]
-    if sys.version_info < PYTHON:
-        missing.insert(0, f"Python {'.'.join(map(str, PYTHON))} or newer")
-    message = f"{sys.executable} cannot evaluate: it lacks {', '.join(missing)}; {_install_advice()}" if missing else ""
+    if sys.version_info < LEAST_PYTHON:
+        missing.insert(0, f"Python {'.'.join(map(str, LEAST_PYTHON))} or newer")
+    message = (
+        f"{sys.executable} cannot evaluate: it lacks {', '.join(missing)}; {_make_install_advice()}" if missing else ""
+    )
     return {**find_versions(), "ok": not missing, "missing": missing, "message": message}
 
 
@@ -48,7 +52,7 @@ def find_versions() -> dict[str, str | None]:
     return {
         "python": platform.python_version(),
         **{module: _import_package(module)[0] for module in PACKAGES},
-        "torch": _installed_version("torch"),
+        "torch": _find_installed_version("torch"),
     }
 
 
@@ -67,7 +71,7 @@ def require_modules(*modules: str) -> None:
         )
     problems = [problem for _, problem in map(_import_package, modules) if problem]
     if problems:
-        raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_install_advice()}")
+        raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_make_install_advice()}")
 
 
 def format_requirement(module: str) -> str:
@@ -80,20 +84,20 @@ def _import_package(module: str) -> tuple[str | None, str]:
     """Import a module: its version or None, and its problem in words, empty if there is no problem."""
     distribution, oldest, untested = PACKAGES[module]
     try:
-        # A package that misses another one may print many lines about it.
+        # A package that lacks another one may print many lines about it.
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             loaded = importlib.import_module(module)
     except Exception as error:  # a broken binary package may raise anything
         reason = f" ({error})" if importlib.util.find_spec(module) else ""
         return None, f"{format_requirement(module)}{reason}"
-    # OpenEXR's version is in the metadata of the package only.
-    version = getattr(loaded, "__version__", None) or _installed_version(distribution)
+    # The version of OpenEXR is only in the metadata of the package.
+    version = getattr(loaded, "__version__", None) or _find_installed_version(distribution)
     if version and not oldest <= _parse_version(version) < (untested,):
         return version, f"{format_requirement(module)} (it has {version})"
     return version, ""
 
 
-def _installed_version(distribution: str) -> str | None:
+def _find_installed_version(distribution: str) -> str | None:
     try:
         return importlib.metadata.version(distribution)
     except importlib.metadata.PackageNotFoundError:
@@ -104,7 +108,7 @@ def _parse_version(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in version.split(".")[:2] if part.isdecimal())
 
 
-def _install_advice() -> str:
+def _make_install_advice() -> str:
     if bundled_wheels.find_folder():
         return (
             "these came with Icy Moon, and another extension may have replaced them: install Icy Moon again, or "

@@ -24,37 +24,41 @@ from ...support.files import write_json
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
 from ..measure.prepare_pair import LoadedPair
-from .encodings import MILLIMETRES, quantise_to_16_bits
+from .encodings import MM_PER_M, quantise_to_16_bits
 from .losses import Each, Loss
 from .whole_folders import fill_whole_folder
 
 #: Millimetres per step of the 16-bit depth, which then reaches 13 m.
 DEPTH_SCALE = 0.2
-_MASK = 255
+_MASK_VALUE = 255
 
 
 @dataclass
 class _Models:
-    """The models so far: number by link and shape, and the facts of each."""
+    """The models so far: their numbers by link and shape, and their facts."""
 
     numbers: dict[tuple[str, bytes], int] = field(default_factory=dict)
     centres: dict[int, Array] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
 
     def copy(self) -> _Models:
-        """Another one of the same models."""
+        """A copy with the same models."""
         return _Models(dict(self.numbers), dict(self.centres), dict(self.facts))
 
     def add_link(self, link: str, solid: Solid, folder: Path) -> int:
         """The number of the model of a link, which is written to a folder when it is new."""
-        key = link, np.round(solid.vertices * MILLIMETRES, 3).tobytes()
+        key = link, np.round(solid.vertices * MM_PER_M, 3).tobytes()
         if key not in self.numbers:
             number = self.numbers[key] = len(self.numbers) + 1
             low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
             self.centres[number] = (low + high) / 2
-            places = (solid.vertices - self.centres[number]) * MILLIMETRES
+            places = (solid.vertices - self.centres[number]) * MM_PER_M
             write_triangles(
-                folder / f"obj_{number:06d}.ply", places, solid.triangles, _vertex_normals(solid), (f"link {link}",)
+                folder / f"obj_{number:06d}.ply",
+                places,
+                solid.triangles,
+                _compute_vertex_normals(solid),
+                (f"link {link}",),
             )
             self.facts[str(number)] = _describe_model(places)
             write_json(folder / "models_info.json", self.facts)
@@ -64,7 +68,7 @@ class _Models:
 def _describe_model(places: Array) -> dict[str, float]:
     """Diameter and box of a model in millimetres, as ``models_info.json`` has them."""
     low, size = places.min(axis=0), np.ptp(places, axis=0)
-    # The farthest two vertices are ends of it in some direction.
+    # The two farthest vertices are the ends of the model in some direction.
     directions = np.random.default_rng(0).normal(size=(2000, 3))
     ends = np.unique((places @ directions.T).argmax(axis=0))
     diameter = max(float(np.linalg.norm(places[ends] - places[k], axis=1).max()) for k in ends)
@@ -75,7 +79,7 @@ def _describe_model(places: Array) -> dict[str, float]:
     }
 
 
-def _vertex_normals(solid: Solid) -> Array:
+def _compute_vertex_normals(solid: Solid) -> Array:
     """Unit normals (n, 3): the mean of the triangles around, by area."""
     a, b, c = (solid.vertices[solid.triangles[:, k]] for k in range(3))
     normals, faces = np.zeros_like(solid.vertices), np.cross(b - a, c - a)
@@ -108,7 +112,7 @@ def write_all(each: Each, out: Path) -> None:
                 poses, facts = _write_links(pair, eye, folder, int(image), with_this, solids, part / "models")
                 described[eye] = {
                     name: scenes[eye][name] | {image: content}
-                    for name, content in (("camera", _camera_facts(pair, eye)), ("gt", poses), ("gt_info", facts))
+                    for name, content in (("camera", _make_camera_facts(pair, eye)), ("gt", poses), ("gt_info", facts))
                 }
                 for name, content in described[eye].items():
                     write_json(folder / f"scene_{name}.json", content)
@@ -122,22 +126,22 @@ def _write_image(pair: LoadedPair, eye: str, folder: Path, image: int) -> list[L
     """Write the image and the depth of an eye; return the losses of the depth."""
     shown = to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding)
     write_png(folder / "rgb" / f"{image:06d}.png", shown if shown.ndim == 3 else np.repeat(shown[..., None], 3, axis=2))
-    steps, losses = quantise_to_16_bits(pair.depth[eye], MILLIMETRES / DEPTH_SCALE, "depth", "m")
+    steps, losses = quantise_to_16_bits(pair.depth[eye], MM_PER_M / DEPTH_SCALE, "depth", "m")
     write_png(folder / "depth" / f"{image:06d}.png", steps)
     return losses
 
 
-def _camera_matrix(pair: LoadedPair) -> Array:
+def _list_camera_matrix(pair: LoadedPair) -> Array:
     camera = pair.pair.camera.rectified
     return np.array([[camera.focal_px, 0.0, camera.cx_px], [0.0, camera.focal_px, camera.cy_px], [0.0, 0.0, 1.0]])
 
 
-def _camera_facts(pair: LoadedPair, eye: str) -> dict[str, Any]:
-    found: dict[str, Any] = {"cam_K": _camera_matrix(pair).ravel().tolist(), "depth_scale": DEPTH_SCALE}
+def _make_camera_facts(pair: LoadedPair, eye: str) -> dict[str, Any]:
+    found: dict[str, Any] = {"cam_K": _list_camera_matrix(pair).ravel().tolist(), "depth_scale": DEPTH_SCALE}
     pose = pair.pair.rectified_pose(eye)
     if pose is not None:
         inverse = np.linalg.inv(pose)
-        found |= {"cam_R_w2c": inverse[:3, :3].ravel().tolist(), "cam_t_w2c": (inverse[:3, 3] * MILLIMETRES).tolist()}
+        found |= {"cam_R_w2c": inverse[:3, :3].ravel().tolist(), "cam_t_w2c": (inverse[:3, 3] * MM_PER_M).tolist()}
     return found
 
 
@@ -154,21 +158,21 @@ def _write_links(
         model = models.add_link(link["name"], solid, shapes)
         turn, place = pose[:3, :3], pose[:3, :3] @ models.centres[model] + pose[:3, 3]
         whole = find_silhouette(
-            solid.vertices @ turn.T + pose[:3, 3], solid.triangles, _camera_matrix(pair), depth.shape
+            solid.vertices @ turn.T + pose[:3, 3], solid.triangles, _list_camera_matrix(pair), depth.shape
         )
         seen = instance == link["instance"]
-        poses.append({"obj_id": model, "cam_R_m2c": turn.ravel().tolist(), "cam_t_m2c": (place * MILLIMETRES).tolist()})
-        facts.append(_pixel_facts(whole | seen, seen, depth))
+        poses.append({"obj_id": model, "cam_R_m2c": turn.ravel().tolist(), "cam_t_m2c": (place * MM_PER_M).tolist()})
+        facts.append(_make_pixel_facts(whole | seen, seen, depth))
         for name, mask in (("mask", whole | seen), ("mask_visib", seen)):
-            write_png(folder / name / f"{image:06d}_{number:06d}.png", np.where(mask, _MASK, 0).astype(np.uint8))
+            write_png(folder / name / f"{image:06d}_{number:06d}.png", np.where(mask, _MASK_VALUE, 0).astype(np.uint8))
     return poses, facts
 
 
-def _pixel_facts(whole: Array, seen: Array, depth: Array) -> dict[str, Any]:
+def _make_pixel_facts(whole: Array, seen: Array, depth: Array) -> dict[str, Any]:
     every = int(whole.sum())
     return {
-        "bbox_obj": _bounding_box(whole),
-        "bbox_visib": _bounding_box(seen),
+        "bbox_obj": _find_bounding_box(whole),
+        "bbox_visib": _find_bounding_box(seen),
         "px_count_all": every,
         "px_count_valid": int((whole & np.isfinite(depth)).sum()),
         "px_count_visib": int(seen.sum()),
@@ -176,7 +180,7 @@ def _pixel_facts(whole: Array, seen: Array, depth: Array) -> dict[str, Any]:
     }
 
 
-def _bounding_box(mask: Array) -> list[int]:
+def _find_bounding_box(mask: Array) -> list[int]:
     """x, y, width and height of a mask; -1 where it is empty, as BOP has it."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):

@@ -26,9 +26,9 @@ from . import Export
 from .losses import Each
 
 #: The coordinate system of the poses, for labels.
-FRAME = "ICYMOON_SITE_EAST_NORTH_UP"
+FRAME_NAME = "ICYMOON_SITE_EAST_NORTH_UP"
 #: Approximate number of points of each pair in a model of COLMAP.
-_POINTS = 2000
+_POINTS_PER_PAIR = 2000
 
 
 def read_pose(pair: LoadedPair, eye: str) -> Array:
@@ -73,7 +73,7 @@ def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
         for name, (image, model) in named.items():
             write_png(folder / f"{name}.png", to_8_bit(image, images.bits, images.encoding))
             write_text(folder / f"{name}.cahvor", make_cahvor_text(model))
-            write_text(folder / f"{name}.lbl", make_pds_text(model, FRAME))
+            write_text(folder / f"{name}.lbl", make_pds_text(model, FRAME_NAME))
 
 
 def centre_matrix(camera: StereoCamera) -> Array:
@@ -103,8 +103,8 @@ def _write_colmap(each: Each, out: Path) -> None:
     models: dict[str, _ColmapModel] = {}
 
     def write(pair: LoadedPair) -> None:
-        model = models.setdefault(_scene_key(pair), _ColmapModel())
-        folder = out / f"scene-{list(models).index(_scene_key(pair)):04d}"
+        model = models.setdefault(_make_scene_key(pair), _ColmapModel())
+        folder = out / f"scene-{list(models).index(_make_scene_key(pair)):04d}"
         _add_pair(model, pair, folder)
 
     each(write)
@@ -117,7 +117,7 @@ def _write_colmap(each: Each, out: Path) -> None:
         write_json(folder / "transforms.json", {"frames": model.frames})
 
 
-def _scene_key(pair: LoadedPair) -> str:
+def _make_scene_key(pair: LoadedPair) -> str:
     parts = [
         part(pair.pair.settings)
         for part in (rebuilt_parts.select_geometry, rebuilt_parts.select_look, rebuilt_parts.select_light)
@@ -131,7 +131,7 @@ def _scene_key(pair: LoadedPair) -> str:
     )
 
 
-def _frame_of(file: str, camera: StereoCamera, pose: Array) -> dict[str, Any]:
+def _make_frame(file: str, camera: StereoCamera, pose: Array) -> dict[str, Any]:
     """A frame of nerfstudio, whose cameras look along -z with y up."""
     return {
         "file_path": file,
@@ -155,7 +155,7 @@ def _add_pair(model: _ColmapModel, pair: LoadedPair, folder: Path) -> None:
     )
     number = model.cameras.setdefault(line, len(model.cameras) + 1)
     rows, columns, right_columns = _choose_pixels(pair)
-    points = _world_points(pair, rows, columns)
+    points = _find_world_points(pair, rows, columns)
     first_image, first_point = len(model.images) // 2 + 1, len(model.points) + 1
     where = {"left": columns + 0.5, "right": right_columns}
     seen = {eye: to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding) for eye in EYES}
@@ -172,7 +172,7 @@ def _add_pair(model: _ColmapModel, pair: LoadedPair, folder: Path) -> None:
                 for n, (x, y) in enumerate(zip(where[eye], rows, strict=True))
             ),
         ]
-        model.frames.append(_frame_of(f"images/{name}", camera, pose))
+        model.frames.append(_make_frame(f"images/{name}", camera, pose))
     for n, point in enumerate(points):
         blue, green, red = np.broadcast_to(seen["left"][rows[n], columns[n]], 3).tolist()
         place = " ".join(map(repr, map(float, point)))
@@ -182,13 +182,13 @@ def _add_pair(model: _ColmapModel, pair: LoadedPair, folder: Path) -> None:
 def _choose_pixels(pair: LoadedPair) -> tuple[Array, Array, Array]:
     """Rows and columns of left pixels that both eyes see, evenly spread, and where the right eye sees their points."""
     rows, columns = np.nonzero(pair.visible["left"])
-    step = max(1, len(rows) // _POINTS)
+    step = max(1, len(rows) // _POINTS_PER_PAIR)
     rows, columns = rows[::step], columns[::step]
     disparity = pair.pair.camera.disparity(pair.depth["left"][rows, columns])
     return rows, columns, columns + 0.5 - disparity
 
 
-def _world_points(pair: LoadedPair, rows: Array, columns: Array) -> Array:
+def _find_world_points(pair: LoadedPair, rows: Array, columns: Array) -> Array:
     """World coordinates (n, 3) in metres of the points that left pixels see."""
     pose = read_pose(pair, "left")
     eye = pixel_rays(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]

@@ -12,11 +12,11 @@ from ..images.image_files import write_bytes
 from .losses import Loss
 
 #: KITTI and others store 256 times the disparity as 16-bit PNG; 0 is no value.
-KITTI_SCALE = 256.0
-MILLIMETRES = 1000.0
+KITTI_STEPS_PER_PX = 256.0
+MM_PER_M = 1000.0
 _MOST_STEPS = 65535
 #: Steps per px of KITTI's flow, and the value that Middlebury's readers take as unknown, above 1e9.
-_FLOW_SCALE, _NO_FLOW = 64.0, 1e10
+_FLOW_STEPS_PER_PX, _NO_FLOW = 64.0, 1e10
 
 
 def write_pfm(path: Path, values: Array) -> None:
@@ -55,12 +55,12 @@ def quantise_flow(flow_px: Array) -> tuple[Array, list[Loss]]:
     """A flow (H, W, 2) as KITTI's uint16 (H, W, 3) in the order B, G, R: known, rows, columns, of 64 steps per px from
     -512 px on; and the loss, flow beyond 512 px."""
     with np.errstate(invalid="ignore"):
-        steps = np.rint(flow_px * _FLOW_SCALE) + 32768
+        steps = np.rint(flow_px * _FLOW_STEPS_PER_PX) + 32768
         fits = ((steps >= 0) & (steps <= _MOST_STEPS)).all(axis=-1)  # False for NaN
     known = np.isfinite(flow_px).all(axis=-1)
     lost = int((known & ~fits).sum())
     whole = np.concatenate([np.ones((*fits.shape, 1)), steps[..., ::-1]], axis=-1)
-    why = f"beyond 512 px, all that 16 bits hold at {_FLOW_SCALE:g} steps per px"
+    why = f"beyond 512 px, all that 16 bits hold at {_FLOW_STEPS_PER_PX:g} steps per px"
     return np.where(fits[..., None], whole, 0).astype(np.uint16), (
         [Loss("flow", lost / int(known.sum()), why)] if lost else []
     )

@@ -36,7 +36,7 @@ from .plug_in import FoldersContext
 
 NEEDS = "Blender"
 PACKAGES = ("numpy", "rich")
-_GEOMETRY = "geometry.json"
+_GEOMETRY_FILE = "geometry.json"
 FORMATS = ("dem", "ply", "obj", "usd", "gltf")
 Hear = Callable[[Message], None]
 
@@ -67,18 +67,18 @@ def write_grounds(
     cell_m: float | None = None,
     hear: Hear = lambda message: None,
 ) -> list[Path]:
-    """The same of planned pairs."""
+    """Write the ground of planned pairs; see ``export_ground``."""
     if cell_m is not None and not (kind == "dem" and math.isfinite(cell_m) and cell_m > 0):
         raise IcyMoonError(f"The size of a cell is {cell_m:g} m; give a size above 0, and for dem only.")
     shared: dict[str, list[PlannedPair]] = {}
     for each in planned:
-        shared.setdefault(_files_key(each.settings, kind), []).append(each)
+        shared.setdefault(_make_files_key(each.settings, kind), []).append(each)
     arguments = (kind, *(() if cell_m is None else (repr(float(cell_m)),)))
     build_geometry([those[0] for those in shared.values()], out, blender, hear, *arguments)
     folders = []
     for those in shared.values():
         folders.append(out / those[0].id)
-        write_json(folders[-1] / _GEOMETRY, read_geometry(folders[-1]) | {"pairs": [each.id for each in those]})
+        write_json(folders[-1] / _GEOMETRY_FILE, read_geometry(folders[-1]) | {"pairs": [each.id for each in those]})
     return folders
 
 
@@ -89,12 +89,12 @@ def read_geometry(folder: Path) -> dict[str, Any]:
     """
     fix = "export the ground again"
     try:
-        return dict(read_record(folder / _GEOMETRY, {"left_out": Each(TEXT)}, fix))
+        return dict(read_record(folder / _GEOMETRY_FILE, {"left_out": Each(TEXT)}, fix))
     except FileNotFoundError:
-        raise IcyMoonError(f"{folder / _GEOMETRY} is missing; {fix}.") from None
+        raise IcyMoonError(f"{folder / _GEOMETRY_FILE} is missing; {fix}.") from None
 
 
-def _files_key(settings: Settings, kind: str) -> str:
+def _make_files_key(settings: Settings, kind: str) -> str:
     """A text that is equal for pairs with equal files: maps have albedo, and no lander."""
     shown = kind == "dem" or any(
         settings[topic]["relief"] != "BUMP" and settings[topic]["grain_amplitude_m"] > 0

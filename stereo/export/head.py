@@ -30,9 +30,9 @@ from ...support.files import write_json
 from ..images.develop import to_8_bit
 from ..images.head_views import HeadImage, HeadView, develop_head_view, read_head_views
 from ..images.image_files import write_npz, write_png
-from ..measure.prepare_pair import distinct_pairs
-from ..measure.sequences import in_time_order
-from .encodings import MILLIMETRES, quantise_to_16_bits
+from ..measure.prepare_pair import list_distinct_pairs
+from ..measure.sequences import sort_by_time
+from .encodings import MM_PER_M, quantise_to_16_bits
 from .plug_in import FoldersContext
 from .whole_folders import fill_whole_folder
 
@@ -45,7 +45,7 @@ def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -
     response = merged(*map(override, context.changes))
     scenes: dict[str, list[CalibratedCamera]] = {}
     lost: dict[str, int] = {}
-    found = in_time_order(distinct_pairs(folders))
+    found = sort_by_time(list_distinct_pairs(folders))
     with context.progress("Exporting") as tell:
         for done, folder in enumerate(found, 1):
             pair = read_unchanged_pair(folder)
@@ -81,7 +81,7 @@ def _write_pair(pair: Pair, settings: Settings, out: Path) -> list[str]:
 def _write_view(view: HeadView, image: HeadImage, settings: Settings, folder: Path) -> list[str]:
     name, depth = view.camera.name, view.depth_m
     write_png(folder / f"{name}.png", to_8_bit(image.for_files(), image.bits, settings.sensor.encoding))
-    steps, losses = quantise_to_16_bits(np.where(depth > 0, depth, np.nan), MILLIMETRES, "depth", "m")
+    steps, losses = quantise_to_16_bits(np.where(depth > 0, depth, np.nan), MM_PER_M, "depth", "m")
     write_png(folder / f"{name}_depth.png", steps)
     known = {"normal": view.normal, "semantic": view.semantic, "instance": view.instance}
     write_npz(

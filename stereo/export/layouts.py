@@ -34,10 +34,10 @@ from ...support.files import escape_cell, write_atomically, write_json, write_te
 from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
 from ..images.develop import describe_exposure, to_8_bit
 from ..images.image_files import write_bytes, write_png
-from ..measure.prepare_pair import LoadedPair, distinct_pairs, load_pair
-from ..measure.sequences import in_time_order
+from ..measure.prepare_pair import LoadedPair, list_distinct_pairs, load_pair
+from ..measure.sequences import sort_by_time
 from . import Export, find_plugins
-from .encodings import KITTI_SCALE, MILLIMETRES, encode_run_lengths, quantise_to_16_bits, write_pfm
+from .encodings import KITTI_STEPS_PER_PX, MM_PER_M, encode_run_lengths, quantise_to_16_bits, write_pfm
 from .losses import Each, Loss, Losses, Write, refuse_losses
 from .plug_in import PluginExport
 from .whole_folders import fill_whole_folder
@@ -45,7 +45,7 @@ from .whole_folders import fill_whole_folder
 Event = Callable[[dict[str, Any]], None]
 #: Semantic values that have instances; ground and sky have none.
 THINGS = (ROCK, LANDER)
-_VISIBLE, _HIDDEN = 255, 128
+_VISIBLE_VALUE, _HIDDEN_VALUE = 255, 128
 
 
 def export(
@@ -63,7 +63,7 @@ def export(
     of truth that the layout cannot hold. A pair that would lose most of its disparities is left out. Raises
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
-    pairs = _PairReader(in_time_order(distinct_pairs(paths)), response or {}, on_event)
+    pairs = _PairReader(sort_by_time(list_distinct_pairs(paths)), response or {}, on_event)
     PluginExport(find_plugins().usable[kind]).write(pairs.write_each, out)
     pairs.write_map_places(out)
     for sentence in pairs.losses.sentences(pairs.written):
@@ -123,17 +123,17 @@ class _PairReader:
         self._tell({"type": "error", "message": self.failed[-1]})
 
 
-def _eye_disparity(pair: LoadedPair, eye: str) -> Array:
+def _get_eye_disparity(pair: LoadedPair, eye: str) -> Array:
     return pair.pair.camera.disparity(pair.depth[eye])
 
 
-def _eye_image(pair: LoadedPair, eye: str) -> Array:
+def _get_eye_image(pair: LoadedPair, eye: str) -> Array:
     """The image of an eye, grey (H, W) or in colour (H, W, 3) in the order B, G, R."""
     return pair.images.for_files(eye)
 
 
 def _write_8_bit(path: Path, pair: LoadedPair, eye: str) -> None:
-    write_png(path, to_8_bit(_eye_image(pair, eye), pair.images.bits, pair.images.encoding))
+    write_png(path, to_8_bit(_get_eye_image(pair, eye), pair.images.bits, pair.images.encoding))
 
 
 def _describe_calibration(pair: LoadedPair) -> dict[str, Any]:
@@ -150,7 +150,7 @@ def _describe_calibration(pair: LoadedPair) -> dict[str, Any]:
 def _write_png8(pair: LoadedPair, folder: Path) -> None:
     for eye in EYES:
         _write_8_bit(folder / f"{eye}.png", pair, eye)
-        write_png(folder / f"visible_{eye}.png", pair.visible[eye].astype(np.uint8) * _VISIBLE)
+        write_png(folder / f"visible_{eye}.png", pair.visible[eye].astype(np.uint8) * _VISIBLE_VALUE)
         semantic = pair.views[eye].semantic
         if semantic is not None:
             write_png(folder / f"semantic_{eye}.png", semantic.astype(np.uint8))
@@ -165,8 +165,8 @@ def _write_png16(pair: LoadedPair, folder: Path) -> list[Loss]:
     losses: list[Loss] = []
     for eye in EYES:
         for what, values, scale, unit in (
-            ("disparity", _eye_disparity(pair, eye), KITTI_SCALE, "px"),
-            ("depth", pair.depth[eye], MILLIMETRES, "m"),
+            ("disparity", _get_eye_disparity(pair, eye), KITTI_STEPS_PER_PX, "px"),
+            ("depth", pair.depth[eye], MM_PER_M, "m"),
         ):
             maps[f"{what}_{eye}"], lost = quantise_to_16_bits(values, scale, what, unit)
             losses += lost
@@ -182,8 +182,8 @@ def _write_png16(pair: LoadedPair, folder: Path) -> list[Loss]:
         folder / "calibration.json",
         _describe_calibration(pair)
         | {
-            "disparity_steps_per_px": KITTI_SCALE,
-            "depth_steps_per_m": MILLIMETRES,
+            "disparity_steps_per_px": KITTI_STEPS_PER_PX,
+            "depth_steps_per_m": MM_PER_M,
             "instance_labels": {str(k): int(label) for k, label in enumerate(labels)},
         },
     )
@@ -192,7 +192,7 @@ def _write_png16(pair: LoadedPair, folder: Path) -> list[Loss]:
 
 def _to_16_bit_image(pair: LoadedPair, eye: str) -> Array:
     """The image of ``_write_8_bit`` in 16 bits."""
-    level = _eye_image(pair, eye) / (2.0**pair.images.bits - 1)
+    level = _get_eye_image(pair, eye) / (2.0**pair.images.bits - 1)
     level = np.sqrt(level) if pair.images.encoding == "SQUARE_ROOT" else level
     return np.asarray(np.rint(65535 * level).astype(np.uint16))
 
@@ -209,7 +209,7 @@ def _list_instance_labels(pair: LoadedPair) -> Array:
 def _write_pfm(pair: LoadedPair, folder: Path) -> None:
     for eye in EYES:
         write_pfm(folder / f"{eye}.pfm", pair.views[eye].radiance)
-        write_pfm(folder / f"disparity_{eye}.pfm", _eye_disparity(pair, eye))
+        write_pfm(folder / f"disparity_{eye}.pfm", _get_eye_disparity(pair, eye))
         write_pfm(folder / f"depth_{eye}.pfm", pair.depth[eye])
     write_json(folder / "calibration.json", _describe_calibration(pair))
 
@@ -222,8 +222,8 @@ def _write_kitti(each: Each, out: Path) -> None:
     def write(pair: LoadedPair) -> list[Loss]:
         number = f"{len(numbers) - 1:06d}"
         frame = f"{number}_10.png"
-        disparity = _eye_disparity(pair, "left")
-        every, losses = quantise_to_16_bits(disparity, KITTI_SCALE, "disparity", "px")
+        disparity = _get_eye_disparity(pair, "left")
+        every, losses = quantise_to_16_bits(disparity, KITTI_STEPS_PER_PX, "disparity", "px")
         refuse_losses(pair, losses)
         with fill_whole_folder(out) as part:
             root = part / "training"
@@ -231,7 +231,7 @@ def _write_kitti(each: Each, out: Path) -> None:
             _write_8_bit(root / "image_3" / frame, pair, "right")
             write_png(root / "disp_occ_0" / frame, every)
             write_png(root / "disp_noc_0" / frame, np.where(pair.visible["left"], every, 0).astype(np.uint16))
-            write_text(root / "calib_cam_to_cam" / f"{number}.txt", _kitti_calibration_text(pair))
+            write_text(root / "calib_cam_to_cam" / f"{number}.txt", _make_kitti_calibration(pair))
         numbers.append((number, escape_cell(pair.pair.folder.name)))
         return losses
 
@@ -241,7 +241,7 @@ def _write_kitti(each: Each, out: Path) -> None:
     write_text(out / "pairs.csv", table.getvalue())
 
 
-def _kitti_calibration_text(pair: LoadedPair) -> str:
+def _make_kitti_calibration(pair: LoadedPair) -> str:
     camera = pair.pair.camera
     lines = []
     # KITTI counts pixels from the centre of the first one, half a pixel from our corner.
@@ -255,10 +255,10 @@ def _kitti_calibration_text(pair: LoadedPair) -> str:
 def _write_middlebury(pair: LoadedPair, folder: Path) -> None:
     for k, eye in enumerate(EYES):
         _write_8_bit(folder / f"im{k}.png", pair, eye)
-        write_pfm(folder / f"disp{k}.pfm", _eye_disparity(pair, eye))
-        known = np.where(np.isfinite(pair.depth[eye]), _HIDDEN, 0)
-        write_png(folder / f"mask{k}nocc.png", np.where(pair.visible[eye], _VISIBLE, known).astype(np.uint8))
-    write_text(folder / "calib.txt", _middlebury_calibration_text(pair))
+        write_pfm(folder / f"disp{k}.pfm", _get_eye_disparity(pair, eye))
+        known = np.where(np.isfinite(pair.depth[eye]), _HIDDEN_VALUE, 0)
+        write_png(folder / f"mask{k}nocc.png", np.where(pair.visible[eye], _VISIBLE_VALUE, known).astype(np.uint8))
+    write_text(folder / "calib.txt", _make_middlebury_calibration(pair))
 
 
 def middlebury_camera_text(camera: StereoCamera) -> str:
@@ -274,9 +274,9 @@ def middlebury_camera_text(camera: StereoCamera) -> str:
     )
 
 
-def _middlebury_calibration_text(pair: LoadedPair) -> str:
+def _make_middlebury_calibration(pair: LoadedPair) -> str:
     """Middlebury 2014: ``ndisp`` is a safe number of disparities, ``vmin`` and ``vmax`` are their range."""
-    disparity = _eye_disparity(pair, "left")
+    disparity = _get_eye_disparity(pair, "left")
     known = disparity[np.isfinite(disparity)]
     low, high = (int(np.floor(known.min())), int(np.ceil(known.max()))) if known.size else (0, 0)
     return (
@@ -375,7 +375,7 @@ def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
     that the sensor does not see, and ``visible_left``, bool: the other eye sees it too. A pair that cannot be used
     gives its ``problems`` only.
     """
-    for folder in distinct_pairs(paths):
+    for folder in list_distinct_pairs(paths):
         try:
             pair = load_pair(folder, {})
         except Exception as error:
@@ -388,7 +388,7 @@ def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
                 f"{name}_{eye}": values
                 for eye in EYES
                 for name, values in (
-                    ("disparity", _eye_disparity(pair, eye).astype(np.float32)),
+                    ("disparity", _get_eye_disparity(pair, eye).astype(np.float32)),
                     ("depth", pair.depth[eye].astype(np.float32)),
                     ("visible", pair.visible[eye]),
                 )

@@ -9,15 +9,17 @@ from ...support.errors import IcyMoonError
 from ...support.number_text import format_count
 from ..measure.prepare_pair import LoadedPair
 
-#: A pair is not written if more of its true disparities than this share would be lost: the rest is not its truth.
-MOST_LOST = 0.5
-#: Formats that hold every number of a map.
-_WHOLE = {"disparity": "pfm and middlebury", "depth": "pfm and raw", "flow": "the .flo files"}
+#: Largest share of a pair's true disparities that may be lost. A pair that would lose more is not written.
+MOST_LOST_SHARE = 0.5
+#: Formats that can store all numbers of a map.
+_LOSSLESS_FORMATS = {"disparity": "pfm and middlebury", "depth": "pfm and raw", "flow": "the .flo files"}
 
 
 @dataclass(frozen=True)
 class Loss:
-    """The part of a map that a format cannot hold: ``share`` of its known pixels, and ``why``, a sentence's end."""
+    """The part of a map that a format cannot store: ``share`` of its known pixels, and ``why``, the end of a
+    sentence.
+    """
 
     what: str  # "disparity" or "depth"
     share: float
@@ -32,10 +34,10 @@ Each = Callable[[Write], None]
 def refuse_losses(pair: LoadedPair, losses: Sequence[Loss]) -> None:
     """Raise IcyMoonError if most of the true disparities of a pair would be lost; call it before files are written."""
     for loss in losses:
-        if loss.what == "disparity" and loss.share > MOST_LOST:
+        if loss.what == "disparity" and loss.share > MOST_LOST_SHARE:
             raise IcyMoonError(
                 f"{pair.pair.folder}: {100 * loss.share:.0f} % of its true disparities are {loss.why}; "
-                f"export it as {_WHOLE[loss.what].replace(' and ', ' or ')}."
+                f"export it as {_LOSSLESS_FORMATS[loss.what].replace(' and ', ' or ')}."
             )
 
 
@@ -58,5 +60,5 @@ class Losses:
             written = f"{100 * share:.2g} %" if share < 0.995 else "all"
             yield (
                 f"In {len(found)} of {format_count(pairs, 'pair')} up to {written} of the true {what} is lost (pair "
-                f"{name}): it is {why}. {_WHOLE[what]} hold all of it."
+                f"{name}): it is {why}. {_LOSSLESS_FORMATS[what]} hold all of it."
             )

@@ -34,35 +34,35 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_json, write_text
 from ...support.version import ROOT
-from ..measure.prepare_pair import distinct_pairs
+from ..measure.prepare_pair import list_distinct_pairs
 from .encodings import write_pfm
 from .ground import build_geometry, refuse_edited
 from .plug_in import FoldersContext
 
 NEEDS = "Blender"
-#: Distance of the Sun's disk in metres: far enough to lie in the same direction from all of a ground.
-_SUN_M = 1e9
+#: Distance of the Sun's disk, m, so large that its direction is the same from all of a ground.
+_SUN_DISTANCE_M = 1e9
 #: Rows of the map of the sky: 0.1 degrees, a three-hundredth of Saturn's disc.
 _SKY_ROWS = 1800
 #: Standard deviation of the filter in pixels, taken from a Blackman-Harris window that is 3 pixels wide in all.
 #: ``cycles.filter_width`` is 1.5, half of its width, since Cycles doubles the width of this window.
 _FILTER_PX = 0.4155
 #: Depth without Russian roulette, which would only add noise.
-_ALWAYS = 1000
+_ROULETTE_DEPTH = 1000
 
 #: Settings of a surface that the export lacks where they are not 0, the second of Principled ice alone.
-_VARIATIONS = ("albedo_variation", "salt_share", "trough_dirt", "slope_dirt", "emitted_w_m2_sr")
-_LAYERS = ("glint_share", "crust_share", "frost_share", "fracture_share")
+_UNEXPORTED_VARIATIONS = ("albedo_variation", "salt_share", "trough_dirt", "slope_dirt", "emitted_w_m2_sr")
+_UNEXPORTED_LAYERS = ("glint_share", "crust_share", "frost_share", "fracture_share")
 
 #: By reflectance law, the files with its BSDF.
-_PLUGINS = {"HAPKE": ("mitsuba_hapke.py",), "SNOW": ("mitsuba_hapke.py", "mitsuba_snow.py")}
+_BSDF_FILES = {"HAPKE": ("mitsuba_hapke.py",), "SNOW": ("mitsuba_hapke.py", "mitsuba_snow.py")}
 
 Plugin = dict[str, Any]
 
 
 def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
     """Write the scenes of the pairs in folders, and warn of what they lack."""
-    pairs = [read_pair(folder) for folder in distinct_pairs(folders)]
+    pairs = [read_pair(folder) for folder in list_distinct_pairs(folders)]
     for pair in pairs:
         for sentence in find_left_out(pair.settings, compute_pair_sky(pair.settings, pair.data.get("ground"))):
             context.warn(f"pair {pair.id}: {sentence}")
@@ -103,13 +103,13 @@ def write_scene(pair: Pair, folder: Path) -> Path:
     left_out = find_left_out(settings, shown)
     meshes = [kind for kind in ("terrain", "rock") if (folder / f"{kind}.ply").is_file()]
     models = {_choose_surface(settings, kind).model for kind in meshes}
-    for name in dict.fromkeys(name for model, names in _PLUGINS.items() if model in models for name in names):
+    for name in dict.fromkeys(name for model, names in _BSDF_FILES.items() if model in models for name in names):
         shutil.copyfile(ROOT / "stereo" / "adapters" / name, folder / name)
     shared: dict[str, Plugin] = {
         "integrator": {
             "type": "path",
             "max_depth": int(settings.quality.diffuse_bounces) + 2,
-            "rr_depth": _ALWAYS,
+            "rr_depth": _ROULETTE_DEPTH,
             "hide_emitters": True,
         },
         **{
@@ -137,22 +137,22 @@ def find_left_out(settings: Settings, shown: Sky) -> list[str]:
     found = []
     for topic in ("surface", "rock_surface") if settings.rocks.own_surface else ("surface",):
         surface = settings[topic]
-        if surface["model"] not in ("LAMBERT", *_PLUGINS):
+        if surface["model"] not in ("LAMBERT", *_BSDF_FILES):
             found.append(f"{topic}.model {surface['model']} is exported as Lambert's law with the same albedo.")
         if surface["grain_amplitude_m"] and surface["relief"] != "DISPLACEMENT":
             found.append(f"{topic}.grain_amplitude_m: relief that the mesh does not have is left out.")
         if surface.get("ice_colour", "GREY") != "GREY":
             found.append(f"{topic}.ice_colour is left out: the ground is grey.")
-        layers = _LAYERS if surface["model"] == "PRINCIPLED" else ()
-        found += [f"{topic}.{key} is left out." for key in (*_VARIATIONS, *layers) if surface.get(key)]
+        layers = _UNEXPORTED_LAYERS if surface["model"] == "PRINCIPLED" else ()
+        found += [f"{topic}.{key} is left out." for key in (*_UNEXPORTED_VARIATIONS, *layers) if surface.get(key)]
         if layers and surface["bubble_share"]:
             found.append(f"{topic}.bubble_share is left out: the albedo is {topic}.albedo, not that of the bubbles.")
     if settings.veil.optical_depth > 0:
         found.append("The veil (veil.optical_depth) is left out.")
     if settings.textures.set != "NONE":
-        found.append("Images (textures.set) are left out.")
+        found.append("Images on the ground (textures.set) are left out.")
     if shown.planet is not None and shown.planet.rings:
-        found.append("Saturn's rings are left out; their shadow on the planet is not.")
+        found.append("Saturn's rings are left out, except for their shadow on the planet.")
     if settings.light.stars:
         found.append("Stars are left out.")
     return found
@@ -221,8 +221,8 @@ def _sun_plugin(direction: Array, energy: float, diameter_deg: float) -> Plugin:
     x = np.cross([0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0], z)
     x /= np.linalg.norm(x)
     matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1) @ np.diag([*[_SUN_M * math.tan(half)] * 2, 1.0])
-    matrix[:3, 3] = -_SUN_M * z
+    matrix[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1) @ np.diag([*[_SUN_DISTANCE_M * math.tan(half)] * 2, 1.0])
+    matrix[:3, 3] = -_SUN_DISTANCE_M * z
     return {
         "type": "disk",
         "to_world": matrix,
@@ -255,7 +255,7 @@ def _make_sky_map(seen: VisibleCap) -> Array:
     return radiance
 
 
-_KINDS = {
+_TAG_BY_TYPE = {
     "integrator": "integrator",
     "sensor": "sensor",
     "sampler": "sampler",
@@ -270,7 +270,7 @@ _KINDS = {
 def _to_xml(scene: dict[str, Plugin]) -> str:
     lines = ['<scene version="3.0.0">']
     for name, plugin in scene.items():
-        kind = "shape" if plugin["type"] in ("ply", "disk") else _KINDS.get(name, "emitter")
+        kind = "shape" if plugin["type"] in ("ply", "disk") else _TAG_BY_TYPE.get(name, "emitter")
         lines += _plugin_xml(kind, plugin, name, 1)
     return "\n".join([*lines, "</scene>", ""])
 
@@ -288,7 +288,7 @@ def _plugin_xml(kind: str, plugin: Plugin, name: str, depth: int) -> list[str]:
 def _value_xml(key: str, value: object, depth: int) -> list[str]:
     space, name = "  " * depth, f"name={quoteattr(key)}"
     if isinstance(value, dict):
-        return _plugin_xml(_KINDS[key], value, key, depth)
+        return _plugin_xml(_TAG_BY_TYPE[key], value, key, depth)
     if isinstance(value, np.ndarray):
         numbers = " ".join(f"{number:.17g}" for number in value.ravel())
         return [f'{space}<transform {name}><matrix value="{numbers}"/></transform>']

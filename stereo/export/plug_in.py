@@ -1,12 +1,12 @@
-"""Exports, ours or of packages that the user installed: calling their functions, with a pair as they get it.
+"""Calls the functions of exports, ours or of packages that the user installed, with the data of a pair.
 
 An export has one of three functions. ``write_pair(pair, folder)`` writes a pair into a folder, and ``finish(names,
 folder)``, if there is one, what belongs to all of them. ``write_all(each, folder)`` calls ``each(write)``, which calls
 ``write(pair)`` with every pair. ``write_folders(folders, folder, context)`` reads the folders of the pairs by itself.
 If it has a function ``check()``, this returns a sentence on why it cannot write here, or an empty text.
 
-Ours are given ``Loaded`` pairs and the folder of the export; the others an ``ExportedPair``, and a folder whose
-files come there once all of them are written.
+Our exports receive a ``LoadedPair`` and the folder of the export. The others receive an ``ExportedPair`` and a
+temporary folder, whose files are moved into the folder of the export once all of them are written.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class ExportedPair:
 
 
 def make_exported_pair(pair: LoadedPair) -> ExportedPair:
-    """A pair as plug-ins get it: copies, so that nothing that they do reaches ours."""
+    """Copy a pair for a plug-in, so that its changes never reach our data."""
     camera = pair.pair.camera
     arrays: dict[str, Any] = {}
     for eye in ("left", "right"):
@@ -92,11 +92,11 @@ def make_exported_pair(pair: LoadedPair) -> ExportedPair:
 
 @dataclass(frozen=True)
 class FoldersContext:
-    """What ``write_folders`` is told beside the folders.
+    """The arguments of ``write_folders`` beside the folders.
 
-    ``blender`` is the program that can build ground; ``warn`` takes a sentence on an omission; ``progress(title)`` is a
-    context that gives a function for messages such as {"type": "progress", "fraction": 0.5, "message": "one"}.
-    ``changes`` are the texts of ``--set``, and ``cell_m`` is given to an export that takes it.
+    ``blender`` is the program that can build ground. ``warn`` receives a sentence on an omission. ``progress(title)``
+    is a context that gives a function for messages such as {"type": "progress", "fraction": 0.5, "message": "one"}.
+    ``changes`` are the texts of ``--set``, and ``cell_m`` is for exports that take it.
     """
 
     blender: str

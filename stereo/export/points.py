@@ -14,9 +14,9 @@ from ..images.image_files import write_bytes
 from ..measure.prepare_pair import PreparedPair
 from ..measure.row_metrics import disparity_to_depth
 
-#: Most points of one pair; of a larger image every second, third and so on row and column is taken.
+#: Most points of one pair. In a larger image every second, third, … row and column is used.
 MOST_POINTS = 60_000
-_LAYOUT = np.dtype(
+_POINT_LAYOUT = np.dtype(
     [
         ("x", "<f4"),
         ("y", "<f4"),
@@ -31,7 +31,7 @@ _LAYOUT = np.dtype(
         ("size_m", "<f4"),
     ]
 )
-_KINDS = {"f4": "float", "u1": "uchar"}
+_PLY_TYPES = {"f4": "float", "u1": "uchar"}
 
 
 def write_points(path: Path, prepared: PreparedPair, disparity: Array) -> None:
@@ -42,7 +42,7 @@ def write_points(path: Path, prepared: PreparedPair, disparity: Array) -> None:
     where nothing was measured, and ``map {...}`` the place on a map in JSON. The pair must have a ``find_left_pose``.
     """
     points = make_measured_points(prepared, disparity)
-    properties = [f"property {_KINDS[_LAYOUT[name].str[1:]]} {name}" for name in _LAYOUT.names or ()]
+    properties = [f"property {_PLY_TYPES[_POINT_LAYOUT[name].str[1:]]} {name}" for name in _POINT_LAYOUT.names or ()]
     place = prepared.facts.get("map")
     header = [
         "ply",
@@ -58,7 +58,7 @@ def write_points(path: Path, prepared: PreparedPair, disparity: Array) -> None:
 
 
 def make_measured_points(prepared: PreparedPair, disparity: Array) -> Array:
-    """The points as a structured array of _LAYOUT; see ``write_points``."""
+    """The points as a structured array of _POINT_LAYOUT; see ``write_points``."""
     camera = prepared.depth_camera
     pose = find_left_pose(prepared)
     assert pose is not None
@@ -78,7 +78,7 @@ def make_measured_points(prepared: PreparedPair, disparity: Array) -> Array:
     )
     position = (rays * depth[:, None]) @ pose[:3, :3].T + pose[:3, 3]
     toward = -(rays / np.linalg.norm(rays, axis=1, keepdims=True)) @ pose[:3, :3].T
-    points = np.zeros(depth.size, _LAYOUT)
+    points = np.zeros(depth.size, _POINT_LAYOUT)
     for k, axis in enumerate("xyz"):
         points[axis], points[f"n{axis}"] = position[:, k], toward[:, k]
     points["error_m"] = depth - truth

@@ -21,17 +21,17 @@ from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
-from ..images.develop import scaled_radiance
+from ..images.develop import scale_radiance
 from ..images.image_files import write_bytes
 from ..measure.prepare_pair import LoadedPair
 from . import Export
 from .cameras import pixel_rays
 
 #: Names of the bands of a pair, see ``physics.light.bands``.
-BANDS = ("R 620 nm", "G 550 nm", "B 460 nm")
+BAND_NAMES = ("R 620 nm", "G 550 nm", "B 460 nm")
 #: The directions between which the angles in the files lie, in words.
-_OF_FACET = "from the facet's normal to the {}"
-_GEOMETRY = "incidence and emission from the facet's normal, phase, deg"
+_FACET_ANGLE_TEXT = "from the facet's normal to the {}"
+_GEOMETRY_TEXT = "incidence and emission from the facet's normal, phase, deg"
 
 
 @dataclass(frozen=True)
@@ -77,17 +77,17 @@ def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
 
     none = np.full(depth.shape, np.nan)
     normal, toward = view.normal, np.asarray(sun.direction)
-    radiance = np.asarray(scaled_radiance(view, pair.pair, pair.settings.light), np.float64)
+    radiance = np.asarray(scale_radiance(view, pair.pair, pair.settings.light), np.float64)
     return Photometry(
         irradiance,
         np.where(known[..., None], math.pi * radiance / by_band, np.nan),
-        none if normal is None else where_known(angle_deg(normal, toward)),
-        none if normal is None else where_known(angle_deg(normal, back)),
-        where_known(angle_deg(back, toward)),
+        none if normal is None else where_known(measure_angle_deg(normal, toward)),
+        none if normal is None else where_known(measure_angle_deg(normal, back)),
+        where_known(measure_angle_deg(back, toward)),
     )
 
 
-def angle_deg(one: Array, other: Array) -> Array:
+def measure_angle_deg(one: Array, other: Array) -> Array:
     """Degrees between vectors (..., 3) of any length. Cosines near 1 of rounded normals tell no angle."""
     first = one.astype(np.float64)
     return np.asarray(
@@ -110,12 +110,12 @@ def _write_fits(pair: LoadedPair, folder: Path) -> None:
             "CYPX": (camera.height_px - camera.cy_px, "[px] principal point from the bottom edge"),
             "BASELINE": (camera.baseline_m, "[m] distance of the eyes"),
             "SUNIRRAD": (found.irradiance_wm2, "[W/m2] E of pi L / E"),
-            **{f"BAND{k}": (name, "plane") for k, name in enumerate(BANDS, 1)},
+            **{f"BAND{k}": (name, "plane") for k, name in enumerate(BAND_NAMES, 1)},
         }
         images = [
             Image("RADIANCE FACTOR", found.radiance_factor, "", cards),
-            Image("INCIDENCE", found.incidence_deg, "deg", comment=_OF_FACET.format("Sun")),
-            Image("EMISSION", found.emission_deg, "deg", comment=_OF_FACET.format("camera")),
+            Image("INCIDENCE", found.incidence_deg, "deg", comment=_FACET_ANGLE_TEXT.format("Sun")),
+            Image("EMISSION", found.emission_deg, "deg", comment=_FACET_ANGLE_TEXT.format("camera")),
             Image("PHASE", found.phase_deg, "deg", comment="from the Sun to the camera"),
             Image("DEPTH", pair.depth[eye], "m", comment="along the optical axis"),
         ]
@@ -130,9 +130,9 @@ def _write_tiff(pair: LoadedPair, folder: Path) -> None:
         angles = np.stack([found.incidence_deg, found.emission_deg, found.phase_deg], axis=-1)
         write_bytes(
             folder / f"{eye}_radiance_factor.tif",
-            encode_tiff(found.radiance_factor.astype(np.float32), description="I/F: " + ", ".join(BANDS)),
+            encode_tiff(found.radiance_factor.astype(np.float32), description="I/F: " + ", ".join(BAND_NAMES)),
         )
-        write_bytes(folder / f"{eye}_geometry.tif", encode_tiff(angles.astype(np.float32), description=_GEOMETRY))
+        write_bytes(folder / f"{eye}_geometry.tif", encode_tiff(angles.astype(np.float32), description=_GEOMETRY_TEXT))
 
 
 FITS = Export(write_pair=_write_fits)

@@ -31,8 +31,8 @@ from .losses import Each
 Kinds = Mapping[str, Callable[..., object]]
 
 FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
-WORLD = "map"
-_SECOND, _MOST_SECONDS = 1_000_000_000, 2**31
+WORLD_FRAME = "map"
+_NS_PER_S, _MOST_SECONDS = 1_000_000_000, 2**31
 
 
 def check() -> str:
@@ -68,7 +68,7 @@ def write_all(each: Each, out: Path) -> None:
             def write(pair: LoadedPair) -> None:
                 nonlocal count
                 with explain_disk_errors("write to", part):
-                    time = _time_of(pair, count)
+                    time = _find_time_ns(pair, count)
                     for topic, message in make_messages(pair, types, time):
                         if topic not in known:
                             known[topic] = writer.add_connection(topic, message.__msgtype__, typestore=types)
@@ -81,11 +81,11 @@ def write_all(each: Each, out: Path) -> None:
         remove_folder(part)
 
 
-def _time_of(pair: LoadedPair, count: int) -> int:
+def _find_time_ns(pair: LoadedPair, count: int) -> int:
     """Nanoseconds of a pair, the one after ``count`` others. Raises IcyMoonError for a time that ROS does not have."""
     stamp = pair.settings.rig.stamp
-    time = int(Decimal(stamp) * _SECOND) if stamp else count * _SECOND
-    if not 0 <= time < _MOST_SECONDS * _SECOND:
+    time = int(Decimal(stamp) * _NS_PER_S) if stamp else count * _NS_PER_S
+    if not 0 <= time < _MOST_SECONDS * _NS_PER_S:
         raise IcyMoonError(
             f"{pair.pair.folder} has the stamp {stamp} s, and times of ROS are 0 to {_MOST_SECONDS} s; export tum "
             "instead."
@@ -96,7 +96,7 @@ def _time_of(pair: LoadedPair, count: int) -> int:
 def make_messages(pair: LoadedPair, types: Any, time: int) -> Iterator[tuple[str, Any]]:
     """(topic, message) of everything about a pair; ``types`` is a typestore of rosbags, ``time`` in nanoseconds."""
     kinds = types.types
-    stamp = kinds["builtin_interfaces/msg/Time"](sec=time // _SECOND, nanosec=time % _SECOND)
+    stamp = kinds["builtin_interfaces/msg/Time"](sec=time // _NS_PER_S, nanosec=time % _NS_PER_S)
 
     def header(frame: str) -> object:
         return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
@@ -104,20 +104,20 @@ def make_messages(pair: LoadedPair, types: Any, time: int) -> Iterator[tuple[str
     def developed(numbers: Array, colours: str) -> object:
         bits = 8 if pair.images.bits == 8 else 16
         pixels = to_8_bit(numbers, 8, pair.images.encoding) if bits == 8 else numbers.astype(np.uint16)
-        return _image(pixels, f"{colours}{bits}", kinds, optical)
+        return _make_image(pixels, f"{colours}{bits}", kinds, optical)
 
     optical = header(FRAMES["left"])
     for eye in EYES:
         yield f"/stereo/{eye}/image_rect", developed(getattr(pair.images, eye), "mono")
         if pair.images.is_mosaic:
             yield f"/stereo/{eye}/image_rect_color", developed(pair.images.seen(eye), "rgb")
-        yield f"/stereo/{eye}/camera_info", _camera_info(pair.pair.camera, eye, kinds, optical)
-    yield "/stereo/disparity", _disparity(pair, kinds, optical)
+        yield f"/stereo/{eye}/camera_info", _make_camera_info(pair.pair.camera, eye, kinds, optical)
+    yield "/stereo/disparity", _make_disparity(pair, kinds, optical)
     yield "/stereo/points2", _make_point_cloud(pair, kinds, optical)
     yield "/tf", _make_transforms(pair, kinds, header)
 
 
-def _image(pixels: Array, encoding: str, kinds: Kinds, header: object) -> object:
+def _make_image(pixels: Array, encoding: str, kinds: Kinds, header: object) -> object:
     rows, columns = pixels.shape[:2]
     data = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
     return kinds["sensor_msgs/msg/Image"](
@@ -131,7 +131,7 @@ def _image(pixels: Array, encoding: str, kinds: Kinds, header: object) -> object
     )
 
 
-def _camera_info(camera: StereoCamera, eye: str, kinds: Kinds, header: object) -> object:
+def _make_camera_info(camera: StereoCamera, eye: str, kinds: Kinds, header: object) -> object:
     # The principal point is counted from the centre of the first pixel there.
     matrix = centre_matrix(camera)
     shift = -camera.focal_baseline_px_m * EYES.index(eye)
@@ -146,17 +146,17 @@ def _camera_info(camera: StereoCamera, eye: str, kinds: Kinds, header: object) -
         p=np.column_stack([matrix, [shift, 0.0, 0.0]]).ravel(),
         binning_x=0,
         binning_y=0,
-        roi=_region(kinds, 0, 0),
+        roi=_make_region(kinds, 0, 0),
     )
 
 
-def _region(kinds: Kinds, height: int, width: int) -> object:
+def _make_region(kinds: Kinds, height: int, width: int) -> object:
     return kinds["sensor_msgs/msg/RegionOfInterest"](
         x_offset=0, y_offset=0, height=height, width=width, do_rectify=False
     )
 
 
-def _disparity(pair: LoadedPair, kinds: Kinds, header: object) -> object:
+def _make_disparity(pair: LoadedPair, kinds: Kinds, header: object) -> object:
     """The true disparity of the left pixels, NaN for none."""
     camera = pair.pair.camera
     disparity = camera.disparity(pair.depth["left"])
@@ -164,10 +164,10 @@ def _disparity(pair: LoadedPair, kinds: Kinds, header: object) -> object:
     least, most = (float(disparity[known].min()), float(disparity[known].max())) if known.any() else (0.0, 0.0)
     return kinds["stereo_msgs/msg/DisparityImage"](
         header=header,
-        image=_image(np.where(known, disparity, np.nan).astype(np.float32), "32FC1", kinds, header),
+        image=_make_image(np.where(known, disparity, np.nan).astype(np.float32), "32FC1", kinds, header),
         f=camera.focal_px,
         t=camera.baseline_m,
-        valid_window=_region(kinds, camera.height_px, camera.width_px),
+        valid_window=_make_region(kinds, camera.height_px, camera.width_px),
         min_disparity=least,
         max_disparity=most,
         delta_d=0.0,
@@ -204,7 +204,7 @@ def _make_transforms(pair: LoadedPair, kinds: Kinds, header: Callable[[str], obj
         along = dict(zip("xyz", map(float, pose[:3, 3]), strict=True))
         found.append(
             kinds["geometry_msgs/msg/TransformStamped"](
-                header=header(WORLD),
+                header=header(WORLD_FRAME),
                 child_frame_id=FRAMES[eye],
                 transform=kinds["geometry_msgs/msg/Transform"](
                     translation=kinds["geometry_msgs/msg/Vector3"](**along),

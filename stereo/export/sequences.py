@@ -28,14 +28,14 @@ from ...support.files import escape_cell, write_text
 from ..images.develop import to_8_bit
 from ..images.image_files import write_bytes, write_png
 from ..measure.prepare_pair import LoadedPair
-from ..measure.sequences import sequence_key
+from ..measure.sequences import make_sequence_key
 from . import Export
 from .cameras import centre_matrix, read_pose
 from .encodings import encode_flo, quantise_flow, quantise_to_16_bits
 from .losses import Each, Loss
 
 #: Steps per metre of depth in TUM's images.
-_TUM_STEPS = 5000.0
+_TUM_STEPS_PER_M = 5000.0
 
 
 @dataclass
@@ -72,7 +72,7 @@ class _Sequences:
 
     def of(self, pair: LoadedPair) -> _Sequence:
         """The sequence of a pair. Raises IcyMoonError for a pair that is no frame of one."""
-        key = sequence_key(pair.pair.settings)
+        key = make_sequence_key(pair.pair.settings)
         if not key:
             raise IcyMoonError(
                 f"{pair.pair.folder} is no frame of a sequence; export pairs of a plan with a trajectory sweep."
@@ -80,7 +80,7 @@ class _Sequences:
         return self.known.setdefault(key, _Sequence(len(self.known)))
 
 
-def _image(pair: LoadedPair, eye: str) -> Array:
+def _find_image(pair: LoadedPair, eye: str) -> Array:
     return to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding)
 
 
@@ -90,9 +90,9 @@ def _write_tum(each: Each, out: Path) -> None:
     def write(pair: LoadedPair) -> list[Loss]:
         sequence = sequences.of(pair)
         root, stamp, pose = out / f"{sequence.number:04d}", pair.settings.rig.stamp, read_pose(pair, "left")
-        depth, losses = quantise_to_16_bits(pair.depth["left"], _TUM_STEPS, "depth", "m")
-        write_png(root / "rgb" / f"{stamp}.png", _image(pair, "left"))
-        write_png(root / "right" / f"{stamp}.png", _image(pair, "right"))
+        depth, losses = quantise_to_16_bits(pair.depth["left"], _TUM_STEPS_PER_M, "depth", "m")
+        write_png(root / "rgb" / f"{stamp}.png", _find_image(pair, "left"))
+        write_png(root / "right" / f"{stamp}.png", _find_image(pair, "right"))
         write_png(root / "depth" / f"{stamp}.png", depth)
         sequence.add(
             pair,
@@ -112,7 +112,7 @@ def _write_tum(each: Each, out: Path) -> None:
     each(write)
     heads = {
         "rgb": "# left images\n# timestamp filename\n",
-        "depth": f"# planar depth, {_TUM_STEPS:g} steps per metre, 0 for none\n# timestamp filename\n",
+        "depth": f"# planar depth, {_TUM_STEPS_PER_M:g} steps per metre, 0 for none\n# timestamp filename\n",
         "groundtruth": "# left camera, x right, y down, z forward, in axes east, north, up\n"
         "# timestamp tx ty tz qx qy qz qw\n",
         "calibration": "# fx fy cx cy in px from the centre of the first pixel, baseline in m\n",
@@ -136,7 +136,7 @@ def _write_kitti_odometry(each: Each, out: Path) -> None:
         turn = start[:3, :3].T
         relative = np.column_stack([turn @ pose[:3, :3], turn @ (pose[:3, 3] - start[:3, 3])])
         for folder, eye in (("image_2", "left"), ("image_3", "right")):
-            write_png(root / folder / name, _image(pair, eye))
+            write_png(root / folder / name, _find_image(pair, eye))
         camera = pair.pair.camera
         matrix = np.column_stack([centre_matrix(camera), np.zeros(3)])
         calibration = []
@@ -164,14 +164,14 @@ def _write_flow(each: Each, out: Path) -> None:
     def write(pair: LoadedPair) -> list[Loss]:
         sequence = sequences.of(pair)
         root, number = out / f"{sequence.number:04d}", len(sequence.frames)
-        write_png(root / "image" / f"{number:06d}.png", _image(pair, "left"))
+        write_png(root / "image" / f"{number:06d}.png", _find_image(pair, "left"))
         losses: list[Loss] = []
         if sequence.last is not None:
             for way, frame, here, there in (
                 ("forward", number - 1, sequence.last, pair),
                 ("backward", number, pair, sequence.last),
             ):
-                losses += _write_one_flow(root, way, f"{frame:06d}", flow_between(here, there))
+                losses += _write_one_flow(root, way, f"{frame:06d}", compute_flow_between(here, there))
         sequence.last = pair
         sequence.add(pair)
         return losses
@@ -181,7 +181,7 @@ def _write_flow(each: Each, out: Path) -> None:
         sequence.write_frames(out / f"{sequence.number:04d}" / "frames.csv")
 
 
-def flow_between(here: LoadedPair, there: LoadedPair) -> Flow:
+def compute_flow_between(here: LoadedPair, there: LoadedPair) -> Flow:
     """The flow of the left rectified eye from a pair to another with the same camera."""
     return find_flow(
         here.pair.camera, here.depth["left"], read_pose(here, "left"), there.depth["left"], read_pose(there, "left")

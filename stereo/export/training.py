@@ -31,18 +31,18 @@ from ..images.develop import to_8_bit
 from ..images.image_files import encode_image, write_bytes
 from ..measure.prepare_pair import LoadedPair
 from . import Export
-from .encodings import KITTI_SCALE, quantise_to_16_bits, write_pfm
+from .encodings import KITTI_STEPS_PER_PX, quantise_to_16_bits, write_pfm
 from .losses import Each, Loss, refuse_losses
 from .whole_folders import fill_whole_folder
 
-#: A shard is ended by the pair that takes it beyond this.
-SHARD_BYTES = 1_000_000_000
-#: What stands for an unknown disparity in SceneFlow's layout: loaders take 512 px and more for invalid, and neither NaN
-#: nor infinity, which would spread when they scale the map.
-UNKNOWN_PX = 1e5
+#: Bytes of a shard, which ends with the pair that exceeds them.
+LEAST_SHARD_BYTES = 1_000_000_000
+#: Unknown disparity in SceneFlow's layout, px: loaders reject 512 px and more. NaN and infinity would spread when they
+#: scale the map.
+UNKNOWN_DISPARITY_PX = 1e5
 #: Words that loaders replace in whole paths to find the other files of a pair.
-_REPLACED = ("left", "right", "disparity", "frames_cleanpass", "frames_finalpass", ".png")
-_COLUMNS = (
+_REPLACED_WORDS = ("left", "right", "disparity", "frames_cleanpass", "frames_finalpass", ".png")
+_INDEX_COLUMNS = (
     "key",
     "shard",
     "split",
@@ -57,13 +57,13 @@ _COLUMNS = (
     "occluded_share",
 )
 
-#: Of the columns of the index that are not numbers with a fraction.
-_KINDS = {
+#: Types of the columns of the index, unless they are numbers with a fraction.
+_COLUMN_TYPES = {
     **dict.fromkeys(("key", "shard", "split", "scene"), "sc:Text"),
     **dict.fromkeys(("width_px", "height_px", "seed"), "sc:Integer"),
 }
 #: The terms of Croissant 1.0, as its definition has them.
-_CONTEXT = {
+_CROISSANT_CONTEXT = {
     "@language": "en",
     "@vocab": "https://schema.org/",
     "sc": "https://schema.org/",
@@ -114,7 +114,7 @@ class _Index:
     def write(self, out: Path) -> None:
         """Write ``index.csv``."""
         table = io.StringIO()
-        writer = csv.DictWriter(table, _COLUMNS, lineterminator="\n")
+        writer = csv.DictWriter(table, _INDEX_COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(self.rows)
         write_text(out / "index.csv", table.getvalue())
@@ -158,7 +158,7 @@ def _write_webdataset(each: Each, out: Path) -> None:
 
     def write(pair: LoadedPair) -> list[Loss]:
         steps, losses = quantise_to_16_bits(
-            pair.pair.camera.disparity(pair.depth["left"]), KITTI_SCALE, "disparity", "px"
+            pair.pair.camera.disparity(pair.depth["left"]), KITTI_STEPS_PER_PX, "disparity", "px"
         )
         refuse_losses(pair, losses)
         split = find_split_of_pair(pair.pair)
@@ -231,7 +231,7 @@ class _Shards:
                 member = tarfile.TarInfo(f"{key}.{suffix}")  # without a time: the same pairs give the same bytes
                 member.size = len(content)
                 archive.addfile(member, io.BytesIO(content))
-        if part.stat().st_size > SHARD_BYTES:
+        if part.stat().st_size > LEAST_SHARD_BYTES:
             self._finish_shard(split)
         return name
 
@@ -265,7 +265,7 @@ def _write_sceneflow(each: Each, out: Path) -> None:
     path of ``out`` has a word that loaders replace.
     """
     path = str(out.absolute())
-    if word := next((word for word in _REPLACED if word in path), ""):
+    if word := next((word for word in _REPLACED_WORDS if word in path), ""):
         raise IcyMoonError(
             f"{out}: loaders replace the word {word} wherever it is in a path, so they would not find "
             "the files; choose a folder without it."
@@ -313,7 +313,7 @@ def _write_eye(pair: LoadedPair, eye: str, out: Path, frame: str) -> None:
     for passed in ("frames_cleanpass", "frames_finalpass"):
         write_bytes(out / passed / f"{frame}.png", content)
     disparity = pair.pair.camera.disparity(pair.depth[eye])
-    write_pfm(out / "disparity" / f"{frame}.pfm", np.where(np.isfinite(disparity), disparity, UNKNOWN_PX))
+    write_pfm(out / "disparity" / f"{frame}.pfm", np.where(np.isfinite(disparity), disparity, UNKNOWN_DISPARITY_PX))
 
 
 def _make_data_card(index: _Index, layout: str, how: str) -> str:
@@ -324,7 +324,7 @@ def _make_data_card(index: _Index, layout: str, how: str) -> str:
     table = "".join(f"| {split} | {count} | {scenes[split]} |\n" for split, count in sorted(splits.items()))
     depths = [row["depth_median_m"] for row in rows if row["depth_median_m"] != ""]
     suns = [row["sun_elevation_deg"] for row in rows if row["sun_elevation_deg"] != ""]
-    spread = f"The median depth of a pair is {min(depths):g} to {max(depths):g} m.\n" if depths else ""
+    spread = f"The median depths of the pairs range from {min(depths):g} to {max(depths):g} m.\n" if depths else ""
     spread += f"The Sun stands {min(suns):g} to {max(suns):g} degrees above the horizon.\n" if suns else ""
     return (
         f"# Stereo pairs of icy moons\n\nMade by Icy Moon {version()}, a simulator; no image here is a photograph. "
@@ -343,13 +343,13 @@ def _make_croissant(out: Path, shards: list[str]) -> dict[str, Any]:
             "@type": "cr:Field",
             "@id": f"pairs/{name}",
             "name": name,
-            "dataType": _KINDS.get(name, "sc:Float"),
+            "dataType": _COLUMN_TYPES.get(name, "sc:Float"),
             "source": {"fileObject": {"@id": "index.csv"}, "extract": {"column": name}},
         }
-        for name in _COLUMNS
+        for name in _INDEX_COLUMNS
     ]
     return {
-        "@context": _CONTEXT,
+        "@context": _CROISSANT_CONTEXT,
         "@type": "sc:Dataset",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "name": "icymoon-stereo",

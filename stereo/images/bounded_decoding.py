@@ -1,12 +1,12 @@
-"""Decoding images of others where memory and time are bounded.
+"""Decodes foreign images with bounded memory and time.
 
-OpenCV and OpenEXR have had errors in their use of memory, and there are files of a few kB that keep them busy for
-minutes. So they decode images of others in another process, which is started for the first such image and stays: a
-line of JSON and a file come in, a line of JSON and the pixels go out. It may take memory and time in proportion to the
-stated size. When it crashes or takes longer, it is ended and the next image gets a new one. It ends when its input
-ends, which happens however this process ends.
+OpenCV and OpenEXR have had memory errors, and files of a few kB can keep them busy for minutes. So another process
+decodes foreign images. It starts with the first such image and stays: it receives a line of JSON and a file, and
+answers with a line of JSON and the pixels. Its memory and time are limited in proportion to the stated size. A decoder
+that crashes or takes longer is ended, and the next image gets a new one. The decoder ends when its input ends, at every
+kind of end of this process.
 
-Pixels of another size than this process found in the file's header are refused.
+Pixels whose size differs from the file's header are refused.
 """
 
 from __future__ import annotations
@@ -33,16 +33,19 @@ from ...support.foreign_bytes import RefusedError, parse_json
 from .exr_header import Channel
 from .image_headers import EncodedImage
 
-#: The largest image takes 4 s, and a machine may be busy with much else.
-_LIMIT_S = 60.0
-#: Processor time of a decoder: time to load the libraries, and ten times the time of the slowest kind, 100 MB/s.
+#: Seconds for an image: the largest takes 4 s, and a machine may be busy with much else.
+_MOST_DECODING_S = 60.0
+#: Processor time of a decoder: the time to load the libraries, and ten times the time of the slowest format, 100 MB/s.
 _CPU_S, _CPU_S_PER_BYTE = 2.0, 1e-7
-#: Its memory: the pixels, the decoder's copies of them (progressive JPEG has coefficients of two bytes), the file.
-_COPIES, _MEMORY = 3, 2**26
-_LOOK_S, _LONGEST_LINE = 0.25, 10_000
-_TYPES = ("u1", "u2", "u4", "i1", "i2", "i4", "f2", "f4", "f8")
-#: A second thread would take address space, and time that is counted.
-_ENVIRONMENT = {"MALLOC_ARENA_MAX": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+#: Memory of a decoder: copies of the pixels (progressive JPEG has coefficients of two bytes), and bytes for the file.
+_PIXEL_COPIES, _FILE_BYTES = 3, 2**26
+#: Seconds between looks for an answer.
+_POLL_S = 0.25
+#: Most bytes of a line of an answer.
+_LONGEST_LINE = 10_000
+_PIXEL_TYPES = ("u1", "u2", "u4", "i1", "i2", "i4", "f2", "f4", "f8")
+#: One thread each: a second thread would take address space, and processor time that counts.
+_ONE_THREAD_ENVIRONMENT = {"MALLOC_ARENA_MAX": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
 def decode(image: EncodedImage) -> Array:
@@ -70,7 +73,7 @@ class _DecoderDiedError(Exception):
 
 
 class _Decoder:
-    """A running decoder."""
+    """A process that decodes images for this one."""
 
     def __init__(self) -> None:
         from ...render.workers.job_commands import python_command
@@ -79,7 +82,11 @@ class _Decoder:
         try:
             self._process = system.start(
                 python_command(sys.executable, "decode"),
-                {**os.environ, **system.KEEPS_MEMORY, **_ENVIRONMENT},  # the same Python finds the same packages
+                {
+                    **os.environ,
+                    **system.KEEPS_MEMORY,
+                    **_ONE_THREAD_ENVIRONMENT,
+                },  # the same Python finds the same packages
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
@@ -91,14 +98,16 @@ class _Decoder:
             ) from None
 
     def ask(self, request: Mapping[str, Any], content: bytes, most_bytes: int) -> Array | str:
-        """The pixels, or the error in words. Raises _DiedError if it has ended, TimeoutError if it takes too long."""
+        """The pixels, or the error in words. Raises _DecoderDiedError if the decoder has ended, TimeoutError if it
+        takes too long.
+        """
         answer: queue.SimpleQueue[Array | str | None] = queue.SimpleQueue()
-        # A thread, since Windows has no pipe that can be waited for with a limit.
+        # A thread, since Windows cannot wait for a pipe with a limit.
         threading.Thread(target=self._exchange, args=(request, content, most_bytes, answer), daemon=True).start()
-        end = time.monotonic() + _LIMIT_S
+        end = time.monotonic() + _MOST_DECODING_S
         while time.monotonic() < end:
-            with suppress(queue.Empty):  # in short steps, as Windows interrupts nobody who waits
-                found = answer.get(timeout=_LOOK_S)
+            with suppress(queue.Empty):  # in short steps, since Windows cannot interrupt a long wait
+                found = answer.get(timeout=_POLL_S)
                 if found is None:
                     raise _DecoderDiedError
                 return found
@@ -118,23 +127,23 @@ class _Decoder:
             self._process.stdin.write(content)
             self._process.stdin.flush()
             answer.put(_read_answer(self._process.stdout, most_bytes))
-        except Exception:  # whatever it answered instead, nothing more is expected of it
+        except Exception:  # after another answer, nothing more is expected
             answer.put(None)
 
     def end(self) -> int | None:
-        """End it; the exit status that it had before, None if it was running."""
+        """End the decoder; returns the exit status that it had before, None if it was running."""
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_LOOK_S)
+            self._process.wait(_POLL_S)
         status = self._process.poll()
         system.kill_all(self._process)
         self.close()
         return status
 
     def close(self) -> None:
-        """Close our ends of its pipes, which a process that was forked from its owner has too."""
+        """Close our ends of its pipes, of which a forked process has copies."""
         for stream in (self._process.stdin, self._process.stdout):
             assert stream is not None
-            with suppress(OSError):  # input that it has not read
+            with suppress(OSError):  # the decoder left input unread
                 stream.close()
 
 
@@ -148,7 +157,7 @@ def _read_answer(stream: IO[bytes], most_bytes: int) -> Array | str:
         return str(answer["error"])[:200]
     shape, dtype = answer["shape"], np.dtype(answer["type"])
     if (
-        dtype.str[1:] not in _TYPES
+        dtype.str[1:] not in _PIXEL_TYPES
         or not all(type(each) is int and each > 0 for each in shape)
         or len(shape) not in (2, 3)
         or math.prod(shape) * dtype.itemsize > most_bytes
@@ -170,23 +179,29 @@ _running: list[_Decoder] = []
 
 def _ask_decoder(request: dict[str, Any], content: bytes, most_bytes: int) -> Array:
     cpu_s = _CPU_S + _CPU_S_PER_BYTE * most_bytes
-    request |= {"bytes": len(content), "cpu_s": cpu_s, "memory": _COPIES * most_bytes + 2 * len(content) + _MEMORY}
+    request |= {
+        "bytes": len(content),
+        "cpu_s": cpu_s,
+        "memory": _PIXEL_COPIES * most_bytes + 2 * len(content) + _FILE_BYTES,
+    }
     with _lock:
         if _running and _running[0].owner != os.getpid():
-            _running.pop().close()  # of the process that we were forked from
+            _running.pop().close()  # the decoder belongs to the process from which we were forked
         if not _running:
             _running.append(_Decoder())
         try:
             answer = _running[0].ask(request, content, most_bytes)
         except TimeoutError:
             _running.pop().end()
-            raise RefusedError(f"takes more than {_LIMIT_S:g} s to decode; save it again, as PNG or PFM.") from None
+            raise RefusedError(
+                f"takes more than {_MOST_DECODING_S:g} s to decode; save it again, as PNG or PFM."
+            ) from None
         except _DecoderDiedError:
             status = _running.pop().end()
             if status is not None and system.is_ended_by_time_limit(status):
                 raise RefusedError(f"takes more than {cpu_s:.0f} s to decode; save it again, as PNG or PFM.") from None
             raise RefusedError("makes the library crash that decodes it; save it again, as PNG or PFM.") from None
-        except BaseException:  # interrupted: its late answer would be taken for the next image
+        except BaseException:  # after an interrupt, its late answer would be taken for the next image
             _running.pop().end()
             raise
     if isinstance(answer, str):
@@ -196,7 +211,7 @@ def _ask_decoder(request: dict[str, Any], content: bytes, most_bytes: int) -> Ar
 
 @atexit.register
 def stop_decoder() -> None:
-    """End the other process, if it runs."""
+    """End the decoder, if it runs."""
     while _running:
         decoder = _running.pop()
         if decoder.owner == os.getpid():
@@ -206,10 +221,10 @@ def stop_decoder() -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """The other process: decode what comes in until there is no more."""
+    """Run the decoder: decode images until the input ends."""
     del arguments
     source, out = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what libraries print
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # drops the output of libraries
     while line := source.readline():
         request = json.loads(line)
         content = source.read(request["bytes"])
@@ -228,7 +243,7 @@ def main(arguments: Sequence[str]) -> int:
             if pixels is not None:
                 out.write(pixels.data.cast("B"))
             out.flush()
-        except OSError:  # nobody waits for it any more
+        except OSError:  # nobody waits for the answer any more
             return 0
     return 0
 

@@ -1,6 +1,6 @@
 """Pictures of depth and error in colours, and the colour bars below them.
 
-The scales are logarithmic. That of depth spans the true depth of the pair. That of error is the same for all pairs
+The scales are logarithmic. The depth scale spans the true depth of the pair. The error scale is the same for all pairs
 and methods, so that pictures can be compared; its middle is 10 cm, the threshold of the L1-rate-10. Viridis and magma
 are perceptually uniform (N. Smith and S. van der Walt, public domain).
 """
@@ -22,7 +22,7 @@ SKY_GREY = 60  # no truth to compare with
 
 _STRIP_PX = 44  # height of the colour bar under a picture, at size 1
 
-#: Colour maps: RGB of every fifth of 256 levels. Those between are interpolated, at most one step off the original.
+#: Colour maps: RGB of every fifth of 256 levels. Interpolated levels differ from the original by at most one step.
 VIRIDIS = (
     "44015446085c471063481769481d6f482475472a7a46307e453781433d844142873f48893d4e8a3a538b38598c355e8d33638d31688e"
     "2e6d8e2c718e2a768e297b8e27808e25848e23898e218e8d20928c1f978b1e9c891fa18821a58524aa8328ae802eb37c35b7793dbc74"
@@ -58,13 +58,14 @@ class Scale:
         return _choose_ticks(self.low, self.high)
 
     def position(self, value: Numbers) -> Array:
-        """Where values lie on the scale, from 0 to 1; values beyond its ends lie at the ends."""
+        """Position of values on the scale, from 0 to 1; values beyond its ends are put at the ends."""
         logarithm = np.log(np.maximum(value, np.finfo(np.float64).tiny))
         return np.clip((logarithm - math.log(self.low)) / math.log(self.high / self.low), 0.0, 1.0)
 
     def colours(self, value: Array, greys: Mapping[int, Array] | None = None) -> Array:
-        """BGR uint8 (H, W, 3) of values (H, W); a grey where its mask is set, the last one that is. NaN without a grey
-        gets an arbitrary colour."""
+        """BGR uint8 (H, W, 3) of values (H, W), with grey levels where their masks are set (the last one wins). NaN
+        without a grey gets an arbitrary colour.
+        """
         held = np.fmin(np.fmax(value, self.low), self.high).astype(np.float32)
         steps = (np.log(held) - np.float32(math.log(self.low))) * np.float32(255 / math.log(self.high / self.low))
         level = np.rint(steps).astype(np.int16)
@@ -80,7 +81,7 @@ class Scale:
         return [f"rgb({r},{g},{b})" for b, g, r in _read_colormap(self.colormap)[level].tolist()]
 
 
-ERROR = Scale(0.01, 1.0, MAGMA, "|depth error| (m), log scale")
+ERROR_SCALE = Scale(0.01, 1.0, MAGMA, "|depth error| (m), log scale")
 
 
 def make_depth_scale(truth: Array) -> Scale:
@@ -104,27 +105,27 @@ def draw_true_depth(truth: Array, scale: Scale) -> Array:
 
 def draw_error(prediction: Array, truth: Array) -> Array:
     """BGR picture of |prediction - truth| on the scale ERROR; SKY_GREY and INVALID_GREY elsewhere."""
-    return ERROR.colours(
+    return ERROR_SCALE.colours(
         np.abs(prediction - truth), {INVALID_GREY: ~np.isfinite(prediction), SKY_GREY: ~np.isfinite(truth)}
     )
 
 
-#: RGB of a measurement that is too near, too far and right.
+#: RGB of a measurement that is too near, too far, and right.
 _TOO_NEAR, _TOO_FAR, _RIGHT = (0x2B, 0x5F, 0xC4), (0xC4, 0x2B, 0x2B), (0xF4, 0xF4, 0xF4)
 
 
-def colour_signed_errors(error_m: Array, full_m: float = ERROR.high) -> Array:
+def colour_signed_errors(error_m: Array, full_m: float = ERROR_SCALE.high) -> Array:
     """RGB uint8 (n, 3) of signed depth errors: blue for too near, red for too far, white below 1 cm, INVALID_GREY for
     NaN. The scale is logarithmic, as in the error pictures, with the full colour from ``full_m`` on."""
-    scale = replace(ERROR, high=full_m)
+    scale = replace(ERROR_SCALE, high=full_m)
     amount = scale.position(np.nan_to_num(np.abs(error_m.astype(np.float64))))[:, None]
     end = np.where(np.nan_to_num(error_m)[:, None] < 0, _TOO_NEAR, _TOO_FAR)
     colours = np.rint(_RIGHT + amount * (end - np.array(_RIGHT)))
     return np.where(np.isnan(error_m)[:, None], INVALID_GREY, colours).astype(np.uint8)
 
 
-#: Colours, BGR, of a pixel's outcome: accepted first, then the reasons for a rejection.
-_OUTCOMES = (
+#: Colours, BGR, of a pixel's outcome: accepted, then the reasons for a rejection.
+_OUTCOME_COLOURS = (
     (235, 206, 166),
     (128, 128, 128),
     (0, 94, 213),
@@ -137,17 +138,19 @@ _OUTCOMES = (
 
 
 def draw_outcomes(flags: Array, shape: tuple[int, ...]) -> Array:
-    """BGR picture of ``shape`` (H, W) of each pixel's outcome, from whole numbers (h, w) of any size."""
-    colours = np.array(_OUTCOMES, np.uint8)[flags.astype(np.intp) % len(_OUTCOMES)]
+    """BGR picture (H, W) with ``shape`` of each pixel's outcome, from ``flags`` (h, w) of any size."""
+    colours = np.array(_OUTCOME_COLOURS, np.uint8)[flags.astype(np.intp) % len(_OUTCOME_COLOURS)]
     row, column = (np.arange(wanted) * had // wanted for wanted, had in zip(shape, flags.shape, strict=True))
     return np.asarray(colours[row[:, None], column])
 
 
-def outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
-    """(name, CSS colour, share) of each outcome that occurs; ``counts``: pixels by name, in the order of the flags."""
+def make_outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
+    """(name, CSS colour, share) of each outcome that occurs, from its number of pixels in ``counts``, in the order of
+    the flags.
+    """
     total = sum(counts.values())
     return [
-        (name, "rgb({2},{1},{0})".format(*_OUTCOMES[k % len(_OUTCOMES)]), count / total)
+        (name, "rgb({2},{1},{0})".format(*_OUTCOME_COLOURS[k % len(_OUTCOME_COLOURS)]), count / total)
         for k, (name, count) in enumerate(counts.items())
         if count
     ]
@@ -180,7 +183,7 @@ def draw_colour_bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, p
         extent = measure_text_width_px(text, letter)
         start = min(max(column - extent // 2, 2), width - extent - 2)
         strip[px(16) : px(19), min(column, width - px(1)) :][:, : px(1)] = ink
-        if start >= free_from:  # a small picture has no room for all numbers
+        if start >= free_from:  # a small picture has room for some numbers only
             put_text(strip, text, start, px(28), letter, ink)
             free_from = start + extent + px(4)
     put_text(strip, scale.title, left, px(40), letter, round(ink + 0.2 * (paper - ink)))

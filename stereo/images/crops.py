@@ -1,4 +1,4 @@
-"""Images and truth of a window of a pair; no more of the pair is decoded than the window needs."""
+"""Images and truth of a window of a pair, decoded only as far as the window needs."""
 
 from __future__ import annotations
 
@@ -16,14 +16,22 @@ from ...settings.topics.camera import SensorSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.labels import GROUP_PASSES
-from .develop import Channels, DevelopedImages, average_bands, develop, scaled_radiance
+from .develop import Channels, DevelopedImages, average_bands, develop, scale_radiance
 from .disparity_and_occlusion import find_scene_depth, find_visible_in_right
 from .exr import NORMAL_PASSES, OBJECT_PASSES, Light, Truth, read_light, read_truth, read_view
 from .lens import make_rectification
 from .views import read_eye
 
-#: Settings that make a pixel depend on others, or on its place on the sensor.
-_SPREADS = ("psf_sigma_px", "veiling_glare", "deposit_share", "prnu", "dsnu_e", "blooming", "radiation_flux_cm2_s")
+#: Sensor settings that make a pixel depend on other pixels, or on its place on the sensor.
+_NONLOCAL_SETTINGS = (
+    "psf_sigma_px",
+    "veiling_glare",
+    "deposit_share",
+    "prnu",
+    "dsnu_e",
+    "blooming",
+    "radiation_flux_cm2_s",
+)
 
 
 class Crop(NamedTuple):
@@ -34,21 +42,21 @@ class Crop(NamedTuple):
 
 
 class Crops:
-    """Reads windows of pairs, and keeps the level that auto exposure metered on each whole pair: one number."""
+    """Reads windows of pairs, and keeps the auto-exposure level of each whole pair, one number."""
 
     def __init__(self) -> None:
         self._levels: dict[tuple[str, float, float, float], float] = {}
 
     def read(self, pair: Pair, settings: Settings, crop: Crop) -> dict[str, Array] | None:
-        """``read_whole`` of a window; None where pixels depend on others, so that the whole is needed.
+        """The arrays of ``read_whole`` in a window; None if pixels depend on others, so that the whole image is needed.
 
-        The noise of each pixel is another one than in the whole image, of the same strength.
+        The noise of a pixel differs from the noise in the whole image, with the same strength.
         """
         refuse_errors(settings.calibration_error, pair.folder)
         if not _depends_on_single_pixels(pair, settings):
             return None
         rows, groups = range(crop.rows.start, crop.rows.stop), _needs_light_groups(settings)
-        left = read_view(pair.image("left"), "left", _unneeded_passes(groups), rows)
+        left = read_view(pair.image("left"), "left", _list_unneeded_passes(groups), rows)
         light = {"left": left, "right": read_light(pair.image("right"), "right", groups, rows)}
         channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
         seconds = expose_level_s(
@@ -58,9 +66,11 @@ class Crops:
         images = develop(
             pair, _crop_columns(light["left"], crop.columns), _crop_columns(light["right"], crop.columns), fixed
         )
-        # The right eye's truth is needed only if no rays have found the points that are hidden from it.
+        # The right eye's truth is needed only without rays for the hidden points.
         right = (
-            left if left.hidden is not None else read_truth(pair.truth("right"), "right", _unneeded_passes(False), rows)
+            left
+            if left.hidden is not None
+            else read_truth(pair.truth("right"), "right", _list_unneeded_passes(False), rows)
         )
         found = _make_truth_arrays(pair.camera, left, right)
         return _scale_images(images) | {key: value[:, crop.columns] for key, value in found.items()}
@@ -71,7 +81,7 @@ class Crops:
         key = (pair.id, *scales, float(settings.sensor.auto_percentile))
         if key not in self._levels:
             light = read_light(pair.image("left"), "left", _needs_light_groups(settings))
-            radiance = average_bands(scaled_radiance(light, pair, settings.light))
+            radiance = average_bands(scale_radiance(light, pair, settings.light))
             self._levels[key] = meter_level(np.minimum(radiance, 1e30), settings.sensor)
         return self._levels[key]
 
@@ -81,7 +91,7 @@ def read_whole(pair: Pair, settings: Settings) -> dict[str, Array]:
     ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``."""
     refuse_errors(settings.calibration_error, pair.folder)
     light, views = zip(
-        *(read_eye(pair, eye, _unneeded_passes(_needs_light_groups(settings))) for eye in EYES), strict=True
+        *(read_eye(pair, eye, _list_unneeded_passes(_needs_light_groups(settings))) for eye in EYES), strict=True
     )
     return _scale_images(develop(pair, light[0], light[1], settings)) | _make_truth_arrays(pair.camera, *views)
 
@@ -100,7 +110,7 @@ def _make_truth_arrays(camera: StereoCamera, left: Truth, right: Truth) -> dict[
 
 
 def _depends_on_single_pixels(pair: Pair, settings: Settings) -> bool:
-    """Whether each pixel of the images depends on the light that falls on it alone, but for the exposure."""
+    """Whether the value of each pixel depends only on the light at that pixel, apart from the exposure."""
     camera, sensor = pair.camera, settings.sensor
     if any(pair.image(eye) != pair.truth(eye) for eye in EYES):
         return False  # blurred: the truth is in separate files
@@ -108,7 +118,7 @@ def _depends_on_single_pixels(pair: Pair, settings: Settings) -> bool:
         camera.rendered_px == (camera.width_px, camera.height_px)
         and sensor.colour == "MONO"
         and sensor.band_weights == "EQUAL"
-        and not any(_spreads_light(sensor, key) for key in _SPREADS)
+        and not any(_spreads_light(sensor, key) for key in _NONLOCAL_SETTINGS)
     )
     return plain and all(
         make_rectification(camera, settings.rig, settings.calibration_error, eye) is None for eye in EYES
@@ -124,7 +134,7 @@ def _needs_light_groups(settings: Settings) -> bool:
     return settings.light.sun_scale != 1 or settings.light.planet_scale != 1
 
 
-def _unneeded_passes(groups: bool) -> Collection[str]:
+def _list_unneeded_passes(groups: bool) -> Collection[str]:
     return (*OBJECT_PASSES, *NORMAL_PASSES, *(() if groups else GROUP_PASSES))
 
 

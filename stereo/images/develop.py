@@ -1,4 +1,4 @@
-"""Developing a pair: from linear radiance to the images of its camera, and the grey ones that matchers get."""
+"""Develops a pair: from linear radiance to the images of its camera, and to the grey images for matchers."""
 
 from __future__ import annotations
 
@@ -54,8 +54,9 @@ _OPENCV = {"RGGB": "BG", "BGGR": "RG", "GRBG": "GB", "GBRG": "GR"}
 
 @dataclass(frozen=True)
 class Exposure:
-    """One exposure of both eyes: uint16 (H, W) digital numbers with the bits of the sensor; of a colour sensor the
-    mosaic."""
+    """One exposure of both eyes: uint16 (H, W) digital numbers with the bits of the sensor; for a colour sensor the
+    mosaic.
+    """
 
     seconds: float
     left: Array
@@ -69,22 +70,23 @@ class DevelopedImages:
     ``left`` and ``right`` of a colour sensor are its grey images, see ``colour.mix_to_grey``.
     """
 
-    left: Array  # rectified, on the truth
+    left: Array  # rectified, on the pixels of the truth
     right: Array
-    detected_left: Array  # on the sensor: a colour sensor's mosaic; else the same unless the lens distorts, the eyes
+    # On the sensor: a colour sensor's mosaic; else the same as the rectified image, unless the lens distorts, the eyes.
+    detected_left: Array
     detected_right: Array  # are toed in or calibrated, or the calibration errs
     bits: int
     frames: tuple[Exposure, ...]  # the exposures, longest first
     exposure_s: float  # of the metered exposure
     gain_dn_per_e: float
     electron_rate: float  # electrons per second per W/(m² sr); of white ground, in the channel that sees most of it
-    saturation_radiance: float  # W/(m² sr) at the top of the images; infinite if none reaches it
+    saturation_radiance: float  # W/(m² sr) at the top of the images; infinite if no radiance reaches it
     saturated: float  # share of the left pixels at the converter's top, in the shortest exposure
     encoding: str
     warnings: tuple[str, ...]  # about blur in the render and about the exposure
     colour_left: Array | None = None  # (H, W, 3), R, G, B, rectified; None for a monochrome sensor
     colour_right: Array | None = None
-    white_gains: tuple[float, ...] = ()  # factors that the white balance put on R, G, B
+    white_gains: tuple[float, ...] = ()  # factors of the white balance on R, G, B
     #: By eye, uint8 (H, W), rectified: 255 times the share of the light that deposits block. Empty without deposits.
     blocked: Mapping[str, Array] = field(default_factory=dict)
 
@@ -95,7 +97,7 @@ class DevelopedImages:
 
     @property
     def is_rectified(self) -> bool:
-        """Whether the images of the sensors are others than those that matchers get."""
+        """Whether the images of the sensors differ from the images for matchers."""
         return self.detected_left is not self.left or self.detected_right is not self.right
 
     def seen(self, eye: str) -> Array:
@@ -106,7 +108,7 @@ class DevelopedImages:
         return self.left if eye == "left" else self.right
 
     def for_files(self, eye: str) -> Array:
-        """The same in the order B, G, R, in which OpenCV writes colours."""
+        """The image of an eye in the order B, G, R, in which OpenCV writes colours."""
         image = self.seen(eye)
         return image[..., ::-1] if image.ndim == 3 else image
 
@@ -125,7 +127,7 @@ def average_bands(radiance: Array) -> Array:
     return (radiance[..., 0].astype(np.float64) + radiance[..., 1] + radiance[..., 2]) / 3
 
 
-def scaled_radiance(view: Light, pair: Pair, light: LightSettings) -> Array:
+def scale_radiance(view: Light, pair: Pair, light: LightSettings) -> Array:
     """Radiance (H, W, 3) with the Sun and the planet scaled by ``sun_scale`` and ``planet_scale``.
 
     Light is linear, so a new render would give the same. A pair without light groups has one light, the Sun. Raises
@@ -164,7 +166,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
     rate = channels.rate
     optics = {eye: _Optics.of(pair, settings, eye) for eye in EYES}
     planes = {
-        eye: channels.planes(scaled_radiance(view, pair, settings.light))
+        eye: channels.planes(scale_radiance(view, pair, settings.light))
         for eye, view in (("left", left), ("right", right))
     }
     light = {eye: channels.at_pixels([optics[eye].on_sensor(plane) for plane in planes[eye]]) for eye in EYES}
@@ -202,7 +204,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
 
 @dataclass(frozen=True)
 class _Optics:
-    """An eye's way to its sensor, and back from the numbers to the rectified image."""
+    """The optical path of an eye to its sensor, and the way back from the numbers to the rectified image."""
 
     camera: StereoCamera
     sensor: SensorSettings
@@ -224,7 +226,7 @@ class _Optics:
         )
 
     def on_sensor(self, plane: Array) -> Array:
-        """The light (H, W) of a channel on the sensor, from that which falls into the eye."""
+        """The light (H, W) of a channel on the sensor, from the light that falls into the eye."""
         there = self.camera.cropped(plane) if self.lens is None else self.lens.distort(plane)
         return apply_point_spread(apply_deposits(there, self.blocked, self.sensor), self.sensor)
 
@@ -254,7 +256,7 @@ def merge_frames(
 def _rectify_if_needed(
     detected: Mapping[str, Array], bits: int, black: float, channels: Channels, optics: Mapping[str, _Optics]
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """The grey images on the truth, and of a colour sensor its colours there, both by eye."""
+    """The grey images on the pixels of the truth, and for a colour sensor the colours there, both by eye."""
     if optics["left"].sensor.colour != "BAYER":
         return {eye: optics[eye].rectified(detected[eye]) for eye in EYES}, {}
     colours = {eye: optics[eye].rectified(channels.colours(detected[eye], bits, black)) for eye in EYES}
@@ -288,10 +290,12 @@ class Channels:
                 )
 
     def planes(self, radiance: Array) -> list[Array]:
-        """Signal of each channel from a radiance (H, W, 3), float64 (H, W); times ``rate``, electrons per second."""
+        """Signal of each channel from a radiance (H, W, 3), float64 (H, W). Times ``rate`` it is electrons per
+        second.
+        """
         if self._weights is None:
             return [average_bands(radiance)]
-        # Infinite light times a response of 0 would be NaN.
+        # Avoids NaN from infinite light times a response of 0.
         red, green, blue = (np.minimum(radiance[..., k].astype(np.float64), 1e30) for k in range(3))
         return [r * red + g * green + b * blue for r, g, b in self._weights.tolist()]
 

@@ -10,8 +10,8 @@ from ...support.arrays import Array
 from ...support.labels import PLANET
 from .exr import Truth
 
-#: Sources of the points that the other eye sees: rays that were cast when the pair was rendered, the depths of both
-#: eyes, or a mask that the data set contains.
+#: Sources of visibility: rays that were cast when the pair was rendered, the depths of both eyes, or a mask of the data
+#: set.
 RAYS, ESTIMATED, MASK = "RAYS", "ESTIMATED", "MASK"
 
 
@@ -28,10 +28,10 @@ def find_scene_depth(view: Truth) -> Array:
 def find_visible_in_right(
     left_depth: Array, right_depth: Array, camera: StereoCamera, hidden: Array | None = None
 ) -> Array:
-    """Boolean (H, W): the point that a left pixel sees is inside the right image and not hidden there.
+    """Pixels (H, W), bool, of the left eye whose point is inside the right image and not hidden there.
 
-    Both depths are planar metres, NaN for sky; sky is not visible. ``hidden``, Boolean (H, W), marks the points that
-    rays found hidden when the pair was rendered. Without it, it is estimated: the right image shows something nearer.
+    Both depths are planar, m, NaN for sky; sky is not visible. ``hidden`` (H, W), bool, marks the points that rays
+    found hidden at the render. Without it, hidden points are estimated: the right image shows a nearer surface there.
     """
     return _find_visible(left_depth, right_depth, camera, "left", hidden)
 
@@ -39,7 +39,7 @@ def find_visible_in_right(
 def find_visible_in_left(
     left_depth: Array, right_depth: Array, camera: StereoCamera, hidden: Array | None = None
 ) -> Array:
-    """The same for the pixels of the right image."""
+    """Pixels (H, W), bool, of the right eye whose point the left eye sees; see ``find_visible_in_right``."""
     return _find_visible(right_depth, left_depth, camera, "right", hidden)
 
 

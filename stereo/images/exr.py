@@ -44,12 +44,12 @@ from ...support.temporary_folders import open_scratch_folder
 from ..environment.packages import is_in_blender
 from .exr_passes import keep_passes, keep_row_chunks, remove_passes
 
-#: Passes that tell the objects apart, and the slope.
+#: Passes that tell objects apart, and passes with normals.
 OBJECT_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Object Index", "IndexOB", INSTANCE_AOV))
 NORMAL_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Normal", NORMAL_AOV))
 
-_FIX = "render the pair again"
-_SEMANTIC = ("Material Index", "IndexMA")  # the pass with the semantic labels, by version
+_RENDER_AGAIN = "render the pair again"
+_SEMANTIC_PASSES = ("Material Index", "IndexMA")  # the pass with the semantic labels, by version
 
 _Channels = dict[tuple[str, str, str], Array]  # (layer, pass, component) -> (height, width)
 
@@ -59,7 +59,7 @@ class Light:
     """The light in the EXR file of one eye: (H, W, 3) float32, linear, W/(m² sr) in the bands R, G, B."""
 
     radiance: Array
-    groups: dict[str, Array]  # parts of it by the light they come from, see labels.LIGHT_GROUPS; may be empty
+    groups: dict[str, Array]  # parts of the light by their source, see labels.LIGHT_GROUPS; may be empty
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,8 @@ class Truth:
     normal: Array | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
     instance: Array | None  # (H, W) int32, see labels
     semantic: Array | None  # (H, W) int32, see labels.SEMANTIC
-    hidden: Array | None = None  # (H, W) bool, from the other eye by something nearer; None if nobody has asked
+    # (H, W) bool: hidden from the other eye by something nearer; None if no rays were traced.
+    hidden: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,8 @@ class View(Truth, Light):
 def read_view(path: Path, eye: str | None = None, without: Collection[str] = (), rows: range | None = None) -> View:
     """Read ``left.exr`` or ``right.exr``, if it contains both. ``eye`` selects the view in a file with two.
 
-    Passes (``LAYER.PASS``) that are not needed may be left out by ``without``, and all but some ``rows``, which is
-    faster. Raises IcyMoonError if the file is missing, damaged or lacks radiance or depth.
+    ``without`` leaves out passes (``LAYER.PASS``), and ``rows`` limits the rows, both for speed. Raises IcyMoonError if
+    the file is missing, damaged or lacks radiance or depth.
     """
     channels = _read_channels(path, eye, without=without, rows=rows)
     truth = _make_truth(channels, path)
@@ -91,7 +92,7 @@ def read_view(path: Path, eye: str | None = None, without: Collection[str] = (),
 
 
 def read_truth(path: Path, eye: str | None = None, without: Collection[str] = (), rows: range | None = None) -> Truth:
-    """Read the truth alone, ``without`` some passes, and of some ``rows`` only if they are given.
+    """Read the truth alone, ``without`` some passes, and only the ``rows`` if they are given.
 
     Raises IcyMoonError if the file is missing, damaged or lacks depth.
     """
@@ -100,7 +101,7 @@ def read_truth(path: Path, eye: str | None = None, without: Collection[str] = ()
 
 def read_depth(path: Path, eye: str | None = None) -> Truth:
     """Read only the depth and the labels that tell the planet from the ground; the other arrays may be None."""
-    passes = [f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in ("Depth", *_SEMANTIC)]
+    passes = [f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in ("Depth", *_SEMANTIC_PASSES)]
     return _make_truth(_read_channels(path, eye, passes), path)
 
 
@@ -122,14 +123,15 @@ def _make_truth(channels: _Channels, path: Path, name: str = "Depth") -> Truth:
         depth,
         _find_normals(channels, path),
         _find_instances(channels),
-        _find_labels(channels, _SEMANTIC),
+        _find_labels(channels, _SEMANTIC_PASSES),
         None if hidden is None else hidden > 0,
     )
 
 
 def read_light(path: Path, eye: str | None = None, groups: bool = True, rows: range | None = None) -> Light:
-    """Read the light alone, with or without its ``groups``, and of some ``rows`` only if they are given; far faster
-    than ``read_view`` if the file has a part for each pass."""
+    """Read the light alone, with or without its ``groups``, and only the ``rows`` if they are given. This is far faster
+    than ``read_view`` if the file has a part for each pass.
+    """
     passes = [IMAGE_PASS, *(GROUP_PASSES if groups else ())]
     return _make_light(_read_channels(path, eye, passes, rows=rows), path, groups)
 
@@ -149,7 +151,7 @@ def read_baked_error(path: Path, eye: str | None = None) -> dict[str, Array]:
 
 
 def _make_light(channels: _Channels, path: Path, groups: bool) -> Light:
-    """The light, with or without its ``groups``. In files without an image it is their sum."""
+    """The light, with or without its ``groups``. Without a stored image it is the sum of the groups."""
     found = {
         group: _find_radiance(channels, f"Combined_{group}", path)
         for group in LIGHT_GROUPS
@@ -170,7 +172,7 @@ def _read_channels(
 ) -> _Channels:
     """The channels of an eye: all, or at least the ``passes`` (``LAYER.PASS``), or all except ``without``."""
     if not path.is_file():
-        raise IcyMoonError(f"{path} is missing; {_FIX}.")
+        raise IcyMoonError(f"{path} is missing; {_RENDER_AGAIN}.")
     channels: _Channels = {}
     for view_of_part, pixels in _read_parts(path, passes, without, rows):
         for name, values in pixels.items():
@@ -183,18 +185,18 @@ def _read_channels(
     unread = set(without) - (set() if (BEAUTY, "Combined", "R") in channels else set(GROUP_PASSES))
     channels = {key: values for key, values in channels.items() if ".".join(key[:2]) not in unread}
     if len({values.shape for values in channels.values()}) > 1:
-        raise IcyMoonError(f"{path} has parts of unequal size; {_FIX}.")
+        raise IcyMoonError(f"{path} has parts of unequal size; {_RENDER_AGAIN}.")
     return channels
 
 
 def _read_file(path: Path, parse: Callable[[ForeignBytes], Parsed]) -> Parsed:
-    return read_foreign(path, parse, KIND, _FIX, most=MOST_BYTES)
+    return read_foreign(path, parse, KIND, _RENDER_AGAIN, most=MOST_BYTES)
 
 
 def _read_parts(
     path: Path, passes: Collection[str], without: Collection[str], rows: range | None
 ) -> list[tuple[str, dict[str, Array]]]:
-    """Of each part of a file the view that it states, if any, and its channels by name."""
+    """For each part of a file the view that it states, if any, and its channels by name."""
     if rows is None:
         return _read_with_openexr(path, passes, without)
     data, before = _read_file(
@@ -220,12 +222,16 @@ def _read_with_openexr(
     except ImportError:
         return _decode_with_numpy(path, passes, without)
     # The library gets only headers and chunks that were checked. It raises RuntimeError, ValueError and its own types.
-    with explain_errors(path, KIND, _FIX), silence_openexr(), _make_smaller_file(path, passes, without) as file:
+    with (
+        explain_errors(path, KIND, _RENDER_AGAIN),
+        silence_openexr(),
+        _make_smaller_file(path, passes, without) as file,
+    ):
         parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
         parts = OpenEXR.File(file, separate_channels=True).parts
-    # OpenEXR leaves out a part that it cannot decode, and reports that on standard output only.
+    # OpenEXR leaves out a part that it cannot decode, and reports it only on standard output.
     if len(parts) < parts_announced:
-        raise IcyMoonError(f"{path} is damaged or incomplete; {_FIX}.")
+        raise IcyMoonError(f"{path} is damaged or incomplete; {_RENDER_AGAIN}.")
     return [
         (
             part.header.get("view") or "",
@@ -236,20 +242,20 @@ def _read_with_openexr(
 
 
 def _to_single_precision(values: Array) -> Array:
-    """Values of a channel, 16-bit floats as float32: arithmetic with them would round again."""
+    """Values of a channel with 16-bit floats as float32, since arithmetic with 16 bits would round again."""
     return values.astype(np.float32) if values.dtype == np.float16 else values
 
 
 def _decode_with_numpy(
     path: Path, passes: Collection[str], without: Collection[str]
 ) -> list[tuple[str, dict[str, Array]]]:
-    """The same in numpy, for what Blender writes."""
+    """The parts of a file as from ``_read_with_openexr``, decoded in NumPy; enough for files of Blender."""
     return _read_file(path, lambda foreign: list(decode_parts(_drop_passes(foreign.content(), passes, without))))
 
 
 @contextmanager
 def _make_smaller_file(path: Path, passes: Collection[str], without: Collection[str]) -> Iterator[str]:
-    """Make a file with only the ``passes`` in ``path``, or those not ``without``, if any are given; gives its name.
+    """Make a file with only the ``passes`` in ``path``, or with the passes not in ``without``, and yield its name.
 
     Raises IcyMoonError if the file is damaged, or may not be decoded.
     """
@@ -275,11 +281,13 @@ def _find_channel(channels: _Channels, layer: str, pass_name: str, component: st
     try:
         return channels[layer, pass_name, component]
     except KeyError:
-        raise IcyMoonError(f"{path} has no channel {layer}.{pass_name}.{component}; {_FIX}.") from None
+        raise IcyMoonError(f"{path} has no channel {layer}.{pass_name}.{component}; {_RENDER_AGAIN}.") from None
 
 
 def _find_normals(channels: _Channels, path: Path) -> Array | None:
-    """Normals of facets. The materials of the user's own objects do not write these; there it is the shading normal."""
+    """Normals of facets. The materials of the user's own objects do not write these; such objects have the shading
+    normal.
+    """
     found = [
         [_find_channel(channels, TRUTH, name, axis, path) for axis in components]
         for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ"))
@@ -303,7 +311,7 @@ def _find_instances(channels: _Channels) -> Array | None:
 
 def _find_labels(channels: _Channels, passes: tuple[str, ...]) -> Array | None:
     for name in passes:
-        for layer in (TRUTH, BEAUTY):  # with the light, of a pair that has no other truth
+        for layer in (TRUTH, BEAUTY):  # with the light, for a pair without separate truth
             if (layer, name, "X") in channels:
                 with np.errstate(invalid="ignore"):  # a label that no renderer gives becomes some number
                     return np.rint(np.nan_to_num(channels[layer, name, "X"])).astype(np.int32)
@@ -312,13 +320,14 @@ def _find_labels(channels: _Channels, passes: tuple[str, ...]) -> Array | None:
 
 @contextmanager
 def silence_openexr() -> Iterator[None]:
-    """Discard what OpenEXR prints about a damaged file: its Python part prints on standard output, where our results
-    go, its C++ part on standard error."""
+    """Discard the output of OpenEXR about a damaged file: its Python part prints on standard output, where our results
+    go, and its C++ part on standard error.
+    """
     with suppress(OSError, ValueError, AttributeError):  # it is absent or closed
         sys.stderr.flush()
     try:
         kept = os.dup(2)
-    except OSError:  # nobody hears it
+    except OSError:  # nobody reads it
         kept = -1
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
         try:

@@ -1,4 +1,4 @@
-"""The header of an EXR file of others, with its channels, before a library decodes them."""
+"""Reads the header of a foreign EXR file, with its channels, before a library decodes it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ...formats.exr_layout import read_layout
 from ...support.foreign_bytes import ForeignBytes, RefusedError
 from .image_headers import check_size
 
-EXR = b"\x76\x2f\x31\x01"
-_DEEP = 0x800
-#: Types of values by their number in a header.
-_TYPES = ("u4", "f2", "f4")
+EXR_START = b"\x76\x2f\x31\x01"
+_DEEP_FLAG = 0x800
+#: Types of values, by their number in a header.
+_PIXEL_TYPES = ("u4", "f2", "f4")
 
 
 @dataclass(frozen=True)
@@ -25,28 +25,31 @@ class Channel:
     width: int
     height: int
     dtype: np.dtype[np.generic]
-    part_name: str = ""  # in a file of several
+    part_name: str = ""  # in a file with several parts
 
     @property
     def full_name(self) -> str:
-        """Its name with its part's name in front, unless it has that already: parts may share names of channels."""
+        """The channel's name after the part's name, unless the name has it already: parts may share names of
+        channels.
+        """
         first = self.part_name.partition(".")[0]
         is_named = not first or self.name.startswith(f"{first}.")
         return self.name if is_named else f"{self.part_name}.{self.name}"
 
     @property
     def size_bytes(self) -> int:
-        """Bytes of its pixels."""
+        """Bytes of the channel's pixels."""
         return self.width * self.height * self.dtype.itemsize
 
 
 def parse_channels(foreign: ForeignBytes) -> list[Channel]:
-    """All channels that a file states, the pixels of all of them charged: a library decodes a part as a whole.
+    """All channels that a file states. The pixels of all of them are charged, since a library decodes a part as a
+    whole.
 
-    Raises ValueError or struct.error if it is torn, RefusedError and OverBudgetError for one that is not read.
+    Raises ValueError or struct.error for a torn file, RefusedError and OverBudgetError for an unsupported one.
     """
     flags = foreign.part(0, 8)[4:]
-    if int.from_bytes(flags, "little") & _DEEP:
+    if int.from_bytes(flags, "little") & _DEEP_FLAG:
         raise RefusedError("has several depths in a pixel; save it with one, as a flat EXR file.")
     found: list[Channel] = []
     parts = read_layout(foreign, tiles=True)
@@ -62,7 +65,7 @@ def parse_channels(foreign: ForeignBytes) -> list[Channel]:
                     name,
                     -(-columns // across),
                     -(-rows // down),
-                    np.dtype(f"<{_TYPES[stated.kind]}"),
+                    np.dtype(f"<{_PIXEL_TYPES[stated.kind]}"),
                     part_name,
                 )
             )

@@ -1,4 +1,4 @@
-"""Removing passes from an EXR file before it is decoded, since decoding takes most of the time of reading.
+"""Removes passes from an EXR file before it is decoded, since decoding takes most of the time of reading.
 
 Blender 5 writes a part for each pass. In a file of Blender 4 the passes of a layer share a part, so only whole layers
 can be removed.
@@ -13,34 +13,35 @@ from ...support.labels import GROUP_PASSES, IMAGE_PASS
 
 
 def keep_passes(data: bytes, passes: Collection[str]) -> bytes:
-    """The EXR file ``data`` with only those parts that contain ``passes`` (``LAYER.PASS``); with all if none does.
+    """The EXR file ``data`` with only the parts that contain ``passes`` (``LAYER.PASS``), or with all parts if none
+    does.
 
-    The light groups stand for an image that is not stored beside them. Raises ValueError, KeyError or OverBudgetError
-    if it is no EXR file of scan lines.
+    If no image is stored, the light groups count as the image. Raises ValueError, KeyError or OverBudgetError if it is
+    no EXR file of scan lines.
     """
     parts = read_pieces(data)
     wanted = {*passes, *(GROUP_PASSES if IMAGE_PASS in passes and not _has_image(parts) else ())}
     layers = {name.split(".")[0] for name in passes}
-    return _keep_parts(data, parts, lambda name: _pass_name(name) in wanted or name in layers)
+    return _keep_parts(data, parts, lambda name: _get_pass_name(name) in wanted or name in layers)
 
 
 def remove_passes(data: bytes, passes: Collection[str]) -> bytes:
     """The EXR file ``data`` without the parts that contain one of ``passes`` (``LAYER.PASS``) and nothing else.
 
-    The light groups stay in a file without the image that is their sum. Raises as ``keep_passes`` does.
+    The light groups stay if the image is not stored. Raises as ``keep_passes`` does.
     """
     parts = read_pieces(data)
     unwanted = set(passes) - set(() if _has_image(parts) else GROUP_PASSES)
-    return _keep_parts(data, parts, lambda name: _pass_name(name) not in unwanted)
+    return _keep_parts(data, parts, lambda name: _get_pass_name(name) not in unwanted)
 
 
-def _pass_name(name: str) -> str:
-    """The pass or layer that a part is named after, in some versions with "-VIEW" at the end."""
+def _get_pass_name(name: str) -> str:
+    """The name of the pass or layer in a part's name, which ends with "-VIEW" in some versions."""
     return name.split("-")[0]
 
 
 def _has_image(parts: Sequence[Piece]) -> bool:
-    return any(_pass_name(part.name) == IMAGE_PASS for part in parts)
+    return any(_get_pass_name(part.name) == IMAGE_PASS for part in parts)
 
 
 def _keep_parts(data: bytes, parts: Sequence[Piece], is_wanted: Callable[[str], bool]) -> bytes:
@@ -49,9 +50,9 @@ def _keep_parts(data: bytes, parts: Sequence[Piece], is_wanted: Callable[[str], 
 
 
 def keep_row_chunks(data: bytes, rows: range) -> tuple[bytes, int]:
-    """The EXR file ``data`` with only those chunks that contain some of ``rows``, and how many rows come before them.
+    """The EXR file ``data`` with only the chunks that contain some of ``rows``, and the number of rows before them.
 
-    Raises as ``keep_passes`` does, and ValueError for a file of parts that are not cut alike, or without these rows.
+    Raises as ``keep_passes`` does, and ValueError for parts with different chunks, or without these rows.
     """
     cut = [keep_rows(part, rows) for part in read_pieces(data)]
     if len({before for _, before in cut}) != 1:

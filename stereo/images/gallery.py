@@ -15,10 +15,10 @@ from .exr import read_light
 from .image_files import encode_image, read_picture, write_bytes
 
 SCREEN_GAMMA = 1 / 2.2
-#: JPEG qualities of a sheet; the first that gives a small enough file is taken.
-_QUALITIES = range(90, 20, -5)
-_COLUMNS, _CELL_PX = 3, 480
-#: Rows of a caption with its title and one line, and those that each further line adds.
+#: JPEG qualities of a sheet; the first that gives a small enough file is used.
+_JPEG_QUALITIES = range(90, 20, -5)
+_DEFAULT_COLUMNS, _DEFAULT_CELL_PX = 3, 480
+#: Height of a caption with a title and one line, px, and height of each further line.
 _CAPTION_PX, _LINE_PX = 48, 16
 
 
@@ -55,8 +55,8 @@ def write_sheet(
     pictures: Sequence[tuple[Path | Array, str, str]],
     file: Path,
     most_bytes: int = 400_000,
-    columns: int = _COLUMNS,
-    cell_px: int = _CELL_PX,
+    columns: int = _DEFAULT_COLUMNS,
+    cell_px: int = _DEFAULT_CELL_PX,
 ) -> None:
     """Write pictures side by side, each with a title and lines of text below, as one JPEG of at most ``most_bytes``.
 
@@ -81,7 +81,7 @@ def write_sheet(
     columns = min(columns, len(cells))
     cells += [np.zeros_like(cells[0])] * (-len(cells) % columns)
     sheet = np.vstack([np.hstack(cells[k : k + columns]) for k in range(0, len(cells), columns)])
-    for quality in _QUALITIES:
+    for quality in _JPEG_QUALITIES:
         content = encode_image(sheet, ".jpg", quality)
         if len(content) <= most_bytes:
             break

@@ -21,7 +21,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from . import exr
-from .develop import Channels, expose_eye, merge_frames, scaled_radiance
+from .develop import Channels, expose_eye, merge_frames, scale_radiance
 from .disparity_and_occlusion import find_scene_depth
 from .exr import Light
 from .spline import sample
@@ -126,7 +126,7 @@ def develop_head_view(pair: Pair, view: HeadView, settings: Settings) -> HeadIma
     blocked = compute_blocked_share(sensor, settings.rig, shape, seed, name)
     planes = [
         apply_point_spread(apply_deposits(plane, blocked, sensor), sensor)
-        for plane in channels.planes(scaled_radiance(view.light, pair, settings.light))
+        for plane in channels.planes(scale_radiance(view.light, pair, settings.light))
     ]
     light = channels.at_pixels(planes)
     metered = choose_exposure_s(channels.balanced(light), channels.rate, sensor)

@@ -1,4 +1,4 @@
-"""PNG, JPEG, PFM and NumPy files, written atomically."""
+"""Reads and writes PNG, JPEG, PFM and NumPy files; writes are atomic."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.files import write_atomically
 from ...support.foreign_bytes import ForeignBytes, RefusedError, read
-from .image_headers import MOST_IMAGE_MEMORY, EncodedImage, check_size, parse_picture, parse_png
+from .image_headers import MOST_IMAGE_BYTES, EncodedImage, check_size, parse_image, parse_png
 
-#: Of an npz: half the time of numpy's own level, 6, for a fifth more bytes.
-_LEVEL = 4
-#: Most pixels of a picture that this program wrote: of the largest rig, with a scale of colours below.
+#: Compression level of an npz: half the time of NumPy's own level, 6, for a fifth more bytes.
+_NPZ_LEVEL = 4
+#: Most pixels of a picture that this program wrote: the largest rig, with a colour bar below.
 _MOST_OWN_PIXELS = 2**29
-#: Bytes in which the header of a PFM ends, comments included, and of one of its numbers.
+#: Bytes within which the header of a PFM ends, comments included, and bytes of one of its numbers.
 _MOST_PFM_HEADER, _LONGEST_NUMBER = 4096, 24
-_SPACES = b" \t\r\n\v\f"
-_AGAIN = "make it again"
+_WHITESPACE = b" \t\r\n\v\f"
+_MAKE_AGAIN = "make it again"
 Decode = Callable[[EncodedImage], Array]
 
 
@@ -43,15 +43,15 @@ def write_png(path: Path, image: Array) -> None:
 
 
 def encode_image(image: Array, suffix: str, quality: int = 85) -> bytes:
-    """The bytes of an image file of the format ``suffix``; ``quality`` is for JPEG only."""
+    """The bytes of an image file of the format ``suffix``; ``quality`` is only for JPEG."""
     parameters = [cv2.IMWRITE_JPEG_QUALITY, quality] if suffix == ".jpg" else []
     return bytes(cv2.imencode(suffix, image, parameters)[1].tobytes())
 
 
 def decode_in_this_process(image: EncodedImage) -> Array:
-    """The pixels of an image, decoded by OpenCV in this process, which is for files of ours.
+    """The pixels of an image of ours, decoded by OpenCV in this process.
 
-    Those of others are decoded by ``bounded_decoding.decode``. Raises ValueError if it is damaged.
+    Foreign images are decoded by ``bounded_decoding.decode``. Raises ValueError if the image is damaged.
     """
     try:
         pixels = cv2.imdecode(np.frombuffer(image.content, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -65,22 +65,24 @@ def decode_in_this_process(image: EncodedImage) -> Array:
 def read_png(path: Path, decode: Decode | None = None) -> Array:
     """A PNG file as uint8 or uint16, grey (H, W), BGR (H, W, 3) or BGRA (H, W, 4).
 
-    ``decode`` is for files of others, see ``decode_in_this_process``. Raises IcyMoonError if it is missing, not a PNG,
-    damaged, or too large; OpenCV would fill a truncated image with black.
+    ``decode`` must be ``bounded_decoding.decode`` for foreign files. Raises IcyMoonError if the file is missing, not a
+    PNG, damaged, or too large; OpenCV would fill a truncated image with black.
     """
     most = None if decode else _MOST_OWN_PIXELS
     return read(
         path,
         lambda foreign: (decode or decode_in_this_process)(parse_png(foreign, most)),
         "a whole PNG image",
-        _AGAIN,
-        memory=MOST_IMAGE_MEMORY if decode else 8 * _MOST_OWN_PIXELS,
+        _MAKE_AGAIN,
+        memory=MOST_IMAGE_BYTES if decode else 8 * _MOST_OWN_PIXELS,
     )
 
 
 def read_picture(path: Path, decode: Decode = decode_in_this_process) -> Array:
-    """A PNG, JPEG or WebP file, as from ``read_png``. Raises IcyMoonError if it is another, damaged or too large."""
-    return read(path, lambda foreign: decode(parse_picture(foreign)), "a whole image", _AGAIN, memory=MOST_IMAGE_MEMORY)
+    """A PNG, JPEG or WebP file, as from ``read_png``. Raises IcyMoonError for other, damaged and too large files."""
+    return read(
+        path, lambda foreign: decode(parse_image(foreign)), "a whole image", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES
+    )
 
 
 def read_pfm(path: Path, colours: bool = False) -> Array:
@@ -90,14 +92,14 @@ def read_pfm(path: Path, colours: bool = False) -> Array:
     kind, damaged or too large.
     """
     return read(
-        path, lambda foreign: parse_pfm(foreign, colours), "a whole PFM image", _AGAIN, memory=MOST_IMAGE_MEMORY
+        path, lambda foreign: parse_pfm(foreign, colours), "a whole PFM image", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES
     )
 
 
 def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
     """The values of a PFM file, see ``read_pfm``.
 
-    Raises RefusedError for another kind of file, and one that can be read in two ways; ValueError if it is damaged.
+    Raises RefusedError for another kind of file and for an ambiguous one, ValueError if it is damaged.
     """
     head = foreign.part(0, min(foreign.size, _MOST_PFM_HEADER))
     kind = head[:2]
@@ -106,7 +108,7 @@ def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
     words, end = [], 2
     for _ in range(3):
         start = _skip_spaces(head, end)
-        end = next((at for at in range(start, len(head)) if head[at] in _SPACES), len(head))
+        end = next((at for at in range(start, len(head)) if head[at] in _WHITESPACE), len(head))
         if start == end or end - start > _LONGEST_NUMBER or not start > 2:
             raise ValueError("its header has no width, height and scale")
         words.append(head[start:end])
@@ -125,7 +127,7 @@ def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
 def _skip_spaces(head: bytes, at: int) -> int:
     """The place of the next word of a header; lines that begin with # are comments."""
     while at < len(head):
-        if head[at] in _SPACES:
+        if head[at] in _WHITESPACE:
             at += 1
         elif head[at : at + 1] == b"#" and head[at - 1 : at] in (b"\r", b"\n"):
             at = head.find(b"\n", at) + 1 or len(head)
@@ -135,13 +137,13 @@ def _skip_spaces(head: bytes, at: int) -> int:
 
 
 def _find_pfm_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> int:
-    """Where the last ``count`` bytes of a PFM begin: after one blank, or a line end with comments, and perhaps with a
-    line end behind them. ``end`` is where the last word of the header ends.
+    """The place where the last ``count`` bytes of a PFM begin. After ``end``, the end of the header's last word, come
+    one blank, or a line end with comments, and sometimes a line end after the body.
 
-    The size of the file tells which; RefusedError if it leaves two ways, ValueError if none.
+    The size of the file decides. Raises RefusedError if two places are possible, ValueError if none is.
     """
     last = foreign.part(max(0, foreign.size - 2), min(2, foreign.size))
-    windows = head[2:4] == b"\r\n"  # a line ends so from the first one on
+    windows = head[2:4] == b"\r\n"  # lines end with "\r\n" from the first line on
     found = []
     for behind in (b"", b"\n", b"\r\n"):
         start = foreign.size - len(behind) - count
@@ -158,10 +160,11 @@ def _find_pfm_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> 
 
 
 def _is_header_gap(gap: bytes, windows: bool) -> bool:
-    """Whether bytes may stand between the header of a PFM and its body; of a file with lines as of Windows, a single
-    carriage return is half of a line end."""
+    """Whether bytes may stand between the header of a PFM and its body. With Windows' line ends, a single carriage
+    return is half of a line end.
+    """
     if len(gap) == 1:
-        return gap in (_SPACES[k : k + 1] for k in range(len(_SPACES))) and not (windows and gap == b"\r")
+        return gap in (_WHITESPACE[k : k + 1] for k in range(len(_WHITESPACE))) and not (windows and gap == b"\r")
     first, newline, rest = gap.partition(b"\n")
     if not newline or first.strip(b" \t\r"):
         return False
@@ -187,9 +190,9 @@ def write_disparity(path: Path, disparity: Array, arrays: Mapping[str, Array] | 
 
 def write_npz(path: Path, values: Mapping[str, Any]) -> None:
     """Write named arrays and numbers as npz, atomically."""
-    # In memory first: on a full disk a zip file raises a second error when it is closed.
+    # Written to memory first: on a full disk a zip file raises a second error when it is closed.
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=_LEVEL) as archive:
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=_NPZ_LEVEL) as archive:
         for name, each in values.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(each), allow_pickle=False)

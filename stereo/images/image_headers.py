@@ -1,7 +1,7 @@
-"""The headers of PNG, JPEG and WebP files, and the bytes of the files that a decoder needs.
+"""Parses the headers of PNG, JPEG and WebP files, and extracts the bytes that a decoder needs.
 
-A decoder makes room for the size in the header, and unpacks everything that it finds. So the stated size is charged
-before, the file must have its end, and of PNG and WebP only the parts with pixels and colours are passed on.
+A decoder reserves memory for the size in the header, and unpacks everything that it finds. So the stated size is
+charged first, the file must have its end, and of PNG and WebP only the parts with pixels and colours are passed on.
 """
 
 from __future__ import annotations
@@ -23,32 +23,33 @@ UPRIGHT = 1
 _MARK = b"Exif\0\0"
 _ORIENTATION, _MOST_BYTES, _MOST_ORIENTATION = 274, 2**16, 8
 
-#: Most pixels of an image of others: eight times the largest images of Middlebury. Most bytes of them: 32 bits each,
+#: Most pixels of a foreign image, eight times the largest images of Middlebury, and most bytes of them: 32 bits each,
 #: and the header of an array.
 MOST_PIXELS = 2**26
-MOST_IMAGE_MEMORY = 4 * MOST_PIXELS + 2**12
-#: Most bytes of a JPEG or WebP file: four for each of these pixels, and twice the least that a file may need.
-_MOST_PACKED = 2**28
-#: Most bytes of a file beyond its pixels: profiles, notes, a film behind a photograph.
-_MOST_BESIDE = 2**26
-PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
-#: Parts of a PNG that its pixels depend on. Others may unfold when they are read, as profiles and texts do.
-_PNG_KEPT = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
-#: libpng writes parts of 8 KiB.
+MOST_IMAGE_BYTES = 4 * MOST_PIXELS + 2**12
+#: Most bytes of a JPEG or WebP file: four for each of these pixels, and twice the least size of a file.
+_MOST_PACKED_BYTES = 2**28
+#: Most bytes of a file beside its pixels: profiles, notes, a film after a photograph.
+_MOST_EXTRA_BYTES = 2**26
+PNG_START, JPEG_START = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
+#: Parts of a PNG that affect its pixels. Other parts, such as profiles and texts, may unpack to much more.
+_PNG_PIXEL_PARTS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+#: Most parts of a PNG; libpng writes parts of 8 KiB.
 _MOST_PNG_PARTS = 200_000
-_PNG_GREY = 0  # of all kinds of colour, OpenCV gives one band for this one only
-_WEBP_KEPT = (b"VP8X", b"ALPH", b"VP8 ", b"VP8L")
+_PNG_GREY_TYPE = 0  # the only colour type for which OpenCV gives one band
+_WEBP_PIXEL_PARTS = (b"VP8X", b"ALPH", b"VP8 ", b"VP8L")
 _WEBP_OPACITY, _WEBP_MOST_PARTS = 0x10, 10_000
-#: A JPEG has about ten segments, and a progressive one ten scans of all pixels; each costs time.
+#: Most segments, scans and fill bytes of a JPEG, since each takes time. A JPEG has about ten segments, and a
+#: progressive one ten scans.
 _MOST_SEGMENTS, _MOST_SCANS, _MOST_FILL = 10_000, 100, 64
-#: Bytes of a scan that are looked through at once.
-_BLOCK = 2**16
+#: Bytes of a scan that are searched at once.
+_SEARCHED_BYTES = 2**16
 _START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN, _EXIF = 0xD8, 0xD9, 0xDA, 0xE1
-#: With Huffman's codes, a block of 8 x 8 pixels has at least one bit, in one of at most two bands. OpenCV would fill
-#: missing blocks with grey.
+#: Most pixels per byte: with Huffman's codes, a block of 8 x 8 pixels has at least one bit, in one of at most two
+#: bands. OpenCV would fill missing blocks with grey.
 _PIXELS_PER_BYTE, _LAST_OF_HUFFMAN = 2 * 64 * 8, 0xC7
-_FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-_ALONE = {0x01, *range(0xD0, 0xD8)}  # markers without a length
+_FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_MARKERS_WITHOUT_LENGTH = {0x01, *range(0xD0, 0xD8)}  # markers without a length
 
 
 @dataclass(frozen=True)
@@ -59,16 +60,16 @@ class EncodedImage:
     width: int
     height: int
     most_bytes: int  # of all pixels
-    orientation: int = UPRIGHT  # by which viewers turn it, see exif
+    orientation: int = UPRIGHT  # by which viewers turn the image, see exif
 
 
 def is_webp(start: bytes) -> bool:
-    """Whether a file begins as a WebP file."""
+    """Whether these are the first bytes of a WebP file."""
     return start[:4] == b"RIFF" and start[8:12] == b"WEBP"
 
 
 def check_size(width: int, height: int, most_pixels: int | None = None) -> int:
-    """The number of pixels of a size that a file states. Raises RefusedError if it is 0 or too large."""
+    """The number of pixels of a stated size. Raises RefusedError if it is 0 or too large."""
     most = MOST_PIXELS if most_pixels is None else most_pixels
     if width < 1 or height < 1:
         raise RefusedError(f"states {width} x {height} px, an image without pixels; make it again.")
@@ -79,33 +80,33 @@ def check_size(width: int, height: int, most_pixels: int | None = None) -> int:
     return width * height
 
 
-def parse_picture(foreign: ForeignBytes) -> EncodedImage:
-    """A PNG, JPEG or WebP image. Raises RefusedError for another file, and as the parsers below do."""
+def parse_image(foreign: ForeignBytes) -> EncodedImage:
+    """A PNG, JPEG or WebP image. Raises RefusedError for another file, and the errors of the parsers below."""
     start = foreign.part(0, min(12, foreign.size))
-    if start.startswith(PNG):
+    if start.startswith(PNG_START):
         return parse_png(foreign)
-    if start.startswith(JPEG):
+    if start.startswith(JPEG_START):
         return parse_jpeg(foreign)
     if is_webp(start):
         return parse_webp(foreign)
-    raise RefusedError("is no image that is read here; save it as PNG, JPEG, TIFF or WebP.")
+    raise RefusedError("is no supported image; save it as PNG, JPEG, TIFF or WebP.")
 
 
 def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedImage:
-    """A PNG image, without what does not change its pixels.
+    """A PNG image, reduced to the parts that affect its pixels.
 
     Raises ValueError if it is torn, RefusedError and OverBudgetError if it is too large.
     """
-    if foreign.part(0, min(len(PNG), foreign.size)) != PNG:
+    if foreign.part(0, min(len(PNG_START), foreign.size)) != PNG_START:
         raise RefusedError("is not a PNG image; convert it to PNG.")
-    head = foreign.cursor(len(PNG), min(25, foreign.size - len(PNG)))
+    head = foreign.cursor(len(PNG_START), min(25, foreign.size - len(PNG_START)))
     if head.take(8) != b"\0\0\0\x0dIHDR":
         raise ValueError("it does not begin with its size")
     width, height, depth, colour = head.unpack(">IIBB")
     pixels = check_size(width, height, most_pixels)
-    most = _charge_pixels(foreign, pixels * (1 if colour == _PNG_GREY else 4) * (2 if depth == 16 else 1))
+    most = _charge_pixels(foreign, pixels * (1 if colour == _PNG_GREY_TYPE else 4) * (2 if depth == 16 else 1))
     cursor = foreign.cursor(8)
-    kept, orientation = [PNG], UPRIGHT
+    kept, orientation = [PNG_START], UPRIGHT
     for _ in range(_MOST_PNG_PARTS):
         length, kind = cursor.unpack(">I4s")
         body = cursor.take(length)
@@ -114,11 +115,11 @@ def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedI
             raise ValueError("a checksum is wrong")
         if kind == b"IHDR" and len(kept) > 1:
             raise ValueError("it states its size twice")
-        if kind in _PNG_KEPT:
+        if kind in _PNG_PIXEL_PARTS:
             kept += [struct.pack(">I4s", length, kind), body, struct.pack(">I", checksum)]
         elif kind == b"eXIf":
             orientation = parse_orientation(body)
-        elif not kind[0] & 0x20:  # a capital letter: nobody may leave it out
+        elif not kind[0] & 0x20:  # a capital letter marks a part that decoders must read
             raise ValueError(f"an unknown part {kind!r}")
         if kind == b"IEND":
             return EncodedImage(b"".join(kept), width, height, most, orientation)
@@ -126,7 +127,7 @@ def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedI
 
 
 def parse_jpeg(foreign: ForeignBytes) -> EncodedImage:
-    """A JPEG image up to its end mark; phones and drones write more behind it.
+    """A JPEG image up to its end mark, since phones and drones write more data after it.
 
     Raises ValueError if it is torn, RefusedError and OverBudgetError if it is too large.
     """
@@ -137,7 +138,7 @@ def parse_jpeg(foreign: ForeignBytes) -> EncodedImage:
     scans, packs_blocks, orientation = 0, True, UPRIGHT
     for _ in range(_MOST_SEGMENTS):
         kind = _find_next_marker(cursor)
-        if kind in _ALONE:
+        if kind in _MARKERS_WITHOUT_LENGTH:
             continue
         if kind == _END_OF_IMAGE:
             if frame is None or not scans:
@@ -147,7 +148,7 @@ def parse_jpeg(foreign: ForeignBytes) -> EncodedImage:
                 raise ValueError(f"it has {cursor.at} bytes, fewer than its size needs")
             return EncodedImage(data[: cursor.at], *frame, orientation)
         length = cursor.number(">H") - 2
-        if kind in _FRAMES:
+        if kind in _FRAME_MARKERS:
             if frame:
                 raise ValueError("it states its size twice")
             frame, packs_blocks = _read_frame_header(cursor.take(length), foreign), kind <= _LAST_OF_HUFFMAN
@@ -188,8 +189,8 @@ def _find_end_of_scan(values: Array, at: int) -> int:
 
     Raises ValueError if no marker follows: the file was cut off.
     """
-    for begin in range(at, len(values) - 1, _BLOCK):
-        block = values[begin : begin + _BLOCK + 1]
+    for begin in range(at, len(values) - 1, _SEARCHED_BYTES):
+        block = values[begin : begin + _SEARCHED_BYTES + 1]
         after = block[1:]
         found = np.flatnonzero((block[:-1] == 0xFF) & (after != 0) & (after != 0xFF) & (after & 0xF8 != 0xD0))
         if found.size:
@@ -198,9 +199,9 @@ def _find_end_of_scan(values: Array, at: int) -> int:
 
 
 def parse_webp(foreign: ForeignBytes) -> EncodedImage:
-    """A WebP image, without what does not change its pixels.
+    """A WebP image, reduced to the parts that affect its pixels.
 
-    Raises ValueError if it is torn, RefusedError for an animation, and as ``parse_png`` does if it is too large.
+    Raises ValueError if it is torn, RefusedError for an animation, and the errors of ``parse_png`` if it is too large.
     """
     outer = Cursor(_read_bounded_content(foreign), foreign.budget)
     if outer.take(4) != b"RIFF":
@@ -219,10 +220,10 @@ def parse_webp(foreign: ForeignBytes) -> EncodedImage:
             raise RefusedError("is an animation; save one of its images as PNG.")
         if kind == b"EXIF":
             orientation = parse_orientation(body)
-        if kind not in _WEBP_KEPT:
+        if kind not in _WEBP_PIXEL_PARTS:
             continue
         if kind == b"VP8X":
-            body = bytes([body[0] & _WEBP_OPACITY]) + body[1:]  # what else it announces is left out
+            body = bytes([body[0] & _WEBP_OPACITY]) + body[1:]  # other announced parts are left out
         if size := read_webp_size(kind, body):
             sizes.append(size)
         kept.append(struct.pack("<4sI", kind, length) + body + b"\0" * (length & 1))
@@ -237,18 +238,18 @@ def parse_webp(foreign: ForeignBytes) -> EncodedImage:
 
 
 def _read_bounded_content(foreign: ForeignBytes) -> bytes:
-    """The content of a file whose size in pixels is known only when it is read."""
-    if foreign.size > _MOST_PACKED:
+    """The content of a file whose size in pixels is known only after it is read."""
+    if foreign.size > _MOST_PACKED_BYTES:
         raise RefusedError(
-            f"has {foreign.size / 1e6:.0f} MB, and {_MOST_PACKED / 1e6:.0f} MB are the most that is "
+            f"has {foreign.size / 1e6:.0f} MB, and {_MOST_PACKED_BYTES / 1e6:.0f} MB are the most that is "
             "read of its kind; make it smaller."
         )
     return foreign.content()
 
 
 def _charge_pixels(foreign: ForeignBytes, count: int) -> int:
-    """The bytes of all pixels, charged; RefusedError if the file is far larger than they are."""
-    if foreign.size > count + _MOST_BESIDE:
+    """The bytes of all pixels, which are charged. Raises RefusedError if the file is far larger than they are."""
+    if foreign.size > count + _MOST_EXTRA_BYTES:
         raise RefusedError(f"has {foreign.size / 1e6:.0f} MB, far more than its pixels need; save it again.")
     return foreign.budget.charge(count, "pixels")
 

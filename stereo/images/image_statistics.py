@@ -10,30 +10,30 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Rings of the spectrum from this many cycles per image to this part of its side, and their number.
-_FEWEST_CYCLES, _MOST_CYCLES, _RINGS = 4.0, 0.35, 13
-#: Least side in pixels of a square whose spectrum says something: 4 to 0.35 sides is a range of 2.8 and more.
+#: The rings of the spectrum: from these cycles per image to these cycles per pixel, and their number.
+_FEWEST_CYCLES, _MOST_CYCLES, _RING_COUNT = 4.0, 0.35, 13
+#: Least side of a square whose spectrum is meaningful, px: its rings span a factor of 2.8 or more.
 LEAST_SIDE_PX = 32
-#: Light below this part of the full scale is black to the eye.
-DARK = 0.02
+#: Light below this fraction of the full scale looks black.
+DARK_LEVEL = 0.02
 
 
 def find_largest_square(mask: Array) -> tuple[slice, slice]:
     """Rows and columns of the largest square in which a mask (H, W) is true; empty slices if it is false all over."""
     sums = np.pad(mask.astype(np.int64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
 
-    def find_full(side: int) -> Array:
-        """Where, by its upper left corner, a square of this side is true all over."""
+    def find_full_squares(side: int) -> Array:
+        """The upper left corners of squares of this side in which the mask is true everywhere."""
         inside = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
         return np.asarray(inside == side**2)
 
     side, too_large = 0, min(mask.shape) + 1
     while too_large - side > 1:  # a square within a full square is full too
         middle = (side + too_large) // 2
-        side, too_large = (middle, too_large) if find_full(middle).any() else (side, middle)
+        side, too_large = (middle, too_large) if find_full_squares(middle).any() else (side, middle)
     if not side:
         return slice(0, 0), slice(0, 0)
-    top, left = divmod(int(find_full(side).argmax()), mask.shape[1] + 1 - side)
+    top, left = divmod(int(find_full_squares(side).argmax()), mask.shape[1] + 1 - side)
     return slice(top, top + side), slice(left, left + side)
 
 
@@ -60,12 +60,12 @@ def measure_spectrum(light: Array) -> tuple[Array, Array]:
     window = np.hanning(n)
     power = np.abs(np.fft.fft2((light - light.mean()) * window * window[:, None])) ** 2
     cycles = np.hypot(*np.meshgrid(*[np.fft.fftfreq(n, 1 / n)] * 2))
-    bounds = np.geomspace(_FEWEST_CYCLES, _MOST_CYCLES * n, _RINGS + 1)
+    bounds = np.geomspace(_FEWEST_CYCLES, _MOST_CYCLES * n, _RING_COUNT + 1)
     ring = np.digitize(cycles.ravel(), bounds)
-    count = np.bincount(ring, minlength=_RINGS + 2)[1:-1]
+    count = np.bincount(ring, minlength=_RING_COUNT + 2)[1:-1]
     filled = count > 0
-    mean = np.bincount(ring, power.ravel(), _RINGS + 2)[1:-1][filled] / count[filled]
-    middle = np.bincount(ring, cycles.ravel(), _RINGS + 2)[1:-1][filled] / count[filled]
+    mean = np.bincount(ring, power.ravel(), _RING_COUNT + 2)[1:-1][filled] / count[filled]
+    middle = np.bincount(ring, cycles.ravel(), _RING_COUNT + 2)[1:-1][filled] / count[filled]
     return middle, mean
 
 
@@ -77,4 +77,4 @@ def measure_shares(level: Array, ground: Array) -> tuple[float, float]:
     shown = level[ground]
     if not shown.size:
         return float("nan"), float("nan")
-    return float((shown >= 1.0).mean()), float((shown < DARK).mean())
+    return float((shown >= 1.0).mean()), float((shown < DARK_LEVEL).mean())

@@ -7,9 +7,9 @@ import numpy as np
 from ...support.arrays import Array
 
 #: Rows that are scaled at once.
-_ROWS = 256
-#: Brightness of an image, as a quantile, that becomes white where images of unknown exposure are compared.
-_WHITE = 0.995
+_ROWS_PER_STEP = 256
+#: Quantile of an image's brightness that becomes white where images of unknown exposure are compared.
+_WHITE_QUANTILE = 0.995
 
 
 def to_8_bit(image: Array) -> Array:
@@ -17,8 +17,8 @@ def to_8_bit(image: Array) -> Array:
     if image.dtype != np.uint16:
         return np.ascontiguousarray(image)
     scaled = np.empty(image.shape, np.uint8)
-    for top in range(0, len(image), _ROWS):  # whole images would take eight bytes a value
-        scaled[top : top + _ROWS] = np.rint(image[top : top + _ROWS] / 257.0)
+    for top in range(0, len(image), _ROWS_PER_STEP):  # a whole image would take eight bytes per value
+        scaled[top : top + _ROWS_PER_STEP] = np.rint(image[top : top + _ROWS_PER_STEP] / 257.0)
     return scaled
 
 
@@ -31,7 +31,7 @@ def to_grey(image: Array) -> Array:
 
 def find_white(image: Array) -> float:
     """The brightness of an image (H, W) that becomes white where its exposure is unknown; NaN pixels do not count."""
-    return max(float(np.quantile(image[np.isfinite(image)], _WHITE)), 1e-12)
+    return max(float(np.quantile(image[np.isfinite(image)], _WHITE_QUANTILE)), 1e-12)
 
 
 def stretch_to_8_bit(image: Array, white: float) -> Array:

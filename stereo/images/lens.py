@@ -26,7 +26,7 @@ from .spline import sample
 
 @dataclass(frozen=True)
 class Lens:
-    """Where the pixels of one image are in another: maps (H, W, 2), float32, of column and row; NaN for nowhere."""
+    """Positions of the pixels of one image in another: maps (H, W, 2), float32, of column and row; NaN for nowhere."""
 
     sensor_in_rendered: Array
     rectified_in_sensor: Array
@@ -35,11 +35,11 @@ class Lens:
     is_calibrated: bool = False
 
     def distort(self, radiance: Array) -> Array:
-        """The radiance on the sensor, from rendered radiance; 0 beyond the edges of the render."""
+        """Radiance (H, W, bands) on the sensor, from rendered radiance; 0 beyond the edges of the render."""
         seen = (
             sample(radiance, self.sensor_in_rendered).astype(np.float32)
             if self.is_calibrated
-            else _remap(radiance, self.sensor_in_rendered, cubic=True)  # kept, so that old pairs have their images
+            else _remap(radiance, self.sensor_in_rendered, cubic=True)  # kept, so that old pairs keep their images
         )
         return np.maximum(np.nan_to_num(seen), 0.0)
 
@@ -72,7 +72,7 @@ class Lens:
 
     @property
     def sees(self) -> Array:
-        """Boolean (H, W): the sensor sees this pixel of the rectified image."""
+        """Pixels (H, W), bool, of the rectified image that the sensor sees."""
         height, width = self.sensor_in_rendered.shape[:2]
         return _find_inside(self.rectified_in_sensor, (width, height), 0.0) & _find_inside(
             self.rectified_in_rendered, self.rendered_px, 0.0
@@ -95,8 +95,8 @@ def make_lens(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
 def make_rectification(
     camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str
 ) -> Array | None:
-    """Where the pixels of an eye's rectified image are assumed to be in the sensor's, see ``Lens``, by a calibration
-    with these ``errors``; None if both images are assumed to be the same.
+    """Where the pixels of an eye's rectified image are taken to be in the sensor's image (see ``Lens``), by a
+    calibration with these ``errors``; None if both images are taken to be equal.
 
     Raises IcyMoonError if the coefficients fold the image, or if the errors leave nothing of it.
     """
@@ -107,7 +107,7 @@ def make_rectification(
 
 
 def rectify(numbers: Array, rectified_in_sensor: Array) -> Array:
-    """The rectified image, from the sensor's numbers (H, W) and of their type; 0 where the sensor has none."""
+    """The rectified image, from the sensor's numbers (H, W), with their type; 0 outside the sensor."""
     seen = _remap(numbers.astype(np.float32), rectified_in_sensor)
     return np.rint(np.nan_to_num(seen)).astype(numbers.dtype)
 
@@ -166,37 +166,38 @@ def _turn_and_distort(points: Array, rotation: Array, k: tuple[float, ...]) -> A
     return np.where(np.abs(back - seen) < 1e-6 * (1 + np.abs(seen)), seen, np.nan)
 
 
-#: Two neighbours are of one surface if their inverse depths differ by at most the first number times the smaller of the
+#: Two neighbours are on one surface if their inverse depths differ by at most the first number times the smaller of the
 #: steps beside them, plus the second number times the smaller inverse depth.
-_STEEPER, _UNEVEN = 2.0, 0.01
+_SLOPE_FACTOR, _ROUGHNESS_SHARE = 2.0, 0.01
 
 
 def _find_unbroken_cells(inverse: Array) -> Array:
-    """Boolean (H - 1, W - 1): the pixel, the one to its right and the two below are of one surface, by inverse depths
-    (H, W), NaN where unknown."""
+    """Cells (H - 1, W - 1), bool, whose four pixels are on one surface, by inverse depths (H, W), NaN where unknown."""
     across, down = _find_continued_steps(inverse), _find_continued_steps(inverse.T).T
     return across[:-1] & across[1:] & down[:, :-1] & down[:, 1:]
 
 
 def _find_continued_steps(inverse: Array) -> Array:
-    """Boolean (H, W - 1): the step to the next pixel of a row is like the smaller one of the steps before and behind
-    it, as on a plane; false for NaN."""
+    """Steps (H, W - 1), bool, to the next pixel of a row that are like the smaller of the steps before and after, as on
+    a plane; false for NaN.
+    """
     step = np.abs(np.diff(inverse, axis=1))
     padded = np.pad(np.nan_to_num(step, nan=np.inf), ((0, 0), (1, 1)), constant_values=np.inf)
     beside = np.minimum(padded[:, :-2], padded[:, 2:])
-    return step <= _STEEPER * beside + _UNEVEN * np.fmin(inverse[:, 1:], inverse[:, :-1])
+    return step <= _SLOPE_FACTOR * beside + _ROUGHNESS_SHARE * np.fmin(inverse[:, 1:], inverse[:, :-1])
 
 
 def _find_inside(where: Array, size: tuple[int, int], reach: float) -> Array:
-    """Which places of a map lie in an image of (columns, rows), or at most ``reach`` beyond its outermost pixel
-    centres."""
+    """Which places ``where`` (..., 2) are inside an image of ``size`` (columns, rows), or at most ``reach`` px beyond
+    its outermost pixel centres; bool (...).
+    """
     return np.asarray(((where >= -reach) & (where <= np.array(size) - 1 + reach)).all(axis=-1))
 
 
 def _remap(image: Array, where: Array, cubic: bool = False) -> Array:
     """``image`` (H, W) or (H, W, bands) at the places of a map, interpolated linearly or with cubics; NaN beyond its
     outermost pixel centres."""
-    import cv2  # here, for Blender has no OpenCV and develops pairs without distortion and toe-in
+    import cv2  # imported here, because Blender has no OpenCV and develops only pairs without distortion and toe-in
 
     height, width = image.shape[:2]
     at = np.nan_to_num(where, nan=-1.0)

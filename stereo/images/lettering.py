@@ -8,8 +8,9 @@ import numpy as np
 
 from ...support.arrays import Array
 
-_BASELINE, _CAP, _TOP = 2, 6, 9  # rows of the grid: below the letters, height of capitals, all of it
-_GAP = 2  # columns between letters, and half a space
+# Rows of the grid of a letter: below the letters, height of capitals, all of it.
+_ROWS_BELOW, _CAPITAL_ROWS, _GRID_ROWS = 2, 6, 9
+_GAP_COLUMNS = 2  # columns between letters, and half a space
 #: Strokes of each character, as points with a digit for the column and a digit for the row, counted from below.
 _STROKES = {
     "0": "120307183847433212",
@@ -71,7 +72,7 @@ def draw_text(text: str, height_px: float) -> Array:
 
     ``height_px`` is the height of capitals; the strip is half as high again. A character without strokes is a space.
     """
-    unit, across = height_px / _CAP, 1
+    unit, across = height_px / _CAPITAL_ROWS, 1
     lines = []
     for character in text:
         strokes = [
@@ -79,10 +80,10 @@ def draw_text(text: str, height_px: float) -> Array:
             for s in _STROKES.get(character, "").split()
         ]
         lines += [points + np.array([across, 0]) for points in strokes]
-        across += _GAP + int(max((points[:, 0].max() for points in strokes), default=_GAP))
-    covered = np.zeros((round((_TOP + 1) * unit), max(1, round(across * unit))), np.float32)
+        across += _GAP_COLUMNS + int(max((points[:, 0].max() for points in strokes), default=_GAP_COLUMNS))
+    covered = np.zeros((round((_GRID_ROWS + 1) * unit), max(1, round(across * unit))), np.float32)
     for points in lines:
-        x, y = points[:, 0] * unit, (_TOP + 0.5 - points[:, 1]) * unit
+        x, y = points[:, 0] * unit, (_GRID_ROWS + 0.5 - points[:, 1]) * unit
         for k in range(max(1, len(points) - 1)):
             end = min(k + 1, len(points) - 1)
             _draw_stroke(covered, (x[k], y[k]), (x[end], y[end]), 0.5 * max(unit, 1.0))
@@ -106,7 +107,7 @@ def _draw_stroke(covered: Array, start: tuple[float, float], end: tuple[float, f
 def put_text(picture: Array, text: str, left: int, baseline: int, height_px: float, level: int) -> None:
     """Write a text in a grey ``level`` onto a picture (H, W, 3) uint8, in place, cut at its edges."""
     covered = draw_text(text, height_px)
-    top = baseline - round((_TOP + 0.5 - _BASELINE) * height_px / _CAP)
+    top = baseline - round((_GRID_ROWS + 0.5 - _ROWS_BELOW) * height_px / _CAPITAL_ROWS)
     inside = covered[max(0, -top) :, max(0, -left) :]
     part = picture[max(0, top) :, max(0, left) :][: inside.shape[0], : inside.shape[1]]
     share = inside[: part.shape[0], : part.shape[1], None]

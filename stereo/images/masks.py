@@ -1,4 +1,4 @@
-"""Masks of rocks and shadows: from polygons, from triangles, wider or narrower, and how two of them agree."""
+"""Masks of rocks and shadows: from polygons and triangles, dilated, eroded, and compared."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from ...support.arrays import Array
 
 #: Fractional bits of the corners that OpenCV fills.
-_BITS = 4
+_FRACTION_BITS = 4
 
 
 def _to_fixed_point(corners: Array) -> Array:
     # A pixel's centre is at a half here and at a whole number in OpenCV.
-    return np.round((np.asarray(corners) - 0.5) * 2**_BITS).astype(np.int32)
+    return np.round((np.asarray(corners) - 0.5) * 2**_FRACTION_BITS).astype(np.int32)
 
 
 def fill_polygons(shape: tuple[int, int], outlines: Sequence[Array], finer: int = 1) -> Array:
@@ -26,7 +26,7 @@ def fill_polygons(shape: tuple[int, int], outlines: Sequence[Array], finer: int 
     """
     mask = np.zeros((shape[0] * finer, shape[1] * finer), np.uint8)
     for each in outlines:
-        cv2.fillPoly(mask, [_to_fixed_point(np.asarray(each) * finer)], (1,), shift=_BITS)
+        cv2.fillPoly(mask, [_to_fixed_point(np.asarray(each) * finer)], (1,), shift=_FRACTION_BITS)
     return mask[finer // 2 :: finer, finer // 2 :: finer].astype(bool)
 
 
@@ -34,7 +34,7 @@ def fill_triangles(shape: tuple[int, int], corners: Array, faces: Array) -> Arra
     """Mask (H, W) of the union of triangles ``faces`` (m, 3) of ``corners`` (n, 2) in pixels."""
     mask, at = np.zeros(shape, np.uint8), _to_fixed_point(corners)
     for face in faces:
-        cv2.fillConvexPoly(mask, at[face], (1,), shift=_BITS)
+        cv2.fillConvexPoly(mask, at[face], (1,), shift=_FRACTION_BITS)
     return mask.astype(bool)
 
 
@@ -42,18 +42,18 @@ def fill_hulls(shape: tuple[int, int], parts: Sequence[Array]) -> Array:
     """Mask (H, W) of the union of the convex hulls of points (n, 2) in pixels."""
     mask = np.zeros(shape, np.uint8)
     for each in parts:
-        cv2.fillConvexPoly(mask, cv2.convexHull(_to_fixed_point(each)), (1,), shift=_BITS)
+        cv2.fillConvexPoly(mask, cv2.convexHull(_to_fixed_point(each)), (1,), shift=_FRACTION_BITS)
     return mask.astype(bool)
 
 
 def dilate(mask: Array, reach: int) -> Array:
-    """The mask (H, W) with all pixels that are within ``reach`` pixels of it."""
+    """The mask (H, W) with all pixels within ``reach`` pixels of it."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     return np.asarray(cv2.dilate(mask.astype(np.uint8), disc)).astype(bool)
 
 
 def erode(mask: Array, reach: int) -> Array:
-    """The mask (H, W) without the pixels that have another one within ``reach`` rows and columns."""
+    """The mask (H, W) without pixels that have an unset pixel within ``reach`` rows and columns."""
     square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     return np.asarray(cv2.erode(mask.astype(np.uint8), square)).astype(bool)
 
@@ -64,13 +64,13 @@ def sample_at_pixels(image: Array, pixels: Array) -> Array:
     return np.asarray(cv2.remap(image.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR))
 
 
-def intersection_over_union(one: Array, other: Array) -> float:
+def compute_intersection_over_union(one: Array, other: Array) -> float:
     """Intersection over union of two masks; NaN if both are empty."""
     union = np.count_nonzero(one | other)
     return np.count_nonzero(one & other) / union if union else float("nan")
 
 
-def distance_inside_hull_px(point: Array, around: Array) -> float:
+def measure_distance_inside_hull_px(point: Array, around: Array) -> float:
     """Distance in pixels of a point (2,) inside the convex hull of points (n, 2) from its border; negative outside."""
     hull = cv2.convexHull(np.asarray(around, np.float32))
     return float(cv2.pointPolygonTest(hull, (float(point[0]), float(point[1])), True))

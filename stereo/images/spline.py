@@ -12,9 +12,9 @@ import numpy as np
 from ...support.arrays import Array
 
 #: The pole of the filter that turns pixels into coefficients of the spline (Unser 1999, IEEE SPM 16, 22).
-_POLE = math.sqrt(3.0) - 2.0
-#: Pixels at most after which the filter has forgotten the border, to 1e-16.
-_MEMORY = 28
+_FILTER_POLE = math.sqrt(3.0) - 2.0
+#: Pixels after which the filter has forgotten the border, to 1e-16.
+_FILTER_LENGTH_PX = 28
 
 
 def sample(image: Array, places: Array) -> Array:
@@ -27,7 +27,7 @@ def sample(image: Array, places: Array) -> Array:
         inside = ((flat >= 0) & (flat <= [width - 1, height - 1])).all(axis=1)
     found = np.full(len(flat), np.nan)
     (columns, x_weights), (rows, y_weights) = (
-        _weigh(flat[inside, axis], size) for axis, size in ((0, width), (1, height))
+        _find_weights(flat[inside, axis], size) for axis, size in ((0, width), (1, height))
     )
     found[inside] = sum(
         y_weights[j] * sum(x_weights[i] * coefficients[rows[j], columns[i]] for i in range(4)) for j in range(4)
@@ -41,17 +41,19 @@ def _filter(image: Array) -> Array:
     if count == 1:
         return image
     made = image.copy()
-    period = np.concatenate([image, image[-2:0:-1]])[:_MEMORY]  # the mirrored image, or as much as is remembered
-    made[0] = np.tensordot(_POLE ** np.arange(len(period)), period, 1) / (1 - _POLE ** (2 * count - 2))
+    period = np.concatenate([image, image[-2:0:-1]])[
+        :_FILTER_LENGTH_PX
+    ]  # the mirrored image, as far as the filter reaches
+    made[0] = np.tensordot(_FILTER_POLE ** np.arange(len(period)), period, 1) / (1 - _FILTER_POLE ** (2 * count - 2))
     for k in range(1, count):
-        made[k] += _POLE * made[k - 1]
-    made[-1] = _POLE / (_POLE**2 - 1) * (made[-1] + _POLE * made[-2])
+        made[k] += _FILTER_POLE * made[k - 1]
+    made[-1] = _FILTER_POLE / (_FILTER_POLE**2 - 1) * (made[-1] + _FILTER_POLE * made[-2])
     for k in range(count - 2, -1, -1):
-        made[k] = _POLE * (made[k + 1] - made[k])
+        made[k] = _FILTER_POLE * (made[k + 1] - made[k])
     return 6.0 * made
 
 
-def _weigh(along: Array, size: int) -> tuple[list[Array], list[Array]]:
+def _find_weights(along: Array, size: int) -> tuple[list[Array], list[Array]]:
     """The four pixels beside places along an axis, mirrored at the borders, and their weights."""
     first = np.floor(along).astype(np.intp)
     t = along - first

@@ -1,1 +1,1 @@
-"""What scenes tell beyond themselves: typical scenes, means and shares with intervals that cover; only arrays."""
+"""Statistics over scenes: typical scenes, means and shares, with intervals that cover. Works on arrays only."""

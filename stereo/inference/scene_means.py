@@ -25,13 +25,14 @@ import numpy as np
 from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 
-LEVEL = 0.95
-#: Fewer scenes tell no interval of a mean that is no share; from the second number on it covers as it says.
+COVERAGE = 0.95
+#: Fewest scenes for an interval of a mean that is no share, and fewest for the stated coverage.
 FEWEST_FOR_MEAN, FEWEST_EXACT = 20, 50
-#: Random weights of scenes for shares, resamples of scenes for other means, and most elements of either; the least.
+#: Numbers of random weights of scenes for shares and of resamples for other means; most elements of both arrays; fewest
+#: draws.
 _WEIGHTS, _RESAMPLES, _MOST_ELEMENTS, _FEWEST_DRAWS = 10_000, 2000, 4_000_000, 1000
-#: Errors of a mean below this part of it are rounding.
-_ROUNDING = 1e-12
+#: Relative error of a mean that counts as rounding.
+_ROUNDING_SHARE = 1e-12
 
 
 def average_by_scene(values: Array, scenes: Array) -> Array:
@@ -46,8 +47,8 @@ def average_by_scene(values: Array, scenes: Array) -> Array:
 def find_mean_intervals(values: Array, scenes: Array, shares: Array) -> Array:
     """Lower and upper 95 % bound (K, 2) of the mean over pairs of each column of ``values`` (pairs, K).
 
-    Columns where ``shares`` (K,) is true are from 0 to 1. A bound is NaN if there are too few scenes for it: fewer than
-    two, or than ``FEWEST_FOR_MEAN`` of what is no share.
+    Columns where ``shares`` (K,) is true are from 0 to 1. A bound is NaN with too few scenes: fewer than two for
+    shares, fewer than ``FEWEST_FOR_MEAN`` for other means.
     """
     sums, counts = _sum_by_scene(values, scenes)
     number = (counts > 0).sum(axis=0)
@@ -58,21 +59,23 @@ def find_mean_intervals(values: Array, scenes: Array, shares: Array) -> Array:
     for positive in (True, False):
         those = ~shares & (number >= FEWEST_FOR_MEAN) & (signed != positive)
         if those.any():
-            sample = _bootstrap_t(sums[:, those], counts[:, those], 0, positive)
-            bounds[those] = sample.bounds(_quantile_of_resamples(sample.t))
+            sample = _make_bootstrap_t(sums[:, those], counts[:, those], 0, positive)
+            bounds[those] = sample.bounds(_find_quantile_of_resamples(sample.t))
     return bounds
 
 
 def find_simultaneous_intervals(values: Array, seed: int) -> Array:
-    """Bounds (K, 2) of the means over scenes of the columns of ``values`` (scenes, K), which all hold at once in about
-    95 % of data sets, by the largest |t| of a resample. NaN for columns with fewer than ``FEWEST_FOR_MEAN`` scenes."""
+    """Bounds (K, 2) of the means over scenes of the columns of ``values`` (scenes, K), by the largest |t| of a
+    resample. All of them hold at once in about 95 % of data sets. NaN for columns with fewer than ``FEWEST_FOR_MEAN``
+    scenes.
+    """
     known = ~np.isnan(values)
     told = known.sum(axis=0) >= FEWEST_FOR_MEAN
     bounds = np.full((values.shape[1], 2), np.nan)
     if told.any():
-        sample = _bootstrap_t(np.where(known, values, 0.0)[:, told], known[:, told].astype(float), seed, False)
+        sample = _make_bootstrap_t(np.where(known, values, 0.0)[:, told], known[:, told].astype(float), seed, False)
         bounds[told] = sample.bounds(
-            np.full(told.sum(), _quantile_of_resamples(sample.t.max(axis=1, keepdims=True))[0])
+            np.full(told.sum(), _find_quantile_of_resamples(sample.t.max(axis=1, keepdims=True))[0])
         )
     return bounds
 
@@ -93,13 +96,13 @@ def _choose_draw_count(most: int, scenes: int) -> int:
 
 @lru_cache(maxsize=1)
 def _draw_weights(scenes: int) -> Array:
-    """Random weights (draws, 1 + scenes), not divided by their sum; the first is of the scene that is added."""
+    """Random weights (draws, 1 + scenes), without division by their sum; the first is the weight of the added scene."""
     return make_generator(0, "statistics", 1).standard_exponential((_choose_draw_count(_WEIGHTS, scenes), 1 + scenes))
 
 
 @lru_cache(maxsize=1)
 def _draw_resamples(scenes: int, seed: int) -> Array:
-    """How often each resample contains each scene (draws, scenes)."""
+    """The number of times that each resample contains each scene (draws, scenes)."""
     random = make_generator(seed, "statistics", 2)
     return np.stack(
         [
@@ -113,7 +116,7 @@ def _bound_shares(sums: Array, counts: Array) -> Array:
     weights = _draw_weights(len(sums))
     own, number = weights[:, 1:] @ sums, weights[:, 1:] @ counts
     added = weights[:, :1] * counts.max(axis=0)
-    outside = (1 - LEVEL) / 2
+    outside = (1 - COVERAGE) / 2
     return np.stack(
         [
             np.quantile(own / (number + added), outside, axis=0),
@@ -133,7 +136,7 @@ class _Bootstrap:
     logarithmic: bool
 
     def bounds(self, limit: Array) -> Array:
-        """The means (K, 2) that are ``limit`` (K,) standard errors apart."""
+        """Lower and upper bound (K, 2), ``limit`` (K,) standard errors below and above the mean."""
         half = np.where(self.error > 0, limit, 0.0) * self.error
         if not self.logarithmic:
             return np.stack([self.mean - half, self.mean + half], axis=1)
@@ -142,22 +145,23 @@ class _Bootstrap:
         return np.stack([self.mean / factor, self.mean * factor], axis=1)
 
 
-def _bootstrap_t(sums: Array, counts: Array, seed: int, logarithmic: bool) -> _Bootstrap:
-    """The bootstrap-t of the ratios of ``sums`` to ``counts`` (scenes, K) over scenes, on a scale where both are about
-    1, so that rounding is alike."""
+def _make_bootstrap_t(sums: Array, counts: Array, seed: int, logarithmic: bool) -> _Bootstrap:
+    """The bootstrap-t of the ratios of ``sums`` to ``counts`` (scenes, K) over scenes, scaled to about 1, so that
+    rounding errors are alike.
+    """
     size = np.abs(sums).max(axis=0)
     sums = sums / np.where(size > 0, size, 1.0)
     resamples = _draw_resamples(len(sums), seed)
     mean, error = _resample_ratios(np.ones((1, len(sums))), sums, counts)
     means, errors = _resample_ratios(resamples, sums, counts)
-    error = np.where(error > _ROUNDING, error, 0.0)
+    error = np.where(error > _ROUNDING_SHARE, error, 0.0)
     if logarithmic:
         with np.errstate(divide="ignore", invalid="ignore"):
             apart = np.abs(np.log(np.where(mean > 0, means / np.where(mean > 0, mean, 1.0), 1.0))) * means
     else:
         apart = np.abs(means - mean)
     apart = np.where(np.isnan(apart), np.inf, apart)  # a resample of zeros, whose logarithm is infinite
-    t = np.divide(apart, errors, out=np.where(apart > _ROUNDING, np.inf, 0.0), where=errors > _ROUNDING)
+    t = np.divide(apart, errors, out=np.where(apart > _ROUNDING_SHARE, np.inf, 0.0), where=errors > _ROUNDING_SHARE)
     return _Bootstrap(mean[0] * size, error[0] * size, t, logarithmic)
 
 
@@ -176,7 +180,9 @@ def _resample_ratios(times: Array, sums: Array, counts: Array) -> tuple[Array, A
         return mean, np.sqrt(np.maximum(square, 0.0) * told / (told - 1)) / number
 
 
-def _quantile_of_resamples(t: Array) -> Array:
-    """The |t| (K,) that ``LEVEL`` of the resamples (resamples, K) do not exceed; those without a value are infinite."""
+def _find_quantile_of_resamples(t: Array) -> Array:
+    """The |t| (K,) that a share of COVERAGE of the resamples (resamples, K) does not exceed; missing values count as
+    infinite.
+    """
     ascending = np.sort(np.where(np.isnan(t), np.inf, t), axis=0)
-    return np.asarray(ascending[math.ceil(LEVEL * len(t)) - 1])
+    return np.asarray(ascending[math.ceil(COVERAGE * len(t)) - 1])

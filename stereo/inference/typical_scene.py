@@ -1,11 +1,11 @@
-"""Which of several methods differ in the typical scene: all comparisons by one metric, as one family over scenes.
+"""Finds the methods that differ in the typical scene: all comparisons by one metric, as one family over scenes.
 
 The typical difference is the pseudomedian of the scenes' differences, the median of the Walsh averages (Hodges and
 Lehmann 1963). Its tests are Wilcoxon's signed ranks. Whole scenes get random signs, the same for all comparisons, and
-the largest statistic of each flip is what an observed one is compared with (Westfall and Young 1993). The signs are
-those of the differences *from the typical one*, so all results shift with the differences, and errors are as rare
-where methods differ much. A verdict is that an interval does not contain zero. Going on step by step once the largest
-difference is found would find a few more, and too many of them where methods are equal.
+an observed statistic is compared with the largest statistic of each flip (Westfall and Young 1993). The signs are those
+of the differences *from the typical one*, so all results shift with the differences, and errors are as rare where
+methods differ much. A verdict is that an interval does not contain zero. A step-down procedure after the largest
+difference would find a few more differences, but too many where methods are equal.
 
 No test or interval of a *mean* can hold for every distribution (Bahadur and Savage 1956), so none gives a verdict.
 """
@@ -24,22 +24,22 @@ from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 from .walsh_averages import WalshSums, round_to_grid
 
-#: The share of flips that may reach an observed statistic where it is called different: of one comparison, and of
-#: several. Both are less than the 5 % that the product states, because skewed differences have more errors, and the
-#: largest of several statistics has more of them: see ``docs/theory/inference.md``.
+#: Largest share of flips that reach an observed statistic that counts as different, for one comparison and for several.
+#: Both are less than the 5 % that the product states, because skewed differences have more errors, and the largest of
+#: several statistics has even more: see ``docs/theory/inference.md``.
 LIMIT_OF_ONE, LIMIT_OF_SEVERAL = 0.04, 0.028
-#: Up to so many scenes all flips are made, otherwise ``_FLIPS``, the observed signs among them.
-_MOST_EXACT = 13
-_FLIPS = 5000
-_AT_ONCE = 1000
-#: Sums of ranks of fewer scenes, and their halves, are exact in single precision.
-_MOST_SINGLE = 4000
-#: How often the difference that ``Family.detectable`` gives would be found.
+#: Most scenes for which all flips are made; with more, ``_FLIP_COUNT`` are drawn, with the observed signs among them.
+_MOST_EXACT_SCENES = 13
+_FLIP_COUNT = 5000
+_FLIPS_PER_STEP = 1000
+#: Scenes below which sums of ranks, and their halves, are exact in single precision.
+_MOST_SINGLE_PRECISION_SCENES = 4000
+#: Probability with which the difference ``ComparisonFamily.detectable`` is found.
 POWER = 0.8
-#: Statistics that are equal but for rounding count as ties.
-_TIE = 1 - 1e-9
-#: Two numbers that differ by less than this part of the larger one differ by rounding.
-_ROUNDING = 1e-9
+#: Statistics whose ratio is above this differ by rounding and count as ties.
+_TIE_RATIO = 1 - 1e-9
+#: Relative difference of two numbers that counts as rounding.
+_ROUNDING_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class ComparisonFamily:
 
     @property
     def found(self) -> Array:
-        """Boolean: where the two methods differ."""
+        """The comparisons, bool, in which the two methods differ."""
         return self.p <= find_limit(len(self.p)) + 1e-12
 
 
@@ -74,8 +74,8 @@ def find_limit(comparisons: int) -> float:
 def count_scenes_needed(comparisons: int) -> int:
     """The fewest scenes from which on this number of comparisons can have a verdict.
 
-    With n scenes, two of 2^n choices of signs are as extreme as equal signs, and each comparison may have signs of its
-    own. Below, no difference is large enough.
+    With n scenes, two of 2^n choices of signs are as extreme as equal signs, and the signs may differ between
+    comparisons. With fewer scenes no difference is large enough.
     """
     return math.ceil(math.log2(2 * max(comparisons, 1) / find_limit(comparisons)))
 
@@ -86,7 +86,7 @@ def count_scenes_for_methods(methods: int) -> int:
 
 
 def compare_in_typical_scene(differences: Array, seed: int) -> ComparisonFamily:
-    """Which columns of ``differences`` (scenes, comparisons) have a typical difference that is not zero.
+    """Find the columns of ``differences`` (scenes, comparisons) with a typical difference other than zero.
 
     NaN is undefined. A column with fewer than ``needed`` scenes is outside the family. The same seed makes the same
     flips.
@@ -112,7 +112,7 @@ def compare_in_typical_scene(differences: Array, seed: int) -> ComparisonFamily:
     )
     observed = np.array([columns[k].evidence for k in tested]) / norms
     largest = np.sort(maxima.max(axis=1))
-    reached = len(largest) - np.searchsorted(largest, observed * _TIE)
+    reached = len(largest) - np.searchsorted(largest, observed * _TIE_RATIO)
     p[tested] = np.maximum(reached, 1) / len(largest)
     limit = float(largest[math.ceil((1 - find_limit(len(columns))) * len(largest) - 1e-9) - 1])
     for place, k in enumerate(tested):
@@ -122,8 +122,8 @@ def compare_in_typical_scene(differences: Array, seed: int) -> ComparisonFamily:
 
 
 def subtract(one: Array, other: Array, logarithmic: bool = False) -> Array:
-    """The differences of two arrays, or of their logarithms; exactly 0 where they differ by rounding only."""
-    alike = np.abs(one - other) <= _ROUNDING * np.maximum(np.abs(one), np.abs(other))
+    """The differences of two arrays, or of their logarithms; exactly 0 if they differ only by rounding."""
+    alike = np.abs(one - other) <= _ROUNDING_SHARE * np.maximum(np.abs(one), np.abs(other))
     apart = np.log(one) - np.log(other) if logarithmic else one - other
     return np.where(alike, 0.0, apart)
 
@@ -134,18 +134,18 @@ class _Differences:
     def __init__(self, values: Array) -> None:
         ascending, self.unit = round_to_grid(values)
         self.sums = WalshSums(ascending)
-        self.centre = self.sums.twice_median() if len(values) else 0  # four times the typical difference
+        self.centre = self.sums.find_twice_median() if len(values) else 0  # four times the typical difference
         self.typical = self.centre * self.unit / 4 if len(values) else math.nan
 
     @property
     def norm(self) -> float:
-        """The standard deviation of the signed-rank statistic of so many values with random signs."""
+        """The standard deviation of the signed-rank statistic of this number of values with random signs."""
         n = len(self.sums.values)
         return math.sqrt(n * (n + 1) * (2 * n + 1) / 6)
 
     @property
     def evidence(self) -> int:
-        """The signed-rank statistic of the side that has more; averages of zero count for the other side."""
+        """The signed-rank statistic of the side with more ranks; averages of zero count for the other side."""
         return self.sums.count - 2 * min(self.sums.count_up_to(0), self.sums.count - self.sums.count_up_to(-1))
 
     def bounds(self, limit: float) -> tuple[float, float]:
@@ -162,8 +162,9 @@ def _rank_centred_differences(differences: Array, columns: list[_Differences]) -
     known = ~np.isnan(differences)
     whole = np.rint(np.where(known, differences, 0.0) / units).astype(np.int64)
     apart = 4 * whole - np.array([column.centre for column in columns], np.int64)
-    # The centre is a mean of two scenes, so these two are always as far from it. If they shared their ranks, and if a
-    # scene at the centre had none, the statistic would vary less than Wilcoxon's, and too much would be found.
+    # The centre is a mean of two scenes, so both are always equally far from it. If they shared their ranks, and if a
+    # scene at the centre had none, the statistic would vary less than Wilcoxon's, and too many differences would be
+    # found.
     size = np.where(known, np.abs(apart), np.iinfo(np.int64).max)
     ranks = 1.0 + np.argsort(np.argsort(size, axis=0, kind="stable"), axis=0, kind="stable")
     return np.where(known, np.where(apart < 0, -ranks, ranks), 0.0)
@@ -171,11 +172,14 @@ def _rank_centred_differences(differences: Array, columns: list[_Differences]) -
 
 def _flip_statistics(ranks: Array, seed: int) -> Array:
     """The absolute statistics (flips, comparisons) of random signs of the scenes of signed ranks."""
-    used, signs = ranks.astype(np.float32 if len(ranks) < _MOST_SINGLE else np.float64), _draw_signs(len(ranks), seed)
+    used, signs = (
+        ranks.astype(np.float32 if len(ranks) < _MOST_SINGLE_PRECISION_SCENES else np.float64),
+        _draw_signs(len(ranks), seed),
+    )
     return np.concatenate(
         [
-            np.abs(np.matmul(signs[start : start + _AT_ONCE].astype(used.dtype), used))
-            for start in range(0, len(signs), _AT_ONCE)
+            np.abs(np.matmul(signs[start : start + _FLIPS_PER_STEP].astype(used.dtype), used))
+            for start in range(0, len(signs), _FLIPS_PER_STEP)
         ]
     ).astype(np.float64)
 
@@ -184,10 +188,10 @@ def _flip_statistics(ranks: Array, seed: int) -> Array:
 def _draw_signs(scenes: int, seed: int) -> Array:
     """The signs of all flips, int8 (flips, scenes). The first scene keeps its sign, as the statistics do not change if
     all signs do."""
-    if scenes <= _MOST_EXACT:
+    if scenes <= _MOST_EXACT_SCENES:
         flipped = np.arange(2 ** max(0, scenes - 1))[:, None] >> np.arange(scenes)[::-1] & 1
     else:
-        flipped = make_generator(seed, "statistics").integers(0, 2, (_FLIPS, scenes), np.int8)
+        flipped = make_generator(seed, "statistics").integers(0, 2, (_FLIP_COUNT, scenes), np.int8)
     return (1 - 2 * flipped).astype(np.int8)
 
 
@@ -201,6 +205,6 @@ def find_rank_ranges(better: Array) -> list[tuple[int, int]]:
     return [(1 + int(better[:, k].sum()), count - int(better[k].sum())) for k in range(count)]
 
 
-def list_comparisons(count: int) -> list[tuple[int, int]]:
-    """The number of comparisons of these methods."""
+def list_method_pairs(count: int) -> list[tuple[int, int]]:
+    """The pairs of numbers of ``count`` methods that are compared."""
     return list(itertools.combinations(range(count), 2))

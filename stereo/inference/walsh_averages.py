@@ -1,6 +1,6 @@
-"""Walsh averages, the means of every two values and of each value with itself (Hodges and Lehmann 1963).
+"""Walsh averages: the means of every two values and of each value with itself (Hodges and Lehmann 1963).
 
-Values are counted on a grid of whole numbers, so that ties, zeros and halves are exact.
+Values are rounded to a grid of whole numbers, so that ties, zeros and halves are exact.
 """
 
 from __future__ import annotations
@@ -9,20 +9,20 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Bits of the largest value on the grid: equal numbers that differ by rounding are equal on it.
-_BITS = 36
+#: Bits of the largest value on the grid: numbers that differ only by rounding are equal there.
+_GRID_BITS = 36
 #: The binary exponent of the smallest number that is not zero.
-_LEAST = -1074
-#: Up to so many values all averages are listed; beyond, they are counted, which takes no memory.
-_MOST_LISTED = 200
-#: Counting ends once so few sums are left that they can be listed.
-_MOST_PICKED = 4000
+_LEAST_EXPONENT = -1074
+#: Most values whose averages are all listed. The averages of more values are counted, which saves memory.
+_MOST_LISTED_VALUES = 200
+#: Number of remaining sums at which counting ends and they are listed.
+_MOST_LISTED_SUMS = 4000
 
 
 def round_to_grid(values: Array) -> tuple[Array, float]:
     """The finite ``values`` (n,) in ascending order as whole numbers, int64, and the size of their unit."""
     most = float(np.abs(values).max(initial=0.0))
-    unit = float(np.ldexp(1.0, max(int(np.frexp(most)[1]) - _BITS, _LEAST))) if most > 0 else 1.0
+    unit = float(np.ldexp(1.0, max(int(np.frexp(most)[1]) - _GRID_BITS, _LEAST_EXPONENT))) if most > 0 else 1.0
     return np.sort(np.rint(values / unit).astype(np.int64)), unit
 
 
@@ -33,12 +33,12 @@ class WalshSums:
         self.values = ascending
         self.count = len(ascending) * (len(ascending) + 1) // 2
         self._listed: Array | None = None
-        if len(ascending) <= _MOST_LISTED:
+        if len(ascending) <= _MOST_LISTED_VALUES:
             one, other = np.triu_indices(len(ascending))
             self._listed = np.sort(ascending[one] + ascending[other])
 
     def count_up_to(self, limit: int) -> int:
-        """How many sums are at most ``limit``."""
+        """The number of sums that are at most ``limit``."""
         if self._listed is not None:
             return int(np.searchsorted(self._listed, limit, side="right"))
         ordered = np.searchsorted(self.values, limit - self.values, side="right").sum()
@@ -49,16 +49,16 @@ class WalshSums:
         if self._listed is not None:
             return int(self._listed[place])
         low, high, below, reached = 2 * int(self.values[0]) - 1, 2 * int(self.values[-1]), 0, self.count
-        while reached - below > _MOST_PICKED and high - low > 1:
+        while reached - below > _MOST_LISTED_SUMS and high - low > 1:
             middle = (low + high) // 2
             if (count := self.count_up_to(middle)) > place:
                 high, reached = middle, count
             else:
                 low, below = middle, count
-        return high if high - low == 1 else self._pick(low, high, place - below)
+        return high if high - low == 1 else self._find_sum_between(low, high, place - below)
 
-    def _pick(self, low: int, high: int, place: int) -> int:
-        """The sum at a ``place`` among those above ``low`` and up to ``high``."""
+    def _find_sum_between(self, low: int, high: int, place: int) -> int:
+        """The sum at a ``place`` among the sums above ``low`` and up to ``high``."""
         own = np.arange(len(self.values))
         begin = np.maximum(np.searchsorted(self.values, low - self.values, side="right"), own)
         number = np.maximum(np.searchsorted(self.values, high - self.values, side="right") - begin, 0)
@@ -66,7 +66,7 @@ class WalshSums:
         other = np.arange(number.sum()) - np.repeat(number.cumsum() - number - begin, number)
         return int(np.partition(self.values[one] + self.values[other], place)[place])
 
-    def twice_median(self) -> int:
-        """Twice the median of the sums, and so four times that of the averages."""
+    def find_twice_median(self) -> int:
+        """Twice the median of the sums, which is four times the median of the averages."""
         middle = self.at(self.count // 2)
         return middle + (middle if self.count % 2 else self.at(self.count // 2 - 1))

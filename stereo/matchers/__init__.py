@@ -38,32 +38,32 @@ from .options import resolve_options
 from .result import Result
 from .search_range import SearchRange
 
-#: Names that mean something else where methods are named.
-_TAKEN = (OWN, "prediction")
+#: Names that have another meaning where methods are named.
+_RESERVED_NAMES = (OWN, "prediction")
 
 
 def find_plugins() -> Found:
     """The matchers of this Python."""
-    return find_installed("matcher", _TAKEN)
+    return find_installed("matcher", _RESERVED_NAMES)
 
 
-def matcher_names() -> tuple[str, ...]:
+def list_matcher_names() -> tuple[str, ...]:
     """All matchers of this Python: Icy Moon's, then the installed packages'."""
     return tuple(find_plugins().usable)
 
 
-def matcher_title(method: str) -> str:
-    """What readers see instead of the name of a matcher, in tables, charts, sentences and in the window."""
+def get_matcher_title(method: str) -> str:
+    """The title that readers see in place of a matcher's name, in tables, charts, sentences and in the window."""
     return _literal_text(method, "TITLE") or method
 
 
-def matcher_needs(method: str) -> str:
-    """What a matcher needs beside the evaluator, in words; empty if nothing."""
+def get_matcher_needs(method: str) -> str:
+    """The requirements of a matcher beside the evaluator, in words; empty if there are none."""
     return _literal_text(method, "NEEDS")
 
 
-def matcher_titles() -> dict[str, str]:
-    """The titles, by name, of Icy Moon's matchers that run without being set up by the user."""
+def list_matcher_titles() -> dict[str, str]:
+    """The titles, by name, of Icy Moon's matchers that need no setup by the user."""
     found = find_plugins().usable.items()
     return {name: title for name, plugin in found if plugin.built_in and (title := _literal_text(name, "TITLE"))}
 
@@ -94,8 +94,9 @@ def match(
     camera: StereoCamera | None = None,
     ranges: Mapping[str, SearchRange] | None = None,
 ) -> tuple[Array, Array, dict[str, Any]]:
-    """``match_checked`` with some options of the matcher, whose values may be text. Raises IcyMoonError for an unknown
-    matcher or option too."""
+    """Match with some options of the matcher, whose values may be text; the rest is as in ``match_checked``. Raises
+    IcyMoonError also for an unknown matcher or option.
+    """
     return match_checked(method, left, right, check_options(method, options or {}), camera, ranges)
 
 
@@ -126,7 +127,7 @@ def match_checked(
     """
     module = load_matcher(method)
     complete = dict(options)
-    prepare = _to_rgb if getattr(module, "COLOUR", False) else GREYS[complete.get("grey", "mean")]
+    prepare = _to_rgb if getattr(module, "COLOUR", False) else GREY_CONVERSIONS[complete.get("grey", "mean")]
     left, right = prepare(_check_image(left, "left")), prepare(_check_image(right, "right"))
     if left.shape[:2] != right.shape[:2]:
         raise IcyMoonError(
@@ -145,7 +146,7 @@ def match_checked(
     if not valid.any() and not getattr(module, "SPARSE", False):
         what = "a positive number" if np.isfinite(result.disparity).any() else "a number"
         raise IcyMoonError(
-            f"{matcher_title(method)} gave no pixel {what}; its checkpoint or program is damaged, "
+            f"{get_matcher_title(method)} gave no pixel {what}; its checkpoint or program is damaged, "
             "or writes disparities with the wrong sign or unit."
         )
     return (
@@ -177,12 +178,12 @@ def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The same, without checking that files and programs exist."""
+    """The complete options, as from ``check_options``, without a check that files and programs exist."""
     module = load_matcher(method)
     return resolve_options(method, module.OPTIONS, module.PRESETS, options)
 
 
-def option_keys(method: str) -> list[str]:
+def list_option_keys(method: str) -> list[str]:
     """The options of a matcher, with ``preset`` and the names that OpenCV's manual has for them. Raises IcyMoonError
     for an unknown matcher."""
     return [
@@ -192,13 +193,13 @@ def option_keys(method: str) -> list[str]:
 
 
 def list_option_files(method: str, options: Mapping[str, Any]) -> list[str]:
-    """Words of complete options that may be files which the result depends on: the arguments of a command."""
+    """Words of complete options that may be files on which the result depends: the arguments of a command."""
     named = getattr(load_matcher(method), "files", None)
     return list(named(options)) if named else []
 
 
 def describe_matcher(method: str) -> str:
-    """What a matcher is, and its options, as lines of text. Raises IcyMoonError for an unknown one."""
+    """The description of a matcher and its options, as lines of text. Raises IcyMoonError for an unknown matcher."""
     module = load_matcher(method)
     lines = [f"{method}: {(module.__doc__ or '').strip().splitlines()[0]}"]
     lines += [f"  {option.key}={option.default} ({option.range}) {option.doc}" for option in module.OPTIONS]
@@ -209,7 +210,7 @@ def describe_matcher(method: str) -> str:
     return "\n".join(lines)
 
 
-def plugin_release(method: str) -> str:
+def describe_plugin_release(method: str) -> str:
     """Package and version of the plug-in that a matcher is from; empty for one of ours."""
     plugin = find_plugins().added.get(method)
     return plugin.release if plugin else ""
@@ -229,7 +230,7 @@ def load_matcher(method: str) -> Any:
 def _load_plugin(plugin: Plugin) -> Any:
     if plugin.built_in and not hasattr(loaded := load_plugin(plugin), "match"):
         return loaded
-    from .plug_in import PluginMatcher  # not at the top: it needs OpenCV
+    from .plug_in import PluginMatcher  # imported here, because it needs OpenCV
 
     return PluginMatcher(plugin)
 
@@ -251,14 +252,14 @@ def _check_image(image: Array, name: str) -> Array:
 
 def _to_luminance(image: Array) -> Array:
     """uint8 (H, W): 0.299 red, 0.587 green and 0.114 blue, in OpenCV's rounding, after the scaling to 8 bits."""
-    import cv2  # not at the top: the window lists the matchers, and Blender has no OpenCV
+    import cv2  # imported here, because the window lists the matchers, and Blender has no OpenCV
 
     image = to_8_bit(image)
     return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
 
 
-#: Functions that turn an image grey, by the value of a matcher's option ``grey``.
-GREYS = {"mean": to_grey, "luminance": _to_luminance}
+#: Functions that convert an image to grey, by the value of a matcher's option ``grey``.
+GREY_CONVERSIONS = {"mean": to_grey, "luminance": _to_luminance}
 
 
 def _to_rgb(image: Array) -> Array:

@@ -21,8 +21,8 @@ from .opencv_common import (
     drop_matches_outside_right,
     extend_left,
     require_room,
+    resolve_range,
     run_matcher,
-    settle_range,
 )
 from .options import Option
 from .result import Result
@@ -111,17 +111,17 @@ PRESETS: dict[str, dict[str, Any]] = {
     },
 }
 
-_PREFILTERS = {"normalized": cv2.STEREO_BM_PREFILTER_NORMALIZED_RESPONSE, "xsobel": cv2.STEREO_BM_PREFILTER_XSOBEL}
+_PREFILTER_CODES = {"normalized": cv2.STEREO_BM_PREFILTER_NORMALIZED_RESPONSE, "xsobel": cv2.STEREO_BM_PREFILTER_XSOBEL}
 
-# OpenCV computes x in 1/256 px and rounds it by (x + 15) >> 4, which adds 7.5 of them on average.
-_ROUNDED_UP = 7.5 / 256
+# OpenCV computes x in 1/256 px and rounds by (x + 15) >> 4, which adds 7.5 of them on average.
+_ROUNDING_BIAS_PX = 7.5 / 256
 
 
 def settle(
     options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
 ) -> tuple[dict[str, Any], SearchRange]:
     """The options with a search range in numbers, and this range."""
-    return settle_range("bm", options, ranges)
+    return resolve_range("bm", options, ranges)
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
@@ -129,7 +129,7 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     least = options["min_disparity"]
     matcher = cv2.StereoBM.create(options["disparities"], options["window"])
     matcher.setMinDisparity(least)
-    matcher.setPreFilterType(_PREFILTERS[options["prefilter"]])
+    matcher.setPreFilterType(_PREFILTER_CODES[options["prefilter"]])
     matcher.setPreFilterSize(options["prefilter_size"])
     matcher.setPreFilterCap(options["prefilter_cap"])
     matcher.setTextureThreshold(options["texture_threshold"])
@@ -148,6 +148,6 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
         "bm", matcher, extend_left(left, extension), extend_left(right, extension), least, columns, rows
     )
     if options["rounding"] == "even":
-        disparity -= np.float32(_ROUNDED_UP)
+        disparity -= np.float32(_ROUNDING_BIAS_PX)
     disparity = disparity[:, extension:]
     return Result(drop_matches_outside_right(disparity) if extension else disparity)

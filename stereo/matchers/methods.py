@@ -11,7 +11,7 @@ from typing import Any
 from ...settings.topics.trust_boundary import OWN, OWN_NAME, split_methods, split_option
 from ...support.errors import IcyMoonError
 from ...support.suggestions import suggest_nearest
-from . import check_options, matcher_names, matcher_title, option_keys
+from . import check_options, get_matcher_title, list_matcher_names, list_option_keys
 
 #: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
@@ -63,7 +63,7 @@ def describe_method(label: str) -> str:
     Files keep the label, by which programs find a method.
     """
     name, *options = _NEXT_OPTION.split(label)
-    return " ".join((matcher_title(name), *options))
+    return " ".join((get_matcher_title(name), *options))
 
 
 def toggle_method(text: str, name: str) -> str:
@@ -85,7 +85,7 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, StatedMethod]:
     found: dict[str, StatedMethod] = {}
     for text in texts:
         name, method, option = (*text.split(":", 2), "", "")[:3]
-        if not (OWN_NAME.fullmatch(name) and method in matcher_names()):
+        if not (OWN_NAME.fullmatch(name) and method in list_matcher_names()):
             raise IcyMoonError(
                 f"--own {text}: write it as NAME:METHOD:KEY=VALUE, as in "
                 "mine:external:command=PROGRAM; a name has letters, digits, - and _."
@@ -114,11 +114,11 @@ def parse_named_methods(texts: Sequence[str]) -> list[StatedMethod]:
                 f"--method {text}: write it as NAME=MATCHER:KEY=VALUE, as in "
                 "mynet=resident:command=PROGRAM; a name has at most 40 letters, digits, - and _."
             )
-        if name in (*matcher_names(), OWN):
+        if name in (*list_matcher_names(), OWN):
             raise IcyMoonError(f"--method {text}: {name} is the name of a matcher; choose another name.")
         if name in (method.label for method in found):
             raise IcyMoonError(f"--method names {name} twice; give each method a name of its own.")
-        parts = re.split(rf":(?=(?:{'|'.join(option_keys(matcher))})\s*=)", options) if options else []
+        parts = re.split(rf":(?=(?:{'|'.join(list_option_keys(matcher))})\s*=)", options) if options else []
         found.append(StatedMethod(name, matcher, dict(parse_key_value(part, f"--method {name}") for part in parts)))
     return found
 
@@ -150,7 +150,7 @@ def parse_methods(
     for named_one in parse_named_methods(named):
         methods.append(replace(named_one, options=shared.get(named_one.name, {}) | named_one.options).parsed())
     if not methods:
-        raise IcyMoonError(f"--methods is empty; choose from {', '.join(matcher_names())}.")
+        raise IcyMoonError(f"--methods is empty; choose from {', '.join(list_matcher_names())}.")
     unused = sorted(set(shared) - {method.name for method in methods})
     if unused:
         raise IcyMoonError(
@@ -167,9 +167,9 @@ def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
         method, dot, key = name.partition(".")
         if not dot:
             raise IcyMoonError(f"--option {option}: name the matcher too, as in bm.{key or name}={value}.")
-        if method not in matcher_names():
+        if method not in list_matcher_names():
             raise IcyMoonError(
-                f"--option {option}: unknown matcher {method!r}, {suggest_nearest(method, matcher_names())}"
+                f"--option {option}: unknown matcher {method!r}, {suggest_nearest(method, list_matcher_names())}"
             )
         shared.setdefault(method, {})[key] = value
     return shared

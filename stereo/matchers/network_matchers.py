@@ -21,7 +21,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import hash_file, parse_path
-from . import matcher_title
+from . import get_matcher_title
 
 if TYPE_CHECKING:
     import torch
@@ -105,11 +105,11 @@ def guard_inference(method: str) -> Iterator[None]:
             yield
     except torch.OutOfMemoryError:
         raise IcyMoonError(
-            f"{matcher_title(method)} needs more memory than the CUDA device has; lower "
+            f"{get_matcher_title(method)} needs more memory than the CUDA device has; lower "
             f"{method}.max_disparity, use {method}.device=cpu or render smaller images."
         ) from None
     except RuntimeError as error:  # such as no memory on the CPU
-        raise IcyMoonError(f"{matcher_title(method)} failed in PyTorch ({_first_line(error)}).") from None
+        raise IcyMoonError(f"{get_matcher_title(method)} failed in PyTorch ({_first_line(error)}).") from None
 
 
 def to_batch(image: Array, device: torch.device) -> torch.Tensor:
@@ -176,7 +176,7 @@ def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method
     ]
     if wrong:
         raise IcyMoonError(
-            f"{path} is no checkpoint of {matcher_title(method)}: {len(wrong)} of its parameters do not fit, "
+            f"{path} is no checkpoint of {get_matcher_title(method)}: {len(wrong)} of its parameters do not fit, "
             f"{min(wrong)}."
         )
     model.load_state_dict(given, strict=True)

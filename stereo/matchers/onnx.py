@@ -88,20 +88,22 @@ OPTIONS = (
 
 PRESETS: dict[str, dict[str, Any]] = {}
 
-#: For pip: the first version with wheels for numpy 2, and the next major version.
+#: Requirement for pip: the first version with wheels for NumPy 2, and the next major version.
 REQUIREMENT = "onnxruntime>=1.19,<2"
-#: Of the test: two, since a network that always answers the same has a factor to one of them.
+#: Shifts of the test texture. Two are needed, since a network with a constant answer has a factor to one of them.
 _SHIFTS_PX = (7, 12)
-#: Of an input of fixed size: images are resized to it.
-_MOST_PIXELS = 2**25
+#: Most pixels of an input of fixed size, to which images are resized.
+_MOST_INPUT_PIXELS = 2**25
 #: Pixels of an input that may take ``timeout_s``; the test's input has fewer.
 _TIMED_PIXELS = 100_000
 _TEST_SHAPE = 256, 384
-#: Tolerances of the test: between the median disparity and the shift, px; and between the ratio of two disparities and
-#: the ratio of their shifts, as a share.
+#: Tolerances of the test: of the median disparity, px, and of the ratio of two disparities, as a share.
 _TOLERANCE_PX, _TOLERANCE_SHARE = 1.0, 0.15
-_MEAN, _SPREAD = (np.array(values, np.float32) for values in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
-_TYPES = {
+#: Mean and spread of the colours of ImageNet.
+_IMAGENET_MEAN, _IMAGENET_SPREAD = (
+    np.array(values, np.float32) for values in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
+)
+_NUMPY_TYPES = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
     "tensor(uint8)": np.uint8,
@@ -111,7 +113,7 @@ _TYPES = {
 
 @dataclass(frozen=True)
 class _Input:
-    """An input of a network: which image it takes, or both."""
+    """An input of a network: the image that it takes, or both."""
 
     name: str
     eyes: tuple[str, ...]
@@ -139,7 +141,7 @@ class _Network:
 
 def check(options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless the file and ONNX Runtime exist."""
-    path = _model_path(options)
+    path = _find_model_path(options)
     if not path.is_file():
         raise IcyMoonError(f"onnx.model names {path}, which is no file; correct it.")
     if importlib.util.find_spec("onnxruntime") is None:
@@ -157,12 +159,12 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     return Result(*_run_network(network, left, right, options))
 
 
-def _model_path(options: dict[str, Any]) -> Path:
+def _find_model_path(options: dict[str, Any]) -> Path:
     return parse_path(options["model"], "onnx.model")
 
 
 def _load_network(options: dict[str, Any]) -> _Network:
-    changed = _model_path(options).stat()
+    changed = _find_model_path(options).stat()
     loaded = _load_tested_network(tuple(options.items()), (changed.st_mtime_ns, changed.st_size))
     if isinstance(loaded, str):
         raise IcyMoonError(loaded)
@@ -177,7 +179,7 @@ def _load_tested_network(items: tuple[tuple[str, Any], ...], changed: tuple[int,
         network = _open_network(options)
         if options["test"] == "shift":
             _test_network(network, options)
-    except IcyMoonError as error:  # kept too, or it would be found out again for every pair
+    except IcyMoonError as error:  # the fault is kept too, or the test would run again for each pair
         return str(error)
     return network
 
@@ -185,7 +187,7 @@ def _load_tested_network(items: tuple[tuple[str, Any], ...], changed: tuple[int,
 def _open_network(options: dict[str, Any]) -> _Network:
     import onnxruntime
 
-    path = _model_path(options)
+    path = _find_model_path(options)
     there = onnxruntime.get_available_providers()
     if options["device"] == "cuda" and "CUDAExecutionProvider" not in there:
         raise IcyMoonError(
@@ -218,7 +220,7 @@ def _open_network(options: dict[str, Any]) -> _Network:
 
 
 def _find_inputs(path: Path, declared: Sequence[Any]) -> tuple[_Input, ...]:
-    """The images that each input of a network takes. Raises IcyMoonError if this is not plain."""
+    """The images that each input of a network takes. Raises IcyMoonError if the inputs are ambiguous."""
     if len(declared) not in (1, 2, 4):
         raise IcyMoonError(
             f"{path} has {len(declared)} inputs ({_describe_declared(declared)}); a stereo network has 1, 2 or "
@@ -229,7 +231,7 @@ def _find_inputs(path: Path, declared: Sequence[Any]) -> tuple[_Input, ...]:
 
 def _read_input(path: Path, declared: onnxruntime.NodeArg, place: int, count: int) -> _Input:
     shape = [size if isinstance(size, int) and size > 0 else None for size in declared.shape]
-    known = len(shape) == 4 and shape[0] in (1, None) and declared.type in _TYPES
+    known = len(shape) == 4 and shape[0] in (1, None) and declared.type in _NUMPY_TYPES
     both = 2 if count == 1 else 1
     allowed = (1 * both, 3 * both)
     last = known and shape[1] not in allowed and shape[3] in allowed
@@ -244,9 +246,9 @@ def _read_input(path: Path, declared: onnxruntime.NodeArg, place: int, count: in
         raise IcyMoonError(
             f"{path} has 4 inputs without a size ({_describe_declared([declared])}); export it with fixed sizes."
         )
-    if (height or 1) * (width or 1) > _MOST_PIXELS:
+    if (height or 1) * (width or 1) > _MOST_INPUT_PIXELS:
         raise IcyMoonError(
-            f"{path} has the input {_describe_declared([declared])}, and {_MOST_PIXELS} pixels are the most that "
+            f"{path} has the input {_describe_declared([declared])}, and {_MOST_INPUT_PIXELS} pixels are the most that "
             "is computed; export it with smaller ones."
         )
     name = declared.name.lower()
@@ -254,7 +256,7 @@ def _read_input(path: Path, declared: onnxruntime.NodeArg, place: int, count: in
     return _Input(
         declared.name,
         ("left", "right") if count == 1 else (eye,),
-        _TYPES[declared.type],
+        _NUMPY_TYPES[declared.type],
         bool(last),
         channels // both,
         height,
@@ -281,13 +283,13 @@ def _run_network(
         outputs = _run_bounded(network.session, given, most_s)
     except TimeoutError:
         raise IcyMoonError(
-            f"onnx.model {_model_path(options).name} was stopped after {most_s:.0f} s for {run_width} x "
+            f"onnx.model {_find_model_path(options).name} was stopped after {most_s:.0f} s for {run_width} x "
             f"{run_height} px; if it is only slow, give a larger onnx.timeout_s than "
             f"{options['timeout_s']:g}; if it has a loop without end, export it again without."
         ) from None
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
-            f"onnx.model {_model_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
+            f"onnx.model {_find_model_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
             f"onnx.multiple, {multiple}, onnx.device=cpu or smaller images."
         ) from None
     factor = options["scale"] * (-1 if options["sign"] == "negative" else 1)
@@ -325,7 +327,7 @@ def _normalise_image(image: Array, each: _Input, options: dict[str, Any]) -> Arr
     if options["numbers"] == "signed":
         values = 2 * values - 1
     elif options["numbers"] == "imagenet":
-        values = (values - _MEAN) / _SPREAD
+        values = (values - _IMAGENET_MEAN) / _IMAGENET_SPREAD
     if each.channels == 1:
         return values.mean(axis=-1, keepdims=True)
     return values[..., ::-1] if options["order"] == "bgr" else values
@@ -353,11 +355,11 @@ def _select_output_map(
 def _test_network(network: _Network, options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless the network finds the shift of a texture."""
     found = _find_shifts(network, options)
-    if _are_shifts(found):
+    if _match_shifts(found):
         return
     listed, shifts = (" and ".join(f"{each:.4g}" for each in values) for values in (found, _SHIFTS_PX))
     raise IcyMoonError(
-        f"onnx.model {_model_path(options).name} finds {listed} px where the images are shifted by {shifts} "
+        f"onnx.model {_find_model_path(options).name} finds {listed} px where the images are shifted by {shifts} "
         f"px; {_advise_on_shifts(network, found, options)}."
     )
 
@@ -382,13 +384,13 @@ def _find_shifts(network: _Network, options: dict[str, Any]) -> tuple[float, ...
     return tuple(found)
 
 
-def _are_shifts(found: Sequence[float], factor: float = 1.0) -> bool:
+def _match_shifts(found: Sequence[float], factor: float = 1.0) -> bool:
     return all(abs(factor * each - shift) <= _TOLERANCE_PX for each, shift in zip(found, _SHIFTS_PX, strict=True))
 
 
 def _advise_on_shifts(network: _Network, found: Sequence[float], options: dict[str, Any]) -> str:
-    """What to change, as a clause, where a network finds other shifts."""
-    if _are_shifts(found, -1.0):
+    """A clause with the advice, if a network finds other shifts."""
+    if _match_shifts(found, -1.0):
         return f"give onnx.sign={'positive' if options['sign'] == 'negative' else 'negative'}"
     factors = [shift / each if each else np.inf for each, shift in zip(found, _SHIFTS_PX, strict=True)]
     if np.isfinite(factors).all() and abs(factors[0] / factors[1] - 1) <= _TOLERANCE_SHARE:
@@ -399,7 +401,7 @@ def _advise_on_shifts(network: _Network, found: Sequence[float], options: dict[s
             "network has other units"
         )
     other = "yes" if options["swap"] == "no" else "no"
-    if _are_shifts(_find_shifts(network, options | {"swap": other})):
+    if _match_shifts(_find_shifts(network, options | {"swap": other})):
         return f"its inputs seem to be exchanged: give onnx.swap={other}"
     return "look at onnx.numbers, onnx.order, onnx.output and onnx.swap"
 

@@ -12,11 +12,11 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size
-from . import matcher_title
+from . import get_matcher_title
 from .options import Option
 from .search_range import AUTO, STATED, STEP_PX, TRUTH, SearchRange, require_range
 
-#: Options of the search range, which all of OpenCV's matchers have.
+#: Options of the search range, which all matchers of OpenCV have.
 SEARCH_RANGE = (
     Option(
         "disparities",
@@ -40,13 +40,13 @@ SEARCH_RANGE = (
     ),
 )
 
-SUBPIXELS = 16  # OpenCV's disparities are fixed-point numbers with four fractional bits
+STEPS_PER_PX = 16  # OpenCV's disparities are fixed-point numbers with four fractional bits
 
 
-def settle_range(
+def resolve_range(
     method: str, options: dict[str, Any], ranges: Mapping[str, SearchRange]
 ) -> tuple[dict[str, Any], SearchRange]:
-    """The options with numbers for the ones in SEARCH_RANGE, and the range that these numbers state.
+    """The options with numbers for those in SEARCH_RANGE, and the range that these numbers state.
 
     Raises IcyMoonError if the true disparities are asked for but unknown.
     """
@@ -68,7 +68,7 @@ def require_room(method: str, image: Array, enough: bool, option: str = "") -> N
     if not enough:
         option = option or f"disparities or {method}.window"
         raise IcyMoonError(
-            f"The images, {describe_size(image)}, are too small for {matcher_title(method)}: its search range "
+            f"The images, {describe_size(image)}, are too small for {get_matcher_title(method)}: its search range "
             f"and window do not fit; lower {method}.{option}, or render larger images."
         )
 
@@ -82,7 +82,7 @@ def run_matcher(
     columns: tuple[int, int],
     rows: tuple[int, int],
 ) -> Array:
-    """Run an OpenCV matcher: disparity, float32 (H, W) px, NaN where it found none or is not reliable.
+    """Run an OpenCV matcher: disparity, float32 (H, W) px, NaN where no reliable match was found.
 
     ``columns`` and ``rows`` are the half-open ranges of pixels whose search range and window lie inside the images.
     OpenCV marks a failed match by one less than the lowest disparity, which may look like a far surface. To the left of
@@ -93,12 +93,12 @@ def run_matcher(
         fixed = matcher.compute(left, right)
     except (cv2.error, MemoryError) as error:
         raise IcyMoonError(
-            f"OpenCV's {matcher_title(method)} failed ({getattr(error, 'err', error)}); try other options."
+            f"OpenCV's {get_matcher_title(method)} failed ({getattr(error, 'err', error)}); try other options."
         ) from None
     disparity = np.full(left.shape, np.nan, np.float32)
     inside = (slice(*rows), slice(*columns))
-    measured = fixed[inside] >= min_disparity * SUBPIXELS
-    disparity[inside] = np.where(measured, fixed[inside] / np.float32(SUBPIXELS), np.nan)
+    measured = fixed[inside] >= min_disparity * STEPS_PER_PX
+    disparity[inside] = np.where(measured, fixed[inside] / np.float32(STEPS_PER_PX), np.nan)
     return disparity
 
 

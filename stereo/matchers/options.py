@@ -40,7 +40,7 @@ class Option:
 
     @property
     def range(self) -> str:
-        """The values that it takes, in words."""
+        """The accepted values, in words."""
         if self.choices:
             return ", ".join(self.choices)
         if isinstance(self.default, str) and not self.words:

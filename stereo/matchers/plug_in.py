@@ -18,20 +18,20 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
-from .opencv_common import SEARCH_RANGE, settle_range
+from .opencv_common import SEARCH_RANGE, resolve_range
 from .options import Option, resolve_options
 from .result import Result
 from .search_range import SearchRange
 
-#: Keys that an entry of OPTIONS may have.
-_STATED = ("default", "doc", "minimum", "maximum", "step", "choices")
+#: Keys of an entry of OPTIONS.
+_OPTION_KEYS = ("default", "doc", "minimum", "maximum", "step", "choices")
 #: Options that every matcher of a plug-in has, or whose meaning Icy Moon defines.
-_RESERVED = {"preset", "grey", *(name for option in SEARCH_RANGE for name in (option.key, option.opencv))}
+_RESERVED_OPTIONS = {"preset", "grey", *(name for option in SEARCH_RANGE for name in (option.key, option.opencv))}
 
 
 @dataclass(frozen=True)
 class MatchContext:
-    """What ``match`` of a plug-in is told beside the images.
+    """The arguments of a plug-in's ``match`` beside the images.
 
     ``options`` are complete. Search the whole disparities ``least_px`` to ``most_px``, both included; both are 0 for a
     matcher that states ``SEARCHES = False``. The camera's values are None where the camera is not known; the principal
@@ -70,7 +70,7 @@ class PluginMatcher:
         """The options with a search range in numbers, and this range; None if the matcher has no range."""
         if not self._searches:
             return options, None
-        return settle_range(self.plugin.name, options, ranges)
+        return resolve_range(self.plugin.name, options, ranges)
 
     def compute(self, left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
         """Disparity of uint8 images as the plug-in finds it. Raises IcyMoonError where it fails."""
@@ -91,7 +91,7 @@ class PluginMatcher:
             facts = parse_json(json.dumps(dict(facts), allow_nan=False))
         if not self.plugin.built_in:
             facts |= {"plug_in": self.plugin.release}
-        return Result(checked_disparity(self.plugin, found, left.shape[:2]), facts=facts)
+        return Result(check_disparity(self.plugin, found, left.shape[:2]), facts=facts)
 
     def check(self, options: dict[str, Any]) -> None:
         """Raise IcyMoonError with the sentence that the plug-in's own ``check`` returns if it cannot run here."""
@@ -114,11 +114,13 @@ class PluginMatcher:
 
 def _declared_options(options: Mapping[str, Any]) -> Mapping[str, Any]:
     """The options that a plug-in declared."""
-    return MappingProxyType({key: value for key, value in options.items() if key not in _RESERVED})
+    return MappingProxyType({key: value for key, value in options.items() if key not in _RESERVED_OPTIONS})
 
 
-def checked_disparity(plugin: Plugin, found: object, shape: tuple[int, ...]) -> Array:
-    """What a plug-in returned, as float32. Raises IcyMoonError if it is no disparity map of this shape."""
+def check_disparity(plugin: Plugin, found: object, shape: tuple[int, ...]) -> Array:
+    """Check the result of a plug-in, and return it as float32. Raises IcyMoonError if it is no disparity map of this
+    shape.
+    """
     if not isinstance(found, np.ndarray):
         raise IcyMoonError(
             f"{plugin.title} returned {type(found).__name__}; return a numpy array of disparities in px."
@@ -134,7 +136,7 @@ def checked_disparity(plugin: Plugin, found: object, shape: tuple[int, ...]) -> 
             "where nothing was measured."
         )
     plain = np.ma.filled(found, np.nan) if isinstance(found, np.ma.MaskedArray) else np.asarray(found)
-    with np.errstate(all="ignore"):  # infinity is no measurement
+    with np.errstate(all="ignore"):  # infinity means no measurement
         return plain.astype(np.float32)
 
 
@@ -152,7 +154,7 @@ def read_presets(plugin: Plugin, options: Sequence[Option], stated: object) -> d
 
 
 def read_options(plugin: Plugin, stated: object) -> list[Option]:
-    """The options that a plug-in declares. Raises IcyMoonError for one that is not declared as it must be."""
+    """The options that a plug-in declares. Raises IcyMoonError for an invalid declaration."""
     if not isinstance(stated, Mapping):
         raise IcyMoonError(
             f'{plugin.title} has OPTIONS that are no dictionary; write OPTIONS = {{"window": '
@@ -163,12 +165,12 @@ def read_options(plugin: Plugin, stated: object) -> list[Option]:
 
 def _read_option(plugin: Plugin, key: object, facts: object) -> Option:
     where = f"{plugin.title}: OPTIONS[{key!r}]"
-    if not (isinstance(key, str) and key.isidentifier()) or key in _RESERVED:
+    if not (isinstance(key, str) and key.isidentifier()) or key in _RESERVED_OPTIONS:
         raise IcyMoonError(f"{where} has a name that cannot be used; choose another word.")
     if not isinstance(facts, Mapping) or "default" not in facts or not isinstance(facts.get("doc"), str):
         raise IcyMoonError(f"{where} must be a dictionary with at least a default and a doc.")
-    if unknown := [name for name in facts if name not in _STATED]:
-        raise IcyMoonError(f"{where} has {unknown[0]!r}; an option has {', '.join(_STATED)}.")
+    if unknown := [name for name in facts if name not in _OPTION_KEYS]:
+        raise IcyMoonError(f"{where} has {unknown[0]!r}; an option has {', '.join(_OPTION_KEYS)}.")
     default = facts["default"]
     if isinstance(default, str) and not facts.get("choices") and key not in LOADS:
         raise IcyMoonError(

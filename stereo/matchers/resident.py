@@ -24,13 +24,13 @@ from .user_programs import require_program, split_arguments
 SET_UP = (1, "command", "Resident Program", "A program that is started once and answers pair after pair")
 COLOUR = True
 
-#: How long a program may take; other matchers that are such programs have these too.
-LIMITS = (
+#: Time limits of a program; matchers that start such programs share them.
+TIME_LIMITS = (
     Option("timeout_s", 600, "Seconds that a pair may take", 1, 86400),
     Option("start_s", 300, "Seconds until the program is ready; the first pair may take these too", 1, 86400),
 )
 
-OPTIONS = (Option("command", "", "The program and its arguments"), *LIMITS)
+OPTIONS = (Option("command", "", "The program and its arguments"), *TIME_LIMITS)
 
 PRESETS: dict[str, dict[str, Any]] = {}
 

@@ -41,13 +41,15 @@ from ..measure.row_metrics import COSTS
 from .result import Result
 from .user_programs import read_array, read_last_line
 
-#: Where a program finds ``icymoon_serve``.
+#: Folder in which a program finds ``icymoon_serve``.
 ADAPTERS = Path(__file__).parents[1] / "adapters"
 #: Facts of the camera that a program gets.
-CAMERA = ("focal_px", "cx_px", "cy_px", "baseline_m")
-_FAILURES = 3
-_LOOK_S, _GRACE_S = 0.25, 2.0
-#: Of a line, in bytes; lines that wait to be read; facts that an answer states, and their characters.
+CAMERA_KEYS = ("focal_px", "cx_px", "cy_px", "baseline_m")
+#: Failures in a row after which a program is not started again.
+_MOST_FAILURES = 3
+#: Seconds between looks for an answer, and seconds to end by itself.
+_POLL_S, _GRACE_S = 0.25, 2.0
+#: Limits of answers: bytes of a line, lines that wait to be read, number of facts, and characters of a fact.
 _LONGEST_LINE, _MOST_LINES, _MOST_FACTS, _LONGEST_FACT = 65536, 64, 50, 200
 
 
@@ -99,7 +101,7 @@ class _Resident:
         except BaseException:
             self.stop(0.0)
             raise
-        self.facts = {**_text_entries(hello, "name"), "start_seconds": round(time.monotonic() - begun, 3)}
+        self.facts = {**_read_text_entries(hello, "name"), "start_seconds": round(time.monotonic() - begun, 3)}
         self._warm = False
 
     def compute(self, left: Array, right: Array, camera: StereoCamera | None, range_px: Sequence[int] | None) -> Result:
@@ -121,11 +123,11 @@ class _Resident:
             else {}
         )
         costs = {"wall_seconds": waited, "memory_mb": system.measure_peak_memory_mib_of(self._process.pid)}
-        costs |= {key: answer.get(given) for key, given in _COSTS.items() if _is_cost(answer.get(given))}
+        costs |= {key: answer.get(given) for key, given in _COST_NAMES.items() if _is_cost(answer.get(given))}
         costs.setdefault("seconds", costs["wall_seconds"])
         return Result(
             disparity,
-            facts={**self.facts, **stated, **_text_entries(answer, "gpu")},
+            facts={**self.facts, **stated, **_read_text_entries(answer, "gpu")},
             costs={key: value for key, value in costs.items() if value is not None},
         )
 
@@ -146,7 +148,7 @@ class _Resident:
             request = {
                 "id": self._id,
                 **{key: str(path) for key, path in paths.items()},
-                "camera": camera and {key: float(getattr(camera, key)) for key in CAMERA},
+                "camera": camera and {key: float(getattr(camera, key)) for key in CAMERA_KEYS},
                 "range": range_px,
             }
             begun = time.monotonic()
@@ -172,12 +174,12 @@ class _Resident:
         """The next message with this key: the hello, or the answer to the last request."""
         end = time.monotonic() + limit_s
         while (left_s := end - time.monotonic()) > 0:
-            try:  # in short steps, as Windows interrupts nobody who waits
-                line = self._find_crest_lines.get(timeout=min(_LOOK_S, left_s))
+            try:  # in short steps, since Windows cannot interrupt a long wait
+                line = self._find_crest_lines.get(timeout=min(_POLL_S, left_s))
             except queue.Empty:
                 if self._process.poll() is None:
                     continue
-                line = b""  # a child of it keeps its output open
+                line = b""  # a child process of it keeps its output open
             if not line:
                 raise _ProgramError(self._describe_end("it was ready" if key == "hello" else "it had answered"))
             message = _parse_message(line)
@@ -221,13 +223,13 @@ class _Resident:
     def _queue_lines(self, stream: IO[bytes]) -> None:
         with suppress(OSError, ValueError), stream:  # it was closed
             while line := stream.readline(_LONGEST_LINE):
-                self._find_crest_lines.put(line)  # waits, and so makes a program wait that prints without end
+                self._find_crest_lines.put(line)  # a full queue makes a program wait that prints without end
                 while len(line) == _LONGEST_LINE and not line.endswith(b"\n"):
                     line = stream.readline(_LONGEST_LINE)  # the rest of a line that is no message
         self._find_crest_lines.put(b"")
 
     def stop(self, grace_s: float) -> None:
-        """End it, with all that it has started, after some time to end by itself."""
+        """Give the program some time to end by itself, then end it with all processes that it has started."""
         assert self._process.stdin is not None
         with suppress(OSError):
             self._process.stdin.close()
@@ -235,7 +237,7 @@ class _Resident:
             self._process.wait(grace_s)
         system.kill_all(self._process)
         end = time.monotonic() + _GRACE_S
-        while self._reader.is_alive() and time.monotonic() < end:  # it may wait for room
+        while self._reader.is_alive() and time.monotonic() < end:  # the reader may wait for room in the queue
             with suppress(queue.Empty):
                 self._find_crest_lines.get(timeout=0.01)
         system.remove_folder(self._folder)
@@ -249,7 +251,7 @@ _failed: dict[Program, tuple[int, str]] = {}
 def start_resident(program: Program) -> None:
     """Start a program if it does not run yet. Raises IcyMoonError if it cannot start or has failed too often."""
     count, reason = _failed.get(program, (0, ""))
-    if count >= _FAILURES:
+    if count >= _MOST_FAILURES:
         raise IcyMoonError(
             f"{program.name} failed {count} times in a row and is not started again; the last time it {reason}"
         )
@@ -257,7 +259,7 @@ def start_resident(program: Program) -> None:
         try:
             _running[program] = _Resident(program)
         except _ProgramError as failure:
-            raise _note_failure(program, failure) from None
+            raise _record_failure(program, failure) from None
 
 
 def ask_resident(
@@ -276,12 +278,12 @@ def ask_resident(
         result = _running[program].compute(left, right, camera, range_px)
     except _ProgramError as failure:
         _running.pop(program).stop(0.0)
-        raise _note_failure(program, failure) from None
+        raise _record_failure(program, failure) from None
     _failed.pop(program, None)
     return result
 
 
-def _note_failure(program: Program, failure: _ProgramError) -> IcyMoonError:
+def _record_failure(program: Program, failure: _ProgramError) -> IcyMoonError:
     _failed[program] = _failed.get(program, (0, ""))[0] + 1, str(failure)
     return IcyMoonError(f"{program.name} {failure}")
 
@@ -294,8 +296,8 @@ def stop_residents() -> None:
         _running.popitem()[1].stop(_GRACE_S)
 
 
-#: Our name of each cost, and its name in an answer.
-_COSTS = dict(zip(COSTS, ("cpu_seconds", "seconds", "gpu_seconds", "gpu_mb", "memory_mb"), strict=True))
+#: The name of each cost here, and its name in an answer.
+_COST_NAMES = dict(zip(COSTS, ("cpu_seconds", "seconds", "gpu_seconds", "gpu_mb", "memory_mb"), strict=True))
 
 
 def _is_cost(value: object) -> bool:
@@ -306,7 +308,7 @@ def _is_number(value: object, number: int) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and value == number
 
 
-def _text_entries(message: Mapping[str, Any], key: str) -> dict[str, str]:
+def _read_text_entries(message: Mapping[str, Any], key: str) -> dict[str, str]:
     value = message.get(key)
     return {key: value[:200]} if isinstance(value, str) else {}
 

@@ -21,15 +21,15 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
 AUTO, TRUTH = "auto", "truth"
-#: Values of ``SearchRange.source``, which tells the reader of a result where the range comes from.
+#: Values of ``SearchRange.source``, the origin of a range.
 RIG, SETTINGS, STATED, FIXED = "rig", "settings", "stated", "fixed"
-#: Numbers of disparities are multiples of this, as OpenCV's matchers ask for.
+#: Numbers of disparities are multiples of this, as OpenCV's matchers require.
 STEP_PX = 16
 #: Most disparities that are searched unless the user states more.
-MOST_PX = 1024
-#: Share of the true disparities outside the search range above which a report says so.
-MISSED = 0.01
-#: Disparities, from 0, where nothing is known of the rig.
+MOST_SEARCHED_PX = 1024
+#: Share of the true disparities outside the search range above which a report mentions it.
+REPORTED_MISSED_SHARE = 0.01
+#: Number of disparities, from 0, for an unknown rig.
 _UNKNOWN_RIG_PX = 96
 
 
@@ -46,7 +46,7 @@ class SearchRange:
         return {**asdict(self), "missed": self.missed(true_disparity)}
 
     def missed(self, true_disparity: Array) -> float | None:
-        """Share of true disparities, px, that no searched one is next to; None if all of them are NaN."""
+        """Share of true disparities, px, without a searched disparity next to them; None if all of them are NaN."""
         known = true_disparity[np.isfinite(true_disparity)]
         if not known.size:
             return None
@@ -72,7 +72,7 @@ def find_true_range(true_disparity: Array) -> SearchRange | None:
     known = true_disparity[np.isfinite(true_disparity)]
     if not known.size:
         return None
-    # One more to either side: the sub-pixel fit needs neighbours.
+    # One more on both sides, since the sub-pixel fit needs neighbours.
     return _enclose_disparities(float(known.min()) - 1, float(known.max()) + 1, true_disparity.shape[1], TRUTH)
 
 
@@ -104,9 +104,10 @@ def require_range(method: str, word: str, option: str, ranges: Mapping[str, Sear
 
 
 def _enclose_disparities(low_px: float, high_px: float, width_px: int, source: str) -> SearchRange:
-    """Disparities from a multiple of STEP_PX on, as many as a multiple of it, that enclose two; none as wide as the
-    image matches anything."""
+    """Disparities from a multiple of STEP_PX on, a multiple of it many, that enclose both values, with fewer than the
+    image has columns.
+    """
     high = min(math.ceil(high_px), width_px - 1)
     least = max(0, STEP_PX * math.floor(min(low_px, high) / STEP_PX))
     count = STEP_PX * max(1, math.ceil((high + 1 - least) / STEP_PX))
-    return SearchRange(least, least + min(count, MOST_PX) - 1, source)
+    return SearchRange(least, least + min(count, MOST_SEARCHED_PX) - 1, source)

@@ -14,12 +14,12 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from .opencv_common import (
     SEARCH_RANGE,
-    SUBPIXELS,
+    STEPS_PER_PX,
     drop_matches_outside_right,
     extend_left,
     require_room,
+    resolve_range,
     run_matcher,
-    settle_range,
 )
 from .options import Option
 from .result import Result
@@ -30,7 +30,7 @@ ONE_PROCESSOR = True
 SPARSE = True
 
 #: Options that sgbm and sgbm_wls share.
-SEARCH = (
+SEARCH_OPTIONS = (
     *SEARCH_RANGE,
     Option("window", 5, "Side of the square that is compared, px, odd", 1, 25, 2, opencv="blockSize"),
     Option("p1", 0, "Penalty of a disparity step of 1 px between neighbours; 0 for 8 window²", 0, 100000, opencv="P1"),
@@ -46,7 +46,7 @@ SEARCH = (
 )
 
 OPTIONS = (
-    *SEARCH,
+    *SEARCH_OPTIONS,
     Option("uniqueness", 10, "Per cent by which the best match must beat the second", 0, 100, opencv="uniquenessRatio"),
     Option(
         "speckle_window",
@@ -76,12 +76,12 @@ OPTIONS = (
 
 PRESETS: dict[str, dict[str, Any]] = {}
 
-#: Modes that keep the costs of the whole image, the bytes of one, and the memory for them.
-_WHOLE, _COST_BYTES, _MOST_BYTES = ("hh", "hh4"), 4, 1e9
-#: Rows beyond a strip of the image that its paths may come from. With 64, strips change no pixel in ten thousand.
-_BEYOND_ROWS = 64
+#: Modes that keep the costs of the whole image, the bytes of one cost, and the memory for all.
+_WHOLE_IMAGE_MODES, _COST_BYTES, _MOST_COST_BYTES = ("hh", "hh4"), 4, 1e9
+#: Rows beyond a strip of the image from which its paths may come. With 64, strips change no pixel in ten thousand.
+_STRIP_MARGIN_ROWS = 64
 
-_MODES = {
+_MODE_CODES = {
     "sgbm": cv2.STEREO_SGBM_MODE_SGBM,
     "hh": cv2.STEREO_SGBM_MODE_HH,
     "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY,
@@ -93,7 +93,7 @@ def settle(
     options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
 ) -> tuple[dict[str, Any], SearchRange]:
     """The options with a search range in numbers, and this range."""
-    return settle_range("sgbm", options, ranges)
+    return resolve_range("sgbm", options, ranges)
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
@@ -110,7 +110,7 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     # OpenCV 5 refuses a smaller image; older versions give random results.
     require_room("sgbm", left, width + extension - reach > options["window"] // 2)
     left, right = extend_left(left, extension), extend_left(right, extension)
-    # Unlike StereoBM it compares windows that extend over the border.
+    # Unlike StereoBM, SGBM compares windows that extend over the border.
     disparity = run_matcher(
         "sgbm", StripMatcher(matcher, options["mode"]), left, right, least, (reach, width + extension), (0, height)
     )[:, extension:]
@@ -118,7 +118,7 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
 
 
 def make_semi_global_matcher(method: str, options: dict[str, Any]) -> cv2.StereoSGBM:
-    """OpenCV's matcher with the options of ``SEARCH``; it rejects no match."""
+    """OpenCV's matcher with the options of ``SEARCH_OPTIONS``; it rejects no match."""
     area = options["window"] ** 2
     small_step, large_step = options["p1"] or 8 * area, options["p2"] or 32 * area
     if small_step >= large_step:
@@ -131,7 +131,7 @@ def make_semi_global_matcher(method: str, options: dict[str, Any]) -> cv2.Stereo
         P2=large_step,
         disp12MaxDiff=-1,
         preFilterCap=options["prefilter_cap"],
-        mode=_MODES[options["mode"]],
+        mode=_MODE_CODES[options["mode"]],
     )
 
 
@@ -145,13 +145,13 @@ class StripMatcher:
     def compute(self, image: Array, other: Array) -> Array:
         """OpenCV's fixed-point disparities of ``image``."""
         height, width = image.shape
-        rows = int(_MOST_BYTES / (_COST_BYTES * width * self.matcher.getNumDisparities()))
-        if self.mode not in _WHOLE or rows >= height:
+        rows = int(_MOST_COST_BYTES / (_COST_BYTES * width * self.matcher.getNumDisparities()))
+        if self.mode not in _WHOLE_IMAGE_MODES or rows >= height:
             return np.asarray(self.matcher.compute(image, other))
-        step = max(rows - 2 * _BEYOND_ROWS, _BEYOND_ROWS)
+        step = max(rows - 2 * _STRIP_MARGIN_ROWS, _STRIP_MARGIN_ROWS)
         parts = []
         for start in range(0, height, step):
-            top, bottom = max(0, start - _BEYOND_ROWS), min(height, start + step + _BEYOND_ROWS)
+            top, bottom = max(0, start - _STRIP_MARGIN_ROWS), min(height, start + step + _STRIP_MARGIN_ROWS)
             part = self.matcher.compute(image[top:bottom], other[top:bottom])
             parts.append(part[start - top : min(start + step, height) - top])
         return np.vstack(parts)
@@ -164,6 +164,6 @@ def remove_rounding_bias(disparity: Array) -> Array:
     negative offsets are one sixteenth too large, and half of those that are 0 should be one less. On a textured plane
     this is a bias of +0.025 px.
     """
-    sixteenth = np.mod(np.round(disparity * SUBPIXELS), SUBPIXELS)
-    excess = np.where(sixteenth >= SUBPIXELS // 2, 1.0, np.where(sixteenth == 0, 0.5, 0.0)) / SUBPIXELS
+    sixteenth = np.mod(np.round(disparity * STEPS_PER_PX), STEPS_PER_PX)
+    excess = np.where(sixteenth >= STEPS_PER_PX // 2, 1.0, np.where(sixteenth == 0, 0.5, 0.0)) / STEPS_PER_PX
     return np.asarray(disparity - excess, np.float32)

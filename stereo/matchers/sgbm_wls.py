@@ -16,18 +16,18 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from .opencv_common import SUBPIXELS, drop_matches_outside_right, extend_left, require_room, settle_range
+from .opencv_common import STEPS_PER_PX, drop_matches_outside_right, extend_left, require_room, resolve_range
 from .options import Option
 from .result import Result
 from .search_range import SearchRange
-from .sgbm import SEARCH, StripMatcher, make_semi_global_matcher, remove_rounding_bias
+from .sgbm import SEARCH_OPTIONS, StripMatcher, make_semi_global_matcher, remove_rounding_bias
 
 TITLE = "SGBM with WLS"
 ONE_PROCESSOR = True
 SPARSE = True
 
 OPTIONS = (
-    *SEARCH,
+    *SEARCH_OPTIONS,
     Option(
         "smoothness",
         30.0,
@@ -52,7 +52,7 @@ def settle(
     options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
 ) -> tuple[dict[str, Any], SearchRange]:
     """The options with a search range in numbers, and this range."""
-    return settle_range("sgbm_wls", options, ranges)
+    return resolve_range("sgbm_wls", options, ranges)
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
@@ -76,12 +76,12 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     except cv2.error as error:
         raise IcyMoonError(f"OpenCV's sgbm_wls failed ({error.err}); try other options.") from None
     confidence = np.rint(filtering.getConfidenceMap()[:, extension:]).clip(0, 255).astype(np.uint8)
-    disparity = drop_matches_outside_right(smooth[:, extension:] / SUBPIXELS)
+    disparity = drop_matches_outside_right(smooth[:, extension:] / STEPS_PER_PX)
     return Result(np.where(confidence >= options["min_confidence"], disparity, np.nan), {"confidence": confidence})
 
 
 def _match_in_mode(matcher: cv2.StereoMatcher, mode: str, image: Array, other: Array) -> Array:
     """Disparities in OpenCV's 1/16 px, float32; where matching failed, OpenCV's mark, which its filter needs."""
     fixed = StripMatcher(matcher, mode).compute(image, other)
-    measured = fixed >= matcher.getMinDisparity() * SUBPIXELS
-    return np.where(measured, remove_rounding_bias(fixed / SUBPIXELS) * SUBPIXELS, fixed).astype(np.float32)
+    measured = fixed >= matcher.getMinDisparity() * STEPS_PER_PX
+    return np.where(measured, remove_rounding_bias(fixed / STEPS_PER_PX) * STEPS_PER_PX, fixed).astype(np.float32)

@@ -16,9 +16,9 @@ import numpy as np
 
 from ...support.arrays import Array
 
-_FINE = 8  # samples per pixel of the right image; interpolated linearly between them
-_TAPS = 3  # lobes of the Lanczos kernel
-_ROWS = 32  # processed at a time, so that everything stays in the processor's cache
+_SAMPLES_PER_PX = 8  # samples per pixel of the right image; interpolated linearly between them
+_LANCZOS_LOBES = 3  # lobes of the Lanczos kernel
+_ROWS_PER_STEP = 32  # rows that are processed at a time, so that all data stays in the processor's cache
 _LARGEST_MOVE_PX = 1.0  # a fit that moves farther has found another point
 _LARGEST_SLANT = 0.75  # disparity change per pixel; beyond it the right image is stretched fourfold
 _SETTLED_PX = 0.05  # a fit whose last step was longer has not converged
@@ -27,18 +27,18 @@ _SETTLED_PX = 0.05  # a fit whose last step was longer has not converged
 def refine_subpixel(left: Array, right: Array, disparity: Array, window: int, steps: int) -> Array:
     """Refine a disparity that is right to about half a pixel; float64 (H, W) px, NaN where invalid.
 
-    ``left`` and ``right`` are (H, W) images, ``window`` the odd side of the square that is fitted. Where no fit is
-    found, for example near the border, the given disparity stays.
+    ``left`` and ``right`` are (H, W) images, ``window`` the odd side of the fitted square. Without a fit, for example
+    near the border, the given disparity stays.
     """
     half = window // 2
     height, width = disparity.shape
     gradient = cv2.Sobel(left.astype(np.float32), cv2.CV_32F, 1, 0, ksize=1, scale=0.5)
-    inverse = _inverse_normal_matrices(gradient, half)
+    inverse = _find_inverse_normal_matrices(gradient, half)
     fine = _interpolate_rows(right.astype(np.float32))
     result = disparity.astype(np.float64)
     columns = slice(half + 1, width - half - 1)
-    for top in range(half, height - half, _ROWS):
-        rows = slice(top, min(top + _ROWS, height - half))
+    for top in range(half, height - half, _ROWS_PER_STEP):
+        rows = slice(top, min(top + _ROWS_PER_STEP, height - half))
         if np.isfinite(disparity[rows, columns]).any():
             result[rows, columns] = _fit_affine_windows(
                 left.astype(np.float32),
@@ -53,7 +53,7 @@ def refine_subpixel(left: Array, right: Array, disparity: Array, window: int, st
     return result
 
 
-def _inverse_normal_matrices(gradient: Array, half: int) -> Array:
+def _find_inverse_normal_matrices(gradient: Array, half: int) -> Array:
     """(3, 3, H, W): inverse of Σ g² [1 u v]ᵀ[1 u v] over every window; NaN if the matrix is singular."""
     offsets = np.arange(-half, half + 1.0)
     ones = np.ones_like(offsets)
@@ -78,16 +78,16 @@ def _inverse_normal_matrices(gradient: Array, half: int) -> Array:
 
 
 def _interpolate_rows(image: Array) -> Array:
-    """(H, W * _FINE): the rows of an image at _FINE points per pixel, by the Lanczos kernel."""
+    """(H, W * _SAMPLES_PER_PX): the rows of an image at _SAMPLES_PER_PX points per pixel, by the Lanczos kernel."""
     height, width = image.shape
-    padded = np.pad(image, ((0, 0), (_TAPS - 1, _TAPS)), mode="edge")
-    fine = np.zeros((height, width, _FINE), np.float32)
-    for phase in range(_FINE):
-        distance = np.arange(2 * _TAPS) - (_TAPS - 1) - phase / _FINE
-        weight = np.sinc(distance) * np.sinc(distance / _TAPS)
+    padded = np.pad(image, ((0, 0), (_LANCZOS_LOBES - 1, _LANCZOS_LOBES)), mode="edge")
+    fine = np.zeros((height, width, _SAMPLES_PER_PX), np.float32)
+    for phase in range(_SAMPLES_PER_PX):
+        distance = np.arange(2 * _LANCZOS_LOBES) - (_LANCZOS_LOBES - 1) - phase / _SAMPLES_PER_PX
+        weight = np.sinc(distance) * np.sinc(distance / _LANCZOS_LOBES)
         for tap, share in enumerate((weight / weight.sum()).astype(np.float32)):
             fine[:, :, phase] += share * padded[:, tap : tap + width]
-    return fine.reshape(height, width * _FINE)
+    return fine.reshape(height, width * _SAMPLES_PER_PX)
 
 
 def _fit_affine_windows(
@@ -111,7 +111,7 @@ def _fit_affine_windows(
         moments = np.zeros((3, height, width), np.float32)
         for v, u in product(range(-half, half + 1), repeat=2):
             here = np.s_[corner[0] + v : corner[0] + v + height, corner[1] + u : corner[1] + u + width]
-            place = (column + u - shift - u * slant[0] - v * slant[1]) * _FINE
+            place = (column + u - shift - u * slant[0] - v * slant[1]) * _SAMPLES_PER_PX
             np.clip(place, 0, last, out=place)
             before = place.astype(np.int32)
             place -= before

@@ -16,7 +16,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import parse_path
 from .options import Option
-from .resident import LIMITS
+from .resident import TIME_LIMITS
 from .resident_process import ADAPTERS, Program, ask_resident, start_resident
 from .result import Result
 from .user_programs import require_program
@@ -35,7 +35,7 @@ OPTIONS = (
         "Where the network runs; auto takes a GPU if there is one",
         choices=("auto", "cpu", "cuda", "mps"),
     ),
-    *LIMITS,
+    *TIME_LIMITS,
 )
 
 PRESETS: dict[str, dict[str, Any]] = {}

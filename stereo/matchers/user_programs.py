@@ -12,9 +12,10 @@ from ...support.foreign_bytes import parse_npy, parse_part, read_end, read_regul
 from ...support.printer import show_controls
 from ...support.system import split_command
 
-#: Bytes that a file may have beside its numbers, and that each number may take.
-_BESIDE, _EACH = 2**20, 16
-_LONGEST_WORDS, _SHOWN = 65536, 300
+#: Most bytes of a file beside its numbers, and of each number.
+_MOST_EXTRA_BYTES, _MOST_BYTES_PER_NUMBER = 2**20, 16
+#: Bytes of a text that are read from its end, and most characters that are shown.
+_READ_BYTES, _MOST_SHOWN = 65536, 300
 
 
 def read_array(path: Path, shape: tuple[int, ...]) -> Array:
@@ -22,7 +23,7 @@ def read_array(path: Path, shape: tuple[int, ...]) -> Array:
 
     Raises OSError if there is no such file, ValueError if it is far too large, IcyMoonError if it is damaged.
     """
-    data = read_regular(path, _EACH * math.prod(shape) + _BESIDE)
+    data = read_regular(path, _MOST_BYTES_PER_NUMBER * math.prod(shape) + _MOST_EXTRA_BYTES)
     return parse_part(
         data,
         path.name,
@@ -36,10 +37,10 @@ def read_array(path: Path, shape: tuple[int, ...]) -> Array:
 def read_last_line(path: Path) -> str:
     """The last line of a text that a program has written, such as its errors; empty for no text."""
     try:
-        lines = read_end(path, _LONGEST_WORDS).decode("utf-8", "replace").splitlines()
+        lines = read_end(path, _READ_BYTES).decode("utf-8", "replace").splitlines()
     except OSError:
         return ""
-    return next((show_controls(line.strip()[:_SHOWN]) for line in reversed(lines) if line.strip()), "")
+    return next((show_controls(line.strip()[:_MOST_SHOWN]) for line in reversed(lines) if line.strip()), "")
 
 
 def split_arguments(option: str, command: str, example: str) -> list[str]:

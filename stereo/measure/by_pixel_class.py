@@ -1,4 +1,4 @@
-"""Where a matcher fails: its errors by classes of pixels, which the truth and the image define.
+"""A matcher's errors by classes of pixels, which the truth and the image define.
 
 Only sums per class are kept, so that the sums of many pairs can be added.
 """
@@ -22,16 +22,16 @@ from .metrics import is_usable
 SUMS = ("true", "n", "l1_m", "epe_px", "bad_1", "l1_rate_10", "m_per_px", "fine", "fine_epe_px")
 
 TEXTURE_WINDOW_PX = 9
-#: A pixel is in shadow if its radiance is below this share of the radiance of lit ground of its material.
-_SHADOW_PART = 0.35
+#: A pixel is in shadow if its radiance is below this share of the radiance of lit ground of the same material.
+_SHADOW_SHARE = 0.35
 _LIT_QUANTILE = 0.9
-#: Facets with a smaller cosine of incidence are not used to find the brightness of lit ground.
-_OBLIQUE = 0.2
+#: Least cosine of incidence of facets from which the brightness of lit ground is found.
+_LEAST_INCIDENCE_COSINE = 0.2
 
 
 @dataclass(frozen=True)
-class Factor:
-    """A property by which pixels are classified: a number, with bounds between its classes, or named classes."""
+class PixelClassification:
+    """A property by which pixels are classified: a number with bounds between its classes, or named classes."""
 
     key: str
     title: str
@@ -49,26 +49,26 @@ class Factor:
     def of(self, values: Array) -> Array:
         """The class of each number, -1 for NaN."""
         found = np.zeros(values.shape, np.int8)
-        for bound in self.bounds:  # faster than to look up each number
+        for bound in self.bounds:  # faster than a search for each number
             found += values >= bound
         found[np.isnan(values)] = -1
         return found
 
 
-RANGE = Factor(
+RANGE = PixelClassification(
     "range", "True depth (m)", (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0)
 )
-SLOPE = Factor("slope", "Slope (°)", (5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0))
-TEXTURE = Factor("texture", "Texture (grey levels per px)", (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0))
-SHADOW = Factor("shadow", "Light", names=("sunlit", "shadow"))
-OCCLUSION = Factor("occlusion", "Visibility", names=("both eyes", "left only"))
-MATERIAL = Factor("material", "Material", names=("terrain", "rock", "lander"))
-DEPOSITS = Factor("deposits", "Lens", names=("clean", "deposits"))
+SLOPE = PixelClassification("slope", "Slope (°)", (5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0))
+TEXTURE = PixelClassification("texture", "Texture (grey levels per px)", (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0))
+SHADOW = PixelClassification("shadow", "Light", names=("sunlit", "shadow"))
+OCCLUSION = PixelClassification("occlusion", "Visibility", names=("both eyes", "left only"))
+MATERIAL = PixelClassification("material", "Material", names=("terrain", "rock", "lander"))
+DEPOSITS = PixelClassification("deposits", "Lens", names=("clean", "deposits"))
 FACTORS = (RANGE, SLOPE, TEXTURE, SHADOW, OCCLUSION, MATERIAL, DEPOSITS)
-#: Share of the left image's light that deposits must block for a pixel to count as behind them, of 255.
+#: Least share of the left image's light, of 255, that deposits block at a pixel behind them.
 _LEAST_BLOCKED = 13
-#: The number of classes by each factor, with one for the pixels that have none.
-_CELLS = tuple(1 + len(factor.classes) for factor in FACTORS)
+#: The number of classes by each factor, with one more for pixels without a class.
+_CLASS_COUNTS = tuple(1 + len(factor.classes) for factor in FACTORS)
 
 
 def measure_texture(grey: Array) -> Array:
@@ -88,18 +88,18 @@ def measure_texture(grey: Array) -> Array:
 def find_shadow(grey: Array, normal: Array, toward_sun: Sequence[float], semantic: Array) -> Array:
     """Boolean (H, W): no sunlight reaches the pixel.
 
-    Facets that face away from the Sun are in shadow. Other facets are in shadow if their radiance is below _SHADOW_PART
-    of the radiance of lit ground of their material under the same incidence (Lambert), which follows from the brighter
-    pixels. So cast shadows are found in the image itself, and a penumbra counts where it is dark enough.
+    Facets that face away from the Sun are in shadow. Other facets are in shadow if their radiance is below
+    _SHADOW_SHARE of the radiance of lit ground of their material under the same incidence (Lambert), which follows from
+    the brighter pixels. So cast shadows are found in the image itself, and a penumbra counts where it is dark enough.
     """
     cosine = np.nan_to_num(normal.astype(np.float64) @ np.asarray(toward_sun, np.float64))
     shadow = cosine <= 0
     for material in np.unique(semantic):
         facing = (semantic == material) & (cosine > 0)
-        square = facing & (cosine >= _OBLIQUE)
+        square = facing & (cosine >= _LEAST_INCIDENCE_COSINE)
         if square.any():
             lit = float(np.quantile(grey[square] / cosine[square], _LIT_QUANTILE))
-            shadow |= facing & (grey < _SHADOW_PART * lit * cosine)
+            shadow |= facing & (grey < _SHADOW_SHARE * lit * cosine)
     return np.asarray(shadow)
 
 
@@ -129,7 +129,7 @@ def classify_pixels(
         DEPOSITS.key: nowhere if blocked is None else (blocked >= _LEAST_BLOCKED).astype(np.int8),
     }
     if normal is not None:
-        # The third component of normals, which compact files round, cannot give small angles.
+        # The third component of normals, which compact files round, is too inexact for small angles.
         across = np.hypot(*np.moveaxis(normal[..., :2].astype(np.float64), -1, 0))
         found[SLOPE.key] = SLOPE.of(np.degrees(np.arctan2(across, normal[..., 2])))
     if semantic is not None:
@@ -150,17 +150,19 @@ class ClassCells:
     def __init__(self, classes: Mapping[str, Array], known: Array) -> None:
         """``classes``: see ``classify_pixels``; ``known``, Boolean (H, W), the pixels that have a true depth."""
         cell = np.zeros(int(known.sum()), np.int32)
-        for factor, count in zip(FACTORS, _CELLS, strict=True):
+        for factor, count in zip(FACTORS, _CLASS_COUNTS, strict=True):
             cell *= count
             cell += (classes[factor.key][known] + 1).astype(np.int32)
         sizes = np.bincount(cell, minlength=1)
         occupied = np.flatnonzero(sizes)
         self.sizes = sizes[occupied]
-        self.bins = np.unravel_index(occupied, _CELLS)  # by factor, one more than the class of each occupied cell
+        self.bins = np.unravel_index(
+            occupied, _CLASS_COUNTS
+        )  # by factor, one more than the class of each occupied cell
         self.place = (np.cumsum(sizes > 0) - 1)[cell]  # of each pixel among the occupied cells
 
 
-def sums_by_class(
+def sum_by_class(
     cells: ClassCells,
     depth: Array,
     truth: Array,
@@ -209,6 +211,6 @@ def add_sums(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[st
     }  # an earlier version had fewer factors
 
 
-def mean_by_class(sums: Mapping[str, Sequence[float]], key: str, over: str = "n") -> list[float | None]:
-    """Per class, the mean of ``key`` over the pixels that the sum ``over`` counts; None if there is no pixel."""
+def average_by_class(sums: Mapping[str, Sequence[float]], key: str, over: str = "n") -> list[float | None]:
+    """Per class, the mean of ``key`` over the pixels that the sum ``over`` counts; None without pixels."""
     return [part / whole if whole else None for part, whole in zip(sums[key], sums[over], strict=True)]

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from .metrics import BAD, L1_RATES, is_usable
+from .metrics import BAD_RATES, L1_RATES, is_usable
 from .prepare_pair import PreparedPair, none_if_not_finite
 
-#: The metrics, all means over pixels or made of such means; ``metrics`` defines them.
+#: The metrics, all of which are means over pixels or functions of such means; ``metrics`` defines them.
 METRICS = ("l1_m", "rmse_m", "l1_rate_10", "si_rmse", "epe_px", "bad_1", "d1")
 #: Prefix -> of the common pixels, those that count.
 REGIONS = {"": "all of them", "visible_": "those that the right eye sees too"}
-#: The numbers of a method beside another one; ``n`` is the number of common pixels.
+#: The numbers of a method beside another method; ``n`` is the number of common pixels.
 NUMBERS = tuple(prefix + key for prefix in REGIONS for key in ("n", *METRICS))
 
 
@@ -61,7 +61,7 @@ def _make_error_terms(prepared: PreparedPair, disparity: Array, truth: Array, me
     np.multiply(error, error, out=terms[1])
     terms[2] = error > L1_RATES["l1_rate_10"]
     np.multiply(ratio, ratio, out=terms[4])
-    terms[6] = pixels > BAD["bad_1"]
+    terms[6] = pixels > BAD_RATES["bad_1"]
     terms[7] = (pixels > 3) & (pixels > 0.05 * true_disparity)
     return terms
 

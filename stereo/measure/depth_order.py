@@ -25,16 +25,16 @@ import numpy as np
 
 from ...support.arrays import Array
 
-TOLERANCE = 0.01
-#: Values per row of a table of counts, one for each bit of a word; and most entries of such a table.
+DEPTH_TOLERANCE_SHARE = 0.01
+#: Values per row of a table of counts, one for each bit of a word, as bits; and most entries of such a table.
 _GROUP_BITS, _MOST_ENTRIES = 6, 2**23
-_GROUP = 2**_GROUP_BITS
-#: Pixels whose counts are looked up at once: the intermediate results stay in the processor's cache.
-_AT_ONCE = 2**13
+_GROUP_SIZE = 2**_GROUP_BITS
+#: Pixels whose counts are looked up at once, so that the intermediate results stay in the processor's cache.
+_PIXELS_PER_STEP = 2**13
 
 
-def depth_order_disagreement(
-    prediction: Array, truth: Array, tolerance: float = TOLERANCE, antisymmetric: bool = False
+def measure_depth_order_disagreement(
+    prediction: Array, truth: Array, tolerance: float = DEPTH_TOLERANCE_SHARE, antisymmetric: bool = False
 ) -> float:
     """Share, 0 to 1, of ordered pixel pairs whose depth order the prediction gets wrong.
 
@@ -50,22 +50,23 @@ def depth_order_disagreement(
 class TrueOrder:
     """The order of the true depths of an image, with which the orders of predictions are compared."""
 
-    def __init__(self, truth: Array, tolerance: float = TOLERANCE, antisymmetric: bool = False) -> None:
+    def __init__(self, truth: Array, tolerance: float = DEPTH_TOLERANCE_SHARE, antisymmetric: bool = False) -> None:
         """``truth`` (pixels,) contains positive finite depths."""
         self._rule = tolerance, antisymmetric
         self._order = np.argsort(truth)
         depth, rank, size = _rank_depths(truth[self._order])
-        start = _prefix_sums(size)
-        # Of each pixel in the order of depth, how many are nearer by more than the tolerance, and how many not farther.
+        start = _make_prefix_sums(size)
+        # For each pixel in the order of depth, the numbers of pixels that are nearer by more than the tolerance, and
+        # that are not farther.
         self._nearer, self._not_farther = (start[ends][rank] for ends in _find_thresholds(depth, *self._rule))
 
     def disagreements(self, prediction: Array, measured: Array, *regions: Array) -> list[float]:
-        """``depth_order_disagreement`` of the pixels that are ``measured``, then of those that are in a region too.
+        """The disagreement of depth order of the ``measured`` pixels, then of the measured pixels in each region.
 
         ``prediction`` (pixels,) is a positive finite depth where ``measured``; masks are Boolean (pixels,).
         """
         counted = measured[self._order]
-        pixels, before = self._order[counted], _prefix_sums(counted)
+        pixels, before = self._order[counted], _make_prefix_sums(counted)
         nearer, not_farther = before.take(self._nearer[counted]), before.take(self._not_farther[counted])
         predicted = prediction.take(pixels)
         order = np.argsort(predicted)
@@ -76,11 +77,11 @@ class TrueOrder:
         members = [region[pixels] for region in regions]
         counts = _PrefixCounts(rank, size, members)
         counted_in = [np.ones(pixels.size, bool), *members]
-        in_true = [_prefix_sums(own) for own in counted_in]
-        in_predicted = [_prefix_sums(np.bincount(rank[own], minlength=depth.size)) for own in counted_in]
+        in_true = [_make_prefix_sums(own) for own in counted_in]
+        in_predicted = [_make_prefix_sums(np.bincount(rank[own], minlength=depth.size)) for own in counted_in]
         totals = [0] * len(counted_in)
-        for start in range(0, pixels.size, _AT_ONCE):
-            some = slice(start, start + _AT_ONCE)
+        for start in range(0, pixels.size, _PIXELS_PER_STEP):
+            some = slice(start, start + _PIXELS_PER_STEP)
             first, last, low, high = nearer[some], not_farther[some], plus[some], upto[some]
             found = [counts.below(*prefixes) for prefixes in ((first, high), (last, low), (first, low), (last, high))]
             for k, own in enumerate(counted_in):
@@ -99,7 +100,7 @@ class TrueOrder:
         ]
 
 
-def _prefix_sums(sizes: Array) -> Array:
+def _make_prefix_sums(sizes: Array) -> Array:
     return np.concatenate([[0], np.cumsum(sizes)])
 
 
@@ -135,7 +136,7 @@ def _correct_rounding(guess: Array, depths: Array, holds: Callable[[Array, Array
 
 
 def sample_disagreement(
-    prediction: Array, truth: Array, pairs: int, random: np.random.Generator, tolerance: float = TOLERANCE
+    prediction: Array, truth: Array, pairs: int, random: np.random.Generator, tolerance: float = DEPTH_TOLERANCE_SHARE
 ) -> float:
     """The disagreement among ``pairs`` random ordered pairs of two different pixels: unbiased, and much faster.
 
@@ -146,24 +147,24 @@ def sample_disagreement(
         return float("nan")
     first = random.integers(0, count, pairs)
     second = (first + random.integers(1, count, pairs)) % count
-    return pair_disagreement(prediction.ravel(), truth.ravel(), first, second, tolerance)
+    return measure_pair_disagreement(prediction.ravel(), truth.ravel(), first, second, tolerance)
 
 
-def pair_disagreement(
-    prediction: Array, truth: Array, first: Array, second: Array, tolerance: float = TOLERANCE
+def measure_pair_disagreement(
+    prediction: Array, truth: Array, first: Array, second: Array, tolerance: float = DEPTH_TOLERANCE_SHARE
 ) -> float:
     """Share of the pairs (first, second) of indices into flat arrays that disagree; NaN for no pair."""
     if not first.size:
         return float("nan")
     return float(
         np.mean(
-            _order_labels(prediction[first], prediction[second], tolerance)
-            != _order_labels(truth[first], truth[second], tolerance)
+            _find_order_labels(prediction[first], prediction[second], tolerance)
+            != _find_order_labels(truth[first], truth[second], tolerance)
         )
     )
 
 
-def _order_labels(a: Array, b: Array, tolerance: float) -> Array:
+def _find_order_labels(a: Array, b: Array, tolerance: float) -> Array:
     with np.errstate(over="ignore", under="ignore"):
         ratio = a / b
     return (ratio > 1 + tolerance).astype(np.int8) - (ratio < 1 - tolerance)
@@ -191,8 +192,8 @@ class _PrefixCounts:
     """
 
     def __init__(self, values: Array, sizes: Array, regions: Sequence[Array]) -> None:
-        starts, limits = _prefix_sums(sizes), np.arange(sizes.size + 1)
-        most = max(2, _MOST_ENTRIES // (values.size // _GROUP + 1))
+        starts, limits = _make_prefix_sums(sizes), np.arange(sizes.size + 1)
+        most = max(2, _MOST_ENTRIES // (values.size // _GROUP_SIZE + 1))
         levels = next(count for count in range(1, 64) if most**count > sizes.size)
         base = next(base for base in range(int(sizes.size ** (1 / levels)), most + 1) if base**levels > sizes.size)
         self._levels = []
@@ -228,25 +229,28 @@ class _DigitCounts:
     """
 
     def __init__(self, digits: Array, base: int, regions: Sequence[Array]) -> None:
-        groups = digits.size // _GROUP + 1
+        groups = digits.size // _GROUP_SIZE + 1
         self._columns = base + 2
-        place = np.arange(_GROUP, dtype=np.int64)
-        ascending = np.sort(_pad_into_groups(digits, groups, base) * _GROUP + place, axis=1)
-        place = ascending % _GROUP
-        self._words = np.zeros((groups, _GROUP + 1), np.uint64)
+        place = np.arange(_GROUP_SIZE, dtype=np.int64)
+        ascending = np.sort(_pad_into_groups(digits, groups, base) * _GROUP_SIZE + place, axis=1)
+        place = ascending % _GROUP_SIZE
+        self._words = np.zeros((groups, _GROUP_SIZE + 1), np.uint64)
         np.cumsum(np.uint64(1) << place.astype(np.uint64), axis=1, out=self._words[:, 1:])
         row = np.arange(groups)[:, None]
-        cells = (row * (base + 1) + ascending // _GROUP).ravel()
+        cells = (row * (base + 1) + ascending // _GROUP_SIZE).ravel()
         first = np.flatnonzero(np.diff(cells, prepend=-1))
-        where = (row * _GROUP + place).ravel()
+        where = (row * _GROUP_SIZE + place).ravel()
         inside = [_pad_into_groups(region, groups, False) for region in regions]
         members = [np.ones(cells.size, np.uint8), *(each.ravel()[where].astype(np.uint8) for each in inside)]
         self._tables = [self._table(groups, cells[first], np.add.reduceat(each, first)) for each in members]
-        self._regions = [(each.astype(np.uint64) << np.arange(_GROUP, dtype=np.uint64)).sum(axis=1) for each in inside]
+        self._regions = [
+            (each.astype(np.uint64) << np.arange(_GROUP_SIZE, dtype=np.uint64)).sum(axis=1) for each in inside
+        ]
 
     def _table(self, groups: int, cells: Array, counts: Array) -> Array:
         """Counts in all groups before each one, of all digits below each one."""
-        import cv2  # not on top: Blender has no OpenCV, and paints errors by other functions of these modules
+        # Imported here, because Blender has no OpenCV, and paints errors by other functions of these modules.
+        import cv2
 
         table = np.zeros((groups, self._columns - 1), np.uint8)
         table.ravel()[cells] = counts
@@ -254,11 +258,11 @@ class _DigitCounts:
 
     def below(self, prefixes: Array, limits: Array) -> list[Array]:
         """The counts for pairs of a prefix and a limit: of all digits, and of those in each region."""
-        group, rest = prefixes >> _GROUP_BITS, prefixes & _GROUP - 1  # far faster than to divide
+        group, rest = prefixes >> _GROUP_BITS, prefixes & _GROUP_SIZE - 1  # far faster than to divide
         cell = group * self._columns + limits
         before = self._tables[0].take(cell)
         rank = self._tables[0].take(cell + self._columns) - before
-        words = self._words.ravel().take(group * (_GROUP + 1) + rank) & _LOWEST.take(rest)
+        words = self._words.ravel().take(group * (_GROUP_SIZE + 1) + rank) & _LOWEST_BITS.take(rest)
         return [
             before + _count_ones(words),
             *(
@@ -269,14 +273,14 @@ class _DigitCounts:
 
 
 #: Words with the lowest 0, 1, ..., 63 bits.
-_LOWEST = (np.uint64(1) << np.arange(_GROUP, dtype=np.uint64)) - np.uint64(1)
+_LOWEST_BITS = (np.uint64(1) << np.arange(_GROUP_SIZE, dtype=np.uint64)) - np.uint64(1)
 
 
 def _pad_into_groups(values: Array, groups: int, rest: int) -> Array:
     """The values (groups, 64), with ``rest`` after the last one."""
-    padded = np.full(groups * _GROUP, rest, values.dtype)
+    padded = np.full(groups * _GROUP_SIZE, rest, values.dtype)
     padded[: values.size] = values
-    return padded.reshape(groups, _GROUP)
+    return padded.reshape(groups, _GROUP_SIZE)
 
 
 def _add_up_bits(words: Array) -> Array:

@@ -1,7 +1,7 @@
 """Histograms of disparity errors and of the parts of a pixel in disparities, summed over pairs.
 
 A matcher that fits a curve through few costs prefers whole or half pixels (pixel locking): too many of its disparities
-lie there, and its mean error depends on the part of a pixel of the true disparity (Shimizu and Okutomi 2001).
+are there, and its mean error depends on the fractional part of the true disparity (Shimizu and Okutomi 2001).
 """
 
 from __future__ import annotations
@@ -13,16 +13,23 @@ import numpy as np
 from ...support.arrays import Array
 from .metrics import is_usable
 
-#: Bounds of the bins of the signed error, px. Errors beyond are in the first and the last number.
-ERROR_PX = np.linspace(-2.0, 2.0, 81)
-#: Bins of the part of a pixel, a power of 2; the first is centred on whole pixels. Matchers give sixteenths of a pixel.
-PARTS = 16
-#: Larger errors are mismatches, which have nothing to do with parts of a pixel.
-_FINE_PX = 1.0
+#: Bounds of the bins of the signed error, px. Larger errors are in the first and the last bin.
+ERROR_BOUNDS_PX = np.linspace(-2.0, 2.0, 81)
+#: Number of bins of the fractional part, a power of 2; the first is centred on whole pixels. Matchers give sixteenths
+#: of a pixel.
+FRACTION_BINS = 16
+#: Largest error that counts as fine; larger errors are mismatches, which are unrelated to fractional parts.
+_MOST_FINE_ERROR_PX = 1.0
 #: The histograms and their lengths, all over the measured pixels. ``error``: of measured minus true disparity. ``part``
 #: and ``true_part``: of the part of a pixel in measured and in true disparities. ``fine`` and ``fine_error_px``: pixels
 #: with an error below 1 px, and the sum of their signed errors, by the part of a pixel of the true disparity.
-LENGTHS = {"error": len(ERROR_PX) + 1, "part": PARTS, "true_part": PARTS, "fine": PARTS, "fine_error_px": PARTS}
+HISTOGRAM_LENGTHS = {
+    "error": len(ERROR_BOUNDS_PX) + 1,
+    "part": FRACTION_BINS,
+    "true_part": FRACTION_BINS,
+    "fine": FRACTION_BINS,
+    "fine_error_px": FRACTION_BINS,
+}
 
 Histograms = dict[str, list[float]]
 
@@ -31,23 +38,24 @@ def make_histograms(disparity: Array, true_disparity: Array) -> Histograms:
     """The histograms of a disparity map, px, NaN where there is no disparity."""
     both = is_usable(disparity) & is_usable(true_disparity)
     measured, true = disparity[both].astype(np.float64), true_disparity[both].astype(np.float64)
-    error, part = measured - true, _bin_of_fraction(true)
-    fine = np.abs(error) < _FINE_PX
-    below = [np.count_nonzero(error < bound) for bound in ERROR_PX]  # far faster than to sort, or to look up each error
+    error, part = measured - true, _find_fraction_bin(true)
+    fine = np.abs(error) < _MOST_FINE_ERROR_PX
+    # Far faster than sorting, or a search for each error.
+    below = [np.count_nonzero(error < bound) for bound in ERROR_BOUNDS_PX]
     return {
         "error": np.diff(below, prepend=0, append=error.size).tolist(),
-        "part": np.bincount(_bin_of_fraction(measured), minlength=PARTS).tolist(),
-        "true_part": np.bincount(part, minlength=PARTS).tolist(),
-        "fine": np.bincount(part[fine], minlength=PARTS).tolist(),
-        "fine_error_px": np.bincount(part[fine], error[fine], minlength=PARTS).tolist(),
+        "part": np.bincount(_find_fraction_bin(measured), minlength=FRACTION_BINS).tolist(),
+        "true_part": np.bincount(part, minlength=FRACTION_BINS).tolist(),
+        "fine": np.bincount(part[fine], minlength=FRACTION_BINS).tolist(),
+        "fine_error_px": np.bincount(part[fine], error[fine], minlength=FRACTION_BINS).tolist(),
     }
 
 
-def _bin_of_fraction(disparity: Array) -> Array:
+def _find_fraction_bin(disparity: Array) -> Array:
     """Bin of the part of a pixel. The remainder is taken first: a disparity may be larger than any integer."""
-    return np.asarray(np.rint(disparity % 1.0 * PARTS).astype(np.intp) & PARTS - 1)
+    return np.asarray(np.rint(disparity % 1.0 * FRACTION_BINS).astype(np.intp) & FRACTION_BINS - 1)
 
 
 def add_histograms(total: Mapping[str, Sequence[float]] | None, more: Mapping[str, Sequence[float]]) -> Histograms:
     """The sum of two sets of histograms; ``total`` may be None."""
-    return {key: np.add(total[key] if total else 0.0, more[key]).tolist() for key in LENGTHS}
+    return {key: np.add(total[key] if total else 0.0, more[key]).tolist() for key in HISTOGRAM_LENGTHS}

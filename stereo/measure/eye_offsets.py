@@ -21,39 +21,41 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from .jackknife import jackknife, sum_over_tiles
 
-#: Shifts of the right image, px, that are tried along the rows and across them.
+#: Shifts of the right image, px, to try along the rows and across them.
 SHIFTS_PX = np.arange(-3.0, 3.01, 0.5)
 ROWS_PX = np.arange(-2.0, 2.1)
-#: Fewer pixels than this determine nothing.
-FEWEST = 100
+#: Fewest pixels for a result.
+FEWEST_PIXELS = 100
 #: Blur, px, that reduces the noise of single pixels, and the width over which contrast is computed. Shading that
 #: depends on the direction of view varies over larger widths, and so drops out.
 _BLUR_PX, _CONTRAST_PX = 0.8, 3.5
 #: Contrast below which light counts as noise: as a share of the local brightness, and of the whole image's brightness.
-_FLOOR, _DARK = 0.02, 1e-3
-#: From this correlation of the light on, the images belong to their depth.
-FITTING = 0.6
-#: A number from fewer tiles than this is not used.
+_LEAST_LOCAL_CONTRAST, _LEAST_GLOBAL_CONTRAST = 0.02, 1e-3
+#: Correlation of the light from which on the images belong to their depth.
+FITTING_CORRELATION = 0.6
+#: Fewest tiles for a number that is used.
 FEWEST_TILES = 8
-#: The truth of a higher image is compared in every second row, or every third, and so on: it has no noise.
+#: Rows of the truth that are enough, since the truth has no noise: of a higher image every second or third row is
+#: compared, and so on.
 _ENOUGH_ROWS = 240
 #: The search for places of the left image in the right one: the approximate number of columns of the reduced images;
 #: the size of a place, px; the correlation from which it is found; and the least excess of this correlation over the
 #: one at the true disparity. A place has about a hundred grains of noise, of 3 px, so correlations of noise have a
 #: standard deviation of 0.1.
-_SMALL_PX, _PLACE_PX, _FOUND, _BETTER = 160, 6.0, 0.65, 0.15
-#: Mean square of the contrast from which a place has texture all over. A few bright dots in the dark fit any others.
-_TEXTURED = 0.2
+_REDUCED_COLUMNS, _PLACE_PX, _FOUND_CORRELATION, _LEAST_CORRELATION_GAIN = 160, 6.0, 0.65, 0.15
+#: Mean square of the contrast from which on a place has texture everywhere. A few bright dots in the dark fit any
+#: others.
+_LEAST_TEXTURE = 0.2
 #: Shifts, px, at which a place is searched for.
 _SEARCH_PX = np.array([*range(-16, -1, 2), -1, 0, 1, *range(2, 17, 2)], float)
 #: Difference in disparity, px, below which both eyes see the same point.
 _SAME_POINT_PX = 1.0
-#: Change of disparity from one column to the next above which they show two surfaces.
-_STEP = 0.7
+#: Change of disparity from one column to the next above which they show two surfaces, px.
+_SURFACE_STEP_PX = 0.7
 #: Deviation, px, due to single precision and to edges of the mesh between two columns.
 _ROUNDING_PX = 1e-4
 #: Largest relative difference of a disparity between the eyes due to single precision: four roundings.
-_ROUNDING = 4 * 2.0**-24
+_ROUNDING_SHARE = 4 * 2.0**-24
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class Estimate:
     error: float = float("nan")
 
     def exceeds(self, limit: float, errors: float) -> bool:
-        """Whether it is farther from 0 than ``limit`` and than ``errors`` standard errors."""
+        """Whether the number is farther from 0 than ``limit`` and than ``errors`` standard errors."""
         return abs(self.value) > max(limit, errors * self.error)  # False for NaN
 
     @property
@@ -78,9 +80,9 @@ class TruthOffsets:
     """The corrections that make the truth of both eyes agree, each as if it were the only one needed."""
 
     shift_px: Estimate = Estimate()  # of the right eye along the rows
-    scale: Estimate = Estimate()  # by what part of the stated f·B this is too large
+    scale: Estimate = Estimate()  # share by which the stated f·B is too large
     rows_px: Estimate = Estimate()  # of the right eye along the columns
-    likeliest: str = "shift_px"  # the one that leaves the smallest difference
+    likeliest: str = "shift_px"  # the correction that leaves the smallest difference
 
 
 @dataclass(frozen=True)
@@ -90,9 +92,9 @@ class LightOffsets:
     shift_px: Estimate = Estimate()  # along the rows
     rows_px: Estimate = Estimate()
     correlation: float = float("nan")  # at the best shift, 1 for images that agree
-    gain: Estimate = Estimate()  # of the correlation by that shift
+    gain: Estimate = Estimate()  # gain of the correlation by that shift
     rows_gain: Estimate = Estimate()
-    tiles: float = 0.0  # effective number of tiles that it is based on
+    tiles: float = 0.0  # effective number of tiles with contrast
 
 
 def measure_truth_offsets(left_depth: Array, right_depth: Array, camera: StereoCamera) -> TruthOffsets:
@@ -102,20 +104,25 @@ def measure_truth_offsets(left_depth: Array, right_depth: Array, camera: StereoC
     column = find_matching_column(disparity)
     with np.errstate(invalid="ignore"):
         inside = (column >= 1) & (column <= column.shape[1] - 2)
-    if inside.sum() < FEWEST:
+    if inside.sum() < FEWEST_PIXELS:
         return TruthOffsets()
     matching = _ColumnSampler(column, inside)
-    along, down = (matching.of(slope) for slope in (_row_slope(other[rows].T).T, _row_slope(other)[rows]))
+    along, down = (matching.of(slope) for slope in (_find_row_slope(other[rows].T).T, _find_row_slope(other)[rows]))
     difference = matching.of(other[rows]) - disparity
     with np.errstate(invalid="ignore"):
-        known = inside & (np.abs(difference) < _SAME_POINT_PX) & (np.abs(along) < _STEP) & (np.abs(down) < 3 * _STEP)
-    if known.sum() < FEWEST:
+        known = (
+            inside
+            & (np.abs(difference) < _SAME_POINT_PX)
+            & (np.abs(along) < _SURFACE_STEP_PX)
+            & (np.abs(down) < 3 * _SURFACE_STEP_PX)
+        )
+    if known.sum() < FEWEST_PIXELS:
         return TruthOffsets()
-    rounding_px = _ROUNDING * _rms(disparity[known])
+    rounding_px = _ROUNDING_SHARE * _compute_rms(disparity[known])
     difference, disparity, along, down = (np.where(known, each, 0.0) for each in (difference, disparity, along, down))
     # A shift of the right eye by s changes the warped disparity by -s times its slope.
     fits = {
-        name: _robust_fit(slope, difference, known, rounding_px)
+        name: _fit_robustly(slope, difference, known, rounding_px)
         for name, slope in (("shift_px", -along), ("scale", -along * disparity), ("rows_px", -down))
     }
     likeliest = min(fits, key=lambda name: fits[name][1])
@@ -138,18 +145,18 @@ class _ColumnSampler:
         return np.asarray(before + self._weight * (after - before))
 
 
-def _row_slope(image: Array) -> Array:
+def _find_row_slope(image: Array) -> Array:
     """Central differences from row to row, NaN in the outermost rows and beside unknown values."""
     slope = np.full_like(image, np.nan)
     slope[1:-1] = (image[2:] - image[:-2]) / 2
     return slope
 
 
-def _rms(values: Array) -> float:
+def _compute_rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _robust_fit(
+def _fit_robustly(
     slope: Array,
     difference: Array,
     known: Array,
@@ -164,10 +171,10 @@ def _robust_fit(
     near pixels would be outliers.
     """
     steep = np.abs(slope[known])
-    steepness = _rms(steep)
+    steepness = _compute_rms(steep)
     least = min(steepness / 2, float(np.quantile(steep, 0.99)))
     telling = (np.abs(slope) >= least) & (slope != 0)
-    if telling.sum() < FEWEST:
+    if telling.sum() < FEWEST_PIXELS:
         return Estimate(), float("inf")
     told_slope, told = slope[telling], difference[telling]
     product, square = slope * difference, slope * slope
@@ -195,7 +202,7 @@ def measure_light_offsets(left: Array, right: Array, column: Array, visible: Arr
     width = column.shape[1]
     with np.errstate(invalid="ignore"):
         where = visible & (column >= 1) & (column <= width - 2)
-    if where.sum() < FEWEST:
+    if where.sum() < FEWEST_PIXELS:
         return LightOffsets()
     own, shifted = (
         _Contrasts(_blur_and_scale(left), where),
@@ -217,14 +224,14 @@ def measure_light_correlation(image: Array, other: Array, column: Array, visible
     """Correlation of one eye's image with the ``other`` eye's image at ``column``: 1 if they agree fully."""
     with np.errstate(invalid="ignore"):
         where = visible & (column >= 1) & (column <= column.shape[1] - 2)
-    if where.sum() < FEWEST:
+    if where.sum() < FEWEST_PIXELS:
         return Estimate()
     own, shifted = (
         _Contrasts(_blur_and_scale(image), where),
         _ShiftedImage(_blur_and_scale(other), np.where(where, column, 0.0)),
     )
     sums = own.products(shifted.by(0.0, 0))
-    (value,), (error,) = jackknife(lambda total: _correlation(total)[..., None], sums)
+    (value,), (error,) = jackknife(lambda total: _compute_correlation(total)[..., None], sums)
     return Estimate(float(value), float(error))
 
 
@@ -286,11 +293,11 @@ class _Contrasts:
         above = np.multiply(np.subtract(light, mean, out=light), self._count_text, out=light)
         spread = _smooth(above * above, _CONTRAST_PX)
         np.sqrt(np.divide(spread, self._share, out=spread), out=spread)
-        spread += _FLOOR * mean + _DARK
+        spread += _LEAST_LOCAL_CONTRAST * mean + _LEAST_GLOBAL_CONTRAST
         return np.asarray(np.tanh(np.divide(above, spread, out=above), out=above))
 
     def products(self, image: Array) -> Array:
-        """The sums (tiles, 3) that ``_correlation`` needs."""
+        """The sums (tiles, 3) that ``_compute_correlation`` needs."""
         other = self.of(image)
         both, energy = sum_over_tiles(self.own * other, other * other).T
         return np.stack([both, self._energy, energy], axis=1)
@@ -302,7 +309,7 @@ def _smooth(image: Array, width_px: float) -> Array:
     return np.asarray(cv2.GaussianBlur(image, (0, 0), width_px, borderType=cv2.BORDER_CONSTANT))
 
 
-def _correlation(sums: Array) -> Array:
+def _compute_correlation(sums: Array) -> Array:
     """Correlation from sums (..., 3); 0 where the only contrast is rounding."""
     return np.asarray(sums[..., 0] / (np.sqrt(sums[..., 1] * sums[..., 2]) + 1e-6))
 
@@ -317,12 +324,12 @@ def _find_best_step(products: Callable[[float], Array], steps: Array) -> tuple[E
     for tried in (steps[middle - 1 : middle + 2], steps):
         sums = np.stack([products(step) for step in tried.tolist()], axis=1)
         whole, zero = sums.sum(axis=0), len(tried) // 2
-        curves = _correlation(np.concatenate([whole[None], whole - sums]))
-        if (curves[:, zero] > FITTING).all() and (curves.argmax(axis=1) == zero).all():
+        curves = _compute_correlation(np.concatenate([whole[None], whole - sums]))
+        if (curves[:, zero] > FITTING_CORRELATION).all() and (curves.argmax(axis=1) == zero).all():
             break
 
     def value(totals: Array) -> Array:
-        curve = _correlation(totals.reshape(*totals.shape[:-1], len(tried), 3))
+        curve = _compute_correlation(totals.reshape(*totals.shape[:-1], len(tried), 3))
         best = curve.max(axis=-1)
         return np.stack([_interpolate_peak(curve, tried), best - curve[..., zero], best], axis=-1)
 
@@ -344,12 +351,12 @@ def _interpolate_peak(curve: Array, steps: Array) -> Array:
 
 
 def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: Array) -> Estimate:
-    """Of the places of the left image (H, W) that are surely found in the right one, the share that is not at the
-    true ``disparity``.
+    """The share of the places of the left image (H, W) surely found in the right image that are not at the true
+    ``disparity``.
 
     Works on reduced images, which have less noise. NaN if too few places are found.
     """
-    step = max(1, round(left.shape[1] / _SMALL_PX))
+    step = max(1, round(left.shape[1] / _REDUCED_COLUMNS))
     left, right, true, seen = (
         _reduce(image, step)
         for image in (
@@ -360,13 +367,13 @@ def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: 
         )
     )
     where, column = seen > 0.999, find_matching_column(true)
-    if where.sum() < FEWEST:
+    if where.sum() < FEWEST_PIXELS:
         return Estimate()
     left, right = _blur(left), _blur(right)
     contrasts = _Contrasts(left, where)
     fits = np.stack(
         [
-            _local_correlation(
+            _compute_local_correlation(
                 contrasts.own,
                 contrasts.of(sample_at_columns(right, column + shift)),
                 where & (column + shift >= 0) & (column + shift <= left.shape[1] - 1),
@@ -375,19 +382,19 @@ def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: 
         ]
     )
     here = fits[np.abs(_SEARCH_PX) <= 1].max(axis=0)
-    found = where & (fits.max(axis=0) > _FOUND)
-    sums = sum_over_tiles(found & (fits.max(axis=0) > here + _BETTER), found)
+    found = where & (fits.max(axis=0) > _FOUND_CORRELATION)
+    sums = sum_over_tiles(found & (fits.max(axis=0) > here + _LEAST_CORRELATION_GAIN), found)
     if np.count_nonzero(sums[:, 1]) < FEWEST_TILES:
         return Estimate()
     (value,), (error,) = jackknife(lambda total: total[..., :1] / total[..., 1:], sums)
     return Estimate(float(value), float(error))
 
 
-def _local_correlation(contrast: Array, other: Array, where: Array) -> Array:
+def _compute_local_correlation(contrast: Array, other: Array, where: Array) -> Array:
     """Correlation around each pixel over the pixels where both are known; 0 if these are few or have no contrast."""
     share, first, second = where.astype(np.float64), contrast * where, other * where
     energy, other_energy, both = (_smooth(image, _PLACE_PX) for image in (first**2, second**2, first * second))
-    told = (_smooth(share, _PLACE_PX) > 0.5) & (np.minimum(energy, other_energy) > _TEXTURED)
+    told = (_smooth(share, _PLACE_PX) > 0.5) & (np.minimum(energy, other_energy) > _LEAST_TEXTURE)
     return np.where(told, both / np.sqrt(np.where(told, energy * other_energy, 1.0)), 0.0)
 
 

@@ -1,12 +1,12 @@
-"""Whether a map of depths or disparities fits two images, and which other reading of its numbers does.
+"""Checks whether a map of depths or disparities fits two images, and finds another reading of its numbers that fits.
 
-Data sets are read with a wrong unit, channel or orientation more often than they are wrong. So a map is held against
+Data sets are read with a wrong unit, channel or orientation more often than they are wrong. So a map is compared with
 places that are found in both images without it, and if it misses them, its numbers are read in other ways: distances
 along the ray, depths for disparities, upside down, mirrored, of exchanged eyes, with another factor. A reading is named
 only if it explains places that the stated one misses; if the images have too few common places, nothing is stated.
 
-A prediction is held against the true disparity instead, which knows more places.
-``python benchmarks fit_check`` measures false alarms on sound pairs and how often each fault is found.
+A prediction is compared with the true disparity, which covers more places. ``python benchmarks fit_check`` measures
+false alarms on sound pairs and how often each fault is found.
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ from ...physics.camera.occlusion import find_matching_column
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 
-#: Columns that images are reduced to before places are searched: enough for disparities to a pixel of them.
-_COLUMNS = 400
+#: Columns to which images are reduced before places are searched: enough for disparities to a pixel of them.
+_REDUCED_COLUMNS = 400
 #: Limits of the searched disparities: the greatest as a share of the width, which eyes very near to the ground need,
 #: and the least in px below 0.
-_SEARCHED, _BEYOND_PX = 0.75, 2
-#: Block, uniqueness (%) and least size of a region whose places count: noise makes smaller regions.
-_BLOCK_PX, _UNIQUE, _REGION_PX = 7, 12, 60
-#: A place agrees with a disparity within this, px of the reduced images and share of the disparity.
-_NEAR_PX, _NEAR_SHARE = 1.0, 0.03
-#: Grey levels (of 255) by which a place differs from its surroundings at least.
-_CONTRAST = 1.5
-#: Fewest places to state anything, in how many of eight by eight tiles, of how many rows and columns of tiles: along a
-#: horizon there are many places and no ground.
-_FEWEST, _TILES, _FEWEST_TILES, _FEWEST_BANDS = 150, 8, 8, 3
-#: The same as a share of the image: in images of noise alone one place in a hundred is found by chance.
-_LEAST_SHARE = 0.05
-#: Share of the places that a right map explains at least, and that another one explains at most. Occluded and
-#: repeated places are missed by a right map too.
-_FITS, _FITS_NOT = 0.5, 0.25
+_MOST_SEARCHED_SHARE, _SEARCHED_BELOW_0_PX = 0.75, 2
+#: Block size (px), uniqueness (%) and least region (px) of places that count; noise makes smaller regions.
+_BLOCK_PX, _UNIQUENESS_PERCENT, _LEAST_REGION_PX = 7, 12, 60
+#: Tolerances within which a place agrees with a disparity: px of the reduced images, and share of the disparity.
+_AGREEMENT_PX, _AGREEMENT_SHARE = 1.0, 0.03
+#: Least contrast of a place with its surroundings, grey levels of 255.
+_LEAST_CONTRAST_DN = 1.5
+#: Requirements for a statement: fewest places, in how many of eight by eight tiles, and of how many rows and columns of
+#: tiles. Along a horizon there are many places and no ground.
+_FEWEST_PLACES, _TILES_PER_SIDE, _FEWEST_TILES, _FEWEST_BANDS = 150, 8, 8, 3
+#: Fewest places as a share of the image: in images of noise alone one place in a hundred is found by chance.
+_LEAST_PLACES_SHARE = 0.05
+#: Least share of the places that a right map explains, and largest share that a wrong map explains. A right map misses
+#: occluded and repeated places too.
+_LEAST_RIGHT_SHARE, _MOST_WRONG_SHARE = 0.5, 0.25
 #: Two readings differ where their disparities differ by the first number, px. The other reading is named if the two
 #: differ in at least the second share of the places, if it is nearer to most of them in at least the third share of the
 #: tiles, and if its median error is at most the fourth number times the stated reading's.
-_DIFFERENT_PX, _DIFFERENT_SHARE, _NEARER, _LESS = 0.5, 0.2, 0.75, 0.5
+_DIFFERENT_PX, _DIFFERENT_SHARE, _NEARER_TILES_SHARE, _MOST_ERROR_RATIO = 0.5, 0.2, 0.75, 0.5
 
 
-#: Disparity of the reduced images, px, from which a small fault of scale is told; the least fault, as a logarithm and
-#: in px; and the largest ratio that counts, as a logarithm. Steep ground of sound pairs is off by 0.04.
-_SCALED_PX, _OFF_SHARE, _OFF_PX, _RATIO = 5.0, 0.04, 0.25, 0.5
-#: Share of the tiles that a wrong scale shows in, and by which share of it at least.
-_SHOWN_IN, _SHOWN = 0.8, 0.3
-#: Focal lengths that are tried, as shares of the stated one: steps of 3 %, those within a tenth left out.
+#: For a small fault of scale: least disparity of the reduced images, px; the least fault, as a logarithm and in px; and
+#: the largest ratio, as a logarithm. Steep ground of sound pairs is off by 0.04.
+_LEAST_SCALED_PX, _LEAST_SCALE_FAULT, _LEAST_SCALE_FAULT_PX, _MOST_SCALE_FAULT = 5.0, 0.04, 0.25, 0.5
+#: Share of the tiles that show a wrong scale, and the share of the fault that they show at least.
+_SHOWING_TILES_SHARE, _SHOWN_FAULT_SHARE = 0.8, 0.3
+#: Focal lengths to try, as shares of the stated one: steps of 3 %, without those within a tenth.
 _ZOOMS = tuple(math.exp(0.03 * k) for k in range(-26, 27) if abs(k) > 3)
 
 
@@ -60,7 +60,7 @@ _ZOOMS = tuple(math.exp(0.03 * k) for k in range(-26, 27) if abs(k) > 3)
 class FitFault:
     """A reading that fits where the stated one does not, or the fact that no reading fits.
 
-    ``kind`` is a key of ``KINDS``, or "nothing" if no reading fits. The numbers are ``factor`` times too large.
+    ``kind`` is a key of ``READINGS``, or "nothing" if no reading fits. The numbers are ``factor`` times too large.
     """
 
     kind: str
@@ -69,8 +69,8 @@ class FitFault:
     share: float = float("nan")  # of the places, explained by the other reading
 
 
-#: The readings that are tried, in words for "it fits …".
-KINDS = {
+#: The readings to try, in words that follow "it fits".
+READINGS = {
     "factor": "with another factor",
     "ray": "as distances along the ray",
     "depth": "as depths in metres",
@@ -84,8 +84,8 @@ KINDS = {
 }
 
 
-#: Functions that turn a map in the readings of these kinds.
-TURNS: dict[str, Callable[[Array], Array]] = {
+#: Functions that turn a map, by the kind of reading.
+TURN_BY_READING: dict[str, Callable[[Array], Array]] = {
     "upside_down": lambda a: a[::-1],
     "mirrored": lambda a: a[:, ::-1],
     "turned": lambda a: a[::-1, ::-1],
@@ -95,7 +95,8 @@ TURNS: dict[str, Callable[[Array], Array]] = {
 @dataclass(frozen=True)
 class MatchedPlaces:
     """Disparities in px (H, W) at which pixels of the left image are found in the right one, NaN elsewhere, and the
-    same with the images exchanged, all on images that are ``step`` times smaller."""
+    same with the images exchanged, in images that are ``step`` times smaller.
+    """
 
     left: Array
     swapped: Array
@@ -104,44 +105,49 @@ class MatchedPlaces:
     def are_enough(self) -> bool:
         """Whether there are enough places of either order to state anything."""
         return any(
-            _is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _LEAST_SHARE
+            _is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _LEAST_PLACES_SHARE
             for each in (self.left, self.swapped)
         )
 
 
 def find_places(left: Array, right: Array) -> MatchedPlaces:
     """Places that grey images (H, W) of any range have in common, by block matching in both directions."""
-    step = max(1, math.ceil(left.shape[1] / _COLUMNS))
+    step = max(1, math.ceil(left.shape[1] / _REDUCED_COLUMNS))
     small = [_to_8_bit(_reduce(image, step)) for image in (left, right)]
     return MatchedPlaces(_match_both_ways(small[0], small[1]), _match_both_ways(small[1], small[0]), step)
 
 
 def make_known_places(disparity: Array) -> MatchedPlaces:
     """The true disparity (H, W) of a pair, NaN where unknown, as places that are known."""
-    step = max(1, math.ceil(disparity.shape[1] / _COLUMNS))
+    step = max(1, math.ceil(disparity.shape[1] / _REDUCED_COLUMNS))
     thinned = disparity[step // 2 :: step, step // 2 :: step] / step
     return MatchedPlaces(thinned, np.full_like(thinned, np.nan), step)
 
 
 def find_fault(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> FitFault | None:
-    """The fault of a map ``values`` (H, W) of "depth" (m) or "disparity" (px), NaN where unknown; None if it fits, or
-    if the images do not tell."""
+    """The fault of a map ``values`` (H, W) of "depth" (m) or "disparity" (px), NaN where unknown; None if the map fits,
+    or if the images do not decide.
+    """
     if not places.are_enough():
         return None
     stated = _read_as_disparity(values, kind, camera)
-    here = _agreeing_share(stated, places.left, places.step)
+    here = _measure_agreeing_share(stated, places.left, places.step)
     best: FitFault | None = None
     for name, disparity, found in _list_other_readings(values, kind, camera, places):
         if not _is_spread(np.isfinite(found) & np.isfinite(_thin(disparity, places.step))):
             continue
-        share = _agreeing_share(disparity, found, places.step)
-        if share >= _FITS and _explains_more(disparity, stated, found, places) and (best is None or share > best.share):
+        share = _measure_agreeing_share(disparity, found, places.step)
+        if (
+            share >= _LEAST_RIGHT_SHARE
+            and _explains_more(disparity, stated, found, places)
+            and (best is None or share > best.share)
+        ):
             best = FitFault(name, 1.0, here, share)
     if best is None:
         best = _find_factor(stated, places, here, kind)
     if (
         best is None
-        and here < _FITS_NOT
+        and here < _MOST_WRONG_SHARE
         and _is_spread(np.isfinite(places.left) & np.isfinite(_thin(stated, places.step)))
     ):
         return FitFault("nothing", 1.0, here)
@@ -169,19 +175,21 @@ def _find_scale(stated: Array, found: Array) -> float | None:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(found / stated)
-        known = np.isfinite(ratio) & (np.abs(ratio) < _RATIO)
+        known = np.isfinite(ratio) & (np.abs(ratio) < _MOST_SCALE_FAULT)
     if not _is_spread(known):
         return None
-    gathered = np.array([_half_sample_mode(ratio[tile][known[tile]]) for tile in _find_filled_tiles(known)])
+    gathered = np.array([_find_half_sample_mode(ratio[tile][known[tile]]) for tile in _find_filled_tiles(known)])
     off, disparity = float(np.median(gathered)), float(np.median(found[known]))
-    if disparity < _SCALED_PX or abs(off) < _OFF_SHARE or abs(off) * disparity < _OFF_PX:
+    if disparity < _LEAST_SCALED_PX or abs(off) < _LEAST_SCALE_FAULT or abs(off) * disparity < _LEAST_SCALE_FAULT_PX:
         return None
-    shown = np.mean(gathered * np.sign(off) > _SHOWN * abs(off))
-    return math.exp(off) if shown >= _SHOWN_IN else None
+    shown = np.mean(gathered * np.sign(off) > _SHOWN_FAULT_SHARE * abs(off))
+    return math.exp(off) if shown >= _SHOWING_TILES_SHARE else None
 
 
-def _half_sample_mode(values: Array) -> float:
-    """Where numbers gather: the narrowest half of the narrowest half of them, and so on; its median."""
+def _find_half_sample_mode(values: Array) -> float:
+    """The value around which numbers gather: the median of the narrowest half of the narrowest half of them,
+    and so on.
+    """
     ordered = np.sort(values)
     while len(ordered) > 8:
         half = len(ordered) // 2
@@ -210,8 +218,8 @@ def _find_zoom(stated: Array, camera: StereoCamera, places: MatchedPlaces) -> fl
         if not _is_spread(both):
             continue
         missed = float(np.median(np.abs(other - places.left)[both]))
-        near = np.abs(other - places.left)[both] <= _tolerance(places.left)[both]
-        if missed < least and near.mean() >= _FITS and _is_nearer(other, stated, places.left, differs):
+        near = np.abs(other - places.left)[both] <= _find_tolerance(places.left)[both]
+        if missed < least and near.mean() >= _LEAST_RIGHT_SHARE and _is_nearer(other, stated, places.left, differs):
             best, least = zoom, missed
     return best
 
@@ -221,18 +229,21 @@ def is_confirmed(values: Array, kind: str, camera: StereoCamera, places: Matched
     "disparity" (px), NaN where unknown, puts them."""
     return (
         places.are_enough()
-        and _agreeing_share(_read_as_disparity(values, kind, camera), places.left, places.step) >= _FITS
+        and _measure_agreeing_share(_read_as_disparity(values, kind, camera), places.left, places.step)
+        >= _LEAST_RIGHT_SHARE
     )
 
 
 def are_seen_at_disparity(where: Array, disparity_px: float, places: MatchedPlaces) -> bool:
     """Whether the images show most of the pixels ``where`` (H, W) at one disparity, as of a wall that faces them."""
     inside = _thin(where.astype(np.float64), places.step) > 0
-    there = _agreeing_share(np.where(where, disparity_px, np.nan), places.left, places.step)
-    return bool(there >= _FITS and (inside & np.isfinite(places.left)).sum() >= _FITS * inside.sum())
+    there = _measure_agreeing_share(np.where(where, disparity_px, np.nan), places.left, places.step)
+    return bool(
+        there >= _LEAST_RIGHT_SHARE and (inside & np.isfinite(places.left)).sum() >= _LEAST_RIGHT_SHARE * inside.sum()
+    )
 
 
-def ray_lengths(camera: StereoCamera) -> Array:
+def compute_ray_lengths(camera: StereoCamera) -> Array:
     """Distance from the eye over planar depth, (H, W)."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     return np.asarray(
@@ -251,14 +262,14 @@ def _read_as_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
 def _list_other_readings(
     values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces
 ) -> Iterator[tuple[str, Array, Array]]:
-    """Names of readings, their disparities (H, W), and the places that they are held against."""
+    """Names of readings, their disparities (H, W), and the places with which they are compared."""
     stated = _read_as_disparity(values, kind, camera)
     other = "depth" if kind == "disparity" else "disparity"
     yield other, _read_as_disparity(values, other, camera), places.left
     yield "inverse", values * camera.focal_baseline_px_m - camera.doffs_px, places.left
     if kind == "depth":
-        yield "ray", _read_as_disparity(values / ray_lengths(camera), kind, camera), places.left
-    for name, turn in TURNS.items():
+        yield "ray", _read_as_disparity(values / compute_ray_lengths(camera), kind, camera), places.left
+    for name, turn in TURN_BY_READING.items():
         yield name, turn(stated), places.left
     yield "right_eye", warp_to_other_eye(stated, "right"), places.left
     yield "swapped", stated, places.swapped
@@ -279,27 +290,27 @@ def _find_factor(stated: Array, places: MatchedPlaces, here: float, kind: str) -
     """The factor that most places agree on, if these are enough."""
     thinned = _thin(stated, places.step) / places.step
     with np.errstate(invalid="ignore", divide="ignore"):
-        both = np.isfinite(thinned) & (places.left > 2 * _NEAR_PX) & (thinned > 0)
+        both = np.isfinite(thinned) & (places.left > 2 * _AGREEMENT_PX) & (thinned > 0)
     if not _is_spread(both):
         return None
     ratio = np.log(places.left[both] / thinned[both])
-    bins = np.arange(ratio.min() - _NEAR_SHARE, ratio.max() + 3 * _NEAR_SHARE, _NEAR_SHARE)
+    bins = np.arange(ratio.min() - _AGREEMENT_SHARE, ratio.max() + 3 * _AGREEMENT_SHARE, _AGREEMENT_SHARE)
     counts, edges = np.histogram(ratio, bins)
     near = np.convolve(counts, np.ones(3), "same")
     middle = (edges[near.argmax()] + edges[near.argmax() + 1]) / 2
-    middle = float(np.median(ratio[np.abs(ratio - middle) <= 1.5 * _NEAR_SHARE]))
+    middle = float(np.median(ratio[np.abs(ratio - middle) <= 1.5 * _AGREEMENT_SHARE]))
     scaled = stated * math.exp(middle)
-    share = _agreeing_share(scaled, places.left, places.step)
-    if share < _FITS or not _explains_more(scaled, stated, places.left, places):
+    share = _measure_agreeing_share(scaled, places.left, places.step)
+    if share < _LEAST_RIGHT_SHARE or not _explains_more(scaled, stated, places.left, places):
         return None
     return FitFault("factor", math.exp(middle if kind == "depth" else -middle), here, share)
 
 
 def _explains_more(disparity: Array, stated: Array, found: Array, places: MatchedPlaces) -> bool:
     """Whether another reading explains clearly more of the places at which it differs from the stated one."""
-    if found is not places.left:  # places of the images in another order
-        here = _agreeing_share(stated, places.left, places.step)
-        return not here >= _FITS_NOT
+    if found is not places.left:  # the other reading exchanges the images
+        here = _measure_agreeing_share(stated, places.left, places.step)
+        return not here >= _MOST_WRONG_SHARE
     one, other = (_thin(each, places.step) / places.step for each in (stated, disparity))
     with np.errstate(invalid="ignore"):
         differs = np.isfinite(found) & (np.abs(one - other) > _DIFFERENT_PX)
@@ -315,21 +326,24 @@ def _is_nearer(other: Array, one: Array, found: Array, differs: Array) -> bool:
         return False
     missed, left = np.abs(one - found), np.abs(other - found)
     nearer = [bool(np.mean((left < missed)[tile][differs[tile]]) > 0.5) for tile in _find_filled_tiles(differs)]
-    return bool(np.mean(nearer) >= _NEARER and np.median(left[differs]) <= _LESS * np.median(missed[differs]))
+    return bool(
+        np.mean(nearer) >= _NEARER_TILES_SHARE
+        and np.median(left[differs]) <= _MOST_ERROR_RATIO * np.median(missed[differs])
+    )
 
 
-def _agreeing_share(disparity: Array, found: Array, step: int) -> float:
+def _measure_agreeing_share(disparity: Array, found: Array, step: int) -> float:
     """The share of places at which a disparity (H, W) agrees with the ``found`` one; NaN if the places are too few."""
     thinned = _thin(disparity, step) / step
     with np.errstate(invalid="ignore"):
         both = np.isfinite(found) & ~np.isnan(thinned)
-        if both.sum() < _FEWEST:
+        if both.sum() < _FEWEST_PLACES:
             return float("nan")
-        return float(np.mean(np.abs(thinned - found)[both] <= _tolerance(found)[both]))
+        return float(np.mean(np.abs(thinned - found)[both] <= _find_tolerance(found)[both]))
 
 
-def _tolerance(found: Array) -> Array:
-    return np.maximum(_NEAR_PX, _NEAR_SHARE * np.abs(found))
+def _find_tolerance(found: Array) -> Array:
+    return np.maximum(_AGREEMENT_PX, _AGREEMENT_SHARE * np.abs(found))
 
 
 def _thin(values: Array, step: int) -> Array:
@@ -343,18 +357,18 @@ Tile = tuple[slice, slice]
 
 def _find_filled_tiles(where: Array) -> list[Tile]:
     """The tiles of an image that have enough pixels."""
-    height, width = (math.ceil(size / _TILES) for size in where.shape)
+    height, width = (math.ceil(size / _TILES_PER_SIDE) for size in where.shape)
     tiles = [
         (slice(row, row + height), slice(column, column + width))
         for row in range(0, where.shape[0], height)
         for column in range(0, where.shape[1], width)
     ]
-    return [tile for tile in tiles if where[tile].sum() >= _FEWEST / _TILES]
+    return [tile for tile in tiles if where[tile].sum() >= _FEWEST_PLACES / _TILES_PER_SIDE]
 
 
 def _is_spread(where: Array) -> bool:
     """Whether there are enough pixels in enough parts of an image, across and along it."""
-    if where.sum() < _FEWEST:
+    if where.sum() < _FEWEST_PLACES:
         return False
     tiles = _find_filled_tiles(where)
     return len(tiles) >= _FEWEST_TILES and all(
@@ -378,7 +392,7 @@ def _to_8_bit(image: Array) -> Array:
 def _match_both_ways(left: Array, right: Array) -> Array:
     """Disparities (H, W) of pixels of 8-bit images that block matching finds in both directions, NaN elsewhere."""
     width = left.shape[1]
-    count = 16 * math.ceil((_SEARCHED * width + _BEYOND_PX) / 16)
+    count = 16 * math.ceil((_MOST_SEARCHED_SHARE * width + _SEARCHED_BELOW_0_PX) / 16)
     there, back = _match_one_way(left, right, count), _match_one_way(right[:, ::-1], left[:, ::-1], count)[:, ::-1]
     column = np.rint(find_matching_column(np.nan_to_num(there))).astype(np.int64)
     inside = (column >= 0) & (column < width)
@@ -386,21 +400,27 @@ def _match_both_ways(left: Array, right: Array) -> Array:
     smooth = cv2.blur(left.astype(np.float32), (_BLOCK_PX, _BLOCK_PX))
     contrast = np.sqrt(cv2.blur((left - smooth) ** 2, (_BLOCK_PX, _BLOCK_PX)))
     with np.errstate(invalid="ignore"):
-        sure = inside & (np.abs(there - other) <= 1) & (contrast > _CONTRAST)
+        sure = inside & (np.abs(there - other) <= 1) & (contrast > _LEAST_CONTRAST_DN)
     steps = np.where(sure, np.rint(16 * np.nan_to_num(there)), -32768).astype(np.int16)
-    cv2.filterSpeckles(steps, -32768, _REGION_PX, 16)
+    cv2.filterSpeckles(steps, -32768, _LEAST_REGION_PX, 16)
     return np.where(steps == -32768, np.nan, there)
 
 
 def _match_one_way(left: Array, right: Array, count: int) -> Array:
-    least, beside = -_BEYOND_PX, count - _BEYOND_PX  # columns at which OpenCV finds nothing
+    least, beside = -_SEARCHED_BELOW_0_PX, count - _SEARCHED_BELOW_0_PX  # columns at which OpenCV finds nothing
     padded = [
         cv2.copyMakeBorder(np.ascontiguousarray(image), 0, 0, beside, -least, cv2.BORDER_REPLICATE)
         for image in (left, right)
     ]
     area = _BLOCK_PX**2
     found = cv2.StereoSGBM.create(
-        least, count, _BLOCK_PX, 4 * area, 16 * area, uniquenessRatio=_UNIQUE, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY
+        least,
+        count,
+        _BLOCK_PX,
+        4 * area,
+        16 * area,
+        uniquenessRatio=_UNIQUENESS_PERCENT,
+        mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
     ).compute(*padded)
     found = found[:, beside : beside + left.shape[1]].astype(np.float64) / 16
     return np.where(found < least, np.nan, found)

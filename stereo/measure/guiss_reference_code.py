@@ -18,9 +18,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...support.arrays import Array
-from .depth_order import pair_disagreement
+from .depth_order import measure_pair_disagreement
 
-CONSTANT_PX_M = 80.0
+FOCAL_BASELINE_PX_M = 80.0
 METRICS = (
     "guiss_l1_m",
     "guiss_l1_rate_10",
@@ -31,7 +31,8 @@ METRICS = (
     "guiss_dod",
     "guiss_n",
 )
-_EDGE, _STEP, _COARSE_STEP = 5000, 100, 1000  # of the lattice
+# Of the lattice: pixels that are skipped at both ends, and steps of the two indices of a pair.
+_SKIPPED_PIXELS, _FINE_STEP, _COARSE_STEP = 5000, 100, 1000
 
 
 def compute_reference_metrics(
@@ -49,7 +50,7 @@ def compute_reference_metrics(
         columns = slice(width * 125 // 640, width * 600 // 640)
     shift = disparity[rows, columns].astype(np.float32) + np.float32(1e-4)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return compute_depth_map_metrics(np.float32(CONSTANT_PX_M) / shift, truth[rows, columns])
+        return compute_depth_map_metrics(np.float32(FOCAL_BASELINE_PX_M) / shift, truth[rows, columns])
 
 
 def compute_depth_map_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
@@ -70,7 +71,7 @@ def compute_depth_map_metrics(prediction: Array, truth: Array) -> dict[str, floa
         "guiss_rmse_m": float(np.sqrt(np.mean(distance**2))),
         **{f"guiss_l1_rate_{cm}": float(np.mean(distance > np.float32(cm / 100))) for cm in (10, 30, 100)},
         "guiss_si_rmse": si_rmse,
-        "guiss_dod": pair_disagreement(predicted, true, *choose_lattice_pairs(n)),
+        "guiss_dod": measure_pair_disagreement(predicted, true, *choose_lattice_pairs(n)),
         "guiss_n": n,
     }
 
@@ -81,10 +82,10 @@ def choose_lattice_pairs(count: int) -> tuple[Array, Array]:
     It skips the first 5000 and the last 5000 pixels. Counted from pixel 5000, one index of a pair is a multiple of 1000
     and the other a multiple of 100.
     """
-    fine = np.arange(_EDGE, count - _EDGE, _STEP)
-    coarse = np.arange(_EDGE, count - _EDGE, _COARSE_STEP)
+    fine = np.arange(_SKIPPED_PIXELS, count - _SKIPPED_PIXELS, _FINE_STEP)
+    coarse = np.arange(_SKIPPED_PIXELS, count - _SKIPPED_PIXELS, _COARSE_STEP)
     first, second = np.broadcast_arrays(fine[:, None], coarse)
     before = first < second
     # A pair of two coarse positions occurs twice; count it once.
-    after = (first > second) & ((fine - _EDGE) % _COARSE_STEP != 0)[:, None]
+    after = (first > second) & ((fine - _SKIPPED_PIXELS) % _COARSE_STEP != 0)[:, None]
     return (np.concatenate([first[before], second[after]]), np.concatenate([second[before], first[after]]))

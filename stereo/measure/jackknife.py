@@ -16,7 +16,7 @@ import numpy as np
 from ...support.arrays import Array
 
 #: Number of tiles from top to bottom and from left to right.
-DOWN, ACROSS = 6, 8
+TILES_DOWN, TILES_ACROSS = 6, 8
 
 
 def sum_over_tiles(*images: Array) -> Array:
@@ -31,14 +31,15 @@ def _sum_tiles(image: Array) -> Array:
     if image.dtype != np.float32:
         image = np.asarray(image, np.float64)
     down, across = (
-        _part_membership(size, count, image.dtype.char) for size, count in zip(image.shape, (DOWN, ACROSS), strict=True)
+        _make_part_membership(size, count, image.dtype.char)
+        for size, count in zip(image.shape, (TILES_DOWN, TILES_ACROSS), strict=True)
     )
     return np.asarray((down @ image @ across.T).ravel())
 
 
 @lru_cache(maxsize=8)
-def _part_membership(size: int, count: int, kind: str) -> Array:
-    """Which of ``count`` equal parts each of ``size`` rows or columns belongs to, as 1 and 0 (count, size)."""
+def _make_part_membership(size: int, count: int, kind: str) -> Array:
+    """Membership (count, size), 1 or 0, of each of ``size`` rows or columns in ``count`` equal parts."""
     return (np.arange(size) * count // size == np.arange(count)[:, None]).astype(kind)
 
 

@@ -11,18 +11,18 @@ from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
-from .depth_order import depth_order_disagreement, sample_disagreement
+from .depth_order import measure_depth_order_disagreement, sample_disagreement
 from .guiss_reference_code import compute_depth_map_metrics, compute_reference_metrics
 from .metrics import compute_depth_metrics, compute_disparity_metrics, compute_total_metrics, is_usable
 
-SAMPLED_PAIRS = 300_000
-#: Entry of an npz of ``match`` by which the numbers of the reference code know StereoBM.
+SAMPLED_PAIR_COUNT = 300_000
+#: Entry in an npz of ``match`` by which the reference code's numbers recognise StereoBM.
 BM_MIN_DISPARITY = "bm_min_disparity"
-_DISPARITY = "disparity"
-#: Most bytes that the packed arrays of a file unfold to: 33 million values in single precision.
-_MOST_UNPACKED = 2**27
-#: Beyond what any image has, px.
-_MOST_DISPARITY = 2**20
+_DISPARITY_ENTRY = "disparity"
+#: Most bytes to which the packed arrays of a file may unfold: 33 million values in single precision.
+_MOST_UNPACKED_BYTES = 2**27
+#: Largest accepted disparity, px, which exceeds the width of any image.
+_MOST_DISPARITY_PX = 2**20
 
 
 def measure_files(
@@ -60,8 +60,10 @@ def measure_files(
     result: dict[str, float] = dict(compute_depth_metrics(depth, true))
     both = is_usable(depth) & is_usable(true)
     result |= {
-        "dod_antisymmetric": depth_order_disagreement(depth[both], true[both], antisymmetric=True),
-        "dod_sampled": sample_disagreement(depth[both], true[both], SAMPLED_PAIRS, make_generator(0, "statistics")),
+        "dod_antisymmetric": measure_depth_order_disagreement(depth[both], true[both], antisymmetric=True),
+        "dod_sampled": sample_disagreement(
+            depth[both], true[both], SAMPLED_PAIR_COUNT, make_generator(0, "statistics")
+        ),
     }
     if focal_baseline is not None:
         pixels = given if disparity is not None else _convert_depth_disparity(given, focal_baseline)
@@ -98,28 +100,32 @@ def _read_bm_min_disparity(path: Path) -> int | None:
         stored = parse_npz(foreign, {BM_MIN_DISPARITY}).get(BM_MIN_DISPARITY)
         if stored is None:
             return None
-        if stored.shape != () or not abs(float(stored)) <= _MOST_DISPARITY:
+        if stored.shape != () or not abs(float(stored)) <= _MOST_DISPARITY_PX:
             raise RefusedError(f"{BM_MIN_DISPARITY} is no disparity; give --bm-min-disparity.")
         return int(stored)
 
-    return read(path, parse, "an npz file", "match the images again", memory=_MOST_UNPACKED)
+    return read(path, parse, "an npz file", "match the images again", memory=_MOST_UNPACKED_BYTES)
 
 
 def read_map(path: Path) -> Array:
     """Read an array of numbers from an npy file, or ``disparity`` from an npz, as float64. Raises IcyMoonError
     otherwise."""
     return read(
-        path, _parse_map, "an npy file of numbers", "give an existing one with depths in metres", memory=_MOST_UNPACKED
+        path,
+        _parse_map,
+        "an npy file of numbers",
+        "give an existing one with depths in metres",
+        memory=_MOST_UNPACKED_BYTES,
     )
 
 
 def _parse_map(foreign: ForeignBytes) -> Array:
     if not _is_archive(foreign):
         return parse_npy(foreign, "fiu").astype(np.float64)
-    stored = parse_npz(foreign, {_DISPARITY}, "fiu")
+    stored = parse_npz(foreign, {_DISPARITY_ENTRY}, "fiu")
     if not stored:
         raise RefusedError("contains several arrays; give an npy file with one.")
-    return stored[_DISPARITY].astype(np.float64)
+    return stored[_DISPARITY_ENTRY].astype(np.float64)
 
 
 def _is_archive(foreign: ForeignBytes) -> bool:

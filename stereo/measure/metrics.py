@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...support.arrays import Array
-from .depth_order import depth_order_disagreement
+from .depth_order import measure_depth_order_disagreement
 
 DEPTH_METRICS = (
     "l1_m",
@@ -34,14 +34,14 @@ L1_RATES = {"l1_rate_10": 0.10, "l1_rate_30": 0.30, "l1_rate_100": 1.00}
 #: Errors, m, of the cumulative curve: 1 cm to 10 m, ten steps per decade.
 ERROR_STEPS_M = tuple(float(f"{step:.4g}") for step in np.geomspace(0.01, 10.0, 31))
 #: Shares of the measurements that a sparsification curve keeps.
-SHARES = tuple(k / 20 for k in range(1, 21))
+KEPT_SHARES = tuple(k / 20 for k in range(1, 21))
 #: Key of a rate -> the disparity error, px, above which it counts a pixel.
-BAD = {"bad_0_5": 0.5, "bad_1": 1.0, "bad_2": 2.0, "bad_3": 3.0}
+BAD_RATES = {"bad_0_5": 0.5, "bad_1": 1.0, "bad_2": 2.0, "bad_3": 3.0}
 #: Key of a quantile of the disparity error (Middlebury's A50 and so on) -> the share of pixels below it.
-QUANTILES = {"a50_px": 0.50, "a90_px": 0.90, "a95_px": 0.95, "a99_px": 0.99}
-DISPARITY_METRICS = ("epe_px", *BAD, "d1", *QUANTILES)
+ERROR_QUANTILES = {"a50_px": 0.50, "a90_px": 0.90, "a95_px": 0.95, "a99_px": 0.99}
+DISPARITY_METRICS = ("epe_px", *BAD_RATES, "d1", *ERROR_QUANTILES)
 #: Metrics that are defined when a missing measurement counts as an infinite error.
-TOTAL_METRICS = ("median_m", "l1_rate_10", "l1_rate_30", "l1_rate_100", "dod", *BAD, "d1", *QUANTILES)
+TOTAL_METRICS = ("median_m", "l1_rate_10", "l1_rate_30", "l1_rate_100", "dod", *BAD_RATES, "d1", *ERROR_QUANTILES)
 
 
 def is_usable(depth: Array) -> Array:
@@ -55,7 +55,7 @@ def find_wrong_share(disparity: Array, truth: Array, judged: Array, most_px: flo
     if not judged.any():
         return float("nan")
     with np.errstate(invalid="ignore"):
-        agrees = np.abs(disparity - truth)[judged] <= most_px  # NaN does not
+        agrees = np.abs(disparity - truth)[judged] <= most_px  # False for NaN
     return float(np.mean(~agrees))
 
 
@@ -71,11 +71,11 @@ class Errors:
         self.distance = np.abs(self.error)
 
     def within(self, step: float) -> int:
-        """Number of absolute errors that are no larger than a step."""
+        """Number of absolute errors up to ``step``."""
         return int(np.count_nonzero(self.distance <= step))
 
     def smallest(self, *ranks: int) -> Array:
-        """The absolute errors that have these ranks in ascending order, the smallest 0. It is faster than to sort."""
+        """The absolute errors of these ranks in ascending order, the smallest is 0. This is faster than sorting."""
         return np.asarray(np.partition(self.distance, ranks)[list(ranks)])
 
     def wrong_by_kitti(self) -> int:
@@ -97,11 +97,11 @@ def compute_depth_metrics(prediction: Array, truth: Array) -> dict[str, float | 
     * ``coverage`` N / number of true pixels, ``n`` N.
     """
     errors = Errors(prediction, truth)
-    return depth_metrics_of_errors(errors, depth_order_disagreement(errors.predicted, errors.true))
+    return compute_depth_metrics_of_errors(errors, measure_depth_order_disagreement(errors.predicted, errors.true))
 
 
-def depth_metrics_of_errors(errors: Errors, dod: float) -> dict[str, float | int]:
-    """``compute_depth_metrics`` of errors in metres; ``dod``, which takes most of the time, is given."""
+def compute_depth_metrics_of_errors(errors: Errors, dod: float) -> dict[str, float | int]:
+    """``compute_depth_metrics`` from errors in metres; ``dod``, which takes most of the time, is given."""
     n, distance, true = errors.error.size, errors.distance, errors.true
     result: dict[str, float | int] = dict.fromkeys(DEPTH_METRICS, float("nan"))
     result |= {"n": n, "coverage": n / errors.total if errors.total else float("nan")}
@@ -131,19 +131,19 @@ def compute_disparity_metrics(prediction: Array, truth: Array) -> dict[str, floa
     |e| > 3 px and > 5 % of the true disparity (KITTI 2015); ``a50_px``, ``a90_px``, ``a95_px``, ``a99_px`` the 50, 90,
     95 and 99 % quantiles of |e| (Middlebury).
     """
-    return disparity_metrics_of_errors(Errors(prediction, truth))
+    return compute_disparity_metrics_of_errors(Errors(prediction, truth))
 
 
-def disparity_metrics_of_errors(errors: Errors) -> dict[str, float]:
-    """``compute_disparity_metrics`` of errors in px."""
+def compute_disparity_metrics_of_errors(errors: Errors) -> dict[str, float]:
+    """``compute_disparity_metrics`` from errors in px."""
     n = errors.distance.size
     if not n:
         return dict.fromkeys(DISPARITY_METRICS, float("nan"))
     return {
         "epe_px": float(errors.distance.mean()),
-        **{key: (n - errors.within(step)) / n for key, step in BAD.items()},
+        **{key: (n - errors.within(step)) / n for key, step in BAD_RATES.items()},
         "d1": errors.wrong_by_kitti() / n,
-        **_quantiles_by_name(errors, n),
+        **_find_quantiles_by_name(errors, n),
     }
 
 
@@ -156,31 +156,31 @@ def compute_total_metrics(
     so a quantile is infinite if too many are missing. For ``dod`` every pair with a missing pixel disagrees; the
     argument ``dod`` is the one among the measured pixels. NaN if there is no true pixel.
     """
-    return total_metrics_of_errors(Errors(depth, true_depth), Errors(disparity, true_disparity), dod)
+    return compute_total_metrics_of_errors(Errors(depth, true_depth), Errors(disparity, true_disparity), dod)
 
 
-def total_metrics_of_errors(errors_m: Errors, errors_px: Errors, dod: float) -> dict[str, float]:
-    """``compute_total_metrics`` of errors of depth and disparity."""
+def compute_total_metrics_of_errors(errors_m: Errors, errors_px: Errors, dod: float) -> dict[str, float]:
+    """``compute_total_metrics`` from errors of depth and disparity."""
     total, measured = errors_m.total, errors_m.error.size
     if not total:
         return dict.fromkeys(TOTAL_METRICS, float("nan"))
     right = {key: errors_m.within(step) for key, step in L1_RATES.items()}
-    right |= {key: errors_px.within(step) for key, step in BAD.items()}
+    right |= {key: errors_px.within(step) for key, step in BAD_RATES.items()}
     right["d1"] = errors_px.distance.size - errors_px.wrong_by_kitti()
     agreeing = (1 - dod) * measured * (measured - 1) if measured > 1 else 0.0
     return {
-        "median_m": _quantiles(errors_m, [0.5], total)[0],
+        "median_m": _find_quantiles(errors_m, [0.5], total)[0],
         **{key: 1 - count / total for key, count in right.items()},
         "dod": 1 - agreeing / (total * (total - 1)) if total > 1 else float("nan"),
-        **_quantiles_by_name(errors_px, total),
+        **_find_quantiles_by_name(errors_px, total),
     }
 
 
-def _quantiles_by_name(errors: Errors, total: int) -> dict[str, float]:
-    return dict(zip(QUANTILES, _quantiles(errors, list(QUANTILES.values()), total), strict=True))
+def _find_quantiles_by_name(errors: Errors, total: int) -> dict[str, float]:
+    return dict(zip(ERROR_QUANTILES, _find_quantiles(errors, list(ERROR_QUANTILES.values()), total), strict=True))
 
 
-def _quantiles(errors: Errors, shares: Sequence[float], total: int) -> list[float]:
+def _find_quantiles(errors: Errors, shares: Sequence[float], total: int) -> list[float]:
     """For each share the smallest error that at least this share of ``total`` pixels does not exceed; infinite if too
     few pixels are measured.
 
@@ -198,23 +198,25 @@ def compute_error_curve(prediction: Array, truth: Array) -> list[float]:
     A missing measurement is within none of them, so the curve ends at the coverage: it shows coverage and accuracy
     together.
     """
-    return error_curve_of_errors(Errors(prediction, truth))
+    return compute_error_curve_of_errors(Errors(prediction, truth))
 
 
-def error_curve_of_errors(errors: Errors) -> list[float]:
-    """``compute_error_curve`` of errors in metres."""
+def compute_error_curve_of_errors(errors: Errors) -> list[float]:
+    """``compute_error_curve`` from errors in metres."""
     if not errors.total:
         return [float("nan")] * len(ERROR_STEPS_M)
     return [errors.within(step) / errors.total for step in ERROR_STEPS_M]
 
 
 def sort_by_confidence(confidence: Array) -> Array:
-    """The indices of all pixels, the most confident ones first; pixels of equal confidence in the image's order.
+    """The indices of all pixels, the most confident first; pixels of equal confidence keep the order of the image.
 
-    It is taken in single precision: its bits are sorted in two halves, four times as fast as numbers are.
+    Confidence is compared in single precision: its bits are sorted in two halves, which is four times as fast as
+    sorting numbers.
     """
     with np.errstate(over="ignore"):
-        bits = (confidence.ravel() + 0.0).astype(np.float32).view(np.uint32)  # + 0: -0 is no less than 0
+        # Adding 0 turns -0 into 0, which sorts alike.
+        bits = (confidence.ravel() + 0.0).astype(np.float32).view(np.uint32)
     descending = np.where(bits >> 31, bits, ~bits ^ 0x80000000)
     order = np.argsort(descending.astype(np.uint16), kind="stable")
     return np.asarray(order[np.argsort((descending >> 16).astype(np.uint16)[order], kind="stable")])
@@ -228,6 +230,6 @@ def compute_sparsification(error_px: Array) -> list[float]:
     """
     errors = error_px[np.isfinite(error_px)]
     if not errors.size:
-        return [float("nan")] * len(SHARES)
-    kept = [max(1, round(share * errors.size)) for share in SHARES]
+        return [float("nan")] * len(KEPT_SHARES)
+    kept = [max(1, round(share * errors.size)) for share in KEPT_SHARES]
     return [float(total) / count for total, count in zip(np.cumsum(errors)[np.array(kept) - 1], kept, strict=True)]

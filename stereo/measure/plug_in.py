@@ -28,16 +28,16 @@ from .prepare_pair import PreparedPair, none_if_not_finite
 from .row_metrics import NUMBERS, disparity_to_depth
 
 #: Units of a metric; % is for shares from 0 to 1.
-UNITS = ("", "%", "px", "m", "cm", "mm", "s", "deg", "1/m")
+METRIC_UNITS = ("", "%", "px", "m", "cm", "mm", "s", "deg", "1/m")
 
 
-#: Columns of a table of rows that are no metrics.
-_COLUMNS = ("pair", "method", "status", "error")
+#: Columns in a table of rows that are no metrics.
+_OTHER_COLUMNS = ("pair", "method", "status", "error")
 
 
 def find_plugins() -> Found:
     """The metrics of packages that are installed in this Python."""
-    return find_installed("metric", (*NUMBERS, *_COLUMNS))
+    return find_installed("metric", (*NUMBERS, *_OTHER_COLUMNS))
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class MeasuredMap:
 
 
 def make_measured_map(prepared: PreparedPair, disparity: Array) -> MeasuredMap:
-    """A disparity map and the truth of its pair, as copies: nothing that a plug-in does reaches ours."""
+    """A disparity map and the truth of its pair, copied so that a plug-in cannot change our data."""
     found, camera = np.where(is_usable(disparity), disparity, np.nan).astype(np.float64), prepared.pair.camera
     return MeasuredMap(
         found,
@@ -82,13 +82,15 @@ class PluginMetric:
         self._measure = find_function(plugin, self.loaded, "measure", "found")
         self.heading = str(getattr(self.loaded, "TITLE", plugin.name))
         self.unit, self.decimals = getattr(self.loaded, "UNIT", None), getattr(self.loaded, "DECIMALS", 3)
-        if self.unit not in UNITS:
-            raise IcyMoonError(f"{plugin.title} states UNIT = {self.unit!r}; state one of {UNITS}, % for a share.")
+        if self.unit not in METRIC_UNITS:
+            raise IcyMoonError(
+                f"{plugin.title} states UNIT = {self.unit!r}; state one of {METRIC_UNITS}, % for a share."
+            )
         if not (isinstance(self.decimals, int) and 0 <= self.decimals <= 9):
             raise IcyMoonError(f"{plugin.title} states DECIMALS = {self.decimals!r}; give a number from 0 to 9.")
 
     def measure(self, found: MeasuredMap) -> float | None:
-        """The number, None where it is undefined. Raises IcyMoonError if the plug-in fails or gives none."""
+        """The number, None if it is undefined. Raises IcyMoonError if the plug-in fails or returns no number."""
         with explain_failures(self.plugin), np.errstate(all="ignore"):
             value = self._measure(found)
         if isinstance(value, bool) or not isinstance(value, (numbers.Real, np.floating, np.integer)):
@@ -110,7 +112,7 @@ class PluginMetric:
         }
 
     def inputs(self) -> list[Any]:
-        """What its numbers depend on, besides the pair and the disparity."""
+        """All that its numbers depend on besides the pair and the disparity."""
         files = find_source_files(self.loaded)
         return [self.plugin.name, self.plugin.release, [read_checksum(Path(file)) for file in files]]
 

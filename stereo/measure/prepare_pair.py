@@ -22,7 +22,7 @@ from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from ...support.labels import BAKED_ERROR_PASSES, GROUP_PASSES, LIGHT_GROUPS, NOT_SEEN
 from ..images import colours
-from ..images.develop import Channels, DevelopedImages, average_bands, describe_exposure, develop, scaled_radiance
+from ..images.develop import Channels, DevelopedImages, average_bands, describe_exposure, develop, scale_radiance
 from ..images.disparity_and_occlusion import ESTIMATED, RAYS, find_scene_depth
 from ..images.exr import NORMAL_PASSES, OBJECT_PASSES, Light, View
 from ..images.lens import make_lens
@@ -33,8 +33,8 @@ from .metrics import is_usable, sort_by_confidence
 from .render_noise import RenderNoise, judge_render_noise
 from .self_check import Eye, SelfCheck, find_visibility, run_self_check
 
-#: Entries of pair.json on how the pair was rendered, which the report shows.
-_REPEATED = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
+#: Entries of pair.json on the render that the report shows.
+_RENDER_FACTS = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class LoadedPair:
 
     pair: Pair
     settings: Settings
-    light: dict[str, Light]  # as it falls into the eyes, see views.read_eye
+    light: dict[str, Light]  # the light that falls into the eyes, see views.read_eye
     views: dict[str, View]  # on the parallel rig; the labels are NOT_SEEN where the sensor sees nothing
     images: DevelopedImages
     depth: dict[str, Array]  # float64 (H, W), planar metres, NaN for sky and outside the sensor's view
@@ -52,19 +52,19 @@ class LoadedPair:
 
 
 class MeasuredPair(Protocol):
-    """The facts about a pair that measuring needs, rendered here or not."""
+    """The facts about a pair that a measurement needs, for pairs of Icy Moon and of other data sets."""
 
     @property
     def name(self) -> str:
-        """Its name in results."""
+        """The pair's name in results."""
 
     @property
     def folder(self) -> Path:
-        """Where it is, for messages."""
+        """The pair's folder, for messages."""
 
     @property
     def camera(self) -> StereoCamera:
-        """The parallel rig of its images."""
+        """The parallel rig of the pair's images."""
 
     def rectified_pose(self, eye: str) -> Array | None:
         """The matrix (4, 4) from an eye, in OpenCV's axes, to the axes of its points; None if it is not known."""
@@ -79,14 +79,14 @@ class PreparedPair:
     right: Array
     truth: Array  # float64 (H, W), planar metres, NaN for sky and outside the sensor's view
     visible: Array  # bool (H, W), seen by the right eye too
-    gradient: Array  # float64 (H, W), see by_pixel_class.texture
-    classes: dict[str, Array]  # of every pixel by every factor, see by_pixel_class.classify
+    gradient: Array  # float64 (H, W), see by_pixel_class.measure_texture
+    classes: dict[str, Array]  # of every pixel by every factor, see by_pixel_class.classify_pixels
     check: SelfCheck
     scale: colours.Scale  # for pictures of depth
     facts: dict[str, Any]  # about the pair, for the report
-    occlusion_known: bool = True  # otherwise ``visible`` only leaves out points outside the right image
+    occlusion_known: bool = True  # without, ``visible`` only leaves out points outside the right image
     images: DevelopedImages | None = None  # as developed; None for a pair that was not rendered here
-    assumed_camera: StereoCamera | None = None  # by an erroneous calibration; None if it is the pair's
+    assumed_camera: StereoCamera | None = None  # the camera of an erroneous calibration; None if it is the pair's
 
     @property
     def depth_camera(self) -> StereoCamera:
@@ -114,7 +114,7 @@ class PreparedPair:
         return sort_by_confidence(self.gradient)
 
 
-def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
+def list_distinct_pairs(paths: Sequence[Path]) -> list[Path]:
     """The folders of all pairs at ``paths``, each pair once.
 
     Raises IcyMoonError if no pair is found, or if two different pairs have the same name.
@@ -130,12 +130,12 @@ def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
 def load_pair(folder: Path, response: Mapping[str, Mapping[str, Any]], measuring: bool = False) -> LoadedPair:
     """Check, read and develop one pair; ``response`` overrides settings that need no new render.
 
-    For ``measuring``, what only exports contain is not read, which is faster.
-    Raises IcyMoonError with the name of the file if a file in the folder has changed since it was rendered.
+    For ``measuring``, data that only exports need is not read, for speed. Raises IcyMoonError with the name of the file
+    if a file in the folder has changed since it was rendered.
     """
     pair = read_unchanged_pair(folder)
     settings = merged(pair.settings, response)
-    eyes = {eye: read_eye(pair, eye, _unneeded_passes(eye, settings) if measuring else ()) for eye in EYES}
+    eyes = {eye: read_eye(pair, eye, _list_unneeded_passes(eye, settings) if measuring else ()) for eye in EYES}
     light, views = ({eye: taken for eye, (taken, _) in eyes.items()}, {eye: flat for eye, (_, flat) in eyes.items()})
     images = develop(pair, light["left"], light["right"], settings)
     left, right = make_check_eyes(pair, settings, views)
@@ -203,20 +203,23 @@ def _judge_noise(loaded: LoadedPair) -> RenderNoise:
 
 
 def _describe_baked_light(pair: Pair) -> dict[str, float] | None:
-    """Noise of baked light over all light, its share of it, and the bound that was asked for; None if none is baked."""
+    """Noise of baked light over all light, its share of the light, and the limit in the settings; None without baked
+    light.
+    """
     stated = pair.data.get("indirect")
     if not isinstance(stated, dict) or stated.get("method") != "BAKED":
         return None
-    # Pairs of older versions state only the noise that a bake would have if it were the same all over the ground.
+    # Pairs of older versions state only the noise of a bake with the same noise everywhere on the ground.
     numbers = {"noise": stated.get("noise_of_image", stated.get("noise")), "share": stated.get("share")}
     return {key: float(value) for key, value in numbers.items() if isinstance(value, (int, float))} | {
         "bound": float(pair.settings.quality.bake_noise)
     }
 
 
-def _unneeded_passes(eye: str, settings: Settings) -> tuple[str, ...]:
-    """The passes of an eye that are not needed for measuring, or are read by themselves. Light groups are only needed
-    to scale them."""
+def _list_unneeded_passes(eye: str, settings: Settings) -> tuple[str, ...]:
+    """The passes of an eye that a measurement does not need, or that are read separately. Light groups are needed only
+    to scale them.
+    """
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
     return (
         *OBJECT_PASSES,
@@ -243,7 +246,7 @@ def compute_noise_free_level(loaded: LoadedPair, eye: str, more: Numbers = 0.0) 
     noise and rounding of the sensor."""
     settings = loaded.settings
     channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
-    radiance = scaled_radiance(loaded.views[eye], loaded.pair, settings.light)
+    radiance = scale_radiance(loaded.views[eye], loaded.pair, settings.light)
     level = channels.matcher_level(
         radiance + np.asarray(more)[..., None] if np.ndim(more) else radiance, loaded.images.saturation_radiance
     )
@@ -302,6 +305,6 @@ def _describe_pair(
         "visible": float(visible.sum() / known.sum()) if some else None,
         "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))] if some else None,
         "settings": settings,
-        "rendered": {key: pair.data[key] for key in _REPEATED if key in pair.data},
+        "rendered": {key: pair.data[key] for key in _RENDER_FACTS if key in pair.data},
         **({"map": place} if (place := describe_map_place(pair.data.get("ground"))) else {}),
     }

@@ -23,39 +23,43 @@ from ...physics.camera.occlusion import find_matching_column
 from ...support.arrays import Array, Numbers
 
 CLEAN, NOISY, DECIDES = "clean", "noisy", "noise decides"
-#: Verdict on a pair with baked light whose error is unknown, unless the rest of its noise decides.
+#: Verdict on a pair with baked light of unknown error, unless its other noise already decides.
 UNKNOWN = "unknown"
 #: Sources of the larger part of the noise.
 RENDER, BAKE = "render", "bake"
-#: Share of the lit or shaded pixels with more noise than texture up to which a pair is CLEAN, and up to which it is
-#: NOISY. On ten scenes each per cent of such pixels cost SGBM 0.09 to 0.31 points from 64 to 8 samples: 1 % at most 0.3
-#: points, and 5 % at most 1.5.
-SHARES = ((0.01, CLEAN), (0.05, NOISY))
-#: Share of the image from which on light or shadow counts.
-_LEAST_SHARE = 0.05
+#: Largest shares of the lit or shaded pixels with more noise than texture for the verdicts CLEAN and NOISY. On ten
+#: scenes each per cent of such pixels cost SGBM 0.09 to 0.31 points from 64 to 8 samples: 1 % at most 0.3 points, and 5
+#: % at most 1.5.
+VERDICT_LIMITS = ((0.01, CLEAN), (0.05, NOISY))
+#: Least share of the image for light or shadow to count.
+_LEAST_PART_SHARE = 0.05
 #: Disparity step between neighbours, px, above which a pixel is at an edge and interpolation mixes two surfaces.
 _EDGE_PX = 0.25
-#: Shadow is darker than this part of the level that 90 % of the image stay below, in an image blurred by this.
-_SHADOW_PART, _SHADOW_QUANTILE, _BLUR_PX = 0.25, 0.9, 3.0
-#: Sides of the squares over which texture and noise are taken, px.
+#: Shadow is darker than this share of a quantile of the image's brightness, in an image blurred by this width.
+_SHADOW_SHARE, _SHADOW_QUANTILE, _BLUR_PX = 0.25, 0.9, 3.0
+#: Sides of the squares in which texture and noise are measured, px.
 _TEXTURE_PX, _NOISE_PX = 5, 9
 #: Upper bounds of the ratio of texture to noise, and the share of pixels within them that SGBM gets wrong or misses on
 #: rough ice in a low Sun; without noise 1 %. On ten scenes the sum was more than noise changed, 1.1 to 10 times.
-_RATIOS, _WRONG, _WRONG_WITHOUT = (0.5, 1.0, 2.0, 4.0), np.array([0.45, 0.30, 0.12, 0.025, 0.01]), 0.01
+_RATIO_BOUNDS, _WRONG_SHARES, _WRONG_WITHOUT_NOISE = (
+    (0.5, 1.0, 2.0, 4.0),
+    np.array([0.45, 0.30, 0.12, 0.025, 0.01]),
+    0.01,
+)
 #: Noise of an eye, in grey levels, below which it counts as none: rounding to 8 bits alone makes 0.29.
 _NO_NOISE_DN = 0.1
-#: Median absolute deviation of a normal distribution over its standard deviation, inverted.
-_MAD = 1.4826
+#: Standard deviation of a normal distribution over its median absolute deviation.
+_DEVIATION_OF_MEDIAN = 1.4826
 
 
 @dataclass(frozen=True)
 class LightPart:
-    """The pixels in light or in shadow."""
+    """Noise of the pixels in sunlight, or of those in shadow."""
 
-    share: float  # of the pixels that could be compared
+    share: float  # share of the pixels that could be compared
     noise_dn: float | None  # standard deviation of the noise of one eye, in grey levels of 255
     hidden: float | None  # share of its pixels with less texture than noise
-    baked_dn: float | None  # standard deviation of the noise of baked light; None if it is not known
+    baked_dn: float | None  # standard deviation of the noise of baked light; None if unknown
     by_bake: float | None  # share of the hidden pixels where the larger part of the noise comes from baked light
 
 
@@ -67,17 +71,19 @@ class RenderNoise:
     larger: str | None  # RENDER or BAKE, the source of most of the noise that hides most; None if nothing is hidden
     lit: LightPart
     shadow: LightPart
-    #: Share of the pixels that noise may make wrong or missing, or right if it is fixed to the ground: smaller
-    #: differences of methods tell nothing.
+    #: Share of the pixels that noise may make wrong or missing, or right if it is fixed to the ground. Smaller
+    #: differences between methods mean nothing.
     doubt: float | None
 
     @property
     def hidden(self) -> float | None:
-        """The share that noise hides in light or in shadow, whichever is more, if that is a twentieth of the image."""
+        """The share of pixels that noise hides in light or in shadow, the larger of both, among parts of at least a
+        twentieth of the image.
+        """
         return _find_worst_part(self.lit, self.shadow)[0] if self.verdict else None
 
     def to_json(self) -> dict[str, Any]:
-        """For the facts of a pair."""
+        """The noise as JSON, for the facts of a pair."""
         return asdict(self)
 
 
@@ -98,20 +104,20 @@ def judge_render_noise(
         nothing = LightPart(0.0, None, None, None, None)
         return RenderNoise(None, None, nothing, nothing, None)
     fixed = np.broadcast_to(np.asarray(0.0 if baked is None else baked, np.float64), left.shape)
-    noise, of_bake = _mean_around(error * error, known), _mean_around(_local_variance(fixed), known)
-    ratio = _texture_over_noise(left, noise + of_bake)
+    noise, of_bake = _average_around(error * error, known), _average_around(_compute_local_variance(fixed), known)
+    ratio = _compute_texture_over_noise(left, noise + of_bake)
     shadow = _find_shadow(left, known)
     lit, dark = (
         _judge_part(error, None if baked is None else fixed, ratio, of_bake > noise, known & where, int(known.sum()))
         for where in (~shadow, shadow)
     )
     hidden, by_bake = _find_worst_part(lit, dark)
-    verdict = next((name for most, name in SHARES if hidden <= most), DECIDES)
+    verdict = next((name for most, name in VERDICT_LIMITS if hidden <= most), DECIDES)
     if baked is None and verdict != DECIDES:
         verdict = UNKNOWN
     larger = (BAKE if by_bake > 0.5 else RENDER) if hidden > 0 else None
-    wrong = _WRONG[np.searchsorted(_RATIOS, ratio[known], side="right")]
-    return RenderNoise(verdict, larger, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT)))
+    wrong = _WRONG_SHARES[np.searchsorted(_RATIO_BOUNDS, ratio[known], side="right")]
+    return RenderNoise(verdict, larger, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT_NOISE)))
 
 
 def measure_hidden_share(difference: Array, converged: Array, visible: Array) -> float | None:
@@ -121,29 +127,36 @@ def measure_hidden_share(difference: Array, converged: Array, visible: Array) ->
     ``difference`` (H, W) is the render less the ``converged`` one, in grey levels. Around a hidden pixel it varies more
     than the converged image does. A difference that is the same all around changes no pattern, and so no match.
     """
-    shadow, hidden = _find_shadow(converged, visible), _local_variance(difference) > _local_variance(converged)
+    shadow, hidden = (
+        _find_shadow(converged, visible),
+        _compute_local_variance(difference) > _compute_local_variance(converged),
+    )
     return max(
         (
             float(hidden[part].mean())
             for part in (visible & ~shadow, visible & shadow)
-            if part.any() and part.sum() >= _LEAST_SHARE * visible.sum()
+            if part.any() and part.sum() >= _LEAST_PART_SHARE * visible.sum()
         ),
         default=None,
     )
 
 
 def _find_shadow(left: Array, known: Array) -> Array:
-    """Boolean (H, W): the pixel is in shadow, as it is much darker than most ``known`` ones."""
+    """Pixels (H, W), bool, in shadow, which are much darker than most ``known`` pixels."""
     if not known.any():
         return np.zeros(left.shape, bool)
     blurred = cv2.GaussianBlur(left.astype(np.float64), (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(blurred < _SHADOW_PART * np.quantile(blurred[known], _SHADOW_QUANTILE))
+    return np.asarray(blurred < _SHADOW_SHARE * np.quantile(blurred[known], _SHADOW_QUANTILE))
 
 
 def _find_worst_part(*parts: LightPart) -> tuple[float, float]:
-    """The largest share of hidden pixels of a part that is large enough, and how much of it is by baked light."""
+    """The largest ``hidden`` share of the parts with at least _LEAST_PART_SHARE of the pixels, and the share of it that
+    baked light causes.
+    """
     return max(
-        (part.hidden, part.by_bake or 0.0) for part in parts if part.hidden is not None and part.share >= _LEAST_SHARE
+        (part.hidden, part.by_bake or 0.0)
+        for part in parts
+        if part.hidden is not None and part.share >= _LEAST_PART_SHARE
     )
 
 
@@ -158,7 +171,7 @@ def _measure_noise(left: Array, right: Array, disparity: Array, visible: Array) 
     known = cv2.erode(
         known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=(0,)
     ).astype(bool)
-    weights = _cubic_weights(column - whole)
+    weights = _compute_cubic_weights(column - whole)
     # In columns that are not known, whatever is fetched does not count.
     place = np.arange(right.shape[0])[:, None] * width + np.clip(whole, 1, max(1, width - 3))
     taps = (np.take(right, place + k, mode="clip") for k in (-1, 0, 1, 2))
@@ -167,7 +180,7 @@ def _measure_noise(left: Array, right: Array, disparity: Array, visible: Array) 
     return difference / np.sqrt(1 + sum(weight**2 for weight in weights)), known
 
 
-def _cubic_weights(t: Array) -> tuple[Array, ...]:
+def _compute_cubic_weights(t: Array) -> tuple[Array, ...]:
     """Weights of the four columns around a fractional one (Catmull and Rom)."""
     return (
         t * (-0.5 + t * (1 - 0.5 * t)),
@@ -177,7 +190,7 @@ def _cubic_weights(t: Array) -> tuple[Array, ...]:
     )
 
 
-def _local_variance(image: Array) -> Array:
+def _compute_local_variance(image: Array) -> Array:
     """Variance (H, W) around each pixel."""
     values = image.astype(np.float64)
     mean, square = (
@@ -187,7 +200,7 @@ def _local_variance(image: Array) -> Array:
     return np.maximum(square - mean * mean, 0.0)
 
 
-def _mean_around(values: Array, known: Array) -> Array:
+def _average_around(values: Array, known: Array) -> Array:
     """Mean (H, W) of the values around each pixel that are known; 0 if none is."""
     count, total = (
         cv2.boxFilter(each, -1, (_NOISE_PX, _NOISE_PX), normalize=False, borderType=cv2.BORDER_CONSTANT)
@@ -196,12 +209,12 @@ def _mean_around(values: Array, known: Array) -> Array:
     return np.asarray(total / np.maximum(count, 1))
 
 
-def _texture_over_noise(left: Array, noise: Array) -> Array:
+def _compute_texture_over_noise(left: Array, noise: Array) -> Array:
     """Ratio (H, W) of the standard deviations of texture and of noise, whose variance is given; infinite without noise.
 
     Pixels with neither texture nor noise are not counted against the noise.
     """
-    texture = np.maximum(_local_variance(left) - noise, 0.0)
+    texture = np.maximum(_compute_local_variance(left) - noise, 0.0)
     return np.sqrt(np.divide(texture, noise, out=np.full(noise.shape, np.inf), where=noise > _NO_NOISE_DN**2))
 
 
@@ -212,13 +225,13 @@ def _judge_part(error: Array, baked: Array | None, ratio: Array, is_bake: Array,
     hidden = where & (ratio < 1)
     return LightPart(
         count / known,
-        _robust_deviation(error[where]),
+        _compute_robust_deviation(error[where]),
         float(hidden.sum() / count),
-        None if baked is None else _robust_deviation(baked[where]),
+        None if baked is None else _compute_robust_deviation(baked[where]),
         float(is_bake[hidden].mean()) if hidden.any() else None,
     )
 
 
-def _robust_deviation(values: Array) -> float:
-    """The standard deviation of values that few others are far from."""
-    return float(_MAD * np.median(np.abs(values - np.median(values))))
+def _compute_robust_deviation(values: Array) -> float:
+    """The standard deviation of values, robust to outliers."""
+    return float(_DEVIATION_OF_MEDIAN * np.median(np.abs(values - np.median(values))))

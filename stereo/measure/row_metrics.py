@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from .by_pixel_class import sums_by_class
+from .by_pixel_class import sum_by_class
 from .disparity_histograms import make_histograms
 from .guiss_reference_code import METRICS as GUISS_METRICS
 from .guiss_reference_code import compute_reference_metrics
@@ -17,12 +17,12 @@ from .metrics import (
     DISPARITY_METRICS,
     TOTAL_METRICS,
     Errors,
+    compute_depth_metrics_of_errors,
+    compute_disparity_metrics_of_errors,
+    compute_error_curve_of_errors,
     compute_sparsification,
-    depth_metrics_of_errors,
-    disparity_metrics_of_errors,
-    error_curve_of_errors,
+    compute_total_metrics_of_errors,
     is_usable,
-    total_metrics_of_errors,
 )
 from .prepare_pair import PreparedPair, none_if_not_finite
 
@@ -31,7 +31,7 @@ from .prepare_pair import PreparedPair, none_if_not_finite
 COSTS = ("seconds", "wall_seconds", "gpu_seconds", "gpu_mb", "memory_mb")
 
 METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
-#: Prefix of metrics -> the pixels that they are computed over, in words.
+#: Prefix of metrics -> their pixels, in words.
 REGIONS = {
     "": "all pixels with a true depth; a missing measurement lowers the coverage and is no error",
     "total_": "all pixels with a true depth; a missing measurement counts as wrong",
@@ -39,7 +39,7 @@ REGIONS = {
 }
 #: Prefix -> the metrics that rows have with it.
 REGION_METRICS = {prefix: TOTAL_METRICS if prefix == "total_" else METRICS for prefix in REGIONS}
-#: Everything in a row that is a number, or None if it is undefined.
+#: All numbers of a row; an undefined number is None.
 NUMBERS = (
     *(prefix + key for prefix, keys in REGION_METRICS.items() for key in keys),
     *GUISS_METRICS,
@@ -70,22 +70,24 @@ def measure_row_numbers(
     disparities, true_disparities = disparity[known], true_disparity[known]
     order, visible_order = prepared.true_order.disagreements(depths, is_usable(depths), visible)
     errors_m, errors_px = Errors(depths, true_depths), Errors(disparities, true_disparities)
-    result = depth_metrics_of_errors(errors_m, order) | disparity_metrics_of_errors(errors_px)
-    result |= {f"total_{key}": value for key, value in total_metrics_of_errors(errors_m, errors_px, order).items()}
-    seen = depth_metrics_of_errors(
+    result = compute_depth_metrics_of_errors(errors_m, order) | compute_disparity_metrics_of_errors(errors_px)
+    result |= {
+        f"total_{key}": value for key, value in compute_total_metrics_of_errors(errors_m, errors_px, order).items()
+    }
+    seen = compute_depth_metrics_of_errors(
         Errors(depths[visible], true_depths[visible]), visible_order
-    ) | disparity_metrics_of_errors(Errors(disparities[visible], true_disparities[visible]))
+    ) | compute_disparity_metrics_of_errors(Errors(disparities[visible], true_disparities[visible]))
     result |= {f"visible_{key}": value if prepared.occlusion_known else float("nan") for key, value in seen.items()}
     result |= compute_reference_metrics(disparity, truth, bm_min_disparity)
     error = np.abs(np.where(prepared.visible, disparity - true_disparity, np.nan)).ravel()
     return _to_json_numbers(result) | {
         "true_pixels": errors_m.total,
-        "error_curve": _to_json_list(error_curve_of_errors(errors_m)),
+        "error_curve": _to_json_list(compute_error_curve_of_errors(errors_m)),
         "sparsification": {
             "texture": _to_json_list(compute_sparsification(error[prepared.by_texture])),
             "best": _to_json_list(compute_sparsification(np.sort(error))),
         },
-        "strata": sums_by_class(
+        "strata": sum_by_class(
             prepared.cells, depths, true_depths, disparities, true_disparities, prepared.pair.camera.doffs_px
         ),
         "histograms": make_histograms(disparities, true_disparities),

@@ -19,9 +19,9 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ..images.disparity_and_occlusion import find_visible_in_left, find_visible_in_right
 from .eye_offsets import (
-    FEWEST,
+    FEWEST_PIXELS,
     FEWEST_TILES,
-    FITTING,
+    FITTING_CORRELATION,
     Estimate,
     LightOffsets,
     TruthOffsets,
@@ -33,9 +33,9 @@ from .eye_offsets import (
 
 #: Largest offsets between the truth of both eyes: px, relative f·B, rows. In sound pairs they are below 1e-4 px.
 TRUTH_LIMITS = {"shift_px": 0.02, "scale": 0.001, "rows_px": 0.02}
-#: Standard errors beyond which a number is wrong. Normal errors exceed them once in a million times, but highlights and
-#: edges of shadows in neighbouring tiles are not independent.
-ERRORS = 5.0
+#: Standard errors beyond which a number counts as wrong. Normal errors exceed them once in a million cases, but
+#: highlights and edges of shadows in neighbouring tiles are correlated.
+MOST_STANDARD_ERRORS = 5.0
 #: Least gain of the correlation by a shift, in standard errors. A wide highlight has its peak elsewhere, but so flat
 #: that the gain is small.
 GAIN_ERRORS = 3.0
@@ -101,9 +101,9 @@ def run_self_check(left: Eye, right: Eye, visible: dict[str, Array], camera: Ste
     truth = measure_truth_offsets(left.depth, right.depth, camera)
     light = measure_light_offsets(left.grey, right.grey, column, visible["left"])
     contradictions = _measure_contradictions(left, right, camera)
-    problems = *_truth_problems(truth), *_contradiction_problems(contradictions)
-    if not problems:  # with a wrong truth the light tells nothing more
-        problems = tuple(_light_problems(left, right, visible, camera, column, light))
+    problems = *_find_truth_problems(truth), *_find_contradictions(contradictions)
+    if not problems:  # with a wrong truth the light gives no further result
+        problems = tuple(_find_light_problems(left, right, visible, camera, column, light))
     offset = light.shift_px if _determines_fit(light) else Estimate()
     return SelfCheck(
         _measure_disagreement(left, right, column, visible["left"]),
@@ -115,8 +115,8 @@ def run_self_check(left: Eye, right: Eye, visible: dict[str, Array], camera: Ste
     )
 
 
-def _truth_problems(truth: TruthOffsets) -> Iterator[str]:
-    if any(getattr(truth, name).exceeds(limit, ERRORS) for name, limit in TRUTH_LIMITS.items()):
+def _find_truth_problems(truth: TruthOffsets) -> Iterator[str]:
+    if any(getattr(truth, name).exceeds(limit, MOST_STANDARD_ERRORS) for name, limit in TRUTH_LIMITS.items()):
         value = getattr(truth, truth.likeliest).value
         yield {
             "shift_px": f"the depth of the right eye fits that of the left one if it is shifted by {value:+.2f} px",
@@ -125,33 +125,35 @@ def _truth_problems(truth: TruthOffsets) -> Iterator[str]:
         }[truth.likeliest]
 
 
-def _contradiction_problems(share: float | None) -> Iterator[str]:
+def _find_contradictions(share: float | None) -> Iterator[str]:
     if share is not None and share > CONTRADICTION_LIMIT:
         yield f"at {100 * share:.1f} % of the pixels one eye sees through a surface that the other one sees"
 
 
-def _light_problems(
+def _find_light_problems(
     left: Eye, right: Eye, visible: dict[str, Array], camera: StereoCamera, column: Array, light: LightOffsets
 ) -> Iterator[str]:
     """At most one problem: once the images are exchanged, no other problem can be found."""
     shifts = [
         f"the images fit best if the right one is shifted by {estimate.value:+.2f} {unit}"
         for estimate, gain, unit in ((light.shift_px, light.gain, "px"), (light.rows_px, light.rows_gain, "rows"))
-        if _determines_fit(light) and estimate.exceeds(LIGHT_LIMIT_PX, ERRORS) and gain.exceeds(0.0, GAIN_ERRORS)
+        if _determines_fit(light)
+        and estimate.exceeds(LIGHT_LIMIT_PX, MOST_STANDARD_ERRORS)
+        and gain.exceeds(0.0, GAIN_ERRORS)
     ]
-    if light.correlation > FITTING and not shifts:
+    if light.correlation > FITTING_CORRELATION and not shifts:
         return
     here = measure_light_correlation(left.grey, right.grey, column, visible["left"])
     mirrored = measure_light_correlation(
         left.grey, right.grey, find_matching_column(camera.disparity(right.depth), "right"), visible["right"]
     )
-    if mirrored.value > LEAST_CORRELATION and mirrored.value - here.value > ERRORS * np.hypot(
+    if mirrored.value > LEAST_CORRELATION and mirrored.value - here.value > MOST_STANDARD_ERRORS * np.hypot(
         mirrored.error, here.error
     ):
         yield "the images fit best with left and right exchanged"
         return
     foreign = measure_foreign_share(left.grey, right.grey, camera.disparity(left.depth), visible["left"])
-    if foreign.value - ERRORS * foreign.error > FOREIGN_LIMIT:
+    if foreign.value - MOST_STANDARD_ERRORS * foreign.error > FOREIGN_LIMIT:
         yield (
             f"{100 * foreign.value:.0f} % of the places that are found in both images are not where the depth puts them"
         )
@@ -191,11 +193,12 @@ def _measure_contradictions(left: Eye, right: Eye, camera: StereoCamera) -> floa
 
 
 def _measure_seen_through(disparity: Array, other: Array, column: Array) -> float | None:
-    """Of the pixels whose point falls into the other image, the share where both columns around the point show
-    something farther."""
+    """The share of pixels, of those whose point falls into the other image, for which both columns around the point
+    show something farther.
+    """
     with np.errstate(invalid="ignore"):
         inside = (column >= 0) & (column <= column.shape[1] - 1)
-    if inside.sum() < FEWEST:
+    if inside.sum() < FEWEST_PIXELS:
         return None
     behind, place = np.nan_to_num(other, nan=0.0), column[inside]  # sky is behind everything
     rows = np.nonzero(inside)[0] * column.shape[1]

@@ -19,7 +19,7 @@ _OF_A_FRAME = (
 )
 
 
-def sequence_key(settings: Settings) -> str:
+def make_sequence_key(settings: Settings) -> str:
     """A text that is equal for the frames of a sequence; empty for a pair that is no frame of one."""
     if not settings.rig.stamp:
         return ""
@@ -27,7 +27,7 @@ def sequence_key(settings: Settings) -> str:
     return json.dumps(settings | {"rig": rig}, sort_keys=True)
 
 
-def in_time_order(folders: Sequence[Path]) -> list[Path]:
+def sort_by_time(folders: Sequence[Path]) -> list[Path]:
     """Folders of pairs, each sequence in the order of time, in place of the first of them. Others keep their
     order, as folders do that cannot be read."""
     restore, places = Restorer(), dict[str, int]()
@@ -35,9 +35,9 @@ def in_time_order(folders: Sequence[Path]) -> list[Path]:
     for k, folder in enumerate(folders):
         try:
             settings = read_pair(folder, restore).settings
-        except IcyMoonError:  # whoever needs the pair says so
+        except IcyMoonError:  # the error is reported where the pair is needed
             order.append((k, 0))
             continue
-        key = sequence_key(settings)
+        key = make_sequence_key(settings)
         order.append((places.setdefault(key, k) if key else k, int(settings.rig.frame)))
     return [folders[k] for k in sorted(range(len(folders)), key=order.__getitem__)]

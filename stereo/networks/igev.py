@@ -75,8 +75,8 @@ class IGEVStereo(nn.Module):
         if iterations < 1:
             raise ValueError(f"iterations is {iterations}, not 1 or more")
         left, right = 2 * left / 255 - 1, 2 * right / 255 - 1
-        features, stem_2, matched_left = self._features(left)
-        _, _, matched_right = self._features(right)
+        features, stem_2, matched_left = self._extract_features(left)
+        _, _, matched_right = self._extract_features(right)
         volume = correlate_groups(matched_left, matched_right, self.max_disparity // 4)
         volume = self.corr_feature_att(self.corr_stem(volume), features[0])
         volume = self.cost_agg(volume, features)
@@ -95,8 +95,8 @@ class IGEVStereo(nn.Module):
             disparity = disparity + _to_single_precision(change)
         return upsample_convex(4 * disparity, self.spx_gru(self.spx_2_gru(mask_features, stem_2)))
 
-    def _features(self, image: Tensor) -> tuple[list[Tensor], Tensor, Tensor]:
-        """Features at four scales, those at half the size, and those that are matched."""
+    def _extract_features(self, image: Tensor) -> tuple[list[Tensor], Tensor, Tensor]:
+        """Features at four scales, features at half the size, and features for the matching."""
         features = self.feature(image)
         stem_2 = self.stem_2(image)
         features[0] = torch.cat((features[0], self.stem_4(stem_2)), 1)
@@ -134,13 +134,13 @@ class VolumeLookUp:
         found = []
         for level, (geometry, rows) in enumerate(self._pyramid):
             found += [
-                _window(geometry, disparity.reshape(-1) / 2**level),
-                _window(rows, matched.reshape(-1) / 2**level),
+                _cut_windows(geometry, disparity.reshape(-1) / 2**level),
+                _cut_windows(rows, matched.reshape(-1) / 2**level),
             ]
         return torch.cat(found, 1).view(count, height, width, -1).permute(0, 3, 1, 2)
 
 
-def _window(lines: Tensor, centre: Tensor) -> Tensor:
+def _cut_windows(lines: Tensor, centre: Tensor) -> Tensor:
     """(P, C (2 RADIUS + 1)): lines (P, C, L) at the 2 RADIUS + 1 places about a fractional one; 0 outside."""
     length = lines.shape[2]
     before = torch.floor(centre)

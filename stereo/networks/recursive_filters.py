@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional as F  # noqa: N812, its usual name
 
 #: Neighbours that are filtered before a pixel, as (rows, columns): above, above left, above right, left.
-_NEIGHBOURS = ((-1, 0), (-1, -1), (-1, 1), (0, -1))
+_NEIGHBOUR_OFFSETS = ((-1, 0), (-1, -1), (-1, 1), (0, -1))
 
 
 def filter_non_local(x: Tensor, guide: Tensor) -> Tensor:
@@ -38,23 +38,23 @@ def aggregate_semi_global(x: Tensor, weights: Tensor) -> Tensor:
     return torch.stack(scans).amax(0)
 
 
-def _down(x: Tensor) -> Tensor:
+def _scan_down(x: Tensor) -> Tensor:
     return x
 
 
-def _up(x: Tensor) -> Tensor:
+def _scan_up(x: Tensor) -> Tensor:
     return x.flip(-2, -1)
 
 
-def _right(x: Tensor) -> Tensor:
+def _scan_right(x: Tensor) -> Tensor:
     return x.transpose(-2, -1)
 
 
-def _left(x: Tensor) -> Tensor:
+def _scan_left(x: Tensor) -> Tensor:
     return x.transpose(-2, -1).flip(-2, -1)
 
 
-_turns = (_down, _up, _right, _left)  # each turns its scan into one down the rows, and back
+_turns = (_scan_down, _scan_up, _scan_right, _scan_left)  # each turns its scan into one down the rows, and back
 
 
 def _shift(x: Tensor, rows: int, columns: int) -> Tensor:
@@ -65,9 +65,9 @@ def _shift(x: Tensor, rows: int, columns: int) -> Tensor:
 
 def _scan_weights(guide: Tensor) -> Tensor:
     """(N, 5, H, W): weights of the pixel and its neighbours; the weight of a missing neighbour goes to the pixel."""
-    products = [(guide * guide).sum(1), *((guide * _shift(guide, *place)).sum(1) for place in _NEIGHBOURS)]
+    products = [(guide * guide).sum(1), *((guide * _shift(guide, *place)).sum(1) for place in _NEIGHBOUR_OFFSETS)]
     weights = F.softmax(torch.stack(products, 1), 1)
-    there = torch.stack([_shift(torch.ones_like(products[0]), *place) for place in _NEIGHBOURS], 1)
+    there = torch.stack([_shift(torch.ones_like(products[0]), *place) for place in _NEIGHBOUR_OFFSETS], 1)
     kept = weights[:, 1:] * there
     return torch.cat((weights[:, :1] + (weights[:, 1:] - kept).sum(1, keepdim=True), kept), 1)
 
@@ -86,7 +86,7 @@ def _scan_rows(x: Tensor, weights: Tensor) -> Tensor:
     inside = (column >= 0) & (column < width)
     place = (row * width + column.clamp(0, width - 1)).flatten()
 
-    def skewed(values: Tensor) -> Tensor:  # (steps, N, C, H), 0 where there is no pixel
+    def skewed(values: Tensor) -> Tensor:  # (steps, N, C, H), 0 without a pixel
         picked = values.flatten(2)[:, :, place].view(count, -1, steps, height)
         return (picked * inside).permute(2, 0, 1, 3).contiguous()
 

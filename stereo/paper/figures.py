@@ -25,7 +25,7 @@ from ..report.summary import summarise_method
 from ..report.sweep_charts import SweepCharts, draw_sweeps, write_curves
 from .results import PaperResults
 
-#: Columns of the sheet of each figure, its title, and what it shows.
+#: For each figure: the columns of its sheet, its title, and its subject.
 SHEETS = {
     "ruggedness": (4, "Ruggedness", "Terrains in place of the paper's, from low to very high."),
     "subsurface": (3, "Light under the surface and transmission", "Rows: its share. Columns: transmission."),
@@ -33,13 +33,14 @@ SHEETS = {
     "suns": (5, "Directions of the Sun", "Smooth and rugged ground under the paper's five lamps."),
     "rocks": (3, "Rocks with masks", "Image, semantic mask and instance mask of two densities and two sizes."),
 }
-#: Columns of a picture on a sheet, and letters of a title and of a line below it that fit for certain.
-_CELL_PX, _TITLE, _LINE = 320, 33, 42
+#: Width of a picture on a sheet, px, and most letters of a title and of a line below it.
+_CELL_PX, _TITLE_LETTERS, _LINE_LETTERS = 320, 33, 42
 _MOST_BYTES = 1_000_000
 #: The setting of the albedo figure.
-_ALBEDO = "surface.albedo"
-#: Grey of the ground in masks, and the turn of the circle of hues from one label to the next: no two are alike soon.
-_GROUND_GREY, _HUES, _TURN = 90, 180, 0.618034
+_ALBEDO_SETTING = "surface.albedo"
+#: Grey of the ground in masks, number of hues, and step in the circle of hues from one label to the next, which rarely
+#: repeats a hue.
+_GROUND_GREY, _HUE_COUNT, _HUE_STEP = 90, 180, 0.618034
 
 
 def write_qualitative(measured: PaperResults, sets: Mapping[str, Sequence[PlannedPair]], file: Path) -> list[str]:
@@ -67,18 +68,17 @@ def write_qualitative(measured: PaperResults, sets: Mapping[str, Sequence[Planne
 
 
 def draw_albedo(measured: PaperResults, name: str, out: Path) -> SweepCharts | None:
-    """The charts of the errors against the albedo of the pairs; None if they all have the same.
-
-    Writes ``NAME.png`` to ``out`` too.
+    """The charts of the errors against the albedo of the pairs, also written to ``NAME.png`` in ``out``; None if all
+    albedos are equal.
     """
     places = {pair["pair"]: k for k, pair in enumerate(measured.facts)}
-    sweeps = [sweep for sweep in find_swept_settings(measured.facts, places) if sweep.name == _ALBEDO]
+    sweeps = [sweep for sweep in find_swept_settings(measured.facts, places) if sweep.name == _ALBEDO_SETTING]
     if not sweeps:
         return None
     table = measured.table
     summary = [summarise_method(table, k) for k in range(len(table.methods))]
     with tempfile.TemporaryDirectory(prefix="icymoon-paper-") as folder:
-        picture = Path(folder, write_curves(summary, table, sweeps, Path(folder))[_ALBEDO])
+        picture = Path(folder, write_curves(summary, table, sweeps, Path(folder))[_ALBEDO_SETTING])
         write_bytes(out / f"{name}.png", picture.read_bytes())
     return draw_sweeps(summary, table, sweeps)[0]
 
@@ -107,9 +107,9 @@ def write_figure_sheet(name: str, pairs: Sequence[PlannedPair], dataset: Path, f
 
 def wrap_caption(text: str) -> tuple[str, str]:
     """A text as a title and lines below it that fit under a picture of a sheet, nothing left out."""
-    first, *_ = textwrap.wrap(_to_ascii(text), _TITLE) or [""]
+    first, *_ = textwrap.wrap(_to_ascii(text), _TITLE_LETTERS) or [""]
     rest = _to_ascii(text)[len(first) :].strip()
-    return first, textwrap.fill(rest, _LINE)
+    return first, textwrap.fill(rest, _LINE_LETTERS)
 
 
 def _to_ascii(text: str) -> str:
@@ -128,7 +128,7 @@ def _draw_masks(pair: Pair) -> list[tuple[Array, str, str]]:
 
 def colour_labels(labels: Array) -> Array:
     """Labels (H, W) as a picture (H, W, 3), blue first: the sky black, the terrain grey, any other its own hue."""
-    hue = np.rint(_HUES * (labels.astype(np.float64) * _TURN % 1.0)).astype(np.uint8) % _HUES
+    hue = np.rint(_HUE_COUNT * (labels.astype(np.float64) * _HUE_STEP % 1.0)).astype(np.uint8) % _HUE_COUNT
     full = np.full_like(hue, 255)
     shown = cv2.cvtColor(np.stack([hue, full, full], axis=-1), cv2.COLOR_HSV2BGR)
     shown[labels == 0] = 0

@@ -10,10 +10,10 @@ from ...support.errors import IcyMoonError
 from ...support.suggestions import suggest_nearest
 from ..matchers.bm import PRESETS
 from ..matchers.methods import Method, parse_methods
-from .printed import METHODS
+from .printed import PRINTED_METHODS
 
-#: StereoBM takes its number of disparities in steps of this, and no smaller window.
-_STEP_PX, _LEAST_WINDOW = 16, 5
+#: Step of StereoBM's number of disparities, px, and its least window.
+_DISPARITIES_STEP_PX, _LEAST_WINDOW = 16, 5
 
 
 def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], dict[str, str]]:
@@ -23,7 +23,7 @@ def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], di
     ``options`` are ``matcher.key=value``. Raises IcyMoonError for an option that is wrong, and if a matcher cannot run
     although it has one.
     """
-    names = [printed.matcher for printed in METHODS]
+    names = [printed.matcher for printed in PRINTED_METHODS]
     for text in options:
         if (name := text.partition(".")[0]) not in names:
             raise IcyMoonError(f"--option {text}: the paper has no matcher {name!r}, {suggest_nearest(name, names)}")
@@ -50,6 +50,6 @@ def _describe_matcher(name: str, scale: float) -> str:
         return f"{name}:preset=guiss"
     preset = PRESETS["guiss"]
     window = max(_LEAST_WINDOW, 2 * round(scale * (preset["window"] - 1) / 2) + 1)
-    disparities = _STEP_PX * math.ceil(scale * preset["disparities"] / _STEP_PX)
+    disparities = _DISPARITIES_STEP_PX * math.ceil(scale * preset["disparities"] / _DISPARITIES_STEP_PX)
     least = round(scale * preset["min_disparity"])
     return f"bm:preset=guiss:window={window}:disparities={disparities}:min_disparity={least}"

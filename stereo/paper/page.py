@@ -10,10 +10,10 @@ from ...support.files import write_text
 from ...support.number_text import format_count
 from ..report.charts import list_method_keys
 from ..report.page_templates import read_template
-from . import PAGE
+from . import PAPER_PAGE
 from .figures import SHEETS, SweepCharts, draw_albedo, write_figure_sheet, write_qualitative
 from .paper_datasets import Part
-from .printed import METHODS
+from .printed import PRINTED_METHODS
 from .results import PaperResults, measure_rendering_seconds
 from .tables import (
     RUNTIME_COLUMNS,
@@ -27,7 +27,7 @@ from .tables import (
 )
 
 #: The charts of error by albedo: the evaluation of each, and its title.
-_ALBEDOS = {
+_ALBEDO_CHARTS = {
     "albedo": ("albedo_one_exposure", "One exposure for all albedos, as in the paper"),
     "albedo_automatic": ("albedo_automatic", "The same pairs at automatic exposure"),
 }
@@ -37,7 +37,7 @@ def _draw_albedos(measured: Mapping[str, PaperResults], out: Path) -> list[tuple
     """The charts of error by albedo, with their titles."""
     return [
         (title, drawn)
-        for key, (name, title) in _ALBEDOS.items()
+        for key, (name, title) in _ALBEDO_CHARTS.items()
         if (drawn := draw_albedo(measured[key], name, out)) is not None
     ]
 
@@ -60,7 +60,7 @@ def write_paper(
     rendering = measure_rendering_seconds(out / parts["data"].folder, parts["data"].pairs)
     runtimes = make_runtime_rows(data, rendering)
     size = describe_size(data, scale, planned)
-    lacking = [f"{method.title}: {missing[method.matcher]}" for method in METHODS if method.matcher in missing]
+    lacking = [f"{method.title}: {missing[method.matcher]}" for method in PRINTED_METHODS if method.matcher in missing]
     write_text(out / "results.csv", make_results_csv(results))
     write_text(out / "runtimes.csv", make_runtimes_csv(runtimes))
     caption = f"Results printed in the GUISS paper and measured here. {size}"
@@ -88,8 +88,8 @@ def write_paper(
         sheets=sheets,
         folders=[part.folder for part in parts.values()],
     )
-    write_text(out / PAGE, html)
-    return out / PAGE
+    write_text(out / PAPER_PAGE, html)
+    return out / PAPER_PAGE
 
 
 def describe_size(data: PaperResults, scale: float, planned: int) -> str:

@@ -16,14 +16,15 @@ from ...render.plans.stratified import choose_stratified
 from ...settings.description import changed, defaults, merged
 from ...settings.toml_text import to_toml, to_toml_value
 from ...settings.topics.declaration import Parts
-from ..trade.measure_variants import scaled_view
+from ..trade.measure_variants import scale_view
 
-#: The sets of ``datasets/guiss_all``, and the figures of ``datasets/guiss_figures``, in the order of their plans.
+#: The data sets of ``datasets/guiss_all``, and the figures of ``datasets/guiss_figures``, in the order of their plans.
 SETS = ("reconstructions", "textures", "landforms", "generative", "terrains", "rocks", "snow")
 FIGURES = ("ruggedness", "subsurface", "texture", "suns", "rocks")
 #: Images of the figures, which are small on a page, have this share of the columns and rows of the others.
 _OF_FIGURES = 0.5
-#: Grounds of each set that its cameras are checked on before the render, which sets aside what cannot be rendered.
+#: Grounds of each set on which its cameras are checked before the render; the render sets pairs aside that it cannot
+#: render.
 _CHECKED_GROUNDS = 4
 #: The evaluations: the part that is matched, the folder in its own, and settings of the response. Images of the albedo
 #: figure are developed twice from one render, at its stated exposure and automatically exposed.
@@ -32,8 +33,8 @@ EVALUATIONS: dict[str, tuple[str, str, Parts]] = {
     "albedo": ("albedo", "evaluation", {}),
     "albedo_automatic": ("albedo", "evaluation_automatic", {"sensor": {"auto_exposure": True}}),
 }
-#: Share of the pairs of a quick run.
-QUICK = 0.1
+#: Share of the pairs in a quick run.
+QUICK_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def _scale_settings(plan: Plan, scale: float) -> Parts:
     if scale == 1:
         return {}
     base = merged(defaults(), *(part.settings for part in plan.designs[0].base))
-    scaled = scaled_view(base, scale)
+    scaled = scale_view(base, scale)
     if not base.sensor.auto_exposure:
         scaled = merged(scaled, {"sensor": {"exposure_s": base.sensor.exposure_s * scale**2}})
     return changed(scaled, base)

@@ -1,4 +1,4 @@
-"""What the GUISS paper prints: its table of results, its table of run times, and its two kinds of pairs.
+"""The printed numbers of the GUISS paper: its table of results, its table of run times, and its two kinds of pairs.
 
 Bhaskara et al. 2024, tables 1 and 2. The rates are of an error above 10 cm; si-RMSE is the root, although the paper's
 formula has none; the row *All* is the mean over 3060 reconstructed and 1960 synthetic pairs.
@@ -9,16 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-#: The groups of pairs in the table, and the pairs of each in the paper.
-GROUPS = {"All": 5020, "Reconstructed": 3060, "Synthetic": 1960}
-#: The metrics of the table, by the key of ours.
-METRICS = ("l1_m", "l1_rate_10", "si_rmse", "dod")
+#: The groups of pairs in the table, with the paper's number of pairs.
+PAIRS_BY_GROUP = {"All": 5020, "Reconstructed": 3060, "Synthetic": 1960}
+#: The metrics of the table, by our keys.
+PRINTED_METRICS = ("l1_m", "l1_rate_10", "si_rmse", "dod")
 
 
 @dataclass(frozen=True)
 class PrintedMethod:
-    """A method of the paper: the matcher that it is here, its title, the seconds that it takes for a pair of
-    640 x 480 px and on what, and by group its METRICS, in the units of ours: metres and shares."""
+    """A method of the paper: our matcher, its title, the seconds for a pair of 640 x 480 px with the hardware, and by
+    group its PRINTED_METRICS in our units: metres and shares.
+    """
 
     matcher: str
     title: str
@@ -27,7 +28,7 @@ class PrintedMethod:
     results: Mapping[str, tuple[float, float, float, float]]
 
 
-METHODS = (
+PRINTED_METHODS = (
     PrintedMethod(
         "bm",
         "StereoBM",

@@ -18,7 +18,7 @@ from ..report.row_log import RowLog
 from ..report.schema import ROW
 from ..report.summary import ResultTable, summarise_method
 from ..report.write_results import read_facts
-from .printed import GROUPS
+from .printed import PAIRS_BY_GROUP
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class PaperResults:
         return {"All": np.ones(len(from_file), bool), "Reconstructed": from_file, "Synthetic": ~from_file}[name]
 
     def summary(self, matcher: str, group: str) -> dict[str, Any] | None:
-        """The means of a matcher over a group, see ``summarise_method``; None if it was not run or has no result."""
+        """The means of a matcher over a group, see ``summarise_method``; None if it was not run or failed."""
         if matcher not in self.table.methods:
             return None
         found = summarise_method(self.table.where(self.group(group)), self.table.methods.index(matcher))
@@ -74,6 +74,6 @@ def measure_rendering_seconds(dataset: Path, pairs: Iterable[PlannedPair]) -> di
             bakes.setdefault(group, {})[light["file"]] = float(light["cpu_seconds_of_bake"])
     return {
         group: ((sum(own) + sum(bakes.get(group, {}).values())) / len(own), len(own))
-        for group in GROUPS
+        for group in PAIRS_BY_GROUP
         if (own := seconds.get(group))
     }

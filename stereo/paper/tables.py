@@ -9,15 +9,24 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...support.number_text import format_count
-from ..report.table_columns import GUISS, TOTALS, Column, format_interval, format_number
-from .printed import GROUPS, METHODS, METRICS, RENDERING_S
+from ..report.table_columns import GUISS_COLUMNS, TOTAL_COLUMNS, Column, format_interval, format_number
+from .printed import PAIRS_BY_GROUP, PRINTED_METHODS, PRINTED_METRICS, RENDERING_S
 from .results import PaperResults
 
-#: What a table shows where there is no number.
-NONE = "–"
-#: What stands for a character in LaTeX's text.
-_LATEX = {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}"}
-_LATEX |= {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "–": "--", "±": r"$\pm$", "×": r"$\times$"}
+#: The text of a table cell without a number.
+NO_NUMBER = "–"
+#: LaTeX text for each special character.
+_LATEX_ESCAPES = {
+    "&": r"\&",
+    "%": r"\%",
+    "_": r"\_",
+    "#": r"\#",
+    "$": r"\$",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+}
+_LATEX_ESCAPES |= {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "–": "--", "±": r"$\pm$", "×": r"$\times$"}
 #: Processor seconds that were read as the clock: the paper states times, here the share of a busy machine counts.
 RUNTIME_COLUMNS = ("", "printed (s)", "printed on", "measured (CPU s)", "measured (s)", "over")
 
@@ -40,7 +49,7 @@ class ResultRow:
 
 def list_metric_columns() -> list[tuple[Column, Column]]:
     """The column of the paper's code and ours of each of METRICS."""
-    return [next(both for both in GUISS if both[1].key == key) for key in METRICS]
+    return [next(both for both in GUISS_COLUMNS if both[1].key == key) for key in PRINTED_METRICS]
 
 
 def make_result_rows(measured: PaperResults, with_theirs: bool) -> list[ResultRow]:
@@ -49,8 +58,8 @@ def make_result_rows(measured: PaperResults, with_theirs: bool) -> list[ResultRo
     Without ``with_theirs`` the numbers of the paper's code are left out: it knows images of the paper's size only.
     """
     found = []
-    for group in GROUPS:
-        for method in METHODS:
+    for group in PAIRS_BY_GROUP:
+        for method in PRINTED_METHODS:
             summary = measured.summary(method.matcher, group)
             numbers: dict[str, tuple[float | None, ...]] = {"printed": method.results[group]}
             for k, name in enumerate(("theirs", "ours")):
@@ -74,7 +83,7 @@ def make_result_rows(measured: PaperResults, with_theirs: bool) -> list[ResultRo
                     texts["theirs"],
                     texts["ours"],
                     tuple(format_interval(bounds.get(c.key), _round_as_printed(c)) for c in columns),
-                    format_number(summary, TOTALS[0]) if summary else NONE,
+                    format_number(summary, TOTAL_COLUMNS[0]) if summary else NO_NUMBER,
                     summary["pairs"] if summary else 0,
                     numbers | {"coverage": (summary["coverage"] if summary else None,)},
                 )
@@ -90,7 +99,7 @@ def _round_as_printed(column: Column) -> Column:
 def make_runtime_rows(measured: PaperResults, rendering: Mapping[str, tuple[float, int]]) -> list[tuple[str, ...]]:
     """The table of run times, with ``RUNTIME_COLUMNS``: the matchers, then rendering; see ``rendering_seconds``."""
     rows = []
-    for method in METHODS:
+    for method in PRINTED_METHODS:
         summary = measured.summary(method.matcher, "All")
         took = [summary[key] if summary else None for key in ("seconds", "wall_seconds")]
         rows.append(
@@ -98,8 +107,8 @@ def make_runtime_rows(measured: PaperResults, rendering: Mapping[str, tuple[floa
                 method.title,
                 f"{method.seconds:g}",
                 method.machine,
-                *(NONE if each is None else f"{each:.3g}" for each in took),
-                format_count(summary["pairs"], "pair") if summary else NONE,
+                *(NO_NUMBER if each is None else f"{each:.3g}" for each in took),
+                format_count(summary["pairs"], "pair") if summary else NO_NUMBER,
             )
         )
     for group, printed in RENDERING_S.items():
@@ -109,9 +118,9 @@ def make_runtime_rows(measured: PaperResults, rendering: Mapping[str, tuple[floa
                 f"Rendering, {group.lower()}",
                 f"about {printed:g}",
                 "i7 laptop",
-                f"{found[0]:.3g}" if found else NONE,
-                NONE,
-                format_count(found[1], "pair") if found else NONE,
+                f"{found[0]:.3g}" if found else NO_NUMBER,
+                NO_NUMBER,
+                format_count(found[1], "pair") if found else NO_NUMBER,
             )
         )
     return rows
@@ -121,7 +130,7 @@ def make_results_csv(rows: Sequence[ResultRow]) -> str:
     """The table of results as CSV, a line for each number: metres and shares; unknown numbers are empty."""
     lines: list[Sequence[Any]] = [("group", "method", "metric", "printed", "paper_code", "measured", "pairs")]
     for row in rows:
-        for k, metric in enumerate(METRICS):
+        for k, metric in enumerate(PRINTED_METRICS):
             numbers = (row.numbers[name][k] for name in ("printed", "theirs", "ours"))
             lines.append((row.group, row.method, metric, *numbers, row.pairs))
         lines.append((row.group, row.method, "coverage", None, None, row.numbers["coverage"][0], row.pairs))
@@ -130,7 +139,7 @@ def make_results_csv(rows: Sequence[ResultRow]) -> str:
 
 def make_runtimes_csv(rows: Sequence[Sequence[str]]) -> str:
     """The table of run times as CSV; unknown numbers are empty."""
-    return _make_csv([RUNTIME_COLUMNS, *([text if text != NONE else "" for text in row] for row in rows)])
+    return _make_csv([RUNTIME_COLUMNS, *([text if text != NO_NUMBER else "" for text in row] for row in rows)])
 
 
 def _make_csv(lines: Sequence[Sequence[Any]]) -> str:
@@ -149,22 +158,22 @@ def make_results_latex(rows: Sequence[ResultRow], caption: str) -> str:
         "Method" + " & printed & its code & measured" * len(metrics) + r" & coverage (\%)",
     ]
     body = []
-    for group in GROUPS:
+    for group in PAIRS_BY_GROUP:
         body.append(rf"\multicolumn{{{2 + 3 * len(metrics)}}}{{l}}{{\textit{{{escape_latex(group)}}}}}")
         for row in rows:
             if row.group == group:
                 cells = [text for each in zip(row.printed, row.theirs, row.ours, strict=True) for text in each]
                 body.append(" & ".join(map(escape_latex, (row.method, *cells, row.coverage))))
-    return _latex_table("l" + "r" * (3 * len(metrics) + 1), head, body, caption)
+    return _make_latex_table("l" + "r" * (3 * len(metrics) + 1), head, body, caption)
 
 
 def make_runtimes_latex(rows: Sequence[Sequence[str]], caption: str) -> str:
     """The table of run times in LaTeX."""
     head = [" & ".join(map(escape_latex, RUNTIME_COLUMNS))]
-    return _latex_table("lrlrrr", head, [" & ".join(map(escape_latex, row)) for row in rows], caption)
+    return _make_latex_table("lrlrrr", head, [" & ".join(map(escape_latex, row)) for row in rows], caption)
 
 
-def _latex_table(columns: str, head: Sequence[str], body: Sequence[str], caption: str) -> str:
+def _make_latex_table(columns: str, head: Sequence[str], body: Sequence[str], caption: str) -> str:
     end = r" \\"
     lines = [
         r"\begin{table*}",
@@ -184,4 +193,4 @@ def _latex_table(columns: str, head: Sequence[str], body: Sequence[str], caption
 
 def escape_latex(text: str) -> str:
     """Text as LaTeX prints it."""
-    return "".join(_LATEX.get(letter, letter) for letter in text)
+    return "".join(_LATEX_ESCAPES.get(letter, letter) for letter in text)

@@ -1,4 +1,4 @@
-"""Over what the mean of a point in a chart is: scenes, headings, places and other settings that vary."""
+"""Describes the averages behind a point in a chart: over scenes, headings, places and other varied settings."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.number_text import format_count
-from .by_setting import POSES, SCENE, Sweep
+from .by_setting import POSE_SETTINGS, SCENE_SWEEP, VariedSetting
 from .summary import ResultTable
 
 #: Most settings that are named.
 _MOST_NAMED = 6
 
 
-def describe_averaging(point: Array, used: Sequence[Sweep], sweeps: Sequence[Sweep], table: ResultTable) -> str:
+def describe_averaging(
+    point: Array, used: Sequence[VariedSetting], sweeps: Sequence[VariedSetting], table: ResultTable
+) -> str:
     """A sentence on the means of a chart. ``point`` (pairs,) is the point that each pair is part of, or -1.
 
     Of ``sweeps``, those in ``used`` are the same in all pairs of a point; the others are named if they differ there.
@@ -25,15 +27,15 @@ def describe_averaging(point: Array, used: Sequence[Sweep], sweeps: Sequence[Swe
     most = max(map(len, groups), default=0)
     if most <= 1:
         return "Each point is one pair."
-    found = [_count_text(_range_of_distinct(table.scenes, groups), "scene")]
+    found = [_count_text(_find_range_of_distinct(table.scenes, groups), "scene")]
     poses: dict[str, int] = {}
     named = []
     for sweep in sweeps:
-        number = _range_of_distinct(sweep.values, groups) if all(sweep is not each for each in used) else (1, 1)
-        if number[1] < 2 or sweep.name == SCENE:
+        number = _find_range_of_distinct(sweep.values, groups) if all(sweep is not each for each in used) else (1, 1)
+        if number[1] < 2 or sweep.name == SCENE_SWEEP:
             continue
-        if sweep.name in POSES:
-            poses[POSES[sweep.name]] = max(number[1], poses.get(POSES[sweep.name], 0))
+        if sweep.name in POSE_SETTINGS:
+            poses[POSE_SETTINGS[sweep.name]] = max(number[1], poses.get(POSE_SETTINGS[sweep.name], 0))
         else:
             named.append(sweep.title)
     found += [format_count(number, what) for what, number in poses.items()]
@@ -41,22 +43,22 @@ def describe_averaging(point: Array, used: Sequence[Sweep], sweeps: Sequence[Swe
         named = [*named[:_MOST_NAMED], format_count(len(named) - _MOST_NAMED, "more setting")]
     found = [*filter(None, found), *named]
     if not found:
-        return f"Each point is the mean over {_count_text(_range_of_sizes(groups), 'pair')}."
+        return f"Each point is the mean over {_count_text(_find_range_of_sizes(groups), 'pair')}."
     return f"Each point is the mean over {' and '.join([', '.join(found[:-1]), found[-1]] if found[1:] else found)}."
 
 
-def _range_of_distinct(values: Array, groups: Sequence[Array]) -> tuple[int, int]:
+def _find_range_of_distinct(values: Array, groups: Sequence[Array]) -> tuple[int, int]:
     """The least and the most distinct values in a group."""
     found = [len(np.unique(values[group])) for group in groups]
     return min(found), max(found)
 
 
-def _range_of_sizes(groups: Sequence[Array]) -> tuple[int, int]:
+def _find_range_of_sizes(groups: Sequence[Array]) -> tuple[int, int]:
     return min(map(len, groups)), max(map(len, groups))
 
 
 def _count_text(numbers: tuple[int, int], what: str) -> str:
-    """How many of what a point has; empty if every point has one."""
+    """The number of averaged items per point, in words; empty if each point has one."""
     least, most = numbers
     if most < 2:
         return ""

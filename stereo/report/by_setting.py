@@ -16,17 +16,17 @@ from ..inference.scene_means import find_mean_intervals
 from .summary import ResultTable, is_share
 
 #: Settings, as topic.key, that determine the ground; pairs that share them share a scene, in any light and camera.
-_GROUND = {f"{topic}.{setting.key}" for topic, setting in list_all_settings() if setting.effect == "geometry"}
+_GROUND_SETTINGS = {f"{topic}.{setting.key}" for topic, setting in list_all_settings() if setting.effect == "geometry"}
 #: Settings that are never shown as varied: where and how fast to run, and the seed, whose value has no meaning.
 _NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in list_all_settings() if setting.effect == "run"} | {
     "dataset.seed"
 }
-#: The name of the sweep over the scenes that pairs are from, if these are presets.
-SCENE = "scene"
-#: The name of the sweep over the shipped terrains that pairs are from.
-TERRAIN = "terrain"
-#: Settings of where the cameras are and look, over whose values is averaged, and what readers call these.
-POSES = {"rig.heading_deg": "heading", "rig.x_m": "place", "rig.y_m": "place"}
+#: The name of the sweep over scenes, if the pairs are from presets.
+SCENE_SWEEP = "scene"
+#: The name of the sweep over the shipped terrains of the pairs.
+TERRAIN_SWEEP = "terrain"
+#: Settings of the cameras' poses, whose values are averaged, and their names for readers.
+POSE_SETTINGS = {"rig.heading_deg": "heading", "rig.x_m": "place", "rig.y_m": "place"}
 #: Most values that a curve shows one by one; if there are more, they form this many groups of equal size.
 MOST_LEVELS = 10
 
@@ -40,13 +40,13 @@ def name_scene(facts: Mapping[str, Any]) -> str:
         f"{topic}.{key}": value
         for topic, values in facts["settings"].items()
         for key, value in values.items()
-        if f"{topic}.{key}" in _GROUND
+        if f"{topic}.{key}" in _GROUND_SETTINGS
     }
     return json.dumps(ground or facts["pair"], sort_keys=True)
 
 
 @dataclass(frozen=True)
-class Sweep:
+class VariedSetting:
     """A setting that differs between pairs, or the scenes or terrains that they are from, see
     ``conditions.join_by_scene``."""
 
@@ -78,12 +78,12 @@ class Sweep:
         return [str(value) for value in distinct], np.arange(len(distinct), dtype=float), level
 
 
-def find_swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]) -> list[Sweep]:
+def find_swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]) -> list[VariedSetting]:
     """The settings that differ between pairs, those with the fewest distinct values first, as these are most often set
     on purpose.
 
-    A setting that some pairs lack, such as photographs, and that is the same in all others, does not differ.
-    ``places`` gives the number of each pair by name. Reads ``facts`` twice, to keep only what differs in memory.
+    A setting that some pairs lack, such as photographs, and that is the same in all others, does not differ. ``places``
+    gives the number of each pair by name. Reads ``facts`` twice, to keep only differing settings in memory.
     """
     first: dict[str, Any] = {}
     differing: set[str] = set()
@@ -99,14 +99,14 @@ def find_swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str,
     sweeps = [
         sweep
         for name, values in columns.items()
-        if len((sweep := Sweep(name, _sweep_title(name), _to_value_array(values))).levels()[0]) > 1
+        if len((sweep := VariedSetting(name, _make_sweep_title(name), _to_value_array(values))).levels()[0]) > 1
     ]
     return _join_inseparable(sorted(sweeps, key=lambda sweep: (len(np.unique(sweep.values.astype(str))), sweep.name)))
 
 
-def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
+def _join_inseparable(sweeps: list[VariedSetting]) -> list[VariedSetting]:
     """Join settings that always vary together, such as those of two presets, into one sweep."""
-    groups: dict[tuple[int, ...], list[Sweep]] = {}
+    groups: dict[tuple[int, ...], list[VariedSetting]] = {}
     for sweep in sweeps:
         seen: dict[str, int] = {}
         split = tuple(seen.setdefault(value, len(seen)) for value in sweep.values.astype(str).tolist())
@@ -114,8 +114,8 @@ def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
     return [replace(first, together=tuple(sweep.title for sweep in others)) for first, *others in groups.values()]
 
 
-def mean_by_level(
-    sweep: Sweep, table: ResultTable, method: int, metric: str, among: Array | None = None
+def average_by_level(
+    sweep: VariedSetting, table: ResultTable, method: int, metric: str, among: Array | None = None
 ) -> tuple[Array, Array]:
     """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2), NaN
     where there are too few scenes for them.
@@ -134,7 +134,7 @@ def mean_by_level(
     return means, bounds
 
 
-def find_noisy_levels(sweep: Sweep, table: ResultTable) -> Array:
+def find_noisy_levels(sweep: VariedSetting, table: ResultTable) -> Array:
     """Boolean (levels,): noise of the render decides the results of half of the pairs at a level, or of more."""
     names, _, level = sweep.levels()
     return np.array([bool(table.by_noise[level == k].mean() >= 0.5) for k in range(len(names))])
@@ -156,7 +156,7 @@ def _to_value_array(values: list[Any]) -> Array:
     return np.array(["" if value is None else str(value) for value in values])
 
 
-def _sweep_title(name: str) -> str:
+def _make_sweep_title(name: str) -> str:
     topic, key = name.split(".")
     try:
         setting = TOPICS[topic][key]

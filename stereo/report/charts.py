@@ -23,15 +23,15 @@ from ...support.printer import show_lines
 from ..inference.scene_means import average_by_scene
 from ..matchers.methods import describe_method
 from ..measure import by_pixel_class
-from ..measure.disparity_histograms import ERROR_PX, PARTS
-from ..measure.metrics import ERROR_STEPS_M, SHARES
+from ..measure.disparity_histograms import ERROR_BOUNDS_PX, FRACTION_BINS
+from ..measure.metrics import ERROR_STEPS_M, KEPT_SHARES
 from .phase_curves import PHASE_DEG
 from .summary import ResultTable
 
-#: After Okabe and Ito, distinct for colour-blind eyes; visible on a white and on a black page.
-COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
-MARKS = ("o", "s", "^", "D", "v", "P")
-_SHAPES = {
+#: Colours after Okabe and Ito: distinct for colour-blind eyes, and visible on a white and on a black page.
+METHOD_COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
+METHOD_MARKS = ("o", "s", "^", "D", "v", "P")
+_MARK_SHAPES = {
     "o": "M1 5a4 4 0 1 0 8 0a4 4 0 1 0-8 0",
     "s": "M1.5 1.5h7v7h-7z",
     "^": "M5 1l4.5 8h-9z",
@@ -41,15 +41,18 @@ _SHAPES = {
 }
 #: The groups of charts in the report.
 CHARTS = ("typical", "front", "errors", "signed", "range", "strata", "phase")
-_INK, _LINE = "#010203", "#040506"  # placeholders for the colours of the page, which the browser fills in
+_INK_PLACEHOLDER, _LINE_PLACEHOLDER = (
+    "#010203",
+    "#040506",
+)  # placeholders for the colours of the page, which the browser fills in
 STYLE: dict[Any, Any] = {
     "font.size": 9,
-    "axes.edgecolor": _LINE,
-    "axes.labelcolor": _INK,
-    "text.color": _INK,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
-    "grid.color": _LINE,
+    "axes.edgecolor": _LINE_PLACEHOLDER,
+    "axes.labelcolor": _INK_PLACEHOLDER,
+    "text.color": _INK_PLACEHOLDER,
+    "xtick.color": _INK_PLACEHOLDER,
+    "ytick.color": _INK_PLACEHOLDER,
+    "grid.color": _LINE_PLACEHOLDER,
     "axes.grid": True,
     "grid.linewidth": 0.8,
     "axes.spines.top": False,
@@ -66,19 +69,20 @@ STYLE: dict[Any, Any] = {
 }
 #: Inches that a chart of its own is wide: text is legible from a width of 360 px on.
 _PANEL_WIDTH = 4.8
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
-#: Most scenes that are drawn as dots of their own, and most characters of a method's name in a chart.
+METHOD_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
+#: Most scenes that are drawn as separate dots, and most characters of a method's name in a chart.
 _MOST_DOTS, _LONGEST_LABEL = 60, 24
-#: The colour of an interval beside few scenes, what the title of its chart adds, and the fewest scenes of a box.
-_GREY, _FEW, _FEWEST_IN_BOX = "#8a94a0", "; grey: mean, 95 %", 6
-#: Metrics whose typical differences are drawn, with factor and name; most comparisons, and inches that each takes.
-_DIFFERENCES = (
+#: Colour of an interval of few scenes, what it adds to the title of its chart, and the fewest scenes of a box.
+_INTERVAL_GREY, _GREY_TEXT, _FEWEST_IN_BOX = "#8a94a0", "; grey: mean, 95 %", 6
+#: Metrics whose typical differences are drawn, with factor and name.
+_DIFFERENCE_METRICS = (
     ("total_bad_1", 100.0, "points of pixels missing or off by > 1 px"),
     ("common_epe_px", 1.0, "ratio of mean disparity errors"),
 )
-_MOST_COMPARED, _COMPARED_HEIGHT = 15, 0.3
-#: Classes with fewer true pixels than this are not drawn.
-_FEWEST = 200
+#: Most comparisons in the chart, and the height of each in inches.
+_MOST_COMPARED, _COMPARISON_HEIGHT_IN = 15, 0.3
+#: Fewest true pixels of a class that is drawn.
+_FEWEST_CLASS_PX = 200
 
 Summary = Sequence[Mapping[str, Any]]
 
@@ -92,7 +96,7 @@ def iterate_methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], 
 
 def _choose_look(k: int) -> tuple[str, str]:
     """The colour and the mark of a method; together they are distinct for 36 methods."""
-    return COLOURS[k % len(COLOURS)], MARKS[(k + k // len(COLOURS)) % len(MARKS)]
+    return METHOD_COLOURS[k % len(METHOD_COLOURS)], METHOD_MARKS[(k + k // len(METHOD_COLOURS)) % len(METHOD_MARKS)]
 
 
 def make_figure(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, Array]:
@@ -123,11 +127,11 @@ def render_svg(figure: Figure, name: str, title: str) -> str:
         "",
         text,
     )
-    return show_lines(text.replace(_INK, "var(--soft)").replace(_LINE, "var(--line)"))
+    return show_lines(text.replace(_INK_PLACEHOLDER, "var(--soft)").replace(_LINE_PLACEHOLDER, "var(--line)"))
 
 
 def add_legend(figure: Figure | SubFigure, axis: Axes, count: int) -> None:
-    """Add a legend above the figure, of what ``axis`` shows."""
+    """Add a legend above the figure, for the curves of ``axis``."""
     handles, labels = axis.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside upper left", ncols=min(5, max(1, count)), handlelength=1.6)
@@ -187,7 +191,7 @@ def draw_charts(
 def list_method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
     """(method, colour, shape as an SVG path in a square of 10) of each method, for the legend of the page."""
     return [
-        (describe_method(method), colour, _SHAPES[mark])
+        (describe_method(method), colour, _MARK_SHAPES[mark])
         for method, (colour, mark) in zip(methods, map(_choose_look, range(len(methods))), strict=True)
     ]
 
@@ -206,7 +210,9 @@ def _draw_phase_curves(laws: Mapping[str, Array]) -> list[str]:
     found: list[str] = []
     for title, last in (("Opposition", 8.0), ("All phases", PHASE_DEG[-1])) if laws else ():
         with add_panel(found, "phase", title, height=3.4 + 0.22 * (len(laws) - 1)) as axis:  # with a line for each law
-            for (name, bright), colour, dash in zip(laws.items(), itertools.cycle(COLOURS), itertools.cycle(DASHES)):
+            for (name, bright), colour, dash in zip(
+                laws.items(), itertools.cycle(METHOD_COLOURS), itertools.cycle(METHOD_DASHES)
+            ):
                 shown = last >= PHASE_DEG
                 axis.plot(PHASE_DEG[shown], bright[shown], color=colour, linestyle=dash, label=name)
             axis.set_xlabel("phase angle (°)")
@@ -221,7 +227,7 @@ def _draw_phase_curves(laws: Mapping[str, Array]) -> list[str]:
 def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
     """Draw the typical difference of every two methods with its interval, where there are scenes enough for one."""
     found: list[str] = []
-    for key, factor, label in _DIFFERENCES:
+    for key, factor, label in _DIFFERENCE_METRICS:
         entries = [
             entry
             for entry in comparisons
@@ -230,7 +236,7 @@ def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
         if not entries:
             continue
         with add_panel(
-            found, f"typical-{key}-", "Typical scene; filled: they differ", 1.2 + _COMPARED_HEIGHT * len(entries)
+            found, f"typical-{key}-", "Typical scene; filled: they differ", 1.2 + _COMPARISON_HEIGHT_IN * len(entries)
         ) as axis:
             for place, entry in enumerate(entries):
                 middle, low, high = (factor * entry[name] for name in ("typical", "typical_low", "typical_high"))
@@ -238,13 +244,13 @@ def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
                     [middle],
                     [place],
                     xerr=[[max(middle - low, 0.0)], [max(high - middle, 0.0)]],
-                    color=COLOURS[0],
+                    color=METHOD_COLOURS[0],
                     marker="o",
                     capsize=3,
                     elinewidth=1.4,
-                    markerfacecolor=COLOURS[0] if entry["better"] else "none",
+                    markerfacecolor=METHOD_COLOURS[0] if entry["better"] else "none",
                 )
-            axis.axvline(1.0 if entries[0]["kind"] == "ratio" else 0.0, color=_INK, linewidth=0.8)
+            axis.axvline(1.0 if entries[0]["kind"] == "ratio" else 0.0, color=_INK_PLACEHOLDER, linewidth=0.8)
             axis.set_yticks(
                 range(len(entries)),
                 [" / ".join(describe_method(entry[side])[:_LONGEST_LABEL] for side in "ab") for entry in entries],
@@ -271,7 +277,7 @@ def _draw_front(summary: Summary) -> list[str]:
             for seconds, wrong in sorted((seconds, wrong) for _, seconds, wrong in points):
                 if not best or wrong < best[-1][1]:
                     best.append((seconds, wrong))
-            axis.step(*zip(*best, strict=True), where="post", color=_INK, linewidth=1, zorder=2)
+            axis.step(*zip(*best, strict=True), where="post", color=_INK_PLACEHOLDER, linewidth=1, zorder=2)
             set_logarithmic(axis, "x")
             axis.margins(x=0.25, y=0.15)
             start_at_zero(axis)
@@ -281,7 +287,7 @@ def _draw_front(summary: Summary) -> list[str]:
 
 
 def _draw_spreads(summary: Summary, table: ResultTable) -> list[str]:
-    """Draw the spread over scenes of what is wrong or missing, and of the error of the measured pixels."""
+    """Draw the spread over scenes of the wrong or missing share, and of the error of the measured pixels."""
     found: list[str] = []
     for title, key, factor, label in (
         ("Spread over scenes", "total_bad_1", 100.0, "% missing or off by > 1 px"),
@@ -295,7 +301,7 @@ def _draw_spreads(summary: Summary, table: ResultTable) -> list[str]:
         most = max(map(len, values), default=0)
         if most < 2:
             continue
-        with add_panel(found, "spread", title + _FEW * _has_bars(values, summary, key)) as axis:
+        with add_panel(found, "spread", title + _GREY_TEXT * _has_bars(values, summary, key)) as axis:
             for k, entry, look in iterate_methods(summary):
                 bounds = entry["intervals"].get(key)
                 if len(values[k]) < _FEWEST_IN_BOX and bounds:
@@ -304,7 +310,7 @@ def _draw_spreads(summary: Summary, table: ResultTable) -> list[str]:
                         [k + 0.3],
                         [middle],
                         [[middle - low], [high - middle]],
-                        color=_GREY,
+                        color=_INTERVAL_GREY,
                         marker="_",
                         markersize=9,
                         capsize=4,
@@ -359,26 +365,26 @@ def _draw_histograms(summary: Summary) -> list[str]:
     if not entries:
         return found
     with add_panel(found, "signed", "Signed disparity error") as axis:
-        middle = (ERROR_PX[1:] + ERROR_PX[:-1]) / 2
+        middle = (ERROR_BOUNDS_PX[1:] + ERROR_BOUNDS_PX[:-1]) / 2
         for look, counts in entries:
             share = 100 * np.array(counts["error"]) / sum(counts["error"])
             axis.plot(middle, share[1:-1], **look | {"marker": ""})
-        axis.axvline(0, color=_INK, linewidth=0.8)
+        axis.axvline(0, color=_INK_PLACEHOLDER, linewidth=0.8)
         set_logarithmic(axis, "y")
         axis.set_xlabel("measured minus true disparity (px)")
         axis.set_ylabel("% of the measured pixels in 0.05 px")
-    part = np.arange(PARTS + 1) / PARTS
+    part = np.arange(FRACTION_BINS + 1) / FRACTION_BINS
     with add_panel(found, "signed", "Pixel locking; 1: as often as in the true disparities") as axis:
         for look, counts in entries:
             axis.plot(part, _average_by_fraction(counts["part"], counts["true_part"]), **look)
-        axis.axhline(1, color=_INK, linewidth=0.8)
+        axis.axhline(1, color=_INK_PLACEHOLDER, linewidth=0.8)
         start_at_zero(axis)
         axis.set_xlabel("part of a pixel in the disparity")
         axis.set_ylabel("measured over true frequency")
     with add_panel(found, "signed", "Bias by part of a pixel; errors below 1 px") as axis:
         for look, counts in entries:
             axis.plot(part, _average_by_fraction(counts["fine_error_px"], counts["fine"]), **look)
-        axis.axhline(0, color=_INK, linewidth=0.8)
+        axis.axhline(0, color=_INK_PLACEHOLDER, linewidth=0.8)
         axis.set_xlabel("part of a pixel in the true disparity")
         axis.set_ylabel("mean signed error (px)")
     return found
@@ -386,7 +392,7 @@ def _draw_histograms(summary: Summary) -> list[str]:
 
 def _average_by_fraction(sums: Sequence[float], counts: Sequence[float]) -> Array:
     """``sums`` over ``counts`` by the part of a pixel, from one whole pixel to the next; NaN where nothing counts."""
-    ratio = np.divide(sums, counts, out=np.full(PARTS, np.nan), where=np.array(counts) > 0)
+    ratio = np.divide(sums, counts, out=np.full(FRACTION_BINS, np.nan), where=np.array(counts) > 0)
     return np.append(ratio, ratio[0])
 
 
@@ -406,9 +412,11 @@ def _draw_errors(summary: Summary) -> list[str]:
     with add_panel(found, "errors", "Error against coverage; dotted: best order") as axis:
         for entry, line in lines:
             if entry["sparsification"]["texture"]:
-                axis.plot(100 * np.array(SHARES), entry["sparsification"]["texture"], **line)
+                axis.plot(100 * np.array(KEPT_SHARES), entry["sparsification"]["texture"], **line)
                 axis.plot(
-                    100 * np.array(SHARES), entry["sparsification"]["best"], **line | {"label": "_", "linestyle": ":"}
+                    100 * np.array(KEPT_SHARES),
+                    entry["sparsification"]["best"],
+                    **line | {"label": "_", "linestyle": ":"},
                 )
         axis.set_xlabel("% of measurements kept, the most textured first")
         axis.set_ylabel("mean disparity error (px)")
@@ -417,14 +425,14 @@ def _draw_errors(summary: Summary) -> list[str]:
 
 
 def _has_enough_pixels(sums: Mapping[str, Any]) -> Array:
-    return np.array(sums["true"]) >= _FEWEST
+    return np.array(sums["true"]) >= _FEWEST_CLASS_PX
 
 
-def _measured_percent(sums: Mapping[str, Any]) -> Array:
+def _compute_measured_percent(sums: Mapping[str, Any]) -> Array:
     return np.asarray(100 * (np.array(sums["n"]) / np.maximum(sums["true"], 1)))
 
 
-def _wrong_percent(sums: Mapping[str, Any]) -> Array:
+def _compute_wrong_percent(sums: Mapping[str, Any]) -> Array:
     """% of the true pixels of each class that are missing or wrong by more than 1 px."""
     true = np.maximum(np.array(sums["true"]), 1)
     return np.asarray(100 * (true - np.array(sums["n"]) + np.array(sums["bad_1"])) / true)
@@ -461,8 +469,8 @@ def _draw_range(summary: Summary) -> list[str]:
         set_logarithmic(axis, "y")
         axis.set_ylabel("mean depth error (m)")
     for title, label, percent in (
-        ("Coverage", "% measured", _measured_percent),
-        ("Wrong or missing", "% missing or off by > 1 px", _wrong_percent),
+        ("Coverage", "% measured", _compute_measured_percent),
+        ("Wrong or missing", "% missing or off by > 1 px", _compute_wrong_percent),
     ):
         with add_panel(found, "range", title) as axis:
             for look, sums in entries:
@@ -494,7 +502,7 @@ def _draw_pixel_classes(summary: Summary) -> list[str]:
                     aside = (k - (len(summary) - 1) / 2) * 0.12 if factor.names else 0.0
                     axis.plot(
                         places[known] + aside,
-                        _wrong_percent(sums)[known],
+                        _compute_wrong_percent(sums)[known],
                         **look,
                         linestyle="" if factor.names else "-",
                     )

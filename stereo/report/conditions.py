@@ -15,10 +15,10 @@ from ...settings.preset_files import KINDS, is_whole_scene, load_preset, preset_
 from ...settings.table import TOPICS, list_all_settings
 from ...settings.topics.declaration import Parts
 from ...support.arrays import Array
-from .by_setting import SCENE, TERRAIN, Sweep
+from .by_setting import SCENE_SWEEP, TERRAIN_SWEEP, VariedSetting
 
-#: Maximum number of conditions with results.
-MOST = 40
+#: Most conditions with results.
+MOST_CONDITIONS = 40
 #: Effects of the settings that define a scene, apart from its light and camera.
 _OF_SCENE = ("geometry", "material")
 #: Values in the title of a pair, if no other pair has the same.
@@ -38,7 +38,7 @@ class Condition:
 
 
 def name_levels(
-    sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
+    sweeps: Sequence[VariedSetting], facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
 ) -> list[list[str]]:
     """The name of each level of each sweep, such as "Sun Elevation 8°", or "Fresh snow" for a preset's settings, which
     vary together."""
@@ -60,8 +60,8 @@ def name_levels(
 
 
 def join_by_scene(
-    sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
-) -> list[Sweep]:
+    sweeps: Sequence[VariedSetting], facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
+) -> list[VariedSetting]:
     """The sweeps, with the scene in place of the settings by which scenes differ, if all pairs are from shipped ones,
     or else with the terrain in place of the settings of shipped terrains, if all made-up ground is from these.
 
@@ -71,7 +71,10 @@ def join_by_scene(
     """
     if not sweeps:
         return []
-    for name, title, of_pair in ((SCENE, "Scene", _find_scene_title), (TERRAIN, "Terrain", _find_terrain_title)):
+    for name, title, of_pair in (
+        (SCENE_SWEEP, "Scene", _find_scene_title),
+        (TERRAIN_SWEEP, "Terrain", _find_terrain_title),
+    ):
         titles: list[str] = [""] * len(places)
         stated: set[str] = set()
         for pair in facts:
@@ -88,28 +91,28 @@ def join_by_scene(
                     sweep
                     for sweep in sweeps
                     if any(len(np.unique(sweep.values[own])) > 1 for own in groups)
-                    # What divides the pairs in the same way cannot be told from the terrain.
+                    # A setting that divides the pairs in the same way cannot be separated from the terrain.
                     or (sweep.name not in stated and len(np.unique(sweep.values)) < len(groups))
                 ]
-                return [Sweep(name, title, known), *kept]
+                return [VariedSetting(name, title, known), *kept]
     return list(sweeps)
 
 
-def list_conditions(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]]) -> list[Condition]:
-    """The conditions of sweeps whose levels have these names, at most ``MOST``."""
+def list_conditions(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[str]]) -> list[Condition]:
+    """The conditions of sweeps whose levels have these names, at most ``MOST_CONDITIONS``."""
     found = [
         Condition(name, level == n)
         for sweep, own in zip(sweeps, names, strict=True)
         for level in [sweep.levels()[2]]
         for n, name in enumerate(own)
     ]
-    return found[:MOST]
+    return found[:MOST_CONDITIONS]
 
 
-def make_pair_titles(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]], count: int) -> list[str]:
+def make_pair_titles(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[str]], count: int) -> list[str]:
     """A title for each of ``count`` pairs, all different: its values of the settings that vary, those set on purpose
     first, and as many as tell it from the others; empty if nothing varies."""
-    texts = [_value_texts(sweep, own) for sweep, own in zip(sweeps, names, strict=True)]
+    texts = [_make_value_texts(sweep, own) for sweep, own in zip(sweeps, names, strict=True)]
     titles = [", ".join(filter(None, parts)) for parts in zip(*texts[:_IN_TITLE], strict=True)] or [""] * count
     for own in texts[_IN_TITLE:]:
         for pairs in _group_equal_titles(titles):
@@ -123,9 +126,9 @@ def make_pair_titles(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]], co
     return titles
 
 
-def _value_texts(sweep: Sweep, names: Sequence[str]) -> list[str]:
+def _make_value_texts(sweep: VariedSetting, names: Sequence[str]) -> list[str]:
     """The value of each pair in words, empty where it is not known."""
-    exact = sweep.numeric and not sweep.together  # a level may stand for a range of values
+    exact = sweep.numeric and not sweep.together  # a level may be a range of values
     _, _, level = sweep.levels()
     return [
         "" if k < 0 else _name_value(sweep.name, f"{value:.4g}") if exact else names[k]
@@ -142,9 +145,9 @@ def _group_equal_titles(titles: Sequence[str]) -> list[list[int]]:
 
 
 def _name_value(name: str, value: str) -> str:
-    if name == SCENE:
+    if name == SCENE_SWEEP:
         return value
-    if name == TERRAIN:
+    if name == TERRAIN_SWEEP:
         return f"Terrain: {value}"
     topic, key = name.split(".")
     try:
@@ -188,21 +191,24 @@ def find_preset_title(settings: Parts) -> str:
 
 
 def _find_scene_title(settings: Parts) -> tuple[str, set[str]] | None:
-    """The title of the shipped scene whose ground and surfaces these settings have, and all settings, by any of which
-    it may differ from others; None for any other scene."""
+    """The title of the shipped scene with the ground and surfaces of these settings, and the names of all settings,
+    since the scene may differ from others in any; None for other scenes.
+    """
     found = []
     for name, stated in _read_image_presets():
         ground = {place: value for place, value in stated.items() if TOPICS[place[0]][place[1]].effect in _OF_SCENE}
         if is_whole_scene(name) and _has_settings(settings, ground):
             same = sum(settings.get(topic, {}).get(key) == value for (topic, key), value in stated.items())
-            found.append((same - len(stated), len(stated), name))  # of two, the one that describes light and camera too
+            # Of two, the scene that describes light and camera too.
+            found.append((same - len(stated), len(stated), name))
     every = {f"{topic}.{key}" for topic, values in settings.items() for key in values}
     return (read_preset_header(max(found)[2])[0], every) if found else None
 
 
 def _find_terrain_title(settings: Parts) -> tuple[str, set[str]] | None:
-    """The title of the shipped terrain whose ground these settings have, and the settings that it states; None for any
-    other made-up ground. The title of ground from a file is empty."""
+    """The title of the shipped terrain with the ground of these settings, and the settings that it states; None for
+    other procedural ground. The title of ground from a file is empty.
+    """
     if settings.get("source", {}).get("kind") != "PROCEDURAL":
         return "", set()
     found = [

@@ -24,7 +24,7 @@ from ..images import colours
 from ..inference.scene_means import FEWEST_FOR_MEAN
 from ..matchers.methods import Method, describe_method
 from ..measure.row_metrics import REGION_METRICS, REGIONS
-from .by_setting import SCENE, Sweep
+from .by_setting import SCENE_SWEEP, VariedSetting
 from .charts import draw_charts, list_method_keys
 from .conditions import Condition
 from .page_templates import read_template
@@ -41,13 +41,13 @@ from .summary import ResultTable
 from .sweep_charts import MOST_SWEEPS, draw_sweeps
 from .table_columns import (
     COMPARED_COLUMNS,
-    GUISS,
-    MEASURED,
+    GUISS_COLUMNS,
+    MEASURED_COLUMNS,
     METRIC_NAMES,
-    RANKING,
-    SECONDS,
-    SUMMARY,
-    TOTALS,
+    RANKING_METRIC,
+    SECONDS_COLUMN,
+    SUMMARY_COLUMNS,
+    TOTAL_COLUMNS,
     format_interval,
     format_number,
     format_plugin,
@@ -58,17 +58,17 @@ from .table_columns import (
 MOST_PAIRS = 24
 #: Most scenes that the head of the report names.
 _MOST_SCENES = 8
-_HERE = Path(__file__).parent
+_TEMPLATE_FOLDER = Path(__file__).parent
 #: Number of pictures of a pair, and of each method on it.
-_OWN, _PER_METHOD = 2, 3
+_PICTURES_PER_PAIR, _PICTURES_PER_METHOD = 2, 3
 #: The columns of the table of all pairs, for each method: key, heading, decimals, factor.
-_PAGED = (
+_PAGED_COLUMNS = (
     ("total_bad_1", "> 1 px or missing (%)", 1, 100.0),
     ("coverage", "coverage (%)", 1, 100.0),
     ("epe_px", "EPE of measured (px)", 3, 1.0),
 )
-#: Facts about pairs whose distinct values the report lists.
-_MIXED: dict[str, Callable[[Mapping[str, Any]], str]] = {
+#: Facts about pairs of which the report lists the distinct values.
+_MIXED_FACTS: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "data": lambda facts: facts.get("layout", "rendered here"),
     "image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px']}",
     "f·B (px·m)": lambda facts: f"{facts['focal_baseline_px_m']:.6g}",
@@ -79,7 +79,7 @@ _MIXED: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "bits": lambda facts: str(facts["settings"].get("sensor", {}).get("bits", "unknown")),
     "edited by hand": lambda facts: "yes" if facts["rendered"].get("edited_by_hand") else "no",
 }
-#: Those that pairs of other data sets have too.
+#: Entries that pairs of other data sets have too.
 _OF_ALL = ("data", "image (px)", "f·B (px·m)")
 
 
@@ -96,15 +96,16 @@ def write_report(
     titles: Sequence[str],
     conditions: Sequence[Condition],
     table: ResultTable,
-    sweeps: Sequence[Sweep],
+    sweeps: Sequence[VariedSetting],
     methods: Sequence[Method],
     out: Path,
     guiss: bool,
 ) -> None:
     """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``. It contains the pictures
-    of the pairs ``chosen`` and of a typical pair of each condition. ``ranking``: see ``ranking.make_ranking_table``;
-    ``titles``: of all pairs, see ``conditions``."""
-    script = (_HERE / "report.js").read_text(encoding="utf-8").strip()
+    of the pairs ``chosen`` and of a typical pair of each condition. ``ranking`` is from ``ranking.make_ranking_table``,
+    and ``titles`` are the titles of all pairs, see ``conditions``.
+    """
+    script = (_TEMPLATE_FOLDER / "report.js").read_text(encoding="utf-8").strip()
     typical = choose_typical_pairs(table, conditions)
     names = {*chosen, *(table.pairs[pair] for _, pair in typical)}
     facts_of = {facts["pair"]: facts for facts in report["pairs"] if facts["pair"] in names}
@@ -115,16 +116,16 @@ def write_report(
         regions=REGIONS,
         region_metrics=REGION_METRICS,
         metric_names=METRIC_NAMES,
-        columns=SUMMARY,
-        totals=(*TOTALS, SECONDS),
-        measured=MEASURED,
+        columns=SUMMARY_COLUMNS,
+        totals=(*TOTAL_COLUMNS, SECONDS_COLUMN),
+        measured=MEASURED_COLUMNS,
         compared=_make_comparison_rows(report["comparisons"]),
         compared_columns=COMPARED_COLUMNS,
         compared_methods=len({entry[side] for entry in report["comparisons"] for side in "ab"}),
         fewest_for_mean=FEWEST_FOR_MEAN,
         format_number=format_number,
         format_interval=format_interval,
-        guiss=GUISS if guiss else (),
+        guiss=GUISS_COLUMNS if guiss else (),
         plugin_columns=make_plugin_columns(report["plug_ins"]),
         format_plugin=format_plugin,
         charts=draw_charts(report["summary"], table, compute_phase_curves(report["pairs"]), report["comparisons"]),
@@ -134,7 +135,7 @@ def write_report(
         mixed=count_values(report["pairs"]),
         warned=count_sentences(report["pairs"], "warnings"),
         told=count_sentences(report["pairs"], "notes"),
-        error_bar=_describe_colour_bar(colours.ERROR),
+        error_bar=_describe_colour_bar(colours.ERROR_SCALE),
         invalid=colours.INVALID_GREY,
         sky=colours.SKY_GREY,
         matrix=make_picture_matrix(typical, table, facts_of, report["rows"], out),
@@ -150,9 +151,9 @@ def write_report(
     write_text(out / "report.html", html)
 
 
-def _list_scenes(sweeps: Sequence[Sweep], table: ResultTable) -> str:
+def _list_scenes(sweeps: Sequence[VariedSetting], table: ResultTable) -> str:
     """The scenes of the pairs, as in "2 scenes: Enceladus suncups, Europa chaos"; empty if these are no presets."""
-    names = [name for sweep in sweeps if sweep.name == SCENE for name in sweep.levels()[0]]
+    names = [name for sweep in sweeps if sweep.name == SCENE_SWEEP for name in sweep.levels()[0]]
     if not names:
         return ""
     grounds = len(np.unique(table.scenes[table.scenes >= 0]))
@@ -169,11 +170,11 @@ def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
     average are the worst of all.
     """
     room = MOST_PICTURES - MOST_IN_MATRIX
-    most = max(2, min(MOST_PAIRS, room // (_OWN + _PER_METHOD * len(table.methods))))
+    most = max(2, min(MOST_PAIRS, room // (_PICTURES_PER_PAIR + _PICTURES_PER_METHOD * len(table.methods))))
     if len(names) <= most:
         return list(names)
     measured = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
-    errors = np.stack([table.column(k, RANKING) for k in measured or range(len(table.methods))])
+    errors = np.stack([table.column(k, RANKING_METRIC) for k in measured or range(len(table.methods))])
     badness = dict(zip(table.pairs, np.where(np.isnan(errors), np.inf, errors).max(axis=0).tolist(), strict=True))
     worst = sorted(names, key=badness.__getitem__, reverse=True)[: most // 2]
     rest = [name for name in names if name not in set(worst)]
@@ -182,10 +183,10 @@ def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
 
 
 def count_values(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str, int]]]:
-    """How the pairs were made: for each of _MIXED, the distinct values and the number of pairs with each."""
-    found: dict[str, dict[str, int]] = {name: {} for name in _MIXED}
+    """How the pairs were made: for each of _MIXED_FACTS, the distinct values and the number of pairs with each."""
+    found: dict[str, dict[str, int]] = {name: {} for name in _MIXED_FACTS}
     for pair in facts:
-        for name, get in _MIXED.items():
+        for name, get in _MIXED_FACTS.items():
             if "layout" in pair and name not in _OF_ALL:
                 continue
             value = get(pair)
@@ -215,7 +216,7 @@ def _make_page_data(
     table: ResultTable, titles: Sequence[str], ranking: Mapping[str, Any], methods: Sequence[Method]
 ) -> str:
     """The ranking and the table of all pairs for the script of the page: JSON that is safe inside a script element."""
-    columns = [[table.column(k, key) * factor for key, _, _, factor in _PAGED] for k in range(len(methods))]
+    columns = [[table.column(k, key) * factor for key, _, _, factor in _PAGED_COLUMNS] for k in range(len(methods))]
     counted, failed = table.counts.any(axis=0), table.failed.any(axis=0)
     rows = []
     for p, name in enumerate(table.pairs):
@@ -228,14 +229,14 @@ def _make_page_data(
                 *(
                     None if np.isnan(column[p]) else round(float(column[p]), decimals)
                     for own in columns
-                    for column, (_, _, decimals, _) in zip(own, _PAGED, strict=True)
+                    for column, (_, _, decimals, _) in zip(own, _PAGED_COLUMNS, strict=True)
                 ),
             ]
         )
     text = json.dumps(
         {
             "methods": [[describe_method(method.label), method.file_name] for method in methods],
-            "columns": [[heading, decimals] for _, heading, decimals, _ in _PAGED],
+            "columns": [[heading, decimals] for _, heading, decimals, _ in _PAGED_COLUMNS],
             "pairs": rows,
             "ranking": ranking,
         },
@@ -266,7 +267,7 @@ def _make_pair_section(
         "methods": [
             {
                 "row": row,
-                "outcomes": colours.outcome_legend(row["counts"]),
+                "outcomes": colours.make_outcome_legend(row["counts"]),
                 **{
                     kind: embed_picture(out / row["images"][kind], height)
                     for kind in ("depth", "error", "flags")

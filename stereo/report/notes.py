@@ -10,7 +10,7 @@ from ...support.file_schemas import COUNT, NUMBER, TEXT, Maybe, Shape
 from ...support.number_text import format_count, show_rounded
 from ..images.disparity_and_occlusion import ESTIMATED
 from ..matchers.methods import Method, describe_method
-from ..matchers.search_range import FIXED, MISSED, STATED, TRUTH
+from ..matchers.search_range import FIXED, REPORTED_MISSED_SHARE, STATED, TRUTH
 from ..measure.render_noise import BAKE, DECIDES, NOISY, UNKNOWN
 from .table_columns import NOISE_DECIDES
 
@@ -18,22 +18,29 @@ from .table_columns import NOISE_DECIDES
 SEARCH: Shape = Maybe(
     {"least_px": COUNT, "most_px": COUNT, "source": TEXT, "missed": Maybe(NUMBER, null=True)}, null=True
 )
-_KNOWN = Maybe(NUMBER, null=True)
-_PART = {"share": NUMBER, "noise_dn": _KNOWN, "hidden": _KNOWN, "baked_dn": _KNOWN, "by_bake": _KNOWN}
+_NUMBER_OR_NULL = Maybe(NUMBER, null=True)
+_LIGHT_PART_SHAPE = {
+    "share": NUMBER,
+    "noise_dn": _NUMBER_OR_NULL,
+    "hidden": _NUMBER_OR_NULL,
+    "baked_dn": _NUMBER_OR_NULL,
+    "by_bake": _NUMBER_OR_NULL,
+}
 #: ``noise`` of the facts of a pair, see ``render_noise``.
 NOISE: Shape = Maybe(
     {
         "verdict": Maybe(TEXT, null=True),
         "larger": Maybe(TEXT, null=True),
-        "lit": _PART,
-        "shadow": _PART,
-        "doubt": _KNOWN,
+        "lit": _LIGHT_PART_SHAPE,
+        "shadow": _LIGHT_PART_SHAPE,
+        "doubt": _NUMBER_OR_NULL,
     },
     null=True,
 )
-#: ``baked`` of the facts of a pair: noise of baked light over all light, its share of it, the bound that was asked for.
+#: ``baked`` of the facts of a pair: noise of baked light over all light, its share of the light, and the limit in the
+#: settings.
 BAKED: Shape = Maybe({"noise": Maybe(NUMBER), "share": Maybe(NUMBER), "bound": NUMBER}, null=True)
-_FIXES = {
+_FIX_BY_NOTE = {
     STATED: "Leave the option out, and the range follows from the rig.",
     FIXED: "Nothing is known of the rig, so state a larger range.",
 }
@@ -41,9 +48,8 @@ _FIXES = {
 
 @dataclass(frozen=True)
 class Note:
-    """A note for the reader, in brief and in ``detail``; ``sentence`` is both.
-
-    It is ``doubtful`` if results may be wrong or unfair for that reason, and not if it is a fact about the data.
+    """A note for the reader, in brief and in ``detail``; ``sentence`` joins both. A ``doubtful`` note gives a reason
+    why results may be wrong or unfair; other notes are facts about the data.
     """
 
     brief: str
@@ -57,7 +63,7 @@ class Note:
 
 
 class Notes:
-    """Collects from pairs and rows, one after the other, what ``found`` returns."""
+    """Collects notes from pairs and rows, one after the other; ``found`` returns them."""
 
     def __init__(self, methods: Sequence[Method], faults: Sequence[str] = ()) -> None:
         self._faults = list(faults)
@@ -175,22 +181,24 @@ class Notes:
 
     @staticmethod
     def _note_missed(label: str, found: Sequence[tuple[str, Mapping[str, Any]]]) -> Note | None:
-        beyond = [(each["missed"], pair, each) for pair, each in found if (each["missed"] or 0.0) > MISSED]
+        beyond = [
+            (each["missed"], pair, each) for pair, each in found if (each["missed"] or 0.0) > REPORTED_MISSED_SHARE
+        ]
         if not beyond:
             return None
         most, pair, worst = max(beyond, key=lambda entry: entry[0])
-        fix = _FIXES.get(worst["source"], "State a larger range.")
+        fix = _FIX_BY_NOTE.get(worst["source"], "State a larger range.")
         return Note(
             f"{describe_method(label)} cannot measure everything",
             f"in {len(beyond)} of {format_count(len(found), 'pair')} its search range leaves out more than "
-            f"{100 * MISSED:g} % of the true disparities, at most {100 * most:.0f} % (pair {pair}, "
+            f"{100 * REPORTED_MISSED_SHARE:g} % of the true disparities, at most {100 * most:.0f} % (pair {pair}, "
             f"searched {worst['least_px']} to {worst['most_px']} px). {fix}",
             True,
         )
 
 
 def _bake_text(by_bake: Sequence[bool]) -> str:
-    """What readers must know of pairs in which noise of baked light is the larger part of the noise."""
+    """The warning on pairs in which noise of baked light is the larger part of the noise."""
     count = sum(by_bake)
     if not count:
         return ""

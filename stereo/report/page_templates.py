@@ -10,17 +10,17 @@ from ...support.number_text import format_count
 from ...support.printer import show_lines
 from ..matchers.methods import describe_method
 
-_HERE = Path(__file__).parent
+_TEMPLATE_FOLDER = Path(__file__).parent
 
 
-def read_template(name: str, folder: Path = _HERE) -> jinja2.Template:
-    """The template of a page in a folder; it may use what lies beside the report's.
+def read_template(name: str, folder: Path = _TEMPLATE_FOLDER) -> jinja2.Template:
+    """The template of a page in a folder, which may use the files beside the report's template.
 
-    Texts of others are neither markup nor do they have invisible control characters in the page. Every page can name a
-    method for its readers (``name_of``) and a count (``count_of``).
+    Foreign texts in the page are never markup, and have no invisible control characters. Each page can name a method
+    for its readers (``name_of``) and a count (``count_of``).
     """
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader([folder, _HERE]),
+        loader=jinja2.FileSystemLoader([folder, _TEMPLATE_FOLDER]),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -14,7 +14,7 @@ from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from ...support.arrays import Array
 
 #: Most laws that are drawn.
-MOST = 6
+MOST_LAWS = 6
 #: Phase angles in degrees, densest near 0, where the opposition surge is.
 PHASE_DEG = 160.0 * np.linspace(0.0, 1.0, 121) ** 3
 
@@ -28,8 +28,8 @@ def compute_phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]
         settings = typed(pair["settings"])
         for topic in scene_requirements.surface_topics(settings):
             surface, hapke = settings[topic], settings.hapke
-            name = _law_name(surface, hapke)
-            if len(found) == MOST:
+            name = _make_law_name(surface, hapke)
+            if len(found) == MOST_LAWS:
                 return found
             if name and name not in found:
                 law = surface_law.make_law(surface, hapke)
@@ -38,7 +38,7 @@ def compute_phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]
     return found
 
 
-def _law_name(surface: SurfaceSettings, hapke: HapkeSettings) -> str:
+def _make_law_name(surface: SurfaceSettings, hapke: HapkeSettings) -> str:
     """A name of a law with its parameters; empty if it has no closed form or reflects nothing."""
     if surface.model == "PRINCIPLED" or (hapke.w if surface.model == "HAPKE" else surface.albedo) == 0:
         return ""

@@ -15,7 +15,7 @@ from ..images.gallery import SCREEN_GAMMA
 from ..images.image_files import encode_image, read_png
 from .conditions import Condition
 from .summary import ResultTable
-from .table_columns import RANKING
+from .table_columns import RANKING_METRIC
 
 #: Most pictures in the file: as JPEG of 480 px they take about 25 kB each, and a third more as text.
 MOST_PICTURES = 300
@@ -51,12 +51,12 @@ def embed_left_image(facts: Mapping[str, Any], out: Path) -> str:
 
 
 def find_typical_pair(table: ResultTable, among: Array) -> int | None:
-    """The number of the typical one of the pairs where the boolean ``among`` is true; None if none of them counts.
+    """The number of the typical pair where the boolean ``among`` is true; None if no such pair counts.
 
-    Its share of wrong or missing pixels, averaged over the methods, is the median; of two in the middle it is the
-    better one. Pairs on which some methods failed come into question only if there are no others.
+    Its share of wrong or missing pixels, averaged over the methods, is the median; of two pairs in the middle the
+    better one is chosen. Pairs with failed methods are chosen only if there are no others.
     """
-    errors = np.stack([table.column(k, RANKING) for k in range(len(table.methods))])
+    errors = np.stack([table.column(k, RANKING_METRIC) for k in range(len(table.methods))])
     known = ~np.isnan(errors)
     methods = known.sum(axis=0) * among
     if not methods.any():
@@ -67,8 +67,9 @@ def find_typical_pair(table: ResultTable, among: Array) -> int | None:
 
 
 def choose_typical_pairs(table: ResultTable, conditions: Sequence[Condition]) -> list[tuple[Condition, int]]:
-    """The conditions of the matrix, each with its typical pair: as many as there is room for, all pairs if there are no
-    conditions. None if there are fewer than two pairs, as the report then shows the pair itself."""
+    """The conditions of the matrix, each with its typical pair: as many as fit, or all pairs without conditions. None
+    for fewer than two pairs, as the report then shows the pair itself.
+    """
     if len(table.pairs) < 2:
         return []
     found = [

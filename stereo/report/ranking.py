@@ -12,8 +12,8 @@ from .summary import ResultTable, compare_methods, summarise_method
 from .table_columns import (
     METRIC_NAMES,
     NO_RESULT,
-    SECONDS,
-    TOTALS,
+    SECONDS_COLUMN,
+    TOTAL_COLUMNS,
     Column,
     format_interval,
     format_rank,
@@ -41,20 +41,20 @@ class PixelSet:
     columns: tuple[RankedColumn, ...]
 
 
-def _measured_columns(prefix: str) -> tuple[RankedColumn, ...]:
+def _make_measured_columns(prefix: str) -> tuple[RankedColumn, ...]:
     """The columns over measured pixels, with a prefix of the numbers. They are ranked on common pixels."""
     keys = ("epe_px", "bad_1", "d1", "l1_m", "rmse_m", "l1_rate_10", "si_rmse", "dod")
     return (
-        RankedColumn(replace(TOTALS[0], key=f"{prefix}coverage"), f"{prefix}coverage"),
+        RankedColumn(replace(TOTAL_COLUMNS[0], key=f"{prefix}coverage"), f"{prefix}coverage"),
         *(
             RankedColumn(replace(METRIC_NAMES[key], key=prefix + key), f"common_{prefix}{key}" if key != "dod" else "")
             for key in keys
         ),
-        RankedColumn(SECONDS, "seconds"),
+        RankedColumn(SECONDS_COLUMN, "seconds"),
     )
 
 
-def _total_column(key: str, heading: str, doc: str) -> RankedColumn:
+def _make_total_column(key: str, heading: str, doc: str) -> RankedColumn:
     return RankedColumn(
         Column(f"total_{key}", heading, "%", 1, f"share of all true pixels that are missing or {doc}"), f"total_{key}"
     )
@@ -66,12 +66,12 @@ VIEWS = (
         "Missing is wrong",
         "All pixels with a true depth. One without a measurement counts as wrong, so measuring less gains nothing.",
         (
-            RankedColumn(TOTALS[0], "coverage"),
-            _total_column("bad_0_5", "> 0.5 px", "wrong by more than 0.5 px"),
-            _total_column("bad_1", "> 1 px", "wrong by more than 1 px"),
-            _total_column("bad_2", "> 2 px", "wrong by more than 2 px"),
-            _total_column("d1", "D1", "wrong by more than 3 px and 5 % of the disparity"),
-            _total_column("l1_rate_10", "> 10 cm", "wrong by more than 10 cm"),
+            RankedColumn(TOTAL_COLUMNS[0], "coverage"),
+            _make_total_column("bad_0_5", "> 0.5 px", "wrong by more than 0.5 px"),
+            _make_total_column("bad_1", "> 1 px", "wrong by more than 1 px"),
+            _make_total_column("bad_2", "> 2 px", "wrong by more than 2 px"),
+            _make_total_column("d1", "D1", "wrong by more than 3 px and 5 % of the disparity"),
+            _make_total_column("l1_rate_10", "> 10 cm", "wrong by more than 10 cm"),
             RankedColumn(
                 Column(
                     "total_dod",
@@ -82,7 +82,7 @@ VIEWS = (
                 ),
                 "total_dod",
             ),
-            RankedColumn(SECONDS, "seconds"),
+            RankedColumn(SECONDS_COLUMN, "seconds"),
         ),
     ),
     PixelSet(
@@ -90,18 +90,18 @@ VIEWS = (
         "Measured",
         "The pixels that each method measured: read the errors with the coverage. Ranks and bold compare every two "
         "methods on the pixels that both measured.",
-        _measured_columns(""),
+        _make_measured_columns(""),
     ),
     PixelSet(
         "visible",
         "Not hidden",
         "The measured pixels that the right eye sees too. Ranks and bold compare every two methods on those of them "
         "that both measured.",
-        _measured_columns("visible_"),
+        _make_measured_columns("visible_"),
     ),
 )
-#: The view and the column, by its place, that the table is sorted by at first.
-FIRST = ("total", 2)
+#: The view and the column, by its place, by which the table is sorted at first.
+FIRST_SORTING = ("total", 2)
 
 
 def make_ranking_table(
@@ -129,7 +129,12 @@ def make_ranking_table(
         }
         for view in VIEWS
     ]
-    return {"methods": list(map(describe_method, table.methods)), "first": FIRST, "conditions": found, "views": views}
+    return {
+        "methods": list(map(describe_method, table.methods)),
+        "first": FIRST_SORTING,
+        "conditions": found,
+        "views": views,
+    }
 
 
 def _make_condition(
@@ -147,7 +152,7 @@ def _make_condition(
 
 
 def _note_on_pairs(entry: Mapping[str, Any]) -> str:
-    """Which pairs of a method count in no number, and whether it has a number at all."""
+    """A note on the pairs of a method that count in no number, and on a method without any number."""
     parts = [f"{entry[key]} {key}" for key in ("failed", "suspect") if entry[key]]
     return ", ".join([NO_RESULT] * (entry["n"] == 0) + parts)
 

@@ -17,12 +17,12 @@ import numpy as np
 
 from ..matchers.methods import describe_method
 from .summary import ResultTable
-from .table_columns import RANKING
+from .table_columns import RANKING_METRIC
 
-#: The sign needs at least the first share of the error in at most the second share of the pairs.
+#: A rare failure has at least the first share of the error in at most the second share of the pairs.
 ERROR_SHARE, PAIR_SHARE = 1 / 3, 1 / 10
 #: Least excess of a method over the others in these pairs, as a share of its error there.
-_AVOIDED = 1 / 2
+_LEAST_EXCESS_SHARE = 1 / 2
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def find_rare_failures(table: ResultTable) -> list[RareFailure]:
     measured = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
     if len(measured) < 2:
         return []
-    errors = np.stack([table.column(k, RANKING) for k in measured])
+    errors = np.stack([table.column(k, RANKING_METRIC) for k in measured])
     found = []
     for place, k in enumerate(measured):
         others = np.delete(errors, place, axis=0)
@@ -49,7 +49,7 @@ def find_rare_failures(table: ResultTable) -> list[RareFailure]:
         order = np.argsort(-excess, kind="stable")[: math.ceil(PAIR_SHARE * len(excess))]
         beyond = np.cumsum(excess[order])
         enough = np.flatnonzero(beyond >= ERROR_SHARE * own.sum())
-        if enough.size and own.any() and beyond[enough[0]] >= _AVOIDED * own[order[: enough[0] + 1]].sum():
+        if enough.size and own.any() and beyond[enough[0]] >= _LEAST_EXCESS_SHARE * own[order[: enough[0] + 1]].sum():
             failing = int(enough[0]) + 1
             found.append(
                 RareFailure(table.methods[k], failing, len(own), float(own[order[:failing]].sum() / own.sum()))

@@ -17,10 +17,10 @@ from ...support.foreign_bytes import parse_json
 from ...support.system import flush_handle
 
 Row = dict[str, Any]
-#: Bytes of the longest row that is read. Those with all metrics have some 10 kB.
+#: Most bytes of a row. Rows with all metrics have about 10 kB.
 _LONGEST_ROW = 2**24
-#: The entries of every row.
-NAMES: dict[str, Shape] = {"pair": FILE_NAME, "method": TEXT, "key": TEXT}
+#: Shapes of the entries that each row has.
+ROW_NAMES: dict[str, Shape] = {"pair": FILE_NAME, "method": TEXT, "key": TEXT}
 
 
 class RowLog:
@@ -31,8 +31,8 @@ class RowLog:
     refuses.
     """
 
-    def __init__(self, path: Path, shape: Mapping[str, Shape] = NAMES) -> None:
-        self._path, self._shape = path, {**NAMES, **shape}
+    def __init__(self, path: Path, shape: Mapping[str, Shape] = ROW_NAMES) -> None:
+        self._path, self._shape = path, {**ROW_NAMES, **shape}
         self._rows: dict[tuple[str, str], tuple[int, str]] = {}
         with explain_disk_errors("write", path):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What ``report.json`` contains, and the rows and facts that it is made of. An undefined number is null.
+"""The content of ``report.json``, and of the rows and facts behind it. An undefined number is null.
 
 ``summary.json`` is the report without ``rows`` and ``pairs``, which grow with the data set, but with ``shown``: the
 rows of the pairs whose pictures are in the HTML report.
@@ -38,7 +38,7 @@ class Comparison(TypedDict):
 
 
 class Failure(TypedDict):
-    """A pair that could not be measured, by one ``method`` or by all; or one that is left out of the averages."""
+    """A pair that could not be measured, by one ``method`` or by all; or a pair that is left out of the averages."""
 
     pair: str
     message: str
@@ -46,7 +46,9 @@ class Failure(TypedDict):
 
 
 class Report(TypedDict):
-    """The content of ``report.json``, which has ``shared_settings`` too: those that all pairs have in common."""
+    """The content of ``report.json``, which also has ``shared_settings``: the settings that all pairs have in
+    common.
+    """
 
     format: str
     version: int
@@ -60,14 +62,14 @@ class Report(TypedDict):
     pairs: Sequence[Row]  # the facts of each usable pair, see ``FACTS``; read on demand too
     failed: list[Failure]
     suspect: list[Failure]  # pairs whose eyes contradict each other or the truth
-    notes: list[str]  # sentences on what limits the comparison
+    notes: list[str]  # sentences on the limits of the comparison
     briefs: list[str]  # their first parts, for where there is little room
     doubts: list[str]  # the notes that make results doubtful
     plug_ins: list[dict[str, Any]]  # the metrics of plug-ins, see ``plug_in.PluginMetric.to_json``
     provenance: Mapping[str, Any]
 
 
-_KNOWN = Maybe(NUMBER, null=True)
+_NUMBER_OR_NULL = Maybe(NUMBER, null=True)
 #: A row: one method on one pair. ``report.json`` has it without ``LONG``.
 ROW: dict[str, Shape] = {
     "status": TEXT,  # "ok", "suspect" or "failed"
@@ -82,14 +84,14 @@ ROW: dict[str, Shape] = {
     "error_curve": Each(ANYTHING),
     "histograms": Each(Each(NUMBER), TEXT),
     # Numbers on the pixels that another method measured too, by its label; and the key of its row.
-    "common": Each({"key": TEXT, **dict.fromkeys(common_pixels.NUMBERS, _KNOWN)}, TEXT),
-    "plug_ins": Maybe(Each(_KNOWN, TEXT)),
+    "common": Each({"key": TEXT, **dict.fromkeys(common_pixels.NUMBERS, _NUMBER_OR_NULL)}, TEXT),
+    "plug_ins": Maybe(Each(_NUMBER_OR_NULL, TEXT)),
     "plug_in_faults": Maybe(Each(TEXT, TEXT)),
-    **dict.fromkeys(NUMBERS, _KNOWN),
+    **dict.fromkeys(NUMBERS, _NUMBER_OR_NULL),
 }
 #: Entries of rows that only ``results.jsonl`` contains: the summary has their sums, or only a later run needs them.
 LONG = ("strata", "sparsification", "histograms", "common")
-#: The facts of a pair, see ``prepare``: the entries that are read again.
+#: Shape of the facts of a pair (see ``prepare``): the entries that are read again.
 FACTS: dict[str, Shape] = {
     "pair": TEXT,
     "key": TEXT,
@@ -102,7 +104,7 @@ FACTS: dict[str, Shape] = {
     "width_px": PIXELS,
     "height_px": PIXELS,
     "true": NUMBER,
-    "visible": _KNOWN,
+    "visible": _NUMBER_OR_NULL,
     "exposure_s": Maybe(NUMBER),
     "scene": Maybe(TEXT),
     "noise": NOISE,

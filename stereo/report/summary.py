@@ -11,15 +11,15 @@ import numpy as np
 
 from ...support.arrays import Array
 from ..inference.scene_means import average_by_scene, find_mean_intervals, find_simultaneous_intervals
-from ..inference.typical_scene import compare_in_typical_scene, find_rank_ranges, list_comparisons, subtract
+from ..inference.typical_scene import compare_in_typical_scene, find_rank_ranges, list_method_pairs, subtract
 from ..measure import by_pixel_class, common_pixels, disparity_histograms
-from ..measure.metrics import BAD, ERROR_STEPS_M, L1_RATES, QUANTILES, SHARES
+from ..measure.metrics import BAD_RATES, ERROR_QUANTILES, ERROR_STEPS_M, KEPT_SHARES, L1_RATES
 from ..measure.row_metrics import NUMBERS, REGION_METRICS
 from .schema import Comparison
 
 #: Metrics that are means over pixels, so that the pixels of all pairs can be pooled. The scale-invariant and order
 #: metrics compare pixels of one image, and cannot.
-POOLED = ("l1_m", "l1_rate_10", "bias_m", "abs_rel", "l1_rate_30", "l1_rate_100", "epe_px", *BAD, "d1")
+POOLED_METRICS = ("l1_m", "l1_rate_10", "bias_m", "abs_rel", "l1_rate_30", "l1_rate_100", "epe_px", *BAD_RATES, "d1")
 
 
 @dataclass(frozen=True)
@@ -49,16 +49,16 @@ COMPARED = (
     ComparedMetric("visible_coverage", more_is_better=True),
     ComparedMetric("seconds", ratio=True),
 )
-#: An error or time below this is compared as if it were as large: 1 µm, 1 µpx or 1 µs, so that 0 has a logarithm.
-_LEAST = 1e-6
-_PLACE = {key: place for place, key in enumerate(NUMBERS)}
+#: Least error or time in a comparison: 1 µm, 1 µpx or 1 µs, so that 0 has a logarithm.
+_LEAST_COMPARED = 1e-6
+_COLUMN_BY_NUMBER = {key: place for place, key in enumerate(NUMBERS)}
 #: Numbers that are counts of pixels.
-_COUNTS = tuple(f"{prefix}n" for prefix, keys in REGION_METRICS.items() if "n" in keys)
-_AVERAGED = tuple(key for key in NUMBERS if key not in (*_COUNTS, "true_pixels"))
+_PIXEL_COUNTS = tuple(f"{prefix}n" for prefix, keys in REGION_METRICS.items() if "n" in keys)
+_AVERAGED_NUMBERS = tuple(key for key in NUMBERS if key not in (*_PIXEL_COUNTS, "true_pixels"))
 #: Numbers that are infinite, and so null, in a pair with too few measured pixels.
-_TOTAL_QUANTILES = tuple(f"total_{key}" for key in ("median_m", *QUANTILES))
+_TOTAL_QUANTILES = tuple(f"total_{key}" for key in ("median_m", *ERROR_QUANTILES))
 #: The ends of the names of shares, which no interval may exceed.
-_SHARE_NAMES = ("coverage", *BAD, "d1", *L1_RATES, "dod")
+_SHARE_NAMES = ("coverage", *BAD_RATES, "d1", *L1_RATES, "dod")
 _COMMON_PLACE = {f"common_{key}": place for place, key in enumerate(common_pixels.NUMBERS)}
 
 
@@ -84,7 +84,11 @@ class ResultTable:
         self._curves: list[dict[str, list[Any]]] = [
             {
                 key: [np.zeros(steps), 0]
-                for key, steps in (("error_curve", len(ERROR_STEPS_M)), ("texture", len(SHARES)), ("best", len(SHARES)))
+                for key, steps in (
+                    ("error_curve", len(ERROR_STEPS_M)),
+                    ("texture", len(KEPT_SHARES)),
+                    ("best", len(KEPT_SHARES)),
+                )
             }
             for _ in methods
         ]
@@ -125,7 +129,7 @@ class ResultTable:
 
     def column(self, method: int, key: str) -> Array:
         """One number for all pairs, NaN where undefined."""
-        return self.values[method, :, _PLACE[key]]
+        return self.values[method, :, _COLUMN_BY_NUMBER[key]]
 
     def curve(self, method: int, key: str) -> list[float]:
         """The mean ``error_curve``, or mean sparsification by ``texture`` or ``best``; empty if none is defined."""
@@ -152,20 +156,22 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
         "suspect": int((~counted & ~table.failed[method]).sum()),
         "scenes": len(np.unique(table.scenes[counted])),
     }
-    columns = table.values[method][:, [_PLACE[key] for key in _AVERAGED]]
-    result |= {key: _none_if_not_finite(mean) for key, mean in zip(_AVERAGED, _mean_of_columns(columns), strict=True)}
-    result |= {key: int(np.nansum(table.column(method, key))) for key in _COUNTS}
+    columns = table.values[method][:, [_COLUMN_BY_NUMBER[key] for key in _AVERAGED_NUMBERS]]
+    result |= {
+        key: _none_if_not_finite(mean) for key, mean in zip(_AVERAGED_NUMBERS, _average_columns(columns), strict=True)
+    }
+    result |= {key: int(np.nansum(table.column(method, key))) for key in _PIXEL_COUNTS}
     with_truth = counted & (table.column(method, "true_pixels") > 0)
     result |= {key: None for key in _TOTAL_QUANTILES if np.isnan(table.column(method, key)[with_truth]).any()}
-    shares = np.array([is_share(key) for key in _AVERAGED])
+    shares = np.array([is_share(key) for key in _AVERAGED_NUMBERS])
     bounds = find_mean_intervals(columns[counted], table.scenes[counted], shares)
     result["intervals"] = {
         key: [float(low), float(high)]
-        for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
+        for key, (low, high) in zip(_AVERAGED_NUMBERS, bounds, strict=True)
         if np.isfinite(low) and result[key] is not None
     }
     weights = table.column(method, "n")
-    for metric in POOLED:
+    for metric in POOLED_METRICS:
         numbers = table.column(method, metric)
         known = ~np.isnan(numbers) & (weights > 0)
         total = float((numbers * weights)[known].sum())
@@ -175,7 +181,7 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
     result["sparsification"] = {key: table.curve(method, key) for key in ("texture", "best")}
     result["histograms"] = table.histograms[method] or {}
     result["plug_ins"] = {
-        name: _mean_with_interval(numbers[method][counted], table.scenes[counted])
+        name: _find_mean_with_interval(numbers[method][counted], table.scenes[counted])
         for name, numbers in table.plugins.items()
     }
     result["strata"] = {
@@ -198,24 +204,24 @@ def compare_methods(
     metric.
 
     The means over scenes have bounds if ``with_means``, and if there are scenes enough. For the typical scene see
-    ``typical_scene.ComparisonFamily``. What makes a scene easy or hard for both methods cancels.
+    ``typical_scene.ComparisonFamily``. Conditions that make a scene easy or hard for both methods cancel.
 
     Methods that measured nothing are not compared. There are ranks only if there are scenes enough for a verdict.
     """
     methods = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
-    chosen = [(methods[a], methods[b]) for a, b in list_comparisons(len(methods))]
+    chosen = [(methods[a], methods[b]) for a, b in list_method_pairs(len(methods))]
     found: list[Comparison] = []
     placed: list[dict[str, tuple[int, int]]] = [{} for _ in table.methods]
     for metric in COMPARED if chosen else ():
         columns, pairs = zip(*(_subtract_by_scene(table, a, b, metric) for a, b in chosen), strict=True)
         differences = np.stack(columns, axis=1)
-        family, means = compare_in_typical_scene(differences, seed), _mean_of_columns(differences)
+        family, means = compare_in_typical_scene(differences, seed), _average_columns(differences)
         bounds = find_simultaneous_intervals(differences, seed) if with_means else np.full((len(chosen), 2), np.nan)
         better = np.zeros((len(table.methods), len(table.methods)), bool)
         for k, (a, b) in enumerate(chosen):
             sign = 1 if (family.typical[k] > 0) == metric.more_is_better else -1
             better[a, b], better[b, a] = family.found[k] and sign > 0, family.found[k] and sign < 0
-            number = partial(_number_at, k, np.exp if metric.ratio else float)
+            number = partial(_find_number, k, np.exp if metric.ratio else float)
             found.append(
                 {
                     "a": table.methods[a],
@@ -254,22 +260,22 @@ def _subtract_by_scene(table: ResultTable, a: int, b: int, metric: ComparedMetri
     both[np.isnan(both).any(axis=1) | ~(table.counts[a] & table.counts[b])] = np.nan
     means = average_by_scene(both, table.scenes)
     if metric.ratio:
-        means = np.maximum(means, _LEAST)
+        means = np.maximum(means, _LEAST_COMPARED)
     return subtract(means[:, 0], means[:, 1], metric.ratio), int((~np.isnan(both[:, 0])).sum())
 
 
-def _mean_of_columns(columns: Array) -> Array:
+def _average_columns(columns: Array) -> Array:
     known = ~np.isnan(columns)
     count = known.sum(axis=0)
     total = np.where(known, columns, 0.0).sum(axis=0)
     return np.divide(total, count, out=np.full(columns.shape[1], np.nan), where=count > 0)
 
 
-def _mean_with_interval(numbers: Array, scenes: Array) -> dict[str, Any]:
+def _find_mean_with_interval(numbers: Array, scenes: Array) -> dict[str, Any]:
     """The ``mean`` of the numbers of pairs that are not NaN, its 95 % ``interval`` or None, and how many ``pairs``."""
     low, high = find_mean_intervals(numbers[:, None], scenes, np.array([False]))[0]
     return {
-        "mean": _none_if_not_finite(_mean_of_columns(numbers[:, None])[0]),
+        "mean": _none_if_not_finite(_average_columns(numbers[:, None])[0]),
         "pairs": int((~np.isnan(numbers)).sum()),
         "interval": [float(low), float(high)] if np.isfinite(low) else None,
     }
@@ -283,5 +289,5 @@ def _divide_or_none(part: float, whole: float) -> float | None:
     return part / whole if whole else None
 
 
-def _number_at(place: int, turn: Callable[[float], float], values: Array) -> float | None:
+def _find_number(place: int, turn: Callable[[float], float], values: Array) -> float | None:
     return _none_if_not_finite(turn(values[place]))

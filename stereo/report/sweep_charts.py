@@ -21,10 +21,10 @@ from ...support.arrays import Array
 from ...support.files import write_atomically
 from ...support.number_text import format_count
 from .averaged_settings import describe_averaging
-from .by_setting import SCENE, Sweep, find_noisy_levels, mean_by_level
+from .by_setting import SCENE_SWEEP, VariedSetting, average_by_level, find_noisy_levels
 from .charts import (
-    DASHES,
-    MARKS,
+    METHOD_DASHES,
+    METHOD_MARKS,
     STYLE,
     Summary,
     add_legend,
@@ -36,18 +36,18 @@ from .charts import (
 from .summary import ResultTable
 from .varied_on_purpose import FactorLines, choose_lines
 
-#: Metrics that are drawn against settings that vary, with factor and name.
-SWEPT = (("l1_m", 1.0, "Mean absolute depth error (m)"), ("total_bad_1", 100.0, "% missing or > 1 px"))
+#: Metrics that are drawn against varied settings, with factor and name.
+SWEPT_METRICS = (("l1_m", 1.0, "Mean absolute depth error (m)"), ("total_bad_1", 100.0, "% missing or > 1 px"))
 #: Maximum number of settings that are drawn.
 MOST_SWEEPS = 16
 #: Maximum number of methods for charts with a line for each value of another setting: each method has separate charts.
 _MOST_SPLIT = 6
 #: Maximum number of settings that are named as varying together with another one.
 _MOST_NAMED = 5
-#: Height of a chart in inches, and the shares by which a method's colour is made lighter and darker for its lines.
-_HEIGHT, _LIGHTER, _DARKER = 2.9, 0.55, 0.12
-#: Characters in a line of a tick's label, and at most in all.
-_TICK, _LONGEST_TICK = 14, 28
+#: Height of a chart in inches, and shares by which a method's colour is made lighter and darker for its lines.
+_HEIGHT_IN, _LIGHTER_SHARE, _DARKER_SHARE = 2.9, 0.55, 0.12
+#: Characters in a line of a tick's label, and most characters of the label.
+_TICK_LINE_CHARACTERS, _MOST_TICK_CHARACTERS = 14, 28
 #: For a picture, which no page colours.
 ON_WHITE: dict[Any, Any] = {
     "axes.edgecolor": "#888888",
@@ -72,7 +72,7 @@ class SweepCharts:
     of_all: bool
 
 
-def draw_sweeps(summary: Summary, table: ResultTable, sweeps: Sequence[Sweep]) -> list[SweepCharts]:
+def draw_sweeps(summary: Summary, table: ResultTable, sweeps: Sequence[VariedSetting]) -> list[SweepCharts]:
     """Draw mean error and wrong pixels against each setting that varies, with 95 % intervals.
 
     ``sweeps`` are all settings that vary; the first ``MOST_SWEEPS`` are drawn.
@@ -86,11 +86,11 @@ def draw_sweeps(summary: Summary, table: ResultTable, sweeps: Sequence[Sweep]) -
                 if lines
                 else [_draw_methods_together(sweep, summary, table)]
             )
-            drawn.append(SweepCharts(_caption_text(sweep, lines, sweeps, table), rows, lines is None))
+            drawn.append(SweepCharts(_make_caption(sweep, lines, sweeps, table), rows, lines is None))
     return drawn
 
 
-def write_curves(summary: Summary, table: ResultTable, sweeps: Sequence[Sweep], out: Path) -> dict[str, str]:
+def write_curves(summary: Summary, table: ResultTable, sweeps: Sequence[VariedSetting], out: Path) -> dict[str, str]:
     """Write a picture of the mean error against each setting that varies; their paths relative to ``out`` by setting.
 
     They are for programs that show no HTML, such as Blender.
@@ -103,7 +103,7 @@ def write_curves(summary: Summary, table: ResultTable, sweeps: Sequence[Sweep], 
         lines = _choose_sweep_lines(sweep, sweeps, summary)
         with matplotlib.rc_context({**STYLE, **ON_WHITE}):
             figure, axes = make_figure(2, len(summary) if lines else 1, width=9.6, height=3.6 if lines else 4.2)
-            for column, metric in zip(axes.T, SWEPT, strict=True):
+            for column, metric in zip(axes.T, SWEPT_METRICS, strict=True):
                 if lines:
                     for axis, (k, _, look) in zip(column, iterate_methods(summary), strict=True):
                         _draw_lines(sweep, lines, axis, metric, table, k, look)
@@ -122,29 +122,32 @@ def write_curves(summary: Summary, table: ResultTable, sweeps: Sequence[Sweep], 
     return curves
 
 
-def _choose_sweep_lines(sweep: Sweep, sweeps: Sequence[Sweep], summary: Summary) -> FactorLines | None:
-    """The lines that the charts of a setting have for another one; None without such a setting or for too many
-    methods."""
+def _choose_sweep_lines(sweep: VariedSetting, sweeps: Sequence[VariedSetting], summary: Summary) -> FactorLines | None:
+    """The lines of a setting's charts, one for each value of another setting; None without such a setting or with too
+    many methods.
+    """
     return choose_lines(sweep, sweeps) if len(summary) <= _MOST_SPLIT else None
 
 
-def _draw_methods_together(sweep: Sweep, summary: Summary, table: ResultTable) -> list[str]:
+def _draw_methods_together(sweep: VariedSetting, summary: Summary, table: ResultTable) -> list[str]:
     """A chart of each metric with all methods."""
     found: list[str] = []
-    for metric in SWEPT:
-        with add_panel(found, f"sweeps-{sweep.name}-", "", height=_HEIGHT) as axis:
+    for metric in SWEPT_METRICS:
+        with add_panel(found, f"sweeps-{sweep.name}-", "", height=_HEIGHT_IN) as axis:
             _draw_sweep(sweep, axis, metric, summary, table)
     return found
 
 
-def _draw_methods_apart(sweep: Sweep, lines: FactorLines, summary: Summary, table: ResultTable) -> list[list[str]]:
+def _draw_methods_apart(
+    sweep: VariedSetting, lines: FactorLines, summary: Summary, table: ResultTable
+) -> list[list[str]]:
     """For each metric the charts of all methods, in one scale, with a line for each value of another setting."""
     rows = []
-    for metric in SWEPT:
+    for metric in SWEPT_METRICS:
         found: list[str] = []
         top = _find_axis_top(sweep, lines, metric, len(summary), table)
         for k, _, look in iterate_methods(summary):
-            with add_panel(found, f"sweeps-{sweep.name}-{metric[0]}-", look["label"], height=_HEIGHT + 0.5) as axis:
+            with add_panel(found, f"sweeps-{sweep.name}-{metric[0]}-", look["label"], height=_HEIGHT_IN + 0.5) as axis:
                 _draw_lines(sweep, lines, axis, metric, table, k, look)
                 axis.set_ylim(0, top)
                 _add_line_legend(axis, lines)
@@ -152,7 +155,9 @@ def _draw_methods_apart(sweep: Sweep, lines: FactorLines, summary: Summary, tabl
     return rows
 
 
-def _caption_text(sweep: Sweep, lines: FactorLines | None, sweeps: Sequence[Sweep], table: ResultTable) -> str:
+def _make_caption(
+    sweep: VariedSetting, lines: FactorLines | None, sweeps: Sequence[VariedSetting], table: ResultTable
+) -> str:
     """Caption of the charts of a setting: its title, the pairs of the means, and settings that vary together."""
     point = sweep.levels()[2]
     if lines:
@@ -178,16 +183,18 @@ def _caption_text(sweep: Sweep, lines: FactorLines | None, sweeps: Sequence[Swee
     return " ".join(parts)
 
 
-def _draw_sweep(sweep: Sweep, axis: Axes, metric: tuple[str, float, str], summary: Summary, table: ResultTable) -> None:
-    """Draw one of ``SWEPT`` against a setting that varies, with 95 % intervals."""
+def _draw_sweep(
+    sweep: VariedSetting, axis: Axes, metric: tuple[str, float, str], summary: Summary, table: ResultTable
+) -> None:
+    """Draw one of ``SWEPT_METRICS`` against a setting that varies, with 95 % intervals."""
     for k, _, look in iterate_methods(summary):
-        _draw_means(sweep, axis, metric, table, k, (k, len(summary)), {**look, "linestyle": _line_style(sweep)})
+        _draw_means(sweep, axis, metric, table, k, (k, len(summary)), {**look, "linestyle": _make_line_style(sweep)})
     _finish_axis(sweep, axis, metric[2], table)
     start_at_zero(axis)
 
 
 def _draw_lines(
-    sweep: Sweep,
+    sweep: VariedSetting,
     lines: FactorLines,
     axis: Axes,
     metric: tuple[str, float, str],
@@ -195,20 +202,20 @@ def _draw_lines(
     method: int,
     look: dict[str, Any],
 ) -> None:
-    """Draw one of ``SWEPT`` for one method, a line for each value of another setting."""
+    """Draw one of ``SWEPT_METRICS`` for one method, a line for each value of another setting."""
     for n, (name, colour) in enumerate(zip(lines.names, _make_shades(look["color"], len(lines.names)), strict=True)):
         style = {
             "color": colour,
-            "marker": MARKS[n % len(MARKS)],
+            "marker": METHOD_MARKS[n % len(METHOD_MARKS)],
             "label": name,
-            "linestyle": DASHES[n % len(DASHES)] if sweep.numeric else "",
+            "linestyle": METHOD_DASHES[n % len(METHOD_DASHES)] if sweep.numeric else "",
         }
         _draw_means(sweep, axis, metric, table, method, (n, len(lines.names)), style, lines.of == n)
     _finish_axis(sweep, axis, metric[2], table)
 
 
 def _draw_means(
-    sweep: Sweep,
+    sweep: VariedSetting,
     axis: Axes,
     metric: tuple[str, float, str],
     table: ResultTable,
@@ -220,7 +227,7 @@ def _draw_means(
     """Draw the means of a method with their intervals, at ``place`` (k of n) beside the other methods."""
     _, places, _ = sweep.levels()
     key, factor, _ = metric
-    mean, bounds = mean_by_level(sweep, table, method, key, among)
+    mean, bounds = average_by_level(sweep, table, method, key, among)
     step = (0.012 if sweep.numeric else 0.05) * float(np.ptp(places)) or 0.1
     known = ~np.isnan(mean)  # a line goes on over a value that it lacks
     bars = np.nan_to_num(np.abs(bounds.T - mean))
@@ -234,11 +241,11 @@ def _draw_means(
     )
 
 
-def _line_style(sweep: Sweep) -> str:
+def _make_line_style(sweep: VariedSetting) -> str:
     return "-" if sweep.numeric else ""
 
 
-def _finish_axis(sweep: Sweep, axis: Axes, label: str, table: ResultTable) -> None:
+def _finish_axis(sweep: VariedSetting, axis: Axes, label: str, table: ResultTable) -> None:
     """Label the axes of a chart, and mark the values at which noise of the render decides."""
     names, places, _ = sweep.levels()
     noisy = find_noisy_levels(sweep, table)
@@ -251,27 +258,27 @@ def _finish_axis(sweep: Sweep, axis: Axes, label: str, table: ResultTable) -> No
             place - half, place + half, color=matplotlib.rcParams["grid.color"], alpha=0.6, linewidth=0, zorder=0
         )
     others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
-    title = "" if sweep.name == SCENE else sweep.title + others
+    title = "" if sweep.name == SCENE_SWEEP else sweep.title + others
     axis.set_xlabel(title + ("\nbands: noise of the render decides" if noisy.any() else ""))
     axis.set_ylabel(label)
 
 
 def _wrap_tick_label(name: str) -> str:
     """A name below an axis, in two lines if it is long."""
-    short = name if len(name) <= _LONGEST_TICK else f"{name[: _LONGEST_TICK - 1]}…"
-    space = short.rfind(" ", 0, _TICK + 1)
-    return short if len(short) <= _TICK or space < 0 else f"{short[:space]}\n{short[space + 1 :]}"
+    short = name if len(name) <= _MOST_TICK_CHARACTERS else f"{name[: _MOST_TICK_CHARACTERS - 1]}…"
+    space = short.rfind(" ", 0, _TICK_LINE_CHARACTERS + 1)
+    return short if len(short) <= _TICK_LINE_CHARACTERS or space < 0 else f"{short[:space]}\n{short[space + 1 :]}"
 
 
 def _find_axis_top(
-    sweep: Sweep, lines: FactorLines, metric: tuple[str, float, str], methods: int, table: ResultTable
+    sweep: VariedSetting, lines: FactorLines, metric: tuple[str, float, str], methods: int, table: ResultTable
 ) -> float:
     """The top of the axis of a metric, the same for all methods."""
     key, factor, _ = metric
     tops = [0.0]
     for method in range(methods):
         for n in range(len(lines.names)):
-            mean, bounds = mean_by_level(sweep, table, method, key, lines.of == n)
+            mean, bounds = average_by_level(sweep, table, method, key, lines.of == n)
             tops += [float(value) for value in (*mean, *bounds[:, 1]) if np.isfinite(value)]
     return 1.08 * factor * max(tops) or 1.0
 
@@ -293,5 +300,5 @@ def _add_line_legend(axis: Axes, lines: FactorLines) -> None:
 def _make_shades(colour: str, count: int) -> list[str]:
     """``count`` shades of a colour, from a lighter one to a darker one."""
     base = np.array(to_rgb(colour))
-    parts = np.linspace(_LIGHTER, -_DARKER, count) if count > 1 else np.zeros(1)
+    parts = np.linspace(_LIGHTER_SHARE, -_DARKER_SHARE, count) if count > 1 else np.zeros(1)
     return [to_hex(base + part * (1 - base) if part > 0 else base * (1 + part)) for part in parts]

@@ -23,8 +23,8 @@ class Column:
         return f"{self.heading} ({self.unit})" if self.unit else self.heading
 
 
-#: Over all true pixels: nothing is gained by measuring less.
-TOTALS = (
+#: Columns over all true pixels, where missing measurements count.
+TOTAL_COLUMNS = (
     Column("coverage", "Coverage", "%", 1, "share of the pixels with a true depth that got a valid one"),
     Column(
         "total_bad_1",
@@ -41,8 +41,8 @@ TOTALS = (
         "share of all true pixels without a depth, or with one wrong by more than 10 cm",
     ),
 )
-#: Over the measured pixels.
-MEASURED = (
+#: Columns over the measured pixels.
+MEASURED_COLUMNS = (
     Column("l1_m", "L1", "m", 3, "mean absolute depth error"),
     Column("epe_px", "EPE", "px", 3, "mean absolute disparity error"),
     Column("bad_1", "bad-1", "%", 1, "share of the measured pixels with a disparity wrong by more than 1 px"),
@@ -50,16 +50,16 @@ MEASURED = (
     Column("si_rmse", "si-RMSE", "", 4, "root of the scale-invariant mean square error of log depth"),
     Column("dod", "DOD", "%", 2, "share of all pairs of pixels in the wrong depth order, tolerance 1 %"),
 )
-SECONDS = Column("seconds", "CPU", "s", 3, "processor seconds of matching one pair, one thread")
-SUMMARY = (*TOTALS, *MEASURED, SECONDS)
-#: The metric that methods are ranked by where there is room for one rank.
-RANKING = "total_bad_1"
-#: What a table shows instead of a rank for a method that measured nothing.
+SECONDS_COLUMN = Column("seconds", "CPU", "s", 3, "processor seconds of matching one pair, one thread")
+SUMMARY_COLUMNS = (*TOTAL_COLUMNS, *MEASURED_COLUMNS, SECONDS_COLUMN)
+#: The metric that ranks methods if there is room for one rank.
+RANKING_METRIC = "total_bad_1"
+#: The text in place of a rank for a method without measurements.
 NO_RESULT = "no result"
 #: How the note begins that noise of the render decides the result of pairs.
 NOISE_DECIDES = "Noise of the render decides the result"
-#: The columns of the GUISS reference code, each with ours.
-GUISS = (
+#: The columns of the GUISS reference code, each with our column.
+GUISS_COLUMNS = (
     (Column("guiss_l1_m", "L1", "m", 3), Column("l1_m", "L1", "m", 3)),
     (Column("guiss_l1_rate_10", "L1-rate-10", "%", 1), Column("l1_rate_10", "L1-rate-10", "%", 1)),
     (Column("guiss_si_rmse", "si-RMSE", "", 4), Column("si_rmse", "si-RMSE", "", 4)),
@@ -70,8 +70,8 @@ GUISS = (
 METRIC_NAMES = {
     column.key: column
     for column in (
-        TOTALS[0],
-        *MEASURED,
+        TOTAL_COLUMNS[0],
+        *MEASURED_COLUMNS,
         Column("median_m", "median", "m"),
         Column("rmse_m", "RMSE", "m"),
         Column("bias_m", "bias", "m"),
@@ -132,7 +132,7 @@ def format_result(entry: Mapping[str, Any], column: Column) -> str:
     A method that measured nothing has no result: it is not the worst, and its coverage is no achievement. Only its cost
     is shown.
     """
-    return format_number(entry, column) if entry["n"] or column == SECONDS else "–"
+    return format_number(entry, column) if entry["n"] or column == SECONDS_COLUMN else "–"
 
 
 def format_rank(entry: Mapping[str, Any], metric: str) -> str:
@@ -144,7 +144,9 @@ def format_rank(entry: Mapping[str, Any], metric: str) -> str:
 
 
 def is_best(entry: Mapping[str, Any], metric: str, summary: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether a method of a summary is best by a comparison: none is better beyond doubt, and at least one is worse."""
+    """Whether a method of a summary is best by a comparison: no other is significantly better, and at least one is
+    significantly worse.
+    """
     ranks = entry["ranks"].get(metric)
     return ranks is not None and ranks[0] == 1 and ranks[1] < sum(metric in other["ranks"] for other in summary)
 

@@ -1,4 +1,4 @@
-"""Which settings were varied on purpose and against each other, and the lines that charts then have."""
+"""Finds the settings that were varied on purpose against each other, and the lines of charts that follow."""
 
 from __future__ import annotations
 
@@ -8,60 +8,60 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array
-from .by_setting import POSES, Sweep
+from .by_setting import POSE_SETTINGS, VariedSetting
 
-#: Maximum number of values of a setting with a line each; number of groups that more values of a number form.
-MOST_LINES, _GROUPS = 6, 4
-#: Settings count as varied on purpose if this share of the combinations of two of them occurs, with this many pairs for
-#: each value of a setting: values that are drawn at random are all different.
-_CROSSED, _REPEATED = 0.9, 2
+#: Most values of a setting with a line each, and the number of groups for settings with more values.
+MOST_LINES, _GROUP_COUNT = 6, 4
+#: Settings count as varied on purpose if at least this share of the combinations of two of them occurs, with at least
+#: this many pairs for each value of a setting. Values drawn at random are all different.
+_LEAST_CROSSED_SHARE, _LEAST_REPEATS = 0.9, 2
 
 
 @dataclass(frozen=True)
 class FactorLines:
     """The lines that the charts of a setting have for another one, ``factor``."""
 
-    factor: Sweep
+    factor: VariedSetting
     names: list[str]
     of: Array  # (pairs,) the line that each pair is part of, or -1
-    grouped: bool  # whether a line stands for several values
+    grouped: bool  # whether a line covers several values
 
 
-def choose_lines(sweep: Sweep, sweeps: Sequence[Sweep]) -> FactorLines | None:
+def choose_lines(sweep: VariedSetting, sweeps: Sequence[VariedSetting]) -> FactorLines | None:
     """The lines of the charts of ``sweep``: the values of the first other setting that was varied on purpose with it.
 
-    None if there is no such setting. The poses of a camera and names beyond ``MOST_LINES`` make no lines.
+    None without such a setting. The poses of a camera and names beyond ``MOST_LINES`` make no lines.
     """
-    if sweep.name in POSES or not _is_repeated(sweep):
+    if sweep.name in POSE_SETTINGS or not _is_repeated(sweep):
         return None
     for other in sweeps:
-        if other is sweep or other.name in POSES or not _is_repeated(other) or not _are_crossed(sweep, other):
+        if other is sweep or other.name in POSE_SETTINGS or not _is_repeated(other) or not _are_crossed(sweep, other):
             continue
         if lines := _make_lines(other):
             return lines
     return None
 
 
-def _find_known(sweep: Sweep) -> Array:
+def _find_known(sweep: VariedSetting) -> Array:
     return np.asarray(~np.isnan(sweep.values) if sweep.numeric else sweep.values != "")
 
 
-def _is_repeated(sweep: Sweep) -> bool:
+def _is_repeated(sweep: VariedSetting) -> bool:
     known = _find_known(sweep)
-    return int(known.sum()) >= _REPEATED * len(np.unique(sweep.values[known]))
+    return int(known.sum()) >= _LEAST_REPEATS * len(np.unique(sweep.values[known]))
 
 
-def _are_crossed(one: Sweep, other: Sweep) -> bool:
+def _are_crossed(one: VariedSetting, other: VariedSetting) -> bool:
     """Whether nearly every value of one setting occurs with nearly every value of another."""
     known = _find_known(one) & _find_known(other)
     first, second = (np.unique(sweep.values[known], return_inverse=True)[1] for sweep in (one, other))
     if not known.any() or min(first.max(), second.max()) < 1:
         return False
     combinations = len(set(zip(first.tolist(), second.tolist(), strict=True)))
-    return combinations >= _CROSSED * (first.max() + 1) * (second.max() + 1)
+    return combinations >= _LEAST_CROSSED_SHARE * (first.max() + 1) * (second.max() + 1)
 
 
-def _make_lines(factor: Sweep) -> FactorLines | None:
+def _make_lines(factor: VariedSetting) -> FactorLines | None:
     known = _find_known(factor)
     values, level = np.unique(factor.values[known], return_inverse=True)
     of = np.full(len(factor.values), -1)
@@ -72,6 +72,6 @@ def _make_lines(factor: Sweep) -> FactorLines | None:
         )
     if not factor.numeric:
         return None
-    groups = np.array_split(np.arange(len(values)), _GROUPS)
-    of[known] = np.repeat(np.arange(_GROUPS), [len(group) for group in groups])[level]
+    groups = np.array_split(np.arange(len(values)), _GROUP_COUNT)
+    of[known] = np.repeat(np.arange(_GROUP_COUNT), [len(group) for group in groups])[level]
     return FactorLines(factor, [f"{values[group[0]]:g} to {values[group[-1]]:g}" for group in groups], of, grouped=True)

@@ -1,4 +1,4 @@
-"""What an evaluation of so many scenes can show, in words."""
+"""Sentences on the differences that an evaluation of this number of scenes can show."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ..inference.typical_scene import count_scenes_for_methods
 from ..matchers.methods import describe_method
 from .rare_failures import describe_rare_failures
 from .summary import ResultTable
-from .table_columns import RANKING
+from .table_columns import RANKING_METRIC
 
-#: Metrics whose detectable difference is told, and their names in a sentence.
-_TOLD = (("common_epe_px", "EPE"), ("total_bad_1", "pixels off by more than 1 px or missing"))
+#: Metrics whose detectable difference is stated, with their names in a sentence.
+_STATED_METRICS = (("common_epe_px", "EPE"), ("total_bad_1", "pixels off by more than 1 px or missing"))
 
 
 def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: ResultTable) -> str:
@@ -34,7 +34,7 @@ def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: ResultTab
     together = f", over all {count} comparisons by a metric" if count > 1 else ""
     sizes = {
         name: np.median([entry["detectable"] for entry in tested if entry["metric"] == metric] or [np.nan])
-        for metric, name in _TOLD
+        for metric, name in _STATED_METRICS
     }
     told = [_describe_size(name, float(size)) for name, size in sizes.items() if np.isfinite(size)]
     power = f" 8 of 10 such data sets would show {' or '.join(told)}." if told else ""
@@ -46,12 +46,14 @@ def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: ResultTab
 
 
 def describe_typical(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A sentence for each two methods on how they differ in the typical scene by ``RANKING``, with the interval; those
-    that differ come first. None where no scenes allow an interval."""
+    """A sentence for each two methods on their typical difference by ``RANKING_METRIC``, with the interval.
+
+    Methods that differ come first. Empty if no scenes allow an interval.
+    """
     entries = [
         entry
         for entry in comparisons
-        if entry["metric"] == RANKING
+        if entry["metric"] == RANKING_METRIC
         and entry["p"] is not None
         and entry["typical_low"] is not None
         and entry["typical_high"] is not None
@@ -72,8 +74,9 @@ def _describe_difference(entry: Mapping[str, Any]) -> str:
 
 
 def _describe_unseen(scenes: int) -> str:
-    """What no test of these scenes can know: failures that none of them contains. If a share q of all scenes had one,
-    so many scenes would contain none with a probability of (1 - q)^scenes."""
+    """The limit of all tests of these scenes: failures that occur in none of them. If a share q of all scenes had one,
+    this many scenes would contain none with a probability of (1 - q)^scenes.
+    """
     return (
         f"A failure that none of the {scenes} scenes contains may still occur in up to "
         f"{100 * (1 - 0.05 ** (1 / scenes)):.0f} % of scenes (95 % bound), and no verdict knows of it."

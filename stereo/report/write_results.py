@@ -19,7 +19,7 @@ from ..environment import packages
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN
 from ..matchers.methods import Method
 from ..measure import common_pixels
-from ..measure.metrics import ERROR_STEPS_M, SHARES
+from ..measure.metrics import ERROR_STEPS_M, KEPT_SHARES
 from ..measure.plug_in import load_plugin_metrics
 from ..measure.row_metrics import NUMBERS, REGIONS
 from .by_setting import find_swept_settings, name_scene
@@ -36,8 +36,8 @@ from .verdict_text import describe_typical, describe_verdicts
 
 FORMAT = "icymoon-report"
 VERSION = 4
-#: Entries of the report that ``summary.json`` lacks, because they grow with the number of pairs.
-_MANY = ("rows", "pairs")
+#: Entries of the report that grow with the number of pairs, so ``summary.json`` lacks them.
+_LONG_ENTRIES = ("rows", "pairs")
 
 
 def write_results(
@@ -58,7 +58,9 @@ def write_results(
     rows = LazyRows(
         len(names) * len(labels), lambda k: _shorten_row(log.read(names[k // len(labels)], labels[k % len(labels)]))
     )
-    usable = [name for name in names if find_facts(out, name) is not None and not _all_failed(log, name, labels)]
+    usable = [
+        name for name in names if find_facts(out, name) is not None and not _make_all_failed_error(log, name, labels)
+    ]
     facts = LazyRows(len(usable), lambda k: read_facts(out, usable[k]))
     table, notes = ResultTable(labels, names), Notes(methods, faults)
     places = {name: k for k, name in enumerate(names)}
@@ -89,7 +91,7 @@ def write_results(
     chosen = choose_pairs(table, usable)
     _write_files(out, report, [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))])
     levels = name_levels(sweeps, facts, places)
-    titles = make_pair_titles(sweeps, levels, len(names)) if sweeps else [_preset_title(facts)] * len(names)
+    titles = make_pair_titles(sweeps, levels, len(names)) if sweeps else [_find_preset_title(facts)] * len(names)
     conditions = list_conditions(sweeps, levels)
     ranking = make_ranking_table(table, summary, verdicts, conditions, seed)
     write_report(report, ranking, chosen, titles, conditions, table, sweeps, methods, out, guiss)
@@ -99,7 +101,7 @@ def write_results(
 def _fill(
     table: ResultTable, notes: Notes, log: RowLog, facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
 ) -> dict[str, list[Any]]:
-    """Add the facts of all pairs and all rows to a table and to notes; return on what each method ran."""
+    """Add the facts of all pairs and all rows to a table and to notes. Returns the device of each method."""
     scenes: dict[str, int] = {}
     for pair in facts:
         place = places[pair["pair"]]
@@ -122,11 +124,11 @@ def _write_files(out: Path, report: Report, shown: list[Row]) -> None:
     write_atomically(out / "results.csv", lambda part: _write_csv(part, report["rows"], metrics))
     write_atomically(out / "comparisons.csv", lambda part: _write_comparisons(part, report["comparisons"]))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report, report["pairs"]))
-    few = {key: value for key, value in report.items() if key not in _MANY}
+    few = {key: value for key, value in report.items() if key not in _LONG_ENTRIES}
     write_json(out / "summary.json", few | {"shown": shown})
 
 
-def _preset_title(facts: Sequence[Mapping[str, Any]]) -> str:
+def _find_preset_title(facts: Sequence[Mapping[str, Any]]) -> str:
     return find_preset_title(facts[0]["settings"]) if facts else ""
 
 
@@ -143,7 +145,7 @@ def read_facts(out: Path, pair: str) -> dict[str, Any]:
     return facts
 
 
-def _all_failed(log: RowLog, pair: str, labels: Sequence[str]) -> bool:
+def _make_all_failed_error(log: RowLog, pair: str, labels: Sequence[str]) -> bool:
     return all(log.read(pair, label)["status"] == "failed" and not log.read(pair, label)["images"] for label in labels)
 
 
@@ -220,7 +222,7 @@ def _describe_provenance(
         ],
         "versions": packages.find_versions(),
         "error_curve_steps_m": list(ERROR_STEPS_M),
-        "sparsification_shares": list(SHARES),
+        "sparsification_shares": list(KEPT_SHARES),
         "averages": "mean over pairs, each pair with equal weight; pooled_* over the pixels of all pairs",
         "intervals": f"95 %, over scenes: of shares from 2 scenes on, of other means from "
         f"{format_count(FEWEST_FOR_MEAN, 'scene')} on, approximate below {FEWEST_EXACT}",

@@ -1,4 +1,4 @@
-"""What a study concludes from its views: typical changes of errors and of gaps, the order of methods and of noise.
+"""The conclusions of a study from its views: typical changes of errors and of gaps, the order of methods and of noise.
 
 A scene is a ground; its views are averaged first. A comparison is one family: the changes of all errors and of all gaps
 between methods are held at once. A change against the converged render is claimed only if the noise of that render,
@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from ..inference.kendall_tau import kendall_tau_b
+from ..inference.kendall_tau import compute_kendall_tau_b
 from ..inference.scene_means import find_mean_intervals
 from ..inference.typical_scene import ComparisonFamily, compare_in_typical_scene
 from .design import CONVERGED, Hypothesis, Study
 from .view_measurements import LIGHTS, Cell
 
-#: Noise of the converged render, as a part of a change, up to which the change is claimed.
-_QUIET = 0.1
+#: Largest noise of the converged render, as a share of a change, for a claim on the change.
+_MOST_NOISE_SHARE = 0.1
 _SEED = 0
 #: The verdicts on a hypothesis.
 HOLDS, FAILS, OPEN = "holds", "fails", "open"
@@ -35,7 +35,7 @@ def draw_conclusions(study: Study, cells: Sequence[Cell], methods: Sequence[str]
     render has more noise than the study allows are among the ``cells``, and do not count."""
     counted = [cell for cell in cells if cell.reference_noise <= study.reference_noise]
     numbers = _list_numbers(methods)
-    by_light = {f"{method}, {light}": _error_number(method, light) for method in methods for light in LIGHTS}
+    by_light = {f"{method}, {light}": _compute_error(method, light) for method in methods for light in LIGHTS}
     noise = {name: _measure_reference_noise(study, counted, number) for name, number in (numbers | by_light).items()}
     comparisons = [
         {
@@ -58,21 +58,21 @@ def draw_conclusions(study: Study, cells: Sequence[Cell], methods: Sequence[str]
     }
 
 
-def _error_number(method: str, light: str | None = None) -> Number:
+def _compute_error(method: str, light: str | None = None) -> Number:
     return lambda cell, recipe: 100 * cell.error(recipe, method, light)
 
 
-def _gap_number(one: str, other: str) -> Number:
+def _compute_gap(one: str, other: str) -> Number:
     return lambda cell, recipe: 100 * (cell.error(recipe, other) - cell.error(recipe, one))
 
 
 def _list_numbers(methods: Sequence[str]) -> dict[str, Number]:
     """The error of each method, and each gap ``b - a`` between two."""
-    gaps = {f"{other} - {one}": _gap_number(one, other) for one, other in combinations(methods, 2)}
-    return {method: _error_number(method) for method in methods} | gaps
+    gaps = {f"{other} - {one}": _compute_gap(one, other) for one, other in combinations(methods, 2)}
+    return {method: _compute_error(method) for method in methods} | gaps
 
 
-def _difference_number(number: Number, of: str, against: str) -> Callable[[Cell], float]:
+def _compute_difference(number: Number, of: str, against: str) -> Callable[[Cell], float]:
     return lambda cell: number(cell, of) - number(cell, against)
 
 
@@ -87,10 +87,11 @@ def _average_by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -
 
 
 def _measure_reference_noise(study: Study, cells: Sequence[Cell], number: Number) -> float:
-    """By how much noise changes a number of the converged render, in the typical scene.
+    """The change that noise makes to a number of the converged render, in the typical scene.
 
-    What noise adds falls as its variance, so the mean of two halves has half of what each has: as much as it is better
-    than they are. What noise scatters is half of the difference of the halves, over the root of the grounds.
+    The bias from noise falls as the noise's variance, so the mean of two halves has half the bias of each half: as much
+    as it is better than they are. The scatter from noise is half of the difference of the halves, over the root of the
+    number of grounds.
     """
     one, other = study.reference
     added = _average_by_ground(
@@ -112,7 +113,7 @@ def _find_changes(
     noise: dict[str, float],
 ) -> dict[str, dict[str, Any]]:
     """The typical change of each number from a recipe to another, all held at once."""
-    columns = [_average_by_ground(cells, _difference_number(number, of, against)) for number in numbers.values()]
+    columns = [_average_by_ground(cells, _compute_difference(number, of, against)) for number in numbers.values()]
     family = compare_in_typical_scene(np.stack(columns, axis=1), _SEED)
     return {
         name: _describe_change(family, k, noise[name] if CONVERGED in (of, against) else 0.0, columns[k])
@@ -121,7 +122,7 @@ def _find_changes(
 
 
 def _describe_change(family: ComparisonFamily, k: int, noise: float, values: Array) -> dict[str, Any]:
-    typical, quiet = float(family.typical[k]), abs(noise) <= _QUIET * abs(float(family.typical[k]))
+    typical, quiet = float(family.typical[k]), abs(noise) <= _MOST_NOISE_SHARE * abs(float(family.typical[k]))
     return {
         "grounds": int(family.scenes[k]),
         "typical": _round_or_none(typical),
@@ -142,7 +143,9 @@ def _round_or_none(value: float) -> float | None:
 def _compare_orders(cells: Sequence[Cell], of: str, against: str, methods: Sequence[str]) -> dict[str, Any]:
     """Kendall's tau of the methods' order by two recipes: mean over views, and the share of views with one order."""
     taus = {
-        cell.view.name: kendall_tau_b(*([cell.error(recipe, method) for method in methods] for recipe in (of, against)))
+        cell.view.name: compute_kendall_tau_b(
+            *([cell.error(recipe, method) for method in methods] for recipe in (of, against))
+        )
         for cell in cells
         if all(math.isfinite(cell.error(recipe, methods[0])) for recipe in (of, against))
     }
@@ -175,7 +178,7 @@ def _judge_hypothesis(hypothesis: Hypothesis, comparisons: Sequence[dict[str, An
         verdict = HOLDS
     else:
         verdict = FAILS if high <= hypothesis.low or low >= hypothesis.high else OPEN
-    loud = abs(change["noise"] or 0.0) > _QUIET * max(
+    loud = abs(change["noise"] or 0.0) > _MOST_NOISE_SHARE * max(
         (abs(bound) for bound in (hypothesis.low, hypothesis.high) if math.isfinite(bound) and bound),
         default=abs(change["typical"] or 0.0),
     )
@@ -191,8 +194,9 @@ def _judge_hypothesis(hypothesis: Hypothesis, comparisons: Sequence[dict[str, An
 
 
 def _compare_noise_orders(cells: Sequence[Cell]) -> dict[str, Any]:
-    """Kendall's tau between the share that noise hides by the verdict and what a converged render tells: the share that
-    is truly hidden, and the distance of the light. Of the recipes in each view, their mean, and of all pairs together.
+    """Kendall's tau between the share that noise hides by the verdict and two measures from a converged render: the
+    truly hidden share, and the distance of the light. Of the recipes in each view, their mean, and of all pairs
+    together.
     """
     return {key: _order_by_key(cells, key) for key in ("truly_hidden", "distance")}
 
@@ -204,19 +208,19 @@ def _order_by_key(cells: Sequence[Cell], key: str) -> dict[str, Any]:
         ]
         for cell in cells
     }
-    taus = {name: _kendall_tau(rows) for name, rows in views.items()}
+    taus = {name: _compute_kendall_tau(rows) for name, rows in views.items()}
     known = [tau for tau in taus.values() if tau is not None]
     together = [row for rows in views.values() for row in rows]
     return {
         "views": taus,
         "mean": _round_or_none(float(np.mean(known))) if known else None,
-        "together": _kendall_tau(together),
+        "together": _compute_kendall_tau(together),
         "pairs": len(together),
     }
 
 
-def _kendall_tau(rows: Sequence[tuple[float, float]]) -> float | None:
-    return _round_or_none(kendall_tau_b([row[0] for row in rows], [row[1] for row in rows]))
+def _compute_kendall_tau(rows: Sequence[tuple[float, float]]) -> float | None:
+    return _round_or_none(compute_kendall_tau_b([row[0] for row in rows], [row[1] for row in rows]))
 
 
 def _describe_view(cell: Cell, methods: Sequence[str]) -> dict[str, Any]:

@@ -22,13 +22,13 @@ from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
 from ...support.file_schemas import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, check_record
 from ...support.suggestions import suggest_nearest
-from ..trade.measure_variants import scaled_view
+from ..trade.measure_variants import scale_view
 
 #: The name of the mean of both halves in comparisons.
 CONVERGED = "converged"
-_FIX = "compare it with the shipped studies"
-#: Beside these keys, a ground and a recipe have settings.
-_SHAPE = {
+_COMPARE_WITH_SHIPPED = "compare it with the shipped studies"
+#: A ground and a recipe also have settings, besides these keys.
+_STUDY_SHAPE = {
     "study": {
         "title": TEXT,
         "question": TEXT,
@@ -80,8 +80,9 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What was expected of ``what``, an error such as ``bm`` or a gap such as ``jplv - bm``: that the typical change is
-    in ``low`` to ``high``, in points."""
+    """The expected typical change of ``what``, an error such as ``bm`` or a gap such as ``jplv - bm``: from ``low`` to
+    ``high``, in points.
+    """
 
     says: str
     of: str
@@ -116,7 +117,7 @@ class Study:
         return [[view for view in self.views if view.round == k] for k in sorted({view.round for view in self.views})]
 
 
-def study_names() -> list[str]:
+def list_study_names() -> list[str]:
     """The names of the shipped studies."""
     return sorted(path.stem for path in Path(__file__).parent.glob("*.toml"))
 
@@ -125,15 +126,15 @@ def find_study(name: str) -> Path:
     """The file of a shipped study by its name, or a file of the user's whose name ends in .toml."""
     if name.endswith(".toml"):
         return Path(name)
-    if name not in study_names():
-        raise IcyMoonError(f"There is no study {name!r}, {suggest_nearest(name, study_names())}")
+    if name not in list_study_names():
+        raise IcyMoonError(f"There is no study {name!r}, {suggest_nearest(name, list_study_names())}")
     return Path(__file__).parent / f"{name}.toml"
 
 
 def read_study(path: Path) -> Study:
-    """Read and check a study. Raises IcyMoonError that names the file and what is wrong."""
+    """Read and check a study. Raises IcyMoonError that names the file and the fault."""
     data, text = read_toml_and_text(path)
-    check_record(data, _SHAPE, path, _FIX)
+    check_record(data, _STUDY_SHAPE, path, _COMPARE_WITH_SHIPPED)
     head = data["study"]
     recipes = tuple(
         Recipe(table["name"], table["title"], _read_settings(table, ("name", "title"), path))
@@ -141,7 +142,9 @@ def read_study(path: Path) -> Study:
     )
     names = [recipe.name for recipe in recipes]
     if len(head["reference"]) != 2 or len(set(names)) < len(names):
-        raise IcyMoonError(f"{path}: a study has two halves of its reference, and recipes of different names; {_FIX}.")
+        raise IcyMoonError(
+            f"{path}: a study has two halves of its reference, and recipes of different names; {_COMPARE_WITH_SHIPPED}."
+        )
     for name in (*head["reference"], *head["noise"]):
         _check_name(name, names, path)
     for table in (*data["comparison"], *data.get("hypothesis", [])):
@@ -190,7 +193,7 @@ def _read_settings(table: Mapping[str, Any], known: Sequence[str], path: Path) -
 
 
 def _set_view(settings: Settings, sun_deg: float, scale: float) -> Settings:
-    return scaled_view(merged(settings, {"light": {"sun_elevation_deg": float(sun_deg)}}), scale)
+    return scale_view(merged(settings, {"light": {"sun_elevation_deg": float(sun_deg)}}), scale)
 
 
 def _check_name(name: str, known: Sequence[str], path: Path) -> None:

@@ -16,16 +16,16 @@ from matplotlib.figure import Figure
 from ...support.errors import IcyMoonError
 from ...support.files import read_text, to_json_text, write_atomically, write_text
 from ..matchers.methods import describe_method
-from ..report.charts import COLOURS, MARKS, STYLE, set_logarithmic_beyond
+from ..report.charts import METHOD_COLOURS, METHOD_MARKS, STYLE, set_logarithmic_beyond
 from .design import CONVERGED, Study
 from .view_measurements import LIGHTS
 
-#: Between these lines of a page are the tables of a study.
+#: Lines of a page between which the tables of a study are.
 BEGIN, END = "<!-- study: begin -->", "<!-- study: end -->"
-_NONE = "–"
-#: Characters of a line of text.
-_WIDTH = 120
-#: What a converged render tells of the noise of another, see ``cells.Cell``.
+_NO_NUMBER = "–"
+#: Most characters of a line of text.
+_LINE_WIDTH = 120
+#: Columns from a converged render on the noise of another render, see ``cells.Cell``.
 _TOLD_OF_NOISE = {
     "truly_hidden": "pixels whose texture is weaker than what differs from the converged render around them",
     "distance": "root mean square difference of the light over its mean",
@@ -47,7 +47,7 @@ def write_study(study: Study, found: Mapping[str, Any], out: Path) -> str:
         _make_order_table(found),
         _make_view_table(study, found),
     )
-    lines = [line if line[:1] in "|*" else fill(line, _WIDTH) for part in parts for line in part]
+    lines = [line if line[:1] in "|*" else fill(line, _LINE_WIDTH) for part in parts for line in part]
     text = "\n".join(lines) + "\n"
     write_text(out / "study.json", to_json_text(dict(found)))
     write_text(out / "cells.csv", _make_csv(found))
@@ -130,14 +130,14 @@ def _make_change_table(
         lines.append(
             f"| `{each['of']}` | `{each['with']}` | {min(change['grounds'] for change in changes)} | "
             + " | ".join(map(_format_interval, changes))
-            + f" | {f'{noise:.2f}' if CONVERGED in (each['of'], each['with']) else _NONE} |"
+            + f" | {f'{noise:.2f}' if CONVERGED in (each['of'], each['with']) else _NO_NUMBER} |"
         )
     return [*lines, ""]
 
 
 def _format_interval(change: Mapping[str, Any]) -> str:
     if change["typical"] is None:
-        return _NONE
+        return _NO_NUMBER
     typical = f"{change['typical']:+.1f}"
     if change["low"] is None:
         return typical
@@ -152,7 +152,7 @@ def _make_hypothesis_table(found: Mapping[str, Any]) -> list[str]:
     for each in found["hypotheses"]:
         why = f": the converged render has {abs(each['noise']):.2f} points of noise" if each["loud"] else ""
         bounds = "" if each["low"] is None else f" ({each['low']:+.1f} to {each['high']:+.1f})"
-        typical = _NONE if each["typical"] is None else f"{each['typical']:+.1f}{bounds}"
+        typical = _NO_NUMBER if each["typical"] is None else f"{each['typical']:+.1f}{bounds}"
         lines.append(f"| {each['says']} | {typical} | {each['verdict']}{why} |")
     return [*lines, ""]
 
@@ -184,13 +184,15 @@ def _make_order_table(found: Mapping[str, Any]) -> list[str]:
     ]
     for key, title in _TOLD_OF_NOISE.items():
         order = found["noise_order"][key]
-        together, mean = (_NONE if order[which] is None else f"{order[which]:+.2f}" for which in ("together", "mean"))
+        together, mean = (
+            _NO_NUMBER if order[which] is None else f"{order[which]:+.2f}" for which in ("together", "mean")
+        )
         lines.append(f"| {title} | {together} | {order['pairs']} | {mean} |")
     return [*lines, ""]
 
 
 def _make_view_table(study: Study, found: Mapping[str, Any]) -> list[str]:
-    """What was run: errors on the converged render, its noise, and tau of the noise verdict in each view."""
+    """A table of the views: errors on the converged render, its noise, and tau of the noise verdict."""
     methods = found["methods"]
     lines = [
         "### Views",
@@ -210,7 +212,7 @@ def _make_view_table(study: Study, found: Mapping[str, Any]) -> list[str]:
             f"| {cell['ground']} | {cell['sun_deg']:g}° | {100 * cell['shadow']:.0f} % | "
             f"{noise if cell['counts'] else f'({noise})'} | {len(cell['errors']) - 1} of {len(study.recipes)} | "
             + " | ".join(f"{cell['errors'][CONVERGED][method]['all']:.1f}" for method in methods)
-            + "".join(f" | {_NONE if tau is None else f'{tau:+.2f}'}" for tau in taus)
+            + "".join(f" | {_NO_NUMBER if tau is None else f'{tau:+.2f}'}" for tau in taus)
             + " |"
         )
     return lines
@@ -268,13 +270,13 @@ def draw_changes(found: Mapping[str, Any]) -> Figure:
                 continue
             height = -row + 0.16 * ((len(methods) - 1) / 2 - k)
             if change["low"] is not None:
-                axis.plot([change["low"], change["high"]], [height, height], color=COLOURS[k], linewidth=1.2)
+                axis.plot([change["low"], change["high"]], [height, height], color=METHOD_COLOURS[k], linewidth=1.2)
             axis.plot(
                 change["typical"],
                 height,
-                MARKS[k],
-                color=COLOURS[k],
-                markerfacecolor=COLOURS[k] if change["claimed"] else "white",
+                METHOD_MARKS[k],
+                color=METHOD_COLOURS[k],
+                markerfacecolor=METHOD_COLOURS[k] if change["claimed"] else "white",
                 label=describe_method(method) if row == 0 else None,
             )
     axis.axvline(0.0, color="#6f7f8f", linewidth=0.8)
@@ -299,7 +301,12 @@ def _draw_noise(found: Mapping[str, Any]) -> Figure:
         shares = [(row["truly_hidden"], row["hidden"]) for row in rows]
         known = [(100 * true, 100 * told) for true, told in shares if None not in (true, told)]
         if known:
-            axis.plot(*zip(*known, strict=True), MARKS[k % len(MARKS)], color=COLOURS[k % len(COLOURS)], label=recipe)
+            axis.plot(
+                *zip(*known, strict=True),
+                METHOD_MARKS[k % len(METHOD_MARKS)],
+                color=METHOD_COLOURS[k % len(METHOD_COLOURS)],
+                label=recipe,
+            )
     axis.set_xlabel("pixels that noise hides, by the converged render, %")
     axis.set_ylabel("by the verdict, %")
     if axis.has_data():

@@ -1,8 +1,8 @@
-"""What is measured of a view: the errors of each matcher on each recipe, in light and in shadow, and the noise.
+"""The measured numbers of a view: the errors of each matcher on each recipe, in light and in shadow, and the noise.
 
 All recipes of a view show the same ground. All are compared with the truth and the shadows of its converged render, the
-mean of two halves. A recipe is exposed by itself, as whoever uses it would. The numbers of a view are kept beside its
-pairs, and are measured again only if these or the methods change.
+mean of two halves. Each recipe has its own exposure, as in use. The numbers of a view are kept beside its pairs, and
+are measured again only if these or the methods change.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from ..measure.render_noise import judge_render_noise, measure_hidden_share
 from ..trade.quality_losses import average_light, read_bake_seconds
 from .design import CONVERGED, Study, StudyView
 
-#: Of the measured numbers; files of another version are measured again.
+#: Version of the measured numbers; files of another version are measured again.
 VERSION = 2
 #: Classes of pixels, and the place of each in a tally.
 LIGHTS = ("lit", "shadow")
-_TALLY = Each(Each(Each(COUNT)), keys=TEXT)
-_SHAPE = {
+_TALLY_SHAPE = Each(Each(Each(COUNT)), keys=TEXT)
+_CELL_SHAPE = {
     "version": COUNT,
     "pairs": Each(TEXT, keys=TEXT),
     "methods": Each(TEXT),
-    "tallies": Each(_TALLY, keys=TEXT),
+    "tallies": Each(_TALLY_SHAPE, keys=TEXT),
     "noise": Each(
         {
             "verdict": Maybe(TEXT, null=True),
@@ -96,7 +96,7 @@ def read_or_measure_cell(study: Study, view: StudyView, out: Path, methods: Sequ
     file = out / "cells" / f"{view.name}.json"
     data: dict[str, Any] | None = None
     if file.exists():
-        data = read_record(file, _SHAPE, "remove it")
+        data = read_record(file, _CELL_SHAPE, "remove it")
     if data is None or (data["version"], data["pairs"], data["methods"]) != (VERSION, pairs, labels):
         data = {"version": VERSION, "pairs": pairs, "methods": labels, **_measure_view(study, folders, methods)}
         file.parent.mkdir(exist_ok=True)
@@ -141,7 +141,7 @@ def _measure_view(study: Study, folders: Mapping[str, Path], methods: Sequence[M
 
 
 def _tally_errors(disparity: Array, true: Array, shadow: Array) -> list[list[int]]:
-    """See ``Cell.tallies``; all arrays are (H, W), ``true`` is NaN where only one eye sees."""
+    """The tallies of ``Cell.tallies``. All arrays are (H, W); ``true`` is NaN where only one eye sees the point."""
     known = np.isfinite(true)
     wrong = known & ~(is_usable(disparity) & (np.abs(disparity - true) <= 1))
     return [[int((known & part).sum()), int((wrong & part).sum())] for part in (~shadow, shadow)]

@@ -9,27 +9,27 @@ from typing import Any
 from ...render.cost.error_tolerance import Tolerance, all_hold
 from ...render.cost.quality_variants import SHAPES
 from ..matchers.methods import describe_method
-from .quality_losses import find_pareto_front, number_at
-from .same_decisions import decisions_text
+from .quality_losses import find_number, find_pareto_front
+from .same_decisions import describe_decisions
 
 #: Tolerances of extra disparity error, px, for which advice is given.
 TOLERANCES_PX = (0.01, 0.02, 0.05, 0.1)
-#: Largest change of the light, as a part of it, that counts as none, and that advice for matchers allows.
-_UNSEEN, _RECOMMENDED = 0.002, 0.01
-#: Share of the pixels that a matcher may lose without a mention.
-_UNMEASURED = 0.01
-#: Share of the time that a cheaper variant must save: processor seconds vary by some per cent.
-_SAVED = 0.05
+#: Largest change of the light, as a share, that counts as none, and that advice for matchers allows.
+_UNCHANGED_LIGHT_SHARE, _MOST_LIGHT_CHANGE_SHARE = 0.002, 0.01
+#: Share of the pixels that a matcher may lose without a note.
+_UNREPORTED_LOSS_SHARE = 0.01
+#: Share of the time that a cheaper variant must save, since processor seconds vary by some per cent.
+_LEAST_SAVED_SHARE = 0.05
 
 Row = Mapping[str, Any]
 
 
-def variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
-    """The cheapest variant within each tolerance for each matcher, and what each group saves, in words."""
+def make_variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
+    """Sentences on the cheapest variant within each tolerance for each matcher, and on the savings of each group."""
     scene = next(row for row in rows if row["group"] == "scene")
     margin = _find_time_margin(rows)
     return [
-        line for name, each in _list_subjects(methods) for line in _matcher_advice(name, each, rows, scene, margin)
+        line for name, each in _list_subjects(methods) for line in _make_matcher_advice(name, each, rows, scene, margin)
     ] + _group_advice(rows, scene, methods, margin)
 
 
@@ -39,28 +39,30 @@ def _list_subjects(methods: Sequence[str]) -> list[tuple[str, Sequence[str]]]:
     return [*several, *((describe_method(method), [method]) for method in methods)]
 
 
-def decision_advice(rows: Sequence[Row], methods: Sequence[str], references: Sequence[Row]) -> list[str]:
+def make_decision_advice(rows: Sequence[Row], methods: Sequence[str], references: Sequence[Row]) -> list[str]:
     """The cheapest variant that leads to the same decisions as the reference, for all matchers and for each, in words;
     or the reason why no variant is named."""
     alike = [row for row in rows if row["group"] not in SHAPES and row["cpu_s"] is not None and row["decisions"]]
     if not alike:
         return [reference["undecided"] for reference in references[:1] if reference["undecided"]]
     scene, margin = next(row for row in rows if row["group"] == "scene"), _find_time_margin(rows)
-    return [_decision_line(name, each, alike, scene, margin, references[0]) for name, each in _list_subjects(methods)]
+    return [
+        _make_decision_line(name, each, alike, scene, margin, references[0]) for name, each in _list_subjects(methods)
+    ]
 
 
-def _decision_line(
+def _make_decision_line(
     name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float, reference: Row
 ) -> str:
     same = {row["key"]: all_hold(row["decisions"][method]["same"] for method in methods) for row in rows}
     best = _find_cheapest([row for row in rows if same[row["key"]]], margin)
     if best is not None:
-        differs = decisions_text(best["decisions"][methods[0]]) if len(methods) == 1 else ""
+        differs = describe_decisions(best["decisions"][methods[0]]) if len(methods) == 1 else ""
         idle = [describe_method(method) for method in methods if best["decisions"][method]["taken"] == 0]
         empty = f"; but {' and '.join(idle)} found no safe site on the reference, so that tells little" if idle else ""
         return (
             f"{name}, the same decisions as the reference: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
-            f"{_ratio_text(scene, best, margin)}{differs and f', decides {differs}'}{empty}."
+            f"{_format_ratio(scene, best, margin)}{differs and f', decides {differs}'}{empty}."
         )
     own = all_hold(found["same"] for label, found in reference["own_decisions"].items() if label in methods)
     if own is False or None in same.values():
@@ -92,15 +94,15 @@ def find_distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
     """The variants of a front that are surely better than those before; the others differ by noise."""
     kept: list[Row] = []
     for row in found:
-        if not kept or _front_error(kept[-1], label)[0] - _front_error(row, label)[0] > math.hypot(
-            _front_error(kept[-1], label)[1], _front_error(row, label)[1]
+        if not kept or _find_front_error(kept[-1], label)[0] - _find_front_error(row, label)[0] > math.hypot(
+            _find_front_error(kept[-1], label)[1], _find_front_error(row, label)[1]
         ):
             kept.append(row)
     return kept
 
 
-def _front_error(row: Row, label: str) -> tuple[float, float]:
-    """The error of a variant on a front, and the change of it that noise may make; a tenth for the radiance."""
+def _find_front_error(row: Row, label: str) -> tuple[float, float]:
+    """The error of a variant on a front, and its uncertainty from noise; a tenth for the radiance."""
     if label == "radiance":
         return row["rmse"], 0.1 * row["rmse"]
     return row["loss"][label]["epe_px"], row["loss_doubt"][label]["epe_px"] or 0.0
@@ -114,12 +116,15 @@ def _find_time_margin(rows: Sequence[Row]) -> float:
         if row["cpu_range"] and row["cpu_range"][0] > 0
     ]
     repeated = any(row["cpu_range"] and row["cpu_range"][1] > row["cpu_range"][0] for row in rows)
-    return max(_SAVED, 2 * (sum(spreads) / len(spreads)) ** 0.5) if repeated else 2 * _SAVED
+    return max(_LEAST_SAVED_SHARE, 2 * (sum(spreads) / len(spreads)) ** 0.5) if repeated else 2 * _LEAST_SAVED_SHARE
 
 
-def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float) -> list[str]:
+def _make_matcher_advice(
+    name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float
+) -> list[str]:
     """A line for each tolerance: the cheapest variant that is surely within it for all ``methods``, and a cheaper one
-    that may be."""
+    that is possibly within it.
+    """
     lines: list[str] = []
     hidden, before = [], None
     shown = [row for row in rows if _shows_this_scene(row)]
@@ -136,7 +141,7 @@ def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scen
                 row
                 for row in shown
                 if keeps[row["key"]] is None
-                and all((number_at(row, "loss", method, "epe_px") or 0.0) <= px for method in methods)
+                and all((find_number(row, "loss", method, "epe_px") or 0.0) <= px for method in methods)
                 and (best is None or _is_cheaper(row, best, margin))
             ],
             margin,
@@ -148,11 +153,13 @@ def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scen
             cheaper = (
                 ""
                 if perhaps is None
-                else (f"; perhaps “{perhaps['name']}”, {perhaps['cpu_s']:.1f} s, {_worst_loss_text(perhaps, methods)}")
+                else (
+                    f"; perhaps “{perhaps['name']}”, {perhaps['cpu_s']:.1f} s, {_format_worst_loss(perhaps, methods)}"
+                )
             )
             lines.append(
                 f"{name}, within {px:g} px: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
-                f"{_ratio_text(scene, best, margin)}, adds {_worst_loss_text(best, methods)}{cheaper}."
+                f"{_format_ratio(scene, best, margin)}, adds {_format_worst_loss(best, methods)}{cheaper}."
             )
     if hidden:
         lines.append(
@@ -162,10 +169,10 @@ def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scen
     return lines or [f"{name}: no variant is within {TOLERANCES_PX[-1]:g} px; give more samples."]
 
 
-def _worst_loss_text(row: Row, methods: Sequence[str]) -> str:
+def _format_worst_loss(row: Row, methods: Sequence[str]) -> str:
     """The loss of the matcher that loses most, with its name if there are several."""
-    worst = max(methods, key=lambda method: number_at(row, "loss", method, "epe_px") or 0.0)
-    loss = loss_text(row, worst)
+    worst = max(methods, key=lambda method: find_number(row, "loss", method, "epe_px") or 0.0)
+    loss = format_loss(row, worst)
     return f"at most {loss}, of {describe_method(worst)}" if len(methods) > 1 else loss
 
 
@@ -178,28 +185,28 @@ def _find_cheapest(rows: Sequence[Row], margin: float) -> Row | None:
 
 def _shows_this_scene(row: Row) -> bool:
     """Whether a variant shows the shape and the light of this scene."""
-    return row["group"] not in SHAPES and row["cpu_s"] is not None and abs(row["bias"]) <= _RECOMMENDED
+    return row["group"] not in SHAPES and row["cpu_s"] is not None and abs(row["bias"]) <= _MOST_LIGHT_CHANGE_SHARE
 
 
-def loss_text(row: Row, method: str) -> str:
+def format_loss(row: Row, method: str) -> str:
     """The loss of a matcher, such as '+0.031 ± 0.012 px', and of measured pixels if that is more than noise."""
     doubt = row["loss_doubt"][method]["epe_px"]
     return (
         f"{row['loss'][method]['epe_px']:+.3f}{f' ± {doubt:.3f}' if doubt is not None else ''} px"
-        f"{coverage_text(row['loss'][method], row['loss_doubt'][method])}"
+        f"{format_coverage(row['loss'][method], row['loss_doubt'][method])}"
     )
 
 
-def coverage_text(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
+def format_coverage(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
     """Words for the pixels that a matcher no longer measures, which its mean error does not include; empty if they are
     few or noise."""
     missing = loss["coverage"]
-    if missing is None or missing - (doubt["coverage"] or 0.0) <= _UNMEASURED:
+    if missing is None or missing - (doubt["coverage"] or 0.0) <= _UNREPORTED_LOSS_SHARE:
         return ""
     return f" with {100 * missing:.0f} % fewer pixels measured"
 
 
-def _ratio_text(scene: Row, best: Row, margin: float) -> str:
+def _format_ratio(scene: Row, best: Row, margin: float) -> str:
     if _is_cheaper(best, scene, margin):
         return f" ({scene['cpu_s'] / best['cpu_s']:.1f} times less than as described)"
     return f" ({best['cpu_s'] / scene['cpu_s']:.1f} times as much)" if _is_cheaper(scene, best, margin) else ""
@@ -212,14 +219,14 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
         own = [row for row in rows if row["group"] == group and row["cpu_s"] and row["bias"] is not None]
         if group == "shortcuts":
             lines += [
-                f"{group}: “{row['name']}” changes {_light_text(row, scene)} and {_time_text(row, scene, margin)}."
+                f"{group}: “{row['name']}” changes {_format_light(row, scene)} and {_format_time(row, scene, margin)}."
                 for row in own
             ]
             continue
         same = [
             row
             for row in own
-            if abs(row["bias"]) <= max(_UNSEEN, min(row["bias_doubt"] or 0.0, _RECOMMENDED))
+            if abs(row["bias"]) <= max(_UNCHANGED_LIGHT_SHARE, min(row["bias_doubt"] or 0.0, _MOST_LIGHT_CHANGE_SHARE))
             and (row["depth_px"] or 0.0) <= TOLERANCES_PX[0]
             and (group in SHAPES or not any(_is_worse(row, scene, method) for method in methods))
         ]
@@ -227,8 +234,8 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
         if best is not None and _is_cheaper(best, scene, margin):
             added = "" if group in SHAPES else ", adds no measurable disparity error,"
             lines.append(
-                f"{group}: “{best['name']}” changes {_light_text(best, None)}{added} and "
-                f"{_time_text(best, scene, margin)}."
+                f"{group}: “{best['name']}” changes {_format_light(best, None)}{added} and "
+                f"{_format_time(best, scene, margin)}."
             )
         elif best is not None:
             lines.append(f"{group}: no variant is cheaper without changing the images; leave it as it is.")
@@ -236,7 +243,7 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
             nearest = min(own, key=lambda row: row["rmse"])
             lines.append(
                 f"{group}: every variant changes the images or the depth; “{nearest['name']}” changes them "
-                f"least, {_light_text(nearest, None)}, the depth by {nearest['depth_px'] or 0.0:.3f} px."
+                f"least, {_format_light(nearest, None)}, the depth by {nearest['depth_px'] or 0.0:.3f} px."
             )
     return lines
 
@@ -246,8 +253,8 @@ def _is_worse(row: Row, scene: Row, method: str) -> bool:
     if row is scene:
         return False
     for key in ("epe_px", "wrong_or_missing"):
-        own, other = (number_at(each, "loss", method, key) for each in (row, scene))
-        doubts = [number_at(each, "loss_doubt", method, key) or 0.0 for each in (row, scene)]
+        own, other = (find_number(each, "loss", method, key) for each in (row, scene))
+        doubts = [find_number(each, "loss_doubt", method, key) or 0.0 for each in (row, scene)]
         if own is None or (other is not None and own - other > math.hypot(*doubts)):
             return True
     return False
@@ -258,14 +265,14 @@ def _is_cheaper(row: Row, other: Row, margin: float) -> bool:
     return bool(row["cpu_s"] and other["cpu_s"] and row["cpu_s"] < (1 - margin) * other["cpu_s"])
 
 
-def _light_text(row: Row, scene: Row | None) -> str:
+def _format_light(row: Row, scene: Row | None) -> str:
     """Change of the mean radiance by a variant, against the reference or, if given, the scene as described."""
     change = (1 + row["bias"]) / (1 + scene["bias"]) - 1 if scene is not None else row["bias"]
     doubt = math.hypot(row["bias_doubt"] or 0.0, (scene["bias_doubt"] or 0.0) if scene is not None else 0.0)
     return f"the light by {100 * change:+.2f} ± {100 * doubt:.2f} %"
 
 
-def _time_text(row: Row, scene: Row, margin: float) -> str:
+def _format_time(row: Row, scene: Row, margin: float) -> str:
     if not scene["cpu_s"]:
         return "takes an unknown time"
     ratio = row["cpu_s"] / scene["cpu_s"]

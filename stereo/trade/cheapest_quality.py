@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 #: Most renders of a candidate; more renders reduce the doubt that noise leaves.
 _MOST_RENDERS = 4
-#: Largest change of the mean radiance by leaving out a part, and the share of the time that this must save.
-_LIGHT, _SAVED = 0.01, 0.05
+#: Largest change of the mean radiance when a part is left out, and least share of the time that this must save.
+_MOST_LIGHT_CHANGE_SHARE, _LEAST_SAVED_SHARE = 0.01, 0.05
 #: Settings of the quality that are always written, even if the choice does not change them.
 _ALWAYS_WRITTEN = ("samples", "denoiser", "noise_threshold")
 
@@ -59,7 +59,7 @@ def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, 
         return {
             "chosen": None,
             "settings": {},
-            "said": [*search.tried_lines(), search.failure_advice()],
+            "said": [*search.make_tried_lines(), search.make_failure_advice()],
             "file": None,
             "tried": search.tried,
         }
@@ -67,13 +67,17 @@ def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, 
     for name, part in parts.items():
         trial = replace(chosen, name=f"{chosen.name}, {name}", settings=merged(chosen.settings, part))
         found = search.try_variant(trial) and search.tried[-1]
-        if found and found["cpu_s"] < (1 - _SAVED) * cost and abs(found["bias"]) <= _LIGHT:
+        if (
+            found
+            and found["cpu_s"] < (1 - _LEAST_SAVED_SHARE) * cost
+            and abs(found["bias"]) <= _MOST_LIGHT_CHANGE_SHARE
+        ):
             chosen, cost = trial, found["cpu_s"]
     quality = chosen.settings.quality
     keys = {*_ALWAYS_WRITTEN, *changed(chosen.settings, bench.settings).get("quality", {})}
     settings = {"quality": {key: quality[key] for key in quality if key in keys}}
     said = [
-        *search.tried_lines(),
+        *search.make_tried_lines(),
         f"Use {chosen.name}: {cost:.1f} CPU seconds a pair here, within {tolerance} for "
         f"{_join_words([describe_method(method.label) for method in methods])}.",
     ]
@@ -122,19 +126,19 @@ class _QualitySearch:
             for label, loss in found["loss"].items()
         )
 
-    def tried_lines(self) -> list[str]:
+    def make_tried_lines(self) -> list[str]:
         """The tried candidates, in words, a line each."""
         words = {True: "within", False: "", None: "hidden by noise"}
         return [
             f"{step['name']}: {step['cpu_s']:.1f} CPU s; "
-            + ", ".join(self._loss_text(label, step) for label in step["loss"])
+            + ", ".join(self._format_loss(label, step) for label in step["loss"])
             + (f"; {words[step['within']]}" * (step["within"] is not False))
             for step in self.tried
         ]
 
-    def _loss_text(self, label: str, step: dict[str, Any]) -> str:
+    def _format_loss(self, label: str, step: dict[str, Any]) -> str:
         from ..matchers.methods import describe_method
-        from .advice import coverage_text
+        from .advice import format_coverage
 
         parts = []
         for key, factor, text in (("epe_px", 1.0, "{:+.3f}{} px"), ("wrong_or_missing", 100.0, "{:+.2f}{} % bad-1")):
@@ -143,11 +147,11 @@ class _QualitySearch:
                 digits = 3 if factor == 1.0 else 2
                 spread = f" ± {factor * doubt:.{digits}f}" if doubt is not None else ""
                 parts.append(text.format(factor * value, spread))
-        fewer = coverage_text(step["loss"][label], step["loss_doubt"][label])
+        fewer = format_coverage(step["loss"][label], step["loss_doubt"][label])
         name = describe_method(label)
         return f"{name} {' and '.join(parts)}{fewer}" if parts else f"{name} measures nothing"
 
-    def failure_advice(self) -> str:
+    def make_failure_advice(self) -> str:
         """Why nothing was chosen, and the fix."""
         if all(step["within"] is False for step in self.tried):
             return f"No quality that was tried is within {self.tolerance}; allow more."

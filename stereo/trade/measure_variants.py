@@ -26,15 +26,15 @@ from ..environment import packages
 if TYPE_CHECKING:
     from .quality_losses import Reference
 
-#: Folders of the renders, by ``quality.files``: full and compact files of the same render have the same id.
-_DATA = {"COMPACT": "data", "FULL": "data_full"}
+#: Folders of the renders, by ``quality.files``: full and compact files of one render have the same id.
+_RENDER_FOLDERS = {"COMPACT": "data", "FULL": "data_full"}
 #: Gets events: ``progress`` (``fraction``, ``message``, ``done``, ``total``) and ``warning``.
 Event = Callable[[dict[str, Any]], None]
 
 
 @dataclass(frozen=True)
 class TradeBench:
-    """Where and how the variants are rendered and measured."""
+    """The place and the tools for the renders and measurements of variants."""
 
     settings: Settings  # complete
     out: Path
@@ -47,7 +47,7 @@ class TradeBench:
     images: int = 1  # of the ground under this Sun, which share the cost of baking its light
 
 
-def scaled_view(settings: Settings, factor: float) -> Settings:
+def scale_view(settings: Settings, factor: float) -> Settings:
     """The settings for the same view with ``factor`` times as many pixels along each side. Raises IcyMoonError unless
     this is 0.01 to 1."""
     if not 0.01 <= factor <= 1.0:
@@ -57,7 +57,7 @@ def scaled_view(settings: Settings, factor: float) -> Settings:
     return merged(settings, {"rig": sides | {key: rig[key] * factor for key in ("principal_x_px", "principal_y_px")}})
 
 
-def _reference_entry(best: Variant, truth: Reference, settings: Settings) -> dict[str, Any]:
+def _make_reference_entry(best: Variant, truth: Reference, settings: Settings) -> dict[str, Any]:
     return {
         "name": best.name,
         "noise": truth.noise,
@@ -107,7 +107,7 @@ def run_trade(bench: TradeBench, groups: Sequence[str] = ()) -> dict[str, Any]:
                 **found,
             }
         )
-    references = [_reference_entry(bests[fine], truth, bench.settings) for fine, truth in truths.items()]
+    references = [_make_reference_entry(bests[fine], truth, bench.settings) for fine, truth in truths.items()]
     return write_trade(
         rows, [method.label for method in methods], references, GROUPS, _describe_provenance(bench), bench.out
     )
@@ -132,7 +132,7 @@ def check_abilities(bench: TradeBench, settings: Settings) -> Abilities:
 
 
 class RenderCounter:
-    """Counts renders that are done, and tells the progress as a fraction."""
+    """Counts finished renders, and reports the progress as a fraction."""
 
     def __init__(self, tell: Event, total: int) -> None:
         self.tell, self.total, self.done = tell, total, 0
@@ -167,7 +167,7 @@ def render_once(variant: Variant, repeat: int, bench: TradeBench, counter: Rende
             counter.tell(message)
 
     try:
-        data = bench.out / _DATA[variant.settings.quality.files]
+        data = bench.out / _RENDER_FOLDERS[variant.settings.quality.files]
         folders = render_job(Job(data, variant.settings, repeat=repeat), bench.blender, hear)
     except IcyMoonError as error:
         raise IcyMoonError(f"{variant.key}: {error}") from None

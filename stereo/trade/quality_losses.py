@@ -1,4 +1,4 @@
-"""What a cheaper way of computing a scene changes: its images, its truth, and the errors of matchers.
+"""The changes by a cheaper way of computing a scene: in its images, its truth, and the errors of matchers.
 
 Everything is relative to a reference of the same scene: its radiance, its depth, its exposure. Matchers are measured
 against the depth of the reference, so errors of the mesh count as well as noise.
@@ -36,11 +36,11 @@ from .same_decisions import DecisionReference, MatchedRender, open_decision_refe
 
 #: The numbers of a matcher, over pixels that both eyes see: the share that is measured; of the measured ones the mean
 #: disparity error, px, and the share wrong by more than 1 px; the share that is missing or wrong by more than 1 px.
-STEREO = ("coverage", "epe_px", "bad_1", "wrong_or_missing")
+STEREO_KEYS = ("coverage", "epe_px", "bad_1", "wrong_or_missing")
 #: The sign of a change for the worse.
-_WORSE = np.array([-1.0, 1.0, 1.0, 1.0])
-#: Relative uncertainty of what is subtracted for the noise of the reference. Where there is only noise, errors are
-#: proportional to the noise and not to its variance, and 1 / (√2 - 1) = 2.4 times what two renders show.
+_WORSE_SIGNS = np.array([-1.0, 1.0, 1.0, 1.0])
+#: Relative uncertainty of the subtracted noise of the reference. If noise is the only error, errors are proportional to
+#: the noise, not to its variance, and 1 / (√2 - 1) = 2.4 times the difference of two renders.
 _LAW_DOUBT = 1.4
 
 
@@ -56,18 +56,21 @@ class Reference:
     noise: float  # standard deviation over mean radiance, of the mean of the renders
     cpu_s: float | None  # of all renders
     tallies: dict[str, Array]  # per matcher, (1 + renders, tiles, 4) of ``tally_errors``: of the mean, of each render
-    deciding: DecisionReference | str  # what matchers decide on the mean of the renders, or why nothing
+    # The decisions of matchers on the mean of the renders, or the reason why there are none.
+    deciding: DecisionReference | str
     own_decisions: dict[str, dict[str, Any]]  # how the decisions on each render differ from these
 
     @property
     def stereo(self) -> dict[str, dict[str, float | None]]:
         """The STEREO numbers of each matcher on the images of the reference."""
-        return {label: _name_numbers(stereo_numbers(sums[0].sum(axis=0))) for label, sums in self.tallies.items()}
+        return {
+            label: _name_numbers(compute_stereo_numbers(sums[0].sum(axis=0))) for label, sums in self.tallies.items()
+        }
 
     @property
     def own(self) -> dict[str, dict[str, float | None]]:
         """How much the noise of the reference makes these numbers worse."""
-        return {label: _name_numbers(_loss_by_noise(sums.sum(axis=1))) for label, sums in self.tallies.items()}
+        return {label: _name_numbers(_compute_loss_by_noise(sums.sum(axis=1))) for label, sums in self.tallies.items()}
 
 
 def read_reference(
@@ -153,13 +156,14 @@ def measure_variant(
             )
     matched = _match_images(reference, [render.light for render in renders], methods)
     tallies = _tally_matches(reference, matched, methods)
-    losses = {label: _loss_of_variant(sums, reference.tallies[label]) for label, sums in tallies.items()}
+    losses = {label: _compute_loss_of_variant(sums, reference.tallies[label]) for label, sums in tallies.items()}
     return {
         **_measure_cost(renders, images),
         **_compare_radiance(renders, reference),
         **_compare_depth(renders[0], reference),
         "stereo": {
-            label: _name_numbers(stereo_numbers(sums.sum(axis=1)).mean(axis=0)) for label, sums in tallies.items()
+            label: _name_numbers(compute_stereo_numbers(sums.sum(axis=1)).mean(axis=0))
+            for label, sums in tallies.items()
         },
         "loss": {label: _name_numbers(loss) for label, (loss, _) in losses.items()},
         "loss_doubt": {label: _name_numbers(doubt) for label, (_, doubt) in losses.items()},
@@ -175,11 +179,11 @@ def _measure_cost(renders: Sequence[LoadedPair], images: int = 1) -> dict[str, A
         if "cpu_seconds" in pair.data
     ]
     return {
-        "cpu_s": _mean_of_known(cpu),
+        "cpu_s": _average_known(cpu),
         "cpu_range": [min(cpu), max(cpu)] if cpu else None,
-        "wall_s": _mean_of_known([sum(each.get("seconds", {}).values()) for each in facts]),
+        "wall_s": _average_known([sum(each.get("seconds", {}).values()) for each in facts]),
         "memory_mib": max((each["peak_memory_mib"] for each in facts if each.get("peak_memory_mib")), default=None),
-        "megabytes": _mean_of_known(
+        "megabytes": _average_known(
             [sum(file["bytes"] for file in each["files"].values()) / 1e6 for each in facts if each.get("files")]
         ),
     }
@@ -233,12 +237,12 @@ def _compare_depth(render: LoadedPair, reference: Reference) -> dict[str, float 
 def _match_images(
     reference: Reference, lights: Sequence[Mapping[str, Light]], methods: Sequence[Method]
 ) -> list[MatchedRender]:
-    """What the matchers find on images with the exposure of the reference."""
+    """The disparities of matchers on images with the exposure of the reference."""
     images = [
         develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers() for light in lights
     ]
     ranges = find_known_ranges(
-        reference.pair.settings, _true_disparity(reference), bool(reference.pair.data.get("edited_by_hand"))
+        reference.pair.settings, _find_true_disparity(reference), bool(reference.pair.data.get("edited_by_hand"))
     )
     return [
         MatchedRender(
@@ -257,14 +261,14 @@ def _tally_matches(
 ) -> dict[str, Array]:
     """Per matcher, sums (images, tiles, 4), see ``tally_errors``, against the depth of the reference where both eyes
     see."""
-    true = _true_disparity(reference)
+    true = _find_true_disparity(reference)
     return {
         method.label: np.stack([tally_errors(each.disparities[method.label], true) for each in matched])
         for method in methods
     }
 
 
-def _true_disparity(reference: Reference) -> Array:
+def _find_true_disparity(reference: Reference) -> Array:
     return np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
 
 
@@ -277,36 +281,38 @@ def tally_errors(disparity: Array, true: Array) -> Array:
     return sum_over_tiles(known, measured, error, error > 1)
 
 
-def stereo_numbers(sums: Array) -> Array:
+def compute_stereo_numbers(sums: Array) -> Array:
     """The STEREO numbers (..., 4) from sums (..., 4) of ``tally_errors``; NaN where undefined."""
     known, measured, error, bad = np.moveaxis(sums, -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.stack([measured / known, error / measured, bad / measured, 1 - (measured - bad) / known], axis=-1)
 
 
-def _loss_by_noise(sums: Array) -> Array:
+def _compute_loss_by_noise(sums: Array) -> Array:
     """How much its own noise makes a reference worse, from sums (1 + renders, ..., 4); see the module."""
     if len(sums) < 3:
         return np.zeros_like(sums[0])
-    whole, *each = stereo_numbers(sums)
-    return _WORSE * (np.mean(each, axis=0) - whole) / (len(each) - 1)
+    whole, *each = compute_stereo_numbers(sums)
+    return _WORSE_SIGNS * (np.mean(each, axis=0) - whole) / (len(each) - 1)
 
 
-def _loss_of_variant(sums: Array, reference: Array) -> tuple[Array, Array]:
+def _compute_loss_of_variant(sums: Array, reference: Array) -> tuple[Array, Array]:
     """How much worse a variant is than an image without noise, (4,), and the uncertainty of that."""
 
     def loss_of(own: Array, best: Array) -> Array:
-        return _WORSE * (stereo_numbers(own).mean(axis=0) - stereo_numbers(best[0])) + _loss_by_noise(best)
+        return _WORSE_SIGNS * (
+            compute_stereo_numbers(own).mean(axis=0) - compute_stereo_numbers(best[0])
+        ) + _compute_loss_by_noise(best)
 
     loss, error = jackknife(loss_of, sums, reference)
-    return loss, np.hypot(2 * error, _LAW_DOUBT * _loss_by_noise(reference.sum(axis=1)))
+    return loss, np.hypot(2 * error, _LAW_DOUBT * _compute_loss_by_noise(reference.sum(axis=1)))
 
 
 def _name_numbers(numbers: Array) -> dict[str, float | None]:
-    return {key: none_if_not_finite(float(value)) for key, value in zip(STEREO, numbers, strict=True)}
+    return {key: none_if_not_finite(float(value)) for key, value in zip(STEREO_KEYS, numbers, strict=True)}
 
 
-def _mean_of_known(values: Sequence[float | None]) -> float | None:
+def _average_known(values: Sequence[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
 
@@ -316,7 +322,7 @@ def find_pareto_front(rows: Sequence[Mapping[str, Any]], cost: str, error: Seque
 
     ``error`` is a path such as ("loss", "sgbm", "epe_px"); rows without a number there are left out.
     """
-    points = [(number_at(row, cost), number_at(row, *error), k) for k, row in enumerate(rows)]
+    points = [(find_number(row, cost), find_number(row, *error), k) for k, row in enumerate(rows)]
     best, found = float("inf"), []
     for _, wrong, k in sorted((a, b, k) for a, b, k in points if a is not None and b is not None):
         if wrong < best:
@@ -325,7 +331,7 @@ def find_pareto_front(rows: Sequence[Mapping[str, Any]], cost: str, error: Seque
     return found
 
 
-def number_at(row: Mapping[str, Any], *path: str) -> float | None:
+def find_number(row: Mapping[str, Any], *path: str) -> float | None:
     """The number at a path such as "loss", "sgbm", "epe_px", or None if there is none."""
     value: object = row
     for key in path:

@@ -15,11 +15,19 @@ import numpy as np
 from ...render.cost.quality_variants import SHAPES
 from ...support.files import write_json, write_text
 from ..matchers.methods import describe_method
-from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic, set_logarithmic_beyond
+from ..report.charts import (
+    METHOD_COLOURS,
+    STYLE,
+    add_legend,
+    make_figure,
+    render_svg,
+    set_logarithmic,
+    set_logarithmic_beyond,
+)
 from ..report.page_templates import read_template
 from ..report.table_columns import Column, format_number
-from .advice import decision_advice, find_distinct_steps, find_pareto_fronts, loss_text, variant_advice
-from .quality_losses import STEREO, number_at
+from .advice import find_distinct_steps, find_pareto_fronts, format_loss, make_decision_advice, make_variant_advice
+from .quality_losses import STEREO_KEYS, find_number
 from .same_decisions import MOST_REGRET, RULE
 
 FORMAT = "icymoon-trade"
@@ -42,8 +50,8 @@ DECISION_COLUMNS = (
     Column("shift_m", "site", "m", 2, "distance of the chosen site from that on the reference"),
     Column("regret", "regret", "", 2, f"how much larger its regret is; {MOST_REGRET:g} is allowed"),
 )
-#: The verdict on the decisions of a matcher.
-SAME = {True: "same", False: "other", None: "open"}
+#: The verdict on the decisions of a matcher, by whether they are the same.
+SAME_VERDICTS = {True: "same", False: "other", None: "open"}
 STEREO_COLUMNS = {
     "coverage": Column("coverage", "coverage", "%", 1),
     "epe_px": Column("epe_px", "EPE", "px", 3),
@@ -52,10 +60,10 @@ STEREO_COLUMNS = {
 
 
 #: The numbers of decisions in the CSV.
-_DECIDED = ("otherwise", "otherwise_doubt", "unsafe", "unsafe_doubt", "shift_m", "regret", "same")
+_DECISION_COLUMNS = ("otherwise", "otherwise_doubt", "unsafe", "unsafe_doubt", "shift_m", "regret", "same")
 
 
-def _tables(rows: Sequence[Mapping[str, Any]], groups: Mapping[str, str]) -> list[tuple[str, str, list[Any]]]:
+def _make_tables(rows: Sequence[Mapping[str, Any]], groups: Mapping[str, str]) -> list[tuple[str, str, list[Any]]]:
     """The groups that have variants, with their description and rows, after the scene that they are compared with."""
     found = {group: [row for row in rows if row["group"] == group] for group in ("scene", *groups)}
     scene = found.pop("scene")
@@ -83,27 +91,27 @@ def write_trade(
         "methods": list(methods),
         "references": list(references),
         "rows": [dict(row) for row in rows],
-        "advice": variant_advice(rows, methods),
-        "decision_advice": decision_advice(rows, methods, references),
+        "advice": make_variant_advice(rows, methods),
+        "decision_advice": make_decision_advice(rows, methods, references),
         "decision_rule": RULE,
         "fronts": {label: [row["name"] for row in found] for label, found in best.items()},
         "provenance": dict(provenance),
     }
     write_json(out / "trade.json", report)
-    write_text(out / "trade.csv", _csv_text(rows, methods))
+    write_text(out / "trade.csv", _make_csv(rows, methods))
     html = read_template("trade.html.j2", Path(__file__).parent).render(
         report=report,
         columns=COLUMNS,
         stereo_columns=STEREO_COLUMNS,
         format_number=format_number,
         decision_columns=DECISION_COLUMNS,
-        same=SAME,
+        same=SAME_VERDICTS,
         decided=[row for row in rows if row["decisions"]],
         chart=_draw_chart(rows, methods, best),
-        lost=_loss_text,
+        lost=_format_loss,
         fronts={label: find_distinct_steps(found, label) for label, found in best.items()},
         best={row["key"] for found in best.values() for row in found},
-        tables=_tables(rows, groups),
+        tables=_make_tables(rows, groups),
         settings=json.dumps(provenance, indent=1),
     )
     write_text(out / "trade.html", html)
@@ -115,12 +123,12 @@ def _list_errors(methods: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
     return [("radiance", ("rmse",)), *((method, ("loss", method, "epe_px")) for method in methods)]
 
 
-def _loss_text(row: Mapping[str, Any], label: str) -> str:
+def _format_loss(row: Mapping[str, Any], label: str) -> str:
     """The error of a variant on a front: the RMSE of the radiance, or the loss of a matcher."""
-    return f"{100 * row['rmse']:.1f} %" if label == "radiance" else loss_text(row, label)
+    return f"{100 * row['rmse']:.1f} %" if label == "radiance" else format_loss(row, label)
 
 
-def _csv_text(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
+def _make_csv(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(
@@ -129,10 +137,10 @@ def _csv_text(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
             "name",
             *(column.key for column in COLUMNS),
             "depth_m",
-            *(f"{method} {key}" for method in methods for key in STEREO),
-            *(f"{method} {what} {key}" for what in ("loss", "loss ±") for method in methods for key in STEREO),
+            *(f"{method} {key}" for method in methods for key in STEREO_KEYS),
+            *(f"{method} {what} {key}" for what in ("loss", "loss ±") for method in methods for key in STEREO_KEYS),
             "bias ±",
-            *(f"{method} decisions {key}" for method in methods for key in _DECIDED),
+            *(f"{method} decisions {key}" for method in methods for key in _DECISION_COLUMNS),
             "changed",
         ]
     )
@@ -147,10 +155,10 @@ def _csv_text(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
                     row[kind][method][key]
                     for kind in ("stereo", "loss", "loss_doubt")
                     for method in methods
-                    for key in STEREO
+                    for key in STEREO_KEYS
                 ),
                 row["bias_doubt"],
-                *(row["decisions"].get(method, {}).get(key) for method in methods for key in _DECIDED),
+                *(row["decisions"].get(method, {}).get(key) for method in methods for key in _DECISION_COLUMNS),
                 json.dumps(row["changed"]),
             ]
         )
@@ -170,16 +178,16 @@ def _draw_chart(
         for (label, path), axis in zip(errors, axes.flat, strict=False):
             for k, group in enumerate(groups):
                 own = [
-                    (row["cpu_s"], number_at(row, *path), number_at(row, "loss_doubt", *path[1:]) or 0.0)
+                    (row["cpu_s"], find_number(row, *path), find_number(row, "loss_doubt", *path[1:]) or 0.0)
                     for row in rows
                     if row["group"] == group
                 ]
                 known = [point for point in own if None not in point[:2]]
-                look = {"color": COLOURS[k % len(COLOURS)], "marker": "osD^vPX*"[k % 8], "label": group}
+                look = {"color": METHOD_COLOURS[k % len(METHOD_COLOURS)], "marker": "osD^vPX*"[k % 8], "label": group}
                 axis.errorbar(*np.array(known, float).T.reshape(3, -1), linestyle="", elinewidth=0.8, **look)
             axis.plot(
                 [row["cpu_s"] for row in best[label]],
-                [number_at(row, *path) for row in best[label]],
+                [find_number(row, *path) for row in best[label]],
                 color="#6f7f8f",
                 linewidth=1.1,
                 zorder=0,

@@ -26,20 +26,22 @@ from ..measure.jackknife import jackknife, sum_over_tiles
 from ..measure.prepare_pair import none_if_not_finite, prepare_pair
 from ..measure.row_metrics import disparity_to_depth
 
-#: Decisions are the same if at most so many of the cells in reach are decided otherwise, if those that are unsafe but
-#: taken for safe are as many but for this share of the cells, both with their doubts, and if the chosen site costs no
-#: more regret. Chosen: a twentieth of the map, a hundredth that endangers, a tenth of a rule's limit.
-MOST_OTHERWISE, MOST_UNSAFE, MOST_REGRET = 0.05, 0.01, 0.1
+#: Limits within which decisions count as the same, doubts included: the share of the cells in reach that are decided
+#: differently, the change of the share of unsafe cells that are taken for safe, and the additional regret of the chosen
+#: site. They are chosen: a twentieth of the map, a hundredth that endangers, a tenth of a rule's limit.
+MOST_OTHERWISE_SHARE, MOST_UNSAFE_SHARE, MOST_REGRET = 0.05, 0.01, 0.1
 RULE = (
-    f"Decisions are the same if at most {100 * MOST_OTHERWISE:g} % of the cells in reach are decided otherwise, "
-    f"the unsafe ones taken for safe differ by at most {100 * MOST_UNSAFE:g} % of the cells, both with their "
+    f"Decisions are the same if at most {100 * MOST_OTHERWISE_SHARE:g} % of the cells in reach are decided otherwise, "
+    f"the unsafe ones taken for safe differ by at most {100 * MOST_UNSAFE_SHARE:g} % of the cells, both with their "
     f"doubts, and the chosen site's regret is at most {MOST_REGRET:g} larger."
 )
 
 
 @dataclass(frozen=True)
 class MatchedRender:
-    """What matchers found on the images of one render: the left one as they see it, and disparities (H, W) by label."""
+    """The input and output of matchers on one render: the left image as they see it, and disparities (H, W) by
+    label.
+    """
 
     left: Array
     disparities: dict[str, Array]
@@ -47,13 +49,13 @@ class MatchedRender:
 
 @dataclass(frozen=True)
 class DecisionReference:
-    """The workspace of a reference, and what each matcher decides on it from the reference's images."""
+    """The workspace of a reference, and each matcher's decisions on it from the reference's images."""
 
     workspace: Workspace
     sites: dict[str, Sites]
 
     def decide(self, matched: MatchedRender) -> dict[str, Sites]:
-        """What each matcher decides on the images of a render."""
+        """The decisions of each matcher on the images of a render."""
         seen = replace(self.workspace, prepared=replace(self.workspace.prepared, left=matched.left))
         return {
             label: decide_from_depth(seen, disparity_to_depth(seen.prepared, disparity)).sites
@@ -71,7 +73,7 @@ class DecisionReference:
         of the chosen site and ``regret``, by how much its regret is larger; means over renders, None where undefined;
         ``taken``: the share of them that is taken for safe on the reference; ``same``: whether the decisions are by
         RULE, None where noise leaves it open."""
-        truth, among = self.workspace.truth, self._judged_cells
+        truth, among = self.workspace.truth, self._find_judged_cells
         danger = among & ~truth.sites.safe
         sums = np.stack(
             [
@@ -91,20 +93,22 @@ class DecisionReference:
         return result | {
             "same": all_hold(
                 (
-                    _is_within(result["otherwise"], result["otherwise_doubt"], MOST_OTHERWISE),
-                    _is_within(result["unsafe"], result["unsafe_doubt"], MOST_UNSAFE),
+                    _is_within(result["otherwise"], result["otherwise_doubt"], MOST_OTHERWISE_SHARE),
+                    _is_within(result["unsafe"], result["unsafe_doubt"], MOST_UNSAFE_SHARE),
                     result.pop("as_good"),
                 )
             )
         }
 
     @property
-    def _judged_cells(self) -> Array:
+    def _find_judged_cells(self) -> Array:
         return np.asarray(self.workspace.reached & self.workspace.truth.dem.known)
 
     def _compare_choices(self, found: Sequence[Sites], own: Sites) -> dict[str, Any]:
         """The chosen site's ``shift_m`` and ``regret``, and whether it is ``as_good``."""
-        first, *others = (score_sites(each, self.workspace.truth.sites, self._judged_cells) for each in (own, *found))
+        first, *others = (
+            score_sites(each, self.workspace.truth.sites, self._find_judged_cells) for each in (own, *found)
+        )
         if any((each["chosen"] is None) != (first["chosen"] is None) for each in others):
             return {"shift_m": None, "regret": None, "as_good": False}
         if first["chosen"] is None:
@@ -126,8 +130,9 @@ def _compute_shares(total: Array) -> Array:
 
 
 def open_decision_reference(folder: Path, matched: MatchedRender, rules: Rules) -> DecisionReference | str:
-    """What the reference decides on the pair in ``folder``, from ``matched`` images; a sentence where it can decide
-    nothing."""
+    """The reference's decisions on the pair in ``folder``, from ``matched`` images; or a sentence on the reason why
+    there are none.
+    """
     try:
         workspace = open_workspace(prepare_pair(folder, {}), rules)
     except IcyMoonError as error:
@@ -142,13 +147,15 @@ def open_decision_reference(folder: Path, matched: MatchedRender, rules: Rules) 
 
 
 def _is_within(value: float | None, doubt: float | None, most: float) -> bool | None:
-    """Whether a share is within a bound to either side, with its doubt; None if that cannot be told."""
+    """Whether a share is within ``most`` of 0 on both sides, including its doubt; None if the doubt crosses the
+    limit.
+    """
     if value is None or doubt is None:
         return None
     return True if abs(value) + doubt <= most else False if abs(value) - doubt > most else None
 
 
-def decisions_text(found: Mapping[str, Any]) -> str:
+def describe_decisions(found: Mapping[str, Any]) -> str:
     """How the decisions of a variant differ, in words."""
     site = "" if found["shift_m"] is None else f", its site {found['shift_m']:.2f} m away"
     return (

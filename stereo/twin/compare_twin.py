@@ -28,7 +28,7 @@ from ..images.develop import develop
 from ..images.disparity_and_occlusion import find_scene_depth
 from ..images.image_files import write_png
 from ..images.image_statistics import (
-    DARK,
+    DARK_LEVEL,
     find_largest_square,
     measure_shares,
     measure_spectral_slope,
@@ -45,7 +45,7 @@ from ..measure.by_pixel_class import TEXTURE_WINDOW_PX, measure_texture
 from ..measure.metrics import compute_disparity_metrics, find_wrong_share
 from .photographs import Photographs, Rectification
 
-#: Of the measured numbers; files of another version are measured again.
+#: Version of the measured numbers; files of another version are measured again.
 VERSION = 1
 #: The two sides of a comparison: the photographed pair and the rendered one.
 SIDES = ("photograph", "twin")
@@ -53,16 +53,16 @@ SIDES = ("photograph", "twin")
 DISPARITY_TITLE = "Disparity (px), log scale"
 #: Disparities of the eyes agree within this, px.
 CONSISTENT_PX = 1.0
-#: Texture below which a pixel is called smooth, grey levels per px.
-SMOOTH = 2.0
+#: Texture below which a pixel counts as smooth, grey levels per px.
+SMOOTH_TEXTURE = 2.0
 #: Bounds of the classes of grey levels, and of gradients in grey levels per px.
-LEVELS = tuple(range(0, 257, 8))
-GRADIENTS = tuple(float(f"{step:.4g}") for step in np.geomspace(1.0, 256.0, 25))
+LEVEL_BOUNDS = tuple(range(0, 257, 8))
+GRADIENT_BOUNDS = tuple(float(f"{step:.4g}") for step in np.geomspace(1.0, 256.0, 25))
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number of a pair: its key, title, unit, digits, whether it is a share from 0 to 1, and what it is."""
+    """A number of a pair: its key, title, unit, digits, whether it is a share from 0 to 1, and its meaning."""
 
     key: str
     title: str
@@ -84,8 +84,8 @@ STATISTICS = (
         False,
         "median gradient along the rows around each pixel",
     ),
-    Quantity("smooth", "Smooth", "%", 1, True, f"pixels whose texture is below {SMOOTH:g} levels/px"),
-    Quantity("dark", "Dark", "%", 1, True, f"pixels below {100 * DARK:g} % of white"),
+    Quantity("smooth", "Smooth", "%", 1, True, f"pixels whose texture is below {SMOOTH_TEXTURE:g} levels/px"),
+    Quantity("dark", "Dark", "%", 1, True, f"pixels below {100 * DARK_LEVEL:g} % of white"),
     Quantity("saturated", "Saturated", "%", 2, True, "pixels at the top of the numbers, before the stretch"),
 )
 MATCHED = (
@@ -96,17 +96,17 @@ MATCHED = (
     Quantity("wrong", "Missing or > 1 px off", "%", 1, True, "of the pixels with a true disparity in both images"),
     Quantity("epe_px", "Error of measured", "px", 3, False, "mean error of the disparities, where a truth is known"),
 )
-_NUMBERS = Each(Maybe(NUMBER, null=True), keys=TEXT)
-_SIDE = {
-    "statistics": _NUMBERS,
-    "matched": Each(_NUMBERS, keys=TEXT),
+_NUMBERS_SHAPE = Each(Maybe(NUMBER, null=True), keys=TEXT)
+_SIDE_SHAPE = {
+    "statistics": _NUMBERS_SHAPE,
+    "matched": Each(_NUMBERS_SHAPE, keys=TEXT),
     "curves": Each(Each(NUMBER), keys=TEXT),
 }
-_SHAPE = {
+_MEASURED_SHAPE = {
     "version": COUNT,
     "key": TEXT,
     "rendered": TEXT,
-    **dict.fromkeys(SIDES, _SIDE),
+    **dict.fromkeys(SIDES, _SIDE_SHAPE),
     "disparity_scale_px": Each(NUMBER),
     "search_px": Each(NUMBER),
     "seen_share": NUMBER,
@@ -137,9 +137,9 @@ def read_or_measure(
     for photographs that cannot be read or do not fit.
     """
     file = out / f"{photographs.name}.json"
-    key = _content_key(photographs, rectification, twin, settings, methods)
+    key = _make_content_key(photographs, rectification, twin, settings, methods)
     if file.exists():
-        known = read_record(file, _SHAPE, "remove it")
+        known = read_record(file, _MEASURED_SHAPE, "remove it")
         if (known["version"], known["key"]) == (VERSION, key):
             return dict(known)
     measured = {"version": VERSION, "key": key, "rendered": twin.name}
@@ -148,7 +148,7 @@ def read_or_measure(
     return measured
 
 
-def _content_key(
+def _make_content_key(
     photographs: Photographs, rectification: Rectification, twin: Path, settings: Settings, methods: Sequence[Method]
 ) -> str:
     """A hash of all that the numbers of a pair depend on."""
@@ -182,7 +182,7 @@ def _measure(
     found: dict[str, Any] = {}
     disparities: dict[tuple[str, str], Array] = {}
     for name, side in sides.items():
-        # What one of the sides does not show is black in both.
+        # Pixels that one of the sides does not show are black in both.
         shown = {eye: np.where(seen[eye], side.grey[eye], 0.0) for eye in EYES}
         white = find_white(side.grey["left"][seen["left"]])
         images = {eye: stretch_to_8_bit(shown[eye], white) for eye in EYES}
@@ -198,7 +198,7 @@ def _measure(
     scale = _choose_scale(disparities.values())
     for (name, method_name), disparity in disparities.items():
         write_png(out / f"{photographs.name}-{name}-{method_name}.png", draw_depth(disparity, scale))
-    return _without_nan(
+    return _replace_nan(
         found
         | {
             "disparity_scale_px": [scale.low, scale.high],
@@ -209,10 +209,10 @@ def _measure(
     )
 
 
-def _without_nan(value: Any) -> Any:
-    """The same with None for numbers that are not finite, as JSON has none."""
+def _replace_nan(value: Any) -> Any:
+    """The value with None in place of numbers that are not finite, as JSON has none."""
     if isinstance(value, dict):
-        return {key: _without_nan(each) for key, each in value.items()}
+        return {key: _replace_nan(each) for key, each in value.items()}
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
@@ -268,20 +268,20 @@ def measure_image(grey: Array, white: float, seen: Array) -> tuple[dict[str, flo
         "gradient": float(np.sqrt(np.mean(gradient**2))) if gradient.size else float("nan"),
         "slope": measure_spectral_slope(square),
         "texture": float(np.median(texture)) if texture.size else float("nan"),
-        "smooth": float(np.mean(texture < SMOOTH)) if texture.size else float("nan"),
+        "smooth": float(np.mean(texture < SMOOTH_TEXTURE)) if texture.size else float("nan"),
         "dark": measure_shares(light / 255, seen)[1],
         "saturated": measure_shares(grey / 255, seen)[0],
     }
     curves = {
-        "levels": _share_by_class(shown, LEVELS),
-        "gradients": _share_by_class(gradient, GRADIENTS),
+        "levels": _compute_share_by_class(shown, LEVEL_BOUNDS),
+        "gradients": _compute_share_by_class(gradient, GRADIENT_BOUNDS),
         "cycles": (cycles / max(len(square), 1)).tolist(),
         "power": power.tolist(),
     }
     return statistics, curves
 
 
-def _share_by_class(values: Array, bounds: Sequence[float]) -> list[float]:
+def _compute_share_by_class(values: Array, bounds: Sequence[float]) -> list[float]:
     return (np.histogram(values, bounds)[0] / max(values.size, 1)).tolist()
 
 

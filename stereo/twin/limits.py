@@ -1,4 +1,4 @@
-"""What a twin cannot show, in sentences that follow from the input."""
+"""Sentences on the limits of a twin, which follow from its input."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from ...support.number_text import format_count, show_rounded
-from .photographs import LOSSY, Rectification
+from .photographs import LOSSY_SUFFIXES, Rectification
 from .plan import Described, Twin
 
-#: Roll and relief over the height from which the sentence on the pose names them, and sky and unseen pixels as shares.
-_ROLL_DEG, _RELIEF, _SHARE = 1.0, 0.05, 0.005
+#: Roll, and relief over the height, above which the sentence on the pose names them; share of sky or unseen pixels that
+#: is named.
+_REPORTED_ROLL_DEG, _REPORTED_RELIEF, _REPORTED_SHARE = 1.0, 0.05, 0.005
 
 
 def list_limits(
@@ -23,10 +24,8 @@ def list_limits(
     needed: int,
     ground: str,
 ) -> list[str]:
-    """The sentences, the most important ones first.
-
-    ``needed`` pairs are what an interval of the differences takes; ``ground`` is the file of the user's own ground,
-    empty without one.
+    """The sentences on limits, the most important first. ``needed`` is the number of pairs that an interval of the
+    differences takes; ``ground`` is the file of the user's own ground, empty without one.
     """
     return [
         *_tell_ground(twins, ground),
@@ -75,12 +74,12 @@ def _tell_pose(twins: Sequence[Twin], described: Described) -> list[str]:
             + " down."
         ]
         roll = max(abs(pose.roll_deg) for pose in poses)
-        if roll > _ROLL_DEG:
+        if roll > _REPORTED_ROLL_DEG:
             found.append(
                 f"The camera is rolled by up to {show_rounded(roll)} degrees against that plane; a twin is not."
             )
         relief = max(pose.relief_m / pose.height_m for pose in poses)
-        if relief > _RELIEF:
+        if relief > _REPORTED_RELIEF:
             found.append(
                 f"The true points are off that plane by up to {show_rounded(100 * relief)} % of the height (root mean "
                 "square), so depths of photograph and twin differ."
@@ -123,15 +122,19 @@ def _tell_images(
             "The photographs were interpolated when they were rectified, which takes away fine detail; the twin was "
             "rendered as it is."
         )
-    if any(path.suffix.lower() in LOSSY for twin in twins for path in (twin.photographs.left, twin.photographs.right)):
+    if any(
+        path.suffix.lower() in LOSSY_SUFFIXES
+        for twin in twins
+        for path in (twin.photographs.left, twin.photographs.right)
+    ):
         found.append("Photographs in files such as JPEG have lost detail to compression; the twin has not.")
     if (denoiser := twins[0].planned.settings.quality.denoiser) != "NONE":
         found.append(f"The twin was denoised ({denoiser}), which makes matchers look better than they are on it.")
     unseen = 1 - min(record["seen_share"] for record in records)
-    if unseen > _SHARE:
+    if unseen > _REPORTED_SHARE:
         found.append(f"{show_rounded(100 * unseen)} % of the rectified image, which no sensor sees, do not count.")
     sky = max(record["sky_share"] for record in records)
-    if sky > _SHARE:
+    if sky > _REPORTED_SHARE:
         found.append(
             f"Up to {show_rounded(100 * sky)} % of a twin are sky, which counts as dark and without a disparity."
         )

@@ -15,17 +15,17 @@ from ...support.files import write_text
 from ...support.number_text import format_count
 from ..images.colours import INVALID_GREY, VIRIDIS, Scale
 from ..matchers.methods import Method, describe_method
-from ..report.charts import COLOURS, STYLE, add_legend, add_panel, set_logarithmic
+from ..report.charts import METHOD_COLOURS, STYLE, add_legend, add_panel, set_logarithmic
 from ..report.page_templates import read_template
 from ..report.pictures import embed_picture
-from .compare_twin import DISPARITY_TITLE, GRADIENTS, LEVELS, MATCHED, SIDES, STATISTICS
+from .compare_twin import DISPARITY_TITLE, GRADIENT_BOUNDS, LEVEL_BOUNDS, MATCHED, SIDES, STATISTICS
 from .plan import Twin
 from .summary import SummaryRow, make_csv
 
 PAGE, TABLE = "twin.html", "twin.csv"
-#: Most pairs whose pictures the page contains, and whose curves are drawn thin beside the means.
+#: Most pairs whose pictures the page contains, and most pairs whose curves are drawn beside the means.
 _MOST_SHOWN, _MOST_CURVES = 6, 40
-_TITLES = {"photograph": "Photograph", "twin": "Twin"}
+_SIDE_TITLES = {"photograph": "Photograph", "twin": "Twin"}
 
 
 def write_page(
@@ -49,7 +49,7 @@ def write_page(
         size=f"{rig.width_px} x {rig.height_px} px, baseline {rig.baseline_m:.4g} m",
         limits=limits,
         notes=notes,
-        titles=_TITLES,
+        titles=_SIDE_TITLES,
         statistics=[row for row in rows if not row.method],
         methods=[
             (describe_method(method.label), [row for row in rows if row.method == method.label]) for method in methods
@@ -75,9 +75,12 @@ def _make_section(twin: Twin, record: Mapping[str, Any], pictures: Path, methods
     scale = Scale(low, high, VIRIDIS, DISPARITY_TITLE)
     rows = []
     for side in SIDES:
-        cells = [(f"{_TITLES[side]}, {eye} eye", pictures / f"{name}-{side}-{eye}.png") for eye in EYES]
+        cells = [(f"{_SIDE_TITLES[side]}, {eye} eye", pictures / f"{name}-{side}-{eye}.png") for eye in EYES]
         cells += [
-            (f"{_TITLES[side]}, {describe_method(method.label)}", pictures / f"{name}-{side}-{method.file_name}.png")
+            (
+                f"{_SIDE_TITLES[side]}, {describe_method(method.label)}",
+                pictures / f"{name}-{side}-{method.file_name}.png",
+            )
             for method in methods
         ]
         rows.append([(caption, embed_picture(path, height)) for caption, path in cells])
@@ -110,8 +113,10 @@ def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
                         continue
                     drawn = np.where(drawn > 0, drawn, np.nan) if key == "power" else 100 * drawn
                     for line in drawn[:_MOST_CURVES] if len(drawn) > 1 else ():
-                        axis.plot(places, line, color=COLOURS[k], linewidth=0.6, alpha=0.35)
-                    axis.plot(places, _average(key, drawn), color=COLOURS[k], label=html.escape(_TITLES[side]))
+                        axis.plot(places, line, color=METHOD_COLOURS[k], linewidth=0.6, alpha=0.35)
+                    axis.plot(
+                        places, _average(key, drawn), color=METHOD_COLOURS[k], label=html.escape(_SIDE_TITLES[side])
+                    )
                 axis.set_xlabel(label)
                 axis.set_ylabel("power" if key == "power" else "pixels (%)")
                 if logarithmic:
@@ -127,7 +132,7 @@ def _find_places(key: str, curves: Sequence[Mapping[str, Any]]) -> Any:
     """The x of the points of a curve."""
     if key == "power":
         return max((curve["cycles"] for curve in curves), key=len)
-    bounds = np.array(LEVELS if key == "levels" else GRADIENTS, float)
+    bounds = np.array(LEVEL_BOUNDS if key == "levels" else GRADIENT_BOUNDS, float)
     return (bounds[1:] + bounds[:-1]) / 2 if key == "levels" else np.sqrt(bounds[1:] * bounds[:-1])
 
 

@@ -16,14 +16,14 @@ from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import explain_errors
 from ...support.number_text import format_count
 from ..datasets.data_files import MapFile, read_image, read_map
-from ..datasets.foreign_pair import safe_name
+from ..datasets.foreign_pair import make_safe_name
 from ..datasets.input_faults import check_map_size
 from ..images.image_values import describe_size, to_grey
 from ..images.masks import sample_at_pixels
 
-#: Ends of the names of images that are read, and of those that lose detail.
-_IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
-LOSSY = (".jpg", ".jpeg", ".webp")
+#: Suffixes of images that are read, and of those that lose detail.
+_IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
+LOSSY_SUFFIXES = (".jpg", ".jpeg", ".webp")
 #: Pixels that a rectified image may be off from the photograph's own and still have its numbers.
 _SAME_PX = 0.01
 #: A median disparity below this comes from depths in millimetres, px.
@@ -41,7 +41,7 @@ class Photographs:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """All of its files."""
+        """All files of the pair."""
         return (self.left, self.right, *([self.depth] if self.depth else []))
 
 
@@ -64,7 +64,7 @@ def find_photographs(paths: Sequence[Path], depths: Sequence[Path] = ()) -> list
             f"--depth names {format_count(len(depths), 'file')} for {format_count(len(files), 'pair')}; give one "
             "for each pair, in their order."
         )
-    names = [safe_name(left.stem) for left, _ in files]
+    names = [make_safe_name(left.stem) for left, _ in files]
     if len(set(names)) < len(names):
         names = [f"{number:03d}_{name}" for number, name in enumerate(names, 1)]
     return [
@@ -97,7 +97,7 @@ def _find_in_folder(folder: Path) -> list[tuple[Path, Path]]:
 
 
 def _list_images(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in _IMAGES and path.is_file())
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in _IMAGE_SUFFIXES and path.is_file())
 
 
 @dataclass(frozen=True)

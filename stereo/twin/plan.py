@@ -17,20 +17,21 @@ from ...settings.description import check, merged
 from ...settings.topics.declaration import Parts
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
-from ..measure.fit_check import KINDS, MatchedPlaces, find_fault, find_places
+from ..measure.fit_check import READINGS, MatchedPlaces, find_fault, find_places
 from .photographs import Photographs, Rectification
 from .pose import Pose, fit_pose
 
-#: Beyond the needed margin, for the rounding of settings.
-_MARGIN = 1.01
-#: So many times more places are found with the images exchanged, if they are.
-_SWAPPED = 2.0
+#: Factor on the needed margin, for the rounding of settings.
+_MARGIN_FACTOR = 1.01
+#: Ratio of the places found with the images exchanged to those without from which on the images count as exchanged.
+_EXCHANGED_RATIO = 2.0
 
 
 @dataclass(frozen=True)
 class Twin:
-    """A photographed pair, the pair to render beside it, the pose that its true depth tells, if there is one, and
-    sentences on what seems wrong with its files."""
+    """A photographed pair, the pair to render beside it, the pose from its true depth, if any, and sentences on
+    possible faults of its files.
+    """
 
     photographs: Photographs
     planned: PlannedPair
@@ -40,8 +41,9 @@ class Twin:
 
 @dataclass(frozen=True)
 class Described:
-    """What the user states of the scene: complete settings ``below`` those of the calibrated ``rig``, and changes
-    ``above`` them. Of these two the user's own files and changes are ``own``."""
+    """The stated scene of the user: complete settings ``below`` the settings of the calibrated ``rig``, and changes
+    ``above`` them. ``own`` are the user's own files and changes among both.
+    """
 
     below: Settings
     rig: Settings
@@ -57,7 +59,7 @@ class Described:
         found = merged(self.below, self.rig, *more, self.above, {"dataset": {"headings": 1}})
         needed = find_overscan(found.rig) if any(read_coefficients(found.rig)) else 0.0
         if needed and not self.states("rig", "overscan"):
-            found = merged(found, check({"rig": {"overscan": min(needed * _MARGIN, 2.0)}}, "the calibration"))
+            found = merged(found, check({"rig": {"overscan": min(needed * _MARGIN_FACTOR, 2.0)}}, "the calibration"))
         return found
 
 
@@ -95,7 +97,7 @@ def _doubt_order(photographs: Photographs, places: MatchedPlaces) -> Iterator[st
             f"{photographs.left} and {photographs.right} match in few places along their rows: they show little, or "
             "the calibration is not theirs."
         )
-    elif swapped > _SWAPPED * stated:
+    elif swapped > _EXCHANGED_RATIO * stated:
         yield (
             f"{photographs.left} and {photographs.right} match better with the right image first; exchange them if "
             "they are."
@@ -106,5 +108,5 @@ def _doubt_depth(path: Path, disparity: Array, camera: StereoCamera, places: Mat
     """A sentence if the true depth contradicts the images."""
     fault = find_fault(disparity, "disparity", camera, places)
     if fault is not None:
-        fits = f"; it fits {KINDS[fault.kind]}" if fault.kind in KINDS else ""
+        fits = f"; it fits {READINGS[fault.kind]}" if fault.kind in READINGS else ""
         yield f"{path} contradicts the images{fits}. Errors of the photographs mean nothing then."

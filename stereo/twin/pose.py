@@ -11,10 +11,11 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
-#: Points that are fitted, rounds of the fit, and the share of the points nearest to the plane that count in the next.
-_MOST_POINTS, _ROUNDS, _KEPT = 20_000, 8, 0.8
-#: Fewer points tell no plane.
-_FEWEST = 100
+#: Most points of a fit, rounds of the fit, and the share of the points nearest to the plane that count in the next
+#: round.
+_MOST_POINTS, _FIT_ROUNDS, _KEPT_SHARE = 20_000, 8, 0.8
+#: Fewest points for a plane.
+_FEWEST_POINTS = 100
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,10 @@ def fit_pose(disparity: Array, camera: StereoCamera) -> Pose:
     """
     depth = camera.depth(disparity)
     row, column = np.nonzero(np.isfinite(depth))
-    if len(row) < _FEWEST:
-        raise IcyMoonError(f"The true depth has {len(row)} points, and a plane needs {_FEWEST}; give a denser map.")
+    if len(row) < _FEWEST_POINTS:
+        raise IcyMoonError(
+            f"The true depth has {len(row)} points, and a plane needs {_FEWEST_POINTS}; give a denser map."
+        )
     step = max(1, len(row) // _MOST_POINTS)
     row, column = row[::step], column[::step]
     z = depth[row, column]
@@ -45,11 +48,11 @@ def fit_pose(disparity: Array, camera: StereoCamera) -> Pose:
         axis=1,
     )
     kept = points
-    for _ in range(_ROUNDS):
+    for _ in range(_FIT_ROUNDS):
         middle = kept.mean(axis=0)
         normal = np.linalg.svd(kept - middle, full_matrices=False)[2][2]
         off = np.abs((points - middle) @ normal)
-        kept = points[off <= np.quantile(off, _KEPT)]
+        kept = points[off <= np.quantile(off, _KEPT_SHARE)]
     normal = normal * (math.copysign(1.0, float(normal @ middle)))  # away from the camera, which is down
     off = (points - middle) @ normal
     return Pose(

@@ -19,9 +19,9 @@ from ..matchers.methods import Method
 from .compare_twin import MATCHED, SIDES, STATISTICS, Quantity
 from .plan import Twin
 
-_SEED = 0
-#: What a pair that has no number shows.
-_NONE = "–"
+_BOOTSTRAP_SEED = 0
+#: The text for a missing number.
+_NO_NUMBER = "–"
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class SummaryRow:
 def format_number(quantity: Quantity, value: float, sign: str = "") -> str:
     """A number of a quantity with its digits, shares in per cent."""
     if not math.isfinite(value):
-        return _NONE
+        return _NO_NUMBER
     return f"{value * (100 if quantity.share else 1):{sign}.{quantity.digits}f}"
 
 
@@ -85,11 +85,11 @@ def summarise(records: Sequence[Mapping[str, Any]], methods: Sequence[Method]) -
     pairs = np.arange(len(records))
     bounds = {side: find_mean_intervals(values[side], pairs, shares) for side in SIDES}
     differences = values["photograph"] - values["twin"]
-    family = compare_in_typical_scene(differences, _SEED)
+    family = compare_in_typical_scene(differences, _BOOTSTRAP_SEED)
     rows = [
         SummaryRow(
             *column,
-            {side: _mean(values[side][:, k]) for side in SIDES},
+            {side: _compute_mean(values[side][:, k]) for side in SIDES},
             {side: (float(bounds[side][k, 0]), float(bounds[side][k, 1])) for side in SIDES},
             float(family.typical[k]),
             (float(family.low[k]), float(family.high[k])),
@@ -104,7 +104,7 @@ def _find(side: Mapping[str, Any], quantity: Quantity, method: str) -> float:
     return float("nan") if value is None else float(value)
 
 
-def _mean(values: Array) -> float:
+def _compute_mean(values: Array) -> float:
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else float("nan")
 

@@ -26,10 +26,10 @@ def test_it_passes_here_and_leaves_nothing(tmp_path, monkeypatch, capsys):
     ],
 )
 def test_a_fault_is_named(monkeypatch, capsys, changes, words):
-    scene = json.loads(json.dumps(check._SCENE))
+    scene = json.loads(json.dumps(check._TEST_SCENE))
     for topic, values in changes.items():
         scene[topic] |= values
-    monkeypatch.setattr(check, "_SCENE", scene)
+    monkeypatch.setattr(check, "_TEST_SCENE", scene)
     assert main(["check"]) == (0 if words is None else 1)
     shown = capsys.readouterr().err
     assert words is None or (words in shown and "Run icymoon doctor" in shown)

@@ -108,7 +108,7 @@ def test_a_data_set_is_rendered_and_the_scene_is_left_alone(described, tmp_path)
     assert bpy.ops.icymoon.render_dataset() == {"FINISHED"}
     assert written == {p.folder: (p.folder / "pair.json").stat().st_mtime_ns for p in pairs}
     bpy.ops.icymoon.plan_dry_run()
-    assert dataset.readout["lines"][0] == "2 pairs, 2 of them there already"
+    assert dataset.readout["lines"][0] == "2 pairs, 2 already rendered"
 
 
 @pytest.mark.slow

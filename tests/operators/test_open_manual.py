@@ -50,7 +50,7 @@ def test_the_page_that_opens_is_a_file_of_ours_with_that_heading(opened):
         assert address.scheme == "file"
         path = Path(unquote(address.path))
         assert path.is_relative_to(manual.write_pages())
-        heading = re.search(r"^# (.+)$", (manual._DOCS / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE)
+        heading = re.search(r"^# (.+)$", (manual._DOCS_FOLDER / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE)
         assert f"<h1>{heading[1]}</h1>" in path.read_text(encoding="utf-8")
 
 

@@ -21,7 +21,7 @@ ELEVATION = "light.sun_elevation_deg"
 def mean_brightness() -> list[float]:
     """The mean of each kept picture, of those that are shown now."""
     scene = bpy.context.scene
-    key = variation_pictures._picture_key(scene, scene_properties.read_settings(scene.icymoon))
+    key = variation_pictures._make_picture_key(scene, scene_properties.read_settings(scene.icymoon))
     names = variation_pictures._made[key]
     return [float(np.mean(variation_pictures._pictures.collection[name].image_pixels_float[:])) for name in names]
 
@@ -111,7 +111,7 @@ def test_a_stopped_job_leaves_nothing_and_shows_nothing(varied, tmp_path, monkey
 
 def test_the_pictures_of_many_ends_are_not_all_kept(varied):
     picture = np.zeros((3, 4, 3), np.uint8)
-    for k in range(variation_pictures._MOST + 1):
+    for k in range(variation_pictures._MOST_SCENES + 1):
         variation_pictures._keep_pictures(str(k), [picture, picture])
-    assert 1 <= len(variation_pictures._made) <= variation_pictures._MOST
+    assert 1 <= len(variation_pictures._made) <= variation_pictures._MOST_SCENES
     assert len(variation_pictures._pictures.collection) == 2 * len(variation_pictures._made)

@@ -90,6 +90,6 @@ def test_a_graphics_card_traces_the_user_s_pixels(clocks, small):
 def test_a_note_of_a_file_that_means_nothing_changes_nothing(clocks, small, evil):
     bpy.ops.icymoon.build_scene()
     collection = next(c for c in bpy.data.collections if c.get("icymoon") == "scene")
-    collection[view_resolution._NOTE] = evil
+    collection[view_resolution._CHOICE_PROPERTY] = evil
     assert bpy.ops.icymoon.clear_scene() == {"FINISHED"}
     assert pixels() == "2"

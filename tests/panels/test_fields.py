@@ -114,7 +114,7 @@ def test_the_label_of_a_number_changes_at_0(scene):
 
 
 def test_a_choice_is_explained_in_two_lines_and_wholly_in_its_tooltip():
-    for topic, key in fields._EXPLAINED:
+    for topic, key in fields._EXPLAINED_CHOICES:
         for _, name, meaning in TOPICS[topic][key].choices:
             assert len(sidebar_text._wrap_held(meaning.partition(". ")[0], LINE, "")) <= 2, name
 

@@ -19,8 +19,8 @@ from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sidebar
 from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.settings.topics.declaration import ELSEWHERE
-from icymoon.stereo.matchers import matcher_titles
-from icymoon.stereo.report.table_columns import RANKING
+from icymoon.stereo.matchers import list_matcher_titles
+from icymoon.stereo.report.table_columns import RANKING_METRIC
 from panel_drawing import Layout, drawn, texts
 from stand_ins import stand_in
 
@@ -250,7 +250,7 @@ def test_the_matchers_of_plug_ins_have_a_tick_once_check_has_found_them(scene):
 
 def test_the_matchers_there_are_stand_in_the_tooltip():
     told = TOPICS["dataset"]["methods"].description
-    assert ", ".join(matcher_titles()) in told
+    assert ", ".join(list_matcher_titles()) in told
     assert "own:NAME" in told  # by which a scene names one that is set up
 
 
@@ -424,7 +424,7 @@ def labels_of_results(scene, tmp_path, *rows):
 
 
 def ranked(method, wrong, *rank):
-    return {**ROW, "method": method, "total_bad_1": wrong, "n": 100, "ranks": {RANKING: rank} if rank else {}}
+    return {**ROW, "method": method, "total_bad_1": wrong, "n": 100, "ranks": {RANKING_METRIC: rank} if rank else {}}
 
 
 def test_ranks_are_those_of_the_report_and_a_star_needs_a_worse_one(scene, tmp_path):
@@ -539,7 +539,7 @@ def test_matchers_are_ticked_and_keep_their_options(scene):
         for entry in drawn(sidebar.ICYMOON_PT_evaluation)
         if entry[:2] == ("operator", "icymoon.toggle_matcher")
     }
-    assert ticked == set(matcher_titles().values())
+    assert ticked == set(list_matcher_titles().values())
     assert bpy.ops.icymoon.toggle_matcher(matcher="igev") == {"FINISHED"}
     assert group.methods == "bm,sgbm:window=7,igev"
     assert "PyTorch" in texts(drawn(sidebar.ICYMOON_PT_evaluation))

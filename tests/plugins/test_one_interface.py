@@ -15,7 +15,7 @@ from icymoon.plugins.installed import find_installed, read_fact
 from icymoon.stereo.cli import main
 from icymoon.stereo.export import exports_with_blender
 from icymoon.stereo.export.plug_in import PluginExport
-from icymoon.stereo.matchers import load_matcher, match, matcher_titles
+from icymoon.stereo.matchers import list_matcher_titles, load_matcher, match
 from icymoon.stereo.matchers.methods import describe_method
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
@@ -80,7 +80,7 @@ def test_every_declared_module_loads_and_every_networks_title_is_its_own():
     for kind, load in (("matcher", lambda plugin: load_matcher(plugin.name)), ("export", PluginExport)):
         for plugin in find_installed(kind).usable.values():
             load(plugin)
-    assert matcher_titles()["igev"] == "IGEV-Stereo"
+    assert list_matcher_titles()["igev"] == "IGEV-Stereo"
     assert exports_with_blender() == ["mitsuba", "dem", "ply", "obj", "usd", "gltf"]
 
 
@@ -121,8 +121,8 @@ def test_no_module_imports_or_lists_a_plug_in_by_name():
 def test_lists_import_no_package_that_only_a_plug_in_needs():
     program = (
         "import sys\nfrom icymoon.stereo.export import exports_with_blender, find_plugins\n"
-        "from icymoon.stereo.matchers import list_set_ups, matcher_names, matcher_titles\n"
-        "exports_with_blender(), find_plugins(), matcher_names(), list_set_ups(), matcher_titles()\n"
+        "from icymoon.stereo.matchers import list_matcher_names, list_matcher_titles, list_set_ups\n"
+        "exports_with_blender(), find_plugins(), list_matcher_names(), list_set_ups(), list_matcher_titles()\n"
         "print({'torch', 'cv2', 'pyarrow', 'rosbags', 'mitsuba', 'onnxruntime'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=100)

@@ -14,7 +14,7 @@ from icymoon.formats import asset_library
 from icymoon.nodes import assets
 from icymoon.nodes.build_scene import build_scene, clear_scene
 from icymoon.nodes.datablocks.fingerprint import TAG
-from icymoon.nodes.datablocks.marks import Walk
+from icymoon.nodes.datablocks.marks import BlockHasher
 from icymoon.operators.render import plan_pairs
 from icymoon.render.asset_worker import make_library
 from icymoon.render.workers.job_commands import python_command
@@ -50,7 +50,7 @@ def library(registered, tmp_path_factory) -> Path:
     """A library with two assets of each kind, whose ground is small."""
     folder = tmp_path_factory.mktemp("library") / "assets"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(assets, "_CHANGES", {**assets._CHANGES, **SMALL})
+        patch.setattr(assets, "_ASSET_SETTINGS", {**assets._ASSET_SETTINGS, **SMALL})
         messages: list[dict] = []
         make_library(folder, (*NAMES, SKY), lambda kind, **facts: messages.append({"type": kind, **facts}))
     assert [m["fraction"] for m in messages[:-1]] == [k / (1 + len(NAMES)) for k in range(1 + len(NAMES))]
@@ -103,7 +103,7 @@ def test_a_surface_is_the_material_that_build_scene_makes(library, name):
     appended, made = append(library, name), built.terrain.data.materials[0]
     trees = {made.node_tree, appended.node_tree}
     assert len(trees) == 2
-    assert len({Walk({}, trees).mark(tree) for tree in trees}) == 1
+    assert len({BlockHasher({}, trees).mark(tree) for tree in trees}) == 1
     pixels = []
     for material in (made, appended):
         built.terrain.data.materials[0] = material

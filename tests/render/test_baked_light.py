@@ -226,7 +226,7 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
 
         def finish() -> None:
             time.sleep(1.0)
-            theirs.state_light(key, baked_file.write_baked_light(tmp_path, key, made)[1], 1.0)
+            theirs.write_light_checksum(key, baked_file.write_baked_light(tmp_path, key, made)[1], 1.0)
 
         worker = threading.Thread(target=finish)
         worker.start()
@@ -291,16 +291,16 @@ def test_a_turned_camera_has_the_light_of_where_it_looks(registered, tmp_path):
     pairs = planned(VIEW)
     with ScenesFromSettings(lambda warning: None) as source:
         built, _, _ = source.prepare(pairs[0])
-        straight = baked_light.find_seen(built, pairs[0])
-        turned = baked_light.find_seen(built, PlannedPair(pairs[1].id, pairs[1].settings, 180.0))
+        straight = baked_light.find_visible_facets(built, pairs[0])
+        turned = baked_light.find_visible_facets(built, PlannedPair(pairs[1].id, pairs[1].settings, 180.0))
         built, _, _ = source.prepare(pairs[1])
-        opposite = baked_light.find_seen(built, pairs[1])
+        opposite = baked_light.find_visible_facets(built, pairs[1])
     assert np.array_equal(turned, opposite)
     assert (straight & opposite).mean() < 0.01 < straight.mean()
 
 
 def test_an_image_that_shows_ground_without_baked_light_is_traced(registered, tmp_path, monkeypatch):
-    find = baked_light.find_seen
+    find = baked_light.find_visible_facets
 
     def lose(*of: Any) -> Array:
         found = find(*of)
@@ -308,7 +308,7 @@ def test_an_image_that_shows_ground_without_baked_light_is_traced(registered, tm
         found[seen[len(seen) // 2 :]] = False
         return found
 
-    monkeypatch.setattr(baked_light, "find_seen", lose)
+    monkeypatch.setattr(baked_light, "find_visible_facets", lose)
     (pair,) = planned(VIEW, {"dataset": {"headings": 1}})
     run(tmp_path, [pair])
     told = stated(pair, tmp_path)["indirect"]

@@ -181,7 +181,7 @@ def test_another_content_than_planned_is_refused(tmp_path):
     dataset = freeze(tmp_path, [PlannedPair("0123456789ab", ours.settings, 0.0)])
     done = run(dataset)
     assert done.returncode == 1
-    assert "not be what was planned" in done.stdout
+    assert "would differ from its plan" in done.stdout
 
 
 def _tree(pid: int) -> list[int]:

@@ -75,7 +75,7 @@ def test_the_chosen_cards_and_no_processor_are_selected(cycles, monkeypatch, cho
 @pytest.mark.parametrize("chosen", ["2", "HIP:0"])
 def test_a_card_that_cycles_does_not_find_is_an_error(cycles, monkeypatch, chosen):
     monkeypatch.setenv(ENVIRONMENT, chosen)
-    with pytest.raises(IcyMoonError, match="There is no graphics card"):
+    with pytest.raises(IcyMoonError, match="Cycles finds no graphics card"):
         graphics_cards.select_cards()
 
 
@@ -136,10 +136,10 @@ def rendered_by_a_fake(monkeypatch, tmp_path, device, headings=1):
         report(0.5)
         time.sleep(0.1)
 
-    monkeypatch.setattr(first_use_of_card, "TELL_S", 0.01)
+    monkeypatch.setattr(first_use_of_card, "REPORT_INTERVAL_S", 0.01)
     monkeypatch.setattr(worker, "render_pair", render_pair)
     monkeypatch.setattr(worker.baked_light, "provide_baked_light", bake)
-    monkeypatch.setattr(SharedLight, "note_pair", lambda *arguments: time.sleep(0.1))
+    monkeypatch.setattr(SharedLight, "release_stated_light", lambda *arguments: time.sleep(0.1))
     pairs = expand_headings(complete({"quality": {"device": device}, "dataset": {"headings": headings}}))
     worker.render_from(
         cast(FixedScene, FakeSource()), pairs, tmp_path, lambda kind, **facts: heard.append((kind, facts))
@@ -165,8 +165,8 @@ def test_a_processor_compiles_nothing(monkeypatch, tmp_path):
 
 
 def test_a_worker_that_hangs_becomes_silent(monkeypatch):
-    monkeypatch.setattr(first_use_of_card, "TELL_S", 0.01)
-    monkeypatch.setattr(first_use_of_card, "_LONGEST_S", 0.0)
+    monkeypatch.setattr(first_use_of_card, "REPORT_INTERVAL_S", 0.01)
+    monkeypatch.setattr(first_use_of_card, "_MOST_COMPILING_S", 0.0)
     told = []
     with first_use_of_card.tell_while_compiling(threading.Event(), lambda: told.append(1)):
         time.sleep(0.2)
@@ -174,7 +174,7 @@ def test_a_worker_that_hangs_becomes_silent(monkeypatch):
 
 
 def test_nothing_is_told_after_a_pair_has_failed(monkeypatch):
-    monkeypatch.setattr(first_use_of_card, "TELL_S", 0.01)
+    monkeypatch.setattr(first_use_of_card, "REPORT_INTERVAL_S", 0.01)
     told = []
     with pytest.raises(IcyMoonError), first_use_of_card.tell_while_compiling(threading.Event(), lambda: told.append(1)):
         raise IcyMoonError("It failed.")

@@ -17,7 +17,7 @@ from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings, typed
 from icymoon.stereo.images.exr import read_truth
-from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.stereo.trade.measure_variants import scale_view
 from icymoon.support.blender import compat
 from icymoon.support.labels import FIRST_ROCK_INSTANCE
 from mathutils import Matrix
@@ -105,7 +105,7 @@ def test_planet_trench_and_lander_are_the_same_by_rays_and_by_cycles(tmp_path, p
     )
     small = typed(
         description.merged(
-            scaled_view(made, 128 / made["rig"]["width_px"]),
+            scale_view(made, 128 / made["rig"]["width_px"]),
             {
                 "quality": {"samples": 1, "denoiser": "NONE", "threads": 2, "indirect": "TRACED"},
                 "dataset": {"headings": 2},
@@ -271,7 +271,7 @@ def test_the_truth_of_each_scene_is_the_same_by_rays_and_by_cycles(tmp_path, pre
     made = description.merged(description.defaults(), preset_files.load_preset(preset))
     small = typed(
         description.merged(
-            scaled_view(made, 160 / made["rig"]["width_px"]),
+            scale_view(made, 160 / made["rig"]["width_px"]),
             {"quality": {"samples": 1, "denoiser": "NONE", "threads": 2, "indirect": "TRACED"}},
         )
     )

@@ -85,7 +85,7 @@ def shoot(folder: Path, pane: str, *parts: dict) -> list[Array]:
 def test_nothing_changes(tmp_path, monkeypatch, pane, parts):
     """To the bit, in both of two pairs, as the scene is kept between their renders."""
     without = shoot(tmp_path / "without", pane, *parts)
-    for name in ("switch_lights_off", "take_surfaces_off"):
+    for name in ("switch_lights_off", "remove_surfaces"):
         monkeypatch.setattr(truth_without_light, name, lambda what: nullcontext())
     for one, other in zip(without, shoot(tmp_path / "with", pane, *parts), strict=True):
         np.testing.assert_array_equal(one, other)
@@ -96,7 +96,7 @@ def test_what_rays_may_pass_keeps_its_surface(pane, kept):
     built = build_scene(empty_scene(), complete(TWO))
     output = add_pane(built, pane).node_tree.get_output_node("CYCLES")
     ground = built.terrain.data.materials[0].node_tree.get_output_node("CYCLES")
-    with truth_without_light.take_surfaces_off(built.materials):
+    with truth_without_light.remove_surfaces(built.materials):
         assert any(socket.links for socket in output.inputs) == kept
         assert not ground.inputs["Surface"].links
     assert any(socket.links for socket in output.inputs)
@@ -121,8 +121,8 @@ def test_all_is_back_after_a_failure(tmp_path, monkeypatch):
 @pytest.mark.parametrize("most", [0, 16])
 def test_surfaces_are_taken_off_where_it_saves_time(tmp_path, monkeypatch, most):
     taken = []
-    monkeypatch.setattr(truth_without_light, "MOST_TRIANGLES_A_PIXEL", most)
-    monkeypatch.setattr(truth_without_light, "take_surfaces_off", lambda what: nullcontext(taken.append(len(what))))
+    monkeypatch.setattr(truth_without_light, "MOST_TRIANGLES_PER_PIXEL", most)
+    monkeypatch.setattr(truth_without_light, "remove_surfaces", lambda what: nullcontext(taken.append(len(what))))
     settings = complete(TWO)
     render_pairs(
         build_scene(empty_scene(), settings), expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None

@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from icymoon.formats.toml_lines import find_line
-from icymoon.render.pairs.scene_splits import SPLITS, read_splits
+from icymoon.render.pairs.scene_splits import DEFAULT_SPLITS, read_splits
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings.description import override
 from icymoon.settings.preset_files import load
@@ -313,4 +313,4 @@ def test_the_line_is_named_a_million_lines_down(tmp_path, text):
 )
 def test_the_splits_of_a_damaged_plan_are_the_usual_ones(tmp_path, content):
     (tmp_path / "plan.jsonl").write_bytes(content)
-    assert read_splits(tmp_path) == SPLITS
+    assert read_splits(tmp_path) == DEFAULT_SPLITS

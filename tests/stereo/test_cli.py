@@ -16,7 +16,7 @@ import pairs
 import pytest
 from icymoon.stereo import cli
 from icymoon.stereo.measure.guiss_reference_code import compute_reference_metrics
-from icymoon.stereo.report.table_columns import RANKING, SUMMARY
+from icymoon.stereo.report.table_columns import RANKING_METRIC, SUMMARY_COLUMNS
 
 ROOT = Path(icymoon.__file__).parent
 BY_PATH = [sys.executable, str(ROOT / "__main__.py"), "stereo"]
@@ -401,8 +401,8 @@ def test_metrics_of_hardly_any_pixel(tmp_path, size):
 
 
 def test_the_printed_tables_rank_what_the_scenes_allow_and_call_nothing_a_zero(capsys):
-    numbers = dict.fromkeys((column.key for column in SUMMARY), 0.25)
-    ranked = {RANKING: (1, 2), "common_l1_m": (2, 3)}
+    numbers = dict.fromkeys((column.key for column in SUMMARY_COLUMNS), 0.25)
+    ranked = {RANKING_METRIC: (1, 2), "common_l1_m": (2, 3)}
     rows = [
         numbers | {"method": "bm", "pairs": 8, "n": 9, "ranks": ranked},
         numbers | {"method": "sgbm", "pairs": 8, "n": 9, "ranks": {}},

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 from icymoon.nodes.build_scene import Built, build_scene
-from icymoon.nodes.light.sun_lamp import read_lamp_diameter, read_lamp_irradiance_wm2
+from icymoon.nodes.light.sun_lamp import read_lamp_diameter_rad, read_lamp_irradiance_wm2
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
 from icymoon.physics.camera.depth_accuracy import coordinate_rounding_m
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
@@ -205,7 +205,7 @@ def unused(built: Built) -> list[str]:
     if built.settings.light.directions_from == "ANGLES":
         light = built.settings.light
         disc = light.sun_angular_diameter_deg
-        pairs["light.sun_angular_diameter_deg"] = math.degrees(read_lamp_diameter(built.sun)), disc
+        pairs["light.sun_angular_diameter_deg"] = math.degrees(read_lamp_diameter_rad(built.sun)), disc
         if light.sun_elevation_deg + disc / 2 > 0 and not built.sky["sun"]["eclipse"]:
             pairs["light.sun_irradiance_wm2"] = (read_lamp_irradiance_wm2(built.sun), light.sun_irradiance_wm2)
     return [

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pairs
-from icymoon.commands.calibrated_eyes import calibrated_settings
+from icymoon.commands.calibrated_eyes import make_calibrated_settings
 from icymoon.physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from icymoon.physics.camera.eyes import camera_of, eyes_json, rays_in_rig
 from icymoon.physics.camera.lens_models import Brown, Cahvore, Fisheye
@@ -122,7 +122,7 @@ FLOWN = {
 
 def head_settings(name: str, **rig: Any) -> Settings:
     """Complete settings with the eyes of a head; ``rig`` are more settings of the rig."""
-    found, _ = calibrated_settings({**HEADS, **FLOWN}[name], "they differ", [Path("a.yaml")], "kalibr")
+    found, _ = make_calibrated_settings({**HEADS, **FLOWN}[name], "they differ", [Path("a.yaml")], "kalibr")
     return merged(defaults(), found, {"rig": rig})
 
 

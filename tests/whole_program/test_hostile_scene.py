@@ -93,7 +93,7 @@ def test_one_s_own_matcher_is_set_up_in_the_preferences_and_named_by_scenes(matc
     scene.icymoon.dataset.evaluate = True
     commands = []
     monkeypatch.setattr(
-        dataset.Detached,
+        dataset.DetachedProcess,
         "start",
         lambda command, *_: commands.append(command) or SimpleNamespace(facts={"started": 0.0}),
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import OpenEXR
-from icymoon.render.passes import UNWANTED
+from icymoon.render.passes import UNWANTED_PASSES
 from icymoon.stereo.images.disparity_and_occlusion import find_scene_depth
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.version import ROOT
@@ -91,7 +91,7 @@ def test_the_page_of_the_pair_folder_has_what_a_pair_holds(registered, tmp_path:
     with OpenEXR.File(str(pair.image("left"))) as file:
         channels = [name for part in file.parts for name in part.channels]
     for channel in channels:
-        assert ".".join(channel.split(".")[:2]) in passes - UNWANTED, channel
+        assert ".".join(channel.split(".")[:2]) in passes - UNWANTED_PASSES, channel
     for name in passes - {"Truth.IndexMA", "Truth.IndexOB", "Truth.Material Index", "Truth.Object Index"}:
         assert any(channel.startswith(name) for channel in channels), name
     for label, meaning in re.findall(r"(?m)^\| (\d) \| (\w+)", PAGE):

@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ...stereo.images.masks import fill_polygons, intersection_over_union
+from ...stereo.images.masks import compute_intersection_over_union, fill_polygons
 from ...support.arrays import Array
 from .camera import Calibration, Eye
 from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
@@ -65,7 +65,7 @@ def compare_rock_labels(terrain: Terrain, position: str) -> list[float]:
     for view in (view for view in terrain.views if view.position == position):
         drawn = [terrain.polygons(view, azimuth, ROCK) for azimuth in terrain.azimuths]
         found += [
-            intersection_over_union(_fill_outlines(one), _fill_outlines(other))
+            compute_intersection_over_union(_fill_outlines(one), _fill_outlines(other))
             for one, other in combinations(drawn, 2)
             if not _share_an_outline(one, other)
         ]
@@ -86,7 +86,7 @@ def _compare_shadow_labels(
         for each in terrain.polygons(left, azimuth, SHADOW)
     ]
     rock = _fill_outlines(terrain.polygons(right, azimuth, ROCK))
-    return intersection_over_union(
+    return compute_intersection_over_union(
         _fill_outlines(laid) & ~rock, _fill_outlines(terrain.polygons(right, azimuth, SHADOW)) & ~rock
     )
 

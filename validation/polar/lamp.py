@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from ...stereo.images.masks import fill_hulls, fill_polygons, intersection_over_union
+from ...stereo.images.masks import compute_intersection_over_union, fill_hulls, fill_polygons
 from ...support.arrays import Array
 from .camera import Calibration
 from .data_set import HEIGHT_PX, ROCK, SHADOW, SURVEYED_LAMPS, WIDTH_PX, Terrain, View
@@ -139,7 +139,7 @@ class Shadows:
         for (view, at), (rock, shadow) in self.seen.items():
             if at == azimuth:
                 hulls = np.split(self.camera.eyes[view].project(cast) * _SCALE, self.ends[azimuth])
-                found.append(intersection_over_union(fill_hulls(_SHAPE, hulls) & ~rock, shadow))
+                found.append(compute_intersection_over_union(fill_hulls(_SHAPE, hulls) & ~rock, shadow))
         return float(np.mean(found))
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...stereo.images.masks import distance_inside_hull_px
+from ...stereo.images.masks import measure_distance_inside_hull_px
 from ...support.arrays import Array, Numbers
 from .camera import Calibration, find_extreme_points
 from .data_set import ROCK, Rock, Terrain, View
@@ -119,7 +119,7 @@ def assign_outlines(terrain: Terrain, camera: Calibration, sand: Sand, view: Vie
     found: list[list[Array]] = [[] for _ in terrain.rocks]
     for outline in terrain.polygons(view, azimuth, ROCK):
         middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
-        inside = [distance_inside_hull_px(middle, part) for part in parts]
+        inside = [measure_distance_inside_hull_px(middle, part) for part in parts]
         if max(inside) > -10.0:
             found[int(np.argmax(inside))].append(outline)
     return found

@@ -26,7 +26,7 @@ from edits import (
 )
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.datablocks.array_marks import mark_array
-from icymoon.nodes.datablocks.marks import Walk
+from icymoon.nodes.datablocks.marks import BlockHasher
 from icymoon.nodes.datablocks.stored_properties import LEFT_OUT, OF_THE_VIEW, why_left_out
 from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
@@ -458,7 +458,7 @@ def test_every_property_changes_the_mark_or_is_left_out_with_a_reason(registered
     """Whatever Blender adds counts, unless someone has said why it does not."""
 
     def mark(block: bpy.types.ID) -> str:
-        return Walk({}).mark(block)
+        return BlockHasher({}).mark(block)
 
     built = scenes.build_scene(empty_scene(), complete(TINY))
     populate()

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.ground.terrain_mesh import (
+    compute_vertex_spacing_m,
     make_roughness_table,
     measure_patch_roughness,
     read_grid_heights,
     shortest_wavelength_m,
-    vertex_spacing_m,
 )
 from icymoon.panels import CLASSES
 from icymoon.physics.terrain.roughness.statistics import measure_roughness
@@ -51,7 +51,7 @@ def test_the_built_mesh_has_the_stated_roughness(hurst, multifractality):
     terrain = built.settings.terrain
     found = measure_patch_roughness(scenes.measure_patch(built), terrain)
     assert found is not None
-    spacing = vertex_spacing_m(terrain)
+    spacing = compute_vertex_spacing_m(terrain)
     inside = (found.lag_m >= 3 * spacing) & (found.lag_m <= 0.25 * 12.0)
     asked = math.tan(math.radians(terrain.rms_slope_deg)) * found.lag_m**hurst
     assert inside.sum() > 8
@@ -104,7 +104,7 @@ def test_the_table_of_roughness():
     ratios, waves, densities = [], [], []
     for distance, deviation, asked, ratio, density in rows:
         metres, made = float(distance.split()[0]), float(deviation.split()[0]) / 1e3
-        lag = round(metres / vertex_spacing_m(terrain))
+        lag = round(metres / compute_vertex_spacing_m(terrain))
         difference = np.concatenate(
             [(heights[:, lag:] - heights[:, :-lag]).ravel(), (heights[lag:] - heights[:-lag]).ravel()]
         )

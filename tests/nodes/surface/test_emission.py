@@ -9,7 +9,7 @@ from icymoon.benchmarks.light import furnace
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.scene_requirements import why_not_baked
 from icymoon.settings.description import defaults, merged
-from icymoon.stereo.images.develop import scaled_radiance
+from icymoon.stereo.images.develop import scale_radiance
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import TERRAIN
@@ -35,7 +35,7 @@ def test_in_the_dark_level_ground_has_the_radiance_that_is_stated(tmp_path, mode
     view = read_view(pair.image("left"))
     np.testing.assert_allclose(view.radiance, EMITTED, rtol=1e-6)  # single precision: it is not sampled
     with pytest.raises(IcyMoonError, match=r"light\.sun_scale"):
-        scaled_radiance(view, pair, pair.settings.light | {"sun_scale": 2.0})
+        scale_radiance(view, pair, pair.settings.light | {"sun_scale": 2.0})
 
 
 @pytest.mark.heavy

@@ -282,7 +282,7 @@ def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
     assert found.left_bytes == pytest.approx(
         10 * (5 * estimate.estimate_bytes(pairs[0].settings) + estimate.STATED_BYTES), rel=1e-4
     )
-    assert "20 of them there already" in found.lines()[0]
+    assert "20 already rendered" in found.lines()[0]
     assert "corrected by 20" in "".join(found.lines())
 
 

@@ -17,7 +17,7 @@ from icymoon.render.pairs.pair_folder import find_pairs, is_complete, read_pair,
 from icymoon.render.plans.frozen_plan import read_frozen_plan
 from icymoon.render.plans.plan_file import find_plan, read_plan
 from icymoon.render.plans.planned_pair import expand_headings
-from icymoon.render.workers.job_commands import Job, absolute_folder, blender_command
+from icymoon.render.workers.job_commands import Job, blender_command, resolve_dataset_folder
 from icymoon.render.workers.process import Process
 from icymoon.settings import description
 from icymoon.support import files
@@ -156,11 +156,11 @@ def test_commands_are_lists_for_blender_and_python():
 
 
 def test_dataset_folders(tmp_path):
-    assert absolute_folder("//sub/set", str(tmp_path)) == tmp_path / "sub" / "set"
-    assert absolute_folder("~/x") == Path.home() / "x"
+    assert resolve_dataset_folder("//sub/set", str(tmp_path)) == tmp_path / "sub" / "set"
+    assert resolve_dataset_folder("~/x") == Path.home() / "x"
     for text in ("//x", "", "  "):
         with pytest.raises(IcyMoonError, match=r"dataset\.folder"):
-            absolute_folder(text, None)
+            resolve_dataset_folder(text, None)
 
 
 def test_removing_a_job_removes_what_a_killed_worker_left(tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.physics.scene_requirements import is_baked, why_not_baked
-from icymoon.render.plans.baked_or_traced import bake_seconds, choose_indirect, find_break_even, settle_indirect
+from icymoon.render.plans.baked_or_traced import bake_seconds, choose_indirect, find_break_even, resolve_auto_indirect
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
@@ -121,7 +121,7 @@ def seconds_of_corners(corners: float, samples: int) -> float:
 def test_automatic_light_is_settled_by_the_images_that_share_it():
     shared, own = described(), described({"quality": {"bake_area": "VIEW"}})
     enough = find_break_even(shared)
-    assert [settle_indirect(shared, n).quality.indirect for n in (enough - 1, enough)] == ["TRACED", "BAKED"]
+    assert [resolve_auto_indirect(shared, n).quality.indirect for n in (enough - 1, enough)] == ["TRACED", "BAKED"]
     # Light that is baked where it is seen is not shared, however many images there are.
-    assert settle_indirect(own, 100) == choose_indirect([own])[0]
-    assert settle_indirect(described({"quality": {"indirect": "TRACED"}}), 100).quality.indirect == "TRACED"
+    assert resolve_auto_indirect(own, 100) == choose_indirect([own])[0]
+    assert resolve_auto_indirect(described({"quality": {"indirect": "TRACED"}}), 100).quality.indirect == "TRACED"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.nodes.ground.dug_ground import _ground_key
+from icymoon.nodes.ground.dug_ground import _make_ground_key
 from icymoon.physics.excavation.camera_jitter import jitter_rig
 from icymoon.physics.light.sky import compute_sky
 from icymoon.render.plans.plan_file import find_plan, read_plan
@@ -37,7 +37,7 @@ def test_only_state_and_clock_differ(pairs):
 
 def test_all_states_are_dug_from_one_ground(pairs):
     # What is built again for a state is what this key leaves out.
-    assert len({_ground_key(pair.settings) for pair in pairs}) == 1
+    assert len({_make_ground_key(pair.settings) for pair in pairs}) == 1
 
 
 def test_the_camera_jitters_as_much_as_is_stated(pairs):

@@ -95,7 +95,7 @@ def square(*suns: float, size_m: float = 20.0) -> list[PlannedPair]:
         ),
         (
             [replace(pair, id=f"{k:012x}") for k, pair in enumerate(square(20.0, 40.0))],
-            "since a file of yours has another content",
+            "since a file of yours has changed",
         ),
     ],
 )

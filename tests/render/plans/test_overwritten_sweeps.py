@@ -70,7 +70,7 @@ def test_two_sweeps_give_every_combination_or_are_refused(plan):
     [
         (
             ('kind = "grid"\nrig.heading_deg = [0, 10, 20]', 'kind = "panorama"\nheadings = [0, 90]'),
-            "line 6: this sweep sets rig.heading_deg, so what {file}, line 3 states of that would be lost; "
+            "line 6: this sweep sets rig.heading_deg, so the values in {file}, line 3 would be lost; "
             "state all values "
             "of rig.heading_deg in one of the two.",
         ),
@@ -114,7 +114,7 @@ def test_two_presets_that_a_later_sweep_makes_one_are_refused(plan, tmp_path):
 
 def test_seeds_are_stated_once(plan):
     seeds = '[[sweep]]\nkind = "grid"\ndataset.seed = [1, 2]\n'
-    assert "states of that would be lost" in refusal(plan(HEAD + "seeds = 3\n" + seeds))
+    assert "would be lost" in refusal(plan(HEAD + "seeds = 3\n" + seeds))
     assert len(plan(seeds).pairs()) == 2
 
 

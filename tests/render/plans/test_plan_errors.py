@@ -27,8 +27,8 @@ WRONG = {
     "an include": (HEAD + 'include = ["terrains/low_1", "terrains/low"]  # !', ("terrains/low", "low_3")),
     "an include on lines": (HEAD + 'include = [\n  "terrains/low_1",\n  "terrains/low",  # !\n]', ("low_3",)),
     "a file that it extends": (HEAD + 'extends = "absent.toml"  # !', ("absent.toml", "cannot be read")),
-    "seeds": (HEAD + "seeds = 0  # !", ("seeds", "how many")),
-    "no seeds": (HEAD + "seeds = []  # !", ("seeds", "how many")),
+    "seeds": (HEAD + "seeds = 0  # !", ("seeds", "a list of seeds")),
+    "no seeds": (HEAD + "seeds = []  # !", ("seeds", "a list of seeds")),
     "a seed": (HEAD + "seeds = [1, -4]  # !", ("dataset.seed", "-4")),
     "grounds": (HEAD + "grounds = 0  # !", ("grounds", "from 1 up")),
     "grounds listed": (HEAD + "grounds = [1, 2]  # !", ("grounds", "whole number")),
@@ -57,7 +57,7 @@ WRONG = {
     ),
     "sweeps without end": (
         HEAD + '[[sweep]]\nkind = "panorama"\n' * 100 + '[[sweep]]  # !\nkind = "panorama"',
-        ("one sweep more than the 100",),
+        ("a plan may have 100 sweeps",),
     ),
     "a plan extended without end": (
         HEAD + f"extends = {['datasets/guiss_smoke'] * 101}  # !",
@@ -189,7 +189,10 @@ WRONG = {
         ("a.ply", "is missing"),
     ),
     "a mesh without a name": (HEAD + '[source]\nkind = "MESH"  # !', ("source.file", "empty")),
-    "sites on a mesh": (HEAD + '[source]\nkind = "MESH"\n[[sweep]]  # !\nkind = "sites"\ncount = 2', ("of your own",)),
+    "sites on a mesh": (
+        HEAD + '[source]\nkind = "MESH"\n[[sweep]]  # !\nkind = "sites"\ncount = 2',
+        ("ground from a file",),
+    ),
     "a date": (HEAD + '[light]\ndirections_from = "DATE"\ndate_utc = "soon"  # !', ("date_utc",)),
     "too many pairs": (
         HEAD + '[[sweep]]\nkind = "random"\ncount = 1000000  # !\nsurface.albedo = { uniform = [0, 1] }',

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from icymoon.render.pairs.scene_splits import SPLITS, read_splits
+from icymoon.render.pairs.scene_splits import DEFAULT_SPLITS, read_splits
 from icymoon.render.plans.frozen_plan import freeze_plan
 from icymoon.render.plans.plan_file import parse_plan
 from icymoon.support.errors import IcyMoonError
@@ -96,7 +96,7 @@ def test_splits_of_the_plan_are_those_of_the_data_set(tmp_path):
     assert read.describe_splits() == "Splits of the scenes: fit 70 %, check 30 %"
     freeze_plan(tmp_path, read.pairs(), read.text)
     assert read_splits(tmp_path) == {"fit": 0.7, "check": 0.3}
-    assert read_splits(tmp_path / "elsewhere") == SPLITS
+    assert read_splits(tmp_path / "elsewhere") == DEFAULT_SPLITS
 
 
 @pytest.mark.parametrize(

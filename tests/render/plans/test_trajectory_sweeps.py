@@ -183,7 +183,7 @@ def test_more_poses_than_a_plan_has_pairs_are_refused_with_a_step(tmp_path, monk
 def test_a_gap_is_told(tmp_path):
     text = "".join(line(t, [0, 0, 5], NORTH) for t in (0, 1, 2, 3, 30))
     (said,) = follow(tmp_path, text).describe_trajectories()
-    assert "1 gap of up to 27 s (the first after line 4), over which no motion is assumed" in said
+    assert "1 gap of up to 27 s (the first after line 4), where the camera is assumed to stand still" in said
 
 
 def test_a_trajectory_beside_other_views_is_refused(tmp_path):

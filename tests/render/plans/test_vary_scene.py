@@ -20,11 +20,11 @@ from icymoon.render.plans.vary_scene import (
     count_pairs,
     describe_variations,
     list_values,
+    list_variable_settings,
+    make_default_variation,
     make_end_settings,
     make_plan_text,
-    names_that_vary,
     sample_settings,
-    vary_around,
     why_fixed,
 )
 from icymoon.settings import description, preset_files
@@ -40,7 +40,7 @@ MODEL = VariedSetting("surface.model", values=("LAMBERT", "HAPKE"))
 PLANET = VariedSetting("light.planet")
 NUMBERS = [
     name
-    for name in names_that_vary()
+    for name in list_variable_settings()
     if TOPICS[name.partition(".")[0]][name.partition(".")[2]].kind in ("int", "float")
 ]
 
@@ -242,7 +242,7 @@ def test_headings_are_described_too():
         (VariedSetting("surface.model", values=("LAMBERT", "LAMBRT")), "LAMBERT"),
         (VariedSetting("light.sun_elevation", 5, 9), "sun_elevation_deg"),
         (VariedSetting("x" * 10000), "…"),
-        (VariedSetting("sensor.bits", 8, 12), "needs no other render"),
+        (VariedSetting("sensor.bits", 8, 12), "needs no new render"),
         (VariedSetting("dataset.workers", 1, 2), "changes no pair"),
         (VariedSetting("dataset.seed", 1, 2), "raise Variations by Seed"),
         (VariedSetting("light.body"), "is no number, choice or tick"),
@@ -277,9 +277,9 @@ def test_every_setting_varies_around_its_default_or_says_why_not():
     for topic, setting in list_all_settings():
         name = f"{topic}.{setting.key}"
         if why_fixed(topic, setting.key):
-            assert name not in names_that_vary()
+            assert name not in list_variable_settings()
             continue
-        varied = vary_around(name, described[topic][setting.key])
+        varied = make_default_variation(name, described[topic][setting.key])
         values = list_values(varied)
         assert len(values) > 1
         if setting.kind in ("int", "float"):
@@ -292,11 +292,11 @@ def test_every_setting_varies_around_its_default_or_says_why_not():
 
 @pytest.mark.parametrize("value", [1, 2, 6])
 def test_a_small_whole_number_has_five_values(value):
-    assert len(list_values(vary_around("ridges.sets", value))) == 5
+    assert len(list_values(make_default_variation("ridges.sets", value))) == 5
 
 
 def test_a_value_beyond_the_slider_keeps_its_place():
-    varied = vary_around("light.sun_temperature_k", 30000.0)
+    varied = make_default_variation("light.sun_temperature_k", 30000.0)
     assert varied.first <= 30000.0 <= varied.last
 
 
@@ -304,7 +304,7 @@ def test_what_changes_the_picture_can_vary_but_for_texts_and_lists():
     fixed = {
         name
         for topic, s in list_all_settings()
-        if (name := f"{topic}.{s.key}") not in names_that_vary()
+        if (name := f"{topic}.{s.key}") not in list_variable_settings()
         and s.effect not in ("response", "run")
         and s.kind not in ("text", "list")
     }

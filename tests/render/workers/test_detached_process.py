@@ -7,7 +7,7 @@ import sys
 import time
 
 import pytest
-from icymoon.render.workers.detached_process import Detached, find_left_running
+from icymoon.render.workers.detached_process import DetachedProcess, find_left_running
 from icymoon.support.errors import IcyMoonError
 
 TALKS = (
@@ -21,7 +21,7 @@ FACTS = {"title": "Render Data Set", "dataset": "here"}
 
 
 def start(folder, program=TALKS, *arguments):
-    return Detached.start([sys.executable, "-c", program, *arguments], folder / "one", FACTS)
+    return DetachedProcess.start([sys.executable, "-c", program, *arguments], folder / "one", FACTS)
 
 
 def heard(process, seconds=30.0):
@@ -73,7 +73,7 @@ def test_it_outlives_the_python_that_started_it(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there a process is ended alone")
-@pytest.mark.parametrize("end", [Detached.cancel, Detached.stop])
+@pytest.mark.parametrize("end", [DetachedProcess.cancel, DetachedProcess.stop])
 def test_what_it_has_started_ends_with_it(tmp_path, end):
     parent = (
         "import subprocess, sys\n"
@@ -91,7 +91,7 @@ def test_what_it_has_started_ends_with_it(tmp_path, end):
 
 @pytest.mark.parametrize("attached", [False, True])
 def test_cancel_and_stop_end_it(tmp_path, attached):
-    for end in (Detached.cancel, Detached.stop):
+    for end in (DetachedProcess.cancel, DetachedProcess.stop):
         process = start(tmp_path, TALKS, "2000")
         while not process.poll():
             time.sleep(0.02)
@@ -130,7 +130,7 @@ def test_it_runs_once(tmp_path):
 
 def test_what_cannot_be_started_is_named_and_locks_nothing(tmp_path):
     with pytest.raises(IcyMoonError, match="/nowhere/python"):
-        Detached.start(["/nowhere/python"], tmp_path / "one", FACTS)
+        DetachedProcess.start(["/nowhere/python"], tmp_path / "one", FACTS)
     assert len(heard(start(tmp_path, TALKS, "1"))) == 1
 
 

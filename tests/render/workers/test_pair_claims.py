@@ -108,7 +108,7 @@ def test_another_machine_is_believed_for_a_minute(tmp_path):
 
 def test_a_living_holder_may_miss_two_beats(tmp_path):
     """Where a share is away for a moment, or the machine is busy: its touches come, but late."""
-    left_by(tmp_path, 1, "another machine", 3 * pair_claims.BEAT_S)
+    left_by(tmp_path, 1, "another machine", 3 * pair_claims.TOUCH_INTERVAL_S)
     assert Claims(tmp_path).find_claimed_elsewhere() == {PAIR}
     assert not Claims(tmp_path).take(PAIR)
 
@@ -134,7 +134,7 @@ def test_a_claim_that_is_still_being_written_counts(tmp_path):
 
 
 def test_a_holder_touches_its_claims(tmp_path, monkeypatch):
-    monkeypatch.setattr(pair_claims, "BEAT_S", 0.05)
+    monkeypatch.setattr(pair_claims, "TOUCH_INTERVAL_S", 0.05)
     mine = Claims(tmp_path)
     mine.take(PAIR)
     (path,) = (tmp_path / pair_claims.CLAIMS_FOLDER).iterdir()
@@ -148,7 +148,7 @@ def test_a_holder_touches_its_claims(tmp_path, monkeypatch):
 
 def test_a_holder_that_gets_nowhere_touches_its_claims_no_more(tmp_path, monkeypatch):
     """Such as a render that hangs in a driver while the thread that touches claims lives on."""
-    monkeypatch.setattr(pair_claims, "BEAT_S", 0.01)
+    monkeypatch.setattr(pair_claims, "TOUCH_INTERVAL_S", 0.01)
     clock = SimpleNamespace(now=0.0)
     monkeypatch.setattr(pair_claims.time, "monotonic", lambda: clock.now)
     touched = threading.Event()
@@ -156,7 +156,7 @@ def test_a_holder_that_gets_nowhere_touches_its_claims_no_more(tmp_path, monkeyp
     mine = Claims(tmp_path)
     mine.take(PAIR)
     assert touched.wait(30)
-    clock.now = pair_claims.SILENCE_S + 1
+    clock.now = pair_claims.MOST_SILENT_S + 1
     for _ in range(100):  # until a beat passes without a touch; one may be under way
         touched.clear()
         if not touched.wait(0.2):

@@ -28,7 +28,7 @@ from stand import PAIRS, Stand
 def stand(tmp_path, monkeypatch):
     if os.name == "nt":
         pytest.skip("the false Blender is a script with a #! line")
-    monkeypatch.setattr(runner, "_EXIT_S", 0.3)
+    monkeypatch.setattr(runner, "_MOST_EXIT_S", 0.3)
     monkeypatch.setattr(runner, "_WAIT_S", 0.05)
     return Stand(tmp_path)
 
@@ -175,7 +175,7 @@ def test_a_worker_that_hangs_is_not_waited_for_when_another_runner_has_done_its_
 
 
 def test_what_a_silent_worker_has_not_begun_is_given_to_another(stand, monkeypatch):
-    monkeypatch.setattr(runner, "_SUSPECT_S", 0.5)
+    monkeypatch.setattr(runner, "_SUSPECT_AFTER_S", 0.5)
     bad = PAIRS[2].id
     stand.behave(**{bad: "hang"})
     hanging = threading.Thread(target=stand.run)
@@ -224,8 +224,8 @@ def test_a_silent_worker_gives_each_pair_away_once_and_keeps_the_one_that_it_has
     stand.run()
     ready = stand.folder / "ready"
     (stand.dataset / "pairs").rename(ready)
-    monkeypatch.setattr(runner, "_SUSPECT_S", 0.2)
-    monkeypatch.setattr(runner, "_LOOK_S", look_s)
+    monkeypatch.setattr(runner, "_SUSPECT_AFTER_S", 0.2)
+    monkeypatch.setattr(runner, "_POLL_PAIRS_S", look_s)
     jobs: list[list[str]] = []
     monkeypatch.setattr(
         runner, "Process", lambda command, environment: Played(jobs, begins, ready, stand.dataset / "pairs", command)
@@ -298,7 +298,7 @@ def test_another_camera_response_is_stated_without_a_render(stand):
 
 def test_the_pairs_of_a_silent_worker_are_looked_for_seldom(stand, monkeypatch):
     """Each look reads every pair.json among them, and the runner comes by twenty times a second."""
-    monkeypatch.setattr(runner, "_SUSPECT_S", 0.4)  # so that its other pairs are looked for too
+    monkeypatch.setattr(runner, "_SUSPECT_AFTER_S", 0.4)  # so that its other pairs are looked for too
     monkeypatch.setattr(runner, "MOST_CRASHES", 1)
     looks = []
     find = Runner._find_pairs_left
@@ -344,7 +344,7 @@ def test_nothing_is_rendered_through_a_link(stand, place):
     elsewhere.mkdir()
     stand.dataset.mkdir()
     (stand.dataset / place).symlink_to(elsewhere)
-    with pytest.raises(IcyMoonError, match=f"{place} is a link, and nothing is written through one"):
+    with pytest.raises(IcyMoonError, match=f"{place} is a link, and Icy Moon does not write through links"):
         stand.run()
     assert list(elsewhere.iterdir()) == []
 

@@ -87,9 +87,9 @@ def test_light_is_baked_once_and_its_claim_is_held_until_a_pair_states_it(datase
     assert get(shared, bake)[1] == 0.0
     assert bake.times == 1
     assert claimed(dataset) == [KEY]
-    shared.note_pair(publish(dataset, PAIRS[0], None))
+    shared.release_stated_light(publish(dataset, PAIRS[0], None))
     assert claimed(dataset) == [KEY]
-    shared.note_pair(publish(dataset, PAIRS[1], kept))
+    shared.release_stated_light(publish(dataset, PAIRS[1], kept))
     assert claimed(dataset) == []
     again = opened(dataset)
     assert get(again, bake)[0].light.cpu_seconds == 2.0
@@ -255,7 +255,7 @@ def test_whoever_was_taken_for_dead_takes_the_light_of_the_other(dataset):
     assert kept.light.values.max() == 2.0
     assert bake.times == 1
     assert {path.name for path in (dataset / "light").iterdir()} == {Path(kept.file).name}
-    other.note_pair(publish(dataset, PAIRS[0], kept))
+    other.release_stated_light(publish(dataset, PAIRS[0], kept))
     assert claimed(dataset) == []
 
 

@@ -316,7 +316,7 @@ DEPTH_FILE, CAMERA = 'depth = "d/{pair}.npy"\n', "[camera]\nfocal_px = 1\nbaseli
             "camera.focal_px is -1, not a number from 1e-9 to 1e9",
         ),
         (IMAGES + DEPTH_FILE + CAMERA.replace("px = 1", "px = 1e308"), "not a number from 1e-9 to 1e9"),
-        (IMAGES.replace("l/{pair}", "l/{pair}{pair}") + DEPTH_FILE + CAMERA, "twice without anything between"),
+        (IMAGES.replace("l/{pair}", "l/{pair}{pair}") + DEPTH_FILE + CAMERA, "twice in a row"),
         (IMAGES + DEPTH_FILE + "steps = 0\n" + CAMERA, "truth.steps is 0, not a number other than 0"),
         (IMAGES + DEPTH_FILE + CAMERA, "there is no file l/{pair}.png"),
     ],

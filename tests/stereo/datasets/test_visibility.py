@@ -11,7 +11,7 @@ import pytest
 from icymoon.stereo.datasets.data_files import MapFile
 from icymoon.stereo.datasets.visibility import check_right_truth, find_better_reading
 from icymoon.stereo.evaluated_pairs import find_sources
-from icymoon.stereo.measure.fit_check import ray_lengths
+from icymoon.stereo.measure.fit_check import compute_ray_lengths
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
@@ -52,7 +52,7 @@ def test_the_sound_map_of_the_right_eye_fits(gaps):
         (RIG.disparity(RIGHT) / 16, "disparity", "only with disparities multiplied by 16"),
         (LEFT, "depth", "only as the map of the left eye"),
         (1 / RIGHT, "depth", "only as 1 / depth"),
-        (RIGHT * ray_lengths(RIG), "depth", "only as distances along the ray"),
+        (RIGHT * compute_ray_lengths(RIG), "depth", "only as distances along the ray"),
         (-RIGHT, "depth", "has negative depths"),
         (np.full_like(RIGHT, np.nan), "depth", "has no known value in any pixel"),
     ],

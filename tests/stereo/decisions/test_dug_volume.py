@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from icymoon.stereo.decisions.dem import Grid
 from icymoon.stereo.decisions.dug_volume import (
-    FEWEST_NULLS,
+    FEWEST_NULL_PAIRS,
     detect_change,
     find_detection_level,
     find_region_cells,
@@ -77,7 +77,7 @@ def test_the_smallest_volume_is_noticed_in_95_of_100():
     trials = random.normal(noise.smallest_m3, noise.sigma_m3, 20000)
     assert (trials > noise.smallest_m3 / 2).mean() == pytest.approx(0.95, abs=0.005)
     assert (random.normal(0.0, noise.sigma_m3, 20000) > noise.smallest_m3 / 2).mean() == pytest.approx(0.05, abs=0.005)
-    assert find_volume_noise([1.0] * (FEWEST_NULLS - 1)) is None
+    assert find_volume_noise([1.0] * (FEWEST_NULL_PAIRS - 1)) is None
 
 
 @pytest.mark.parametrize("pairs", [5, 8])

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.stereo.decisions.footprints import distance_to_nearest_m, fit_planes, make_disc, share_under_footprint
+from icymoon.stereo.decisions.footprints import (
+    average_under_footprint,
+    fit_planes,
+    make_disc,
+    measure_distance_to_nearest_m,
+)
 
 CELL = 0.02
 
@@ -53,20 +58,22 @@ def test_a_disc_and_its_shares():
     assert make_disc(2.0, 0.01).sum() * 0.01**2 == pytest.approx(np.pi, rel=0.01)
     half = np.zeros((40, 41), bool)
     half[:, :20] = True
-    share = share_under_footprint(half, CELL, 0.3)
+    share = average_under_footprint(half, CELL, 0.3)
     assert share[20, 8] == pytest.approx(1.0)
-    assert share_under_footprint(~half, CELL, 0.3)[20, 30] == pytest.approx(1.0)
+    assert average_under_footprint(~half, CELL, 0.3)[20, 30] == pytest.approx(1.0)
     # The column in the middle of the disc is neither's, by 15 of 177 cells.
     assert share[20, 20] == pytest.approx(0.5 - 15 / make_disc(0.3, CELL).sum() / 2)
     among = np.zeros(half.shape, bool)
     among[20, 20] = True
-    assert share_under_footprint(half, CELL, 0.3, among)[20, 22] == 0.0
-    assert np.isnan(share_under_footprint(half, CELL, 0.3, among)[0, 0])
+    assert average_under_footprint(half, CELL, 0.3, among)[20, 22] == 0.0
+    assert np.isnan(average_under_footprint(half, CELL, 0.3, among)[0, 0])
 
 
 def test_distances_are_euclidean():
     mask = np.zeros((50, 50), bool)
     mask[10, 20] = True
     row, column = np.mgrid[:50, :50]
-    np.testing.assert_allclose(distance_to_nearest_m(mask, CELL), CELL * np.hypot(row - 10, column - 20), rtol=1e-5)
-    assert np.isinf(distance_to_nearest_m(np.zeros((3, 3), bool), CELL)).all()
+    np.testing.assert_allclose(
+        measure_distance_to_nearest_m(mask, CELL), CELL * np.hypot(row - 10, column - 20), rtol=1e-5
+    )
+    assert np.isinf(measure_distance_to_nearest_m(np.zeros((3, 3), bool), CELL)).all()

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from icymoon.stereo.decisions.joint_faults import (
-    FEWEST_SOUND,
+    FEWEST_FAULTLESS_PAIRS,
     _find_fault_limit,
     _score_leaving_one_out,
+    compute_roc_area,
     find_joint_faults,
-    roc_area,
 )
 
 
@@ -44,10 +44,10 @@ def test_a_fault_is_noticed_from_the_angle_on_whose_shift_is_beyond_the_limit():
 
 
 def test_with_too_few_sound_pairs_no_number_is_given_but_a_sentence():
-    places = [(0, 0, 0)] * (FEWEST_SOUND - 1) + [(9, 0, 0)]
-    (found,) = find(places, [{}] * (FEWEST_SOUND - 1) + [{"elbow": 1.0}])
+    places = [(0, 0, 0)] * (FEWEST_FAULTLESS_PAIRS - 1) + [(9, 0, 0)]
+    (found,) = find(places, [{}] * (FEWEST_FAULTLESS_PAIRS - 1) + [{"elbow": 1.0}])
     assert found["limit_mm"] is found["noticed_from_deg"] is found["angles"][0]["noticed"] is None
-    assert f"takes {FEWEST_SOUND}" in found["note"]
+    assert f"takes {FEWEST_FAULTLESS_PAIRS}" in found["note"]
 
 
 def test_pairs_without_a_pose_are_not_noticed_and_two_faults_at_once_count_nowhere():
@@ -70,6 +70,6 @@ def test_one_more_sound_pair_is_beyond_the_limit_in_five_of_a_hundred():
 
 
 def test_the_area_is_the_chance_that_a_fault_scores_more():
-    assert roc_area(np.array([2.0, 3.0]), np.array([1.0])) == 1.0
-    assert roc_area(np.array([1.0]), np.array([1.0, 2.0])) == 0.25
-    assert roc_area(np.array([]), np.array([1.0])) is None
+    assert compute_roc_area(np.array([2.0, 3.0]), np.array([1.0])) == 1.0
+    assert compute_roc_area(np.array([1.0]), np.array([1.0, 2.0])) == 0.25
+    assert compute_roc_area(np.array([]), np.array([1.0])) is None

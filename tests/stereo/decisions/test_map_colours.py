@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.stereo.decisions.dem import Grid
-from icymoon.stereo.decisions.map_colours import KINDS, colour_cells, count_cells
+from icymoon.stereo.decisions.map_colours import LEGEND_BY_MAP, colour_cells, count_cells
 from icymoon.stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap
 
 GREY = (150, 150, 150)
@@ -27,7 +27,7 @@ def stored(kind: str, *values: float) -> StoredMap:
 def test_each_cell_is_of_one_kind_and_grey_is_the_unknown(kind, values, counts):
     shown = stored(kind, *values)
     assert count_cells(shown) == counts
-    assert count_cells(shown).keys() == KINDS[kind].keys()
+    assert count_cells(shown).keys() == LEGEND_BY_MAP[kind].keys()
     grey = (colour_cells(shown)[0] == GREY).all(axis=1)
     np.testing.assert_array_equal(grey, ~np.isfinite(values))
 

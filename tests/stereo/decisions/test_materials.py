@@ -14,7 +14,7 @@ from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.decisions.dem import Dem, Grid
 from icymoon.stereo.decisions.footprints import fit_planes
-from icymoon.stereo.decisions.materials import Materials, from_truth, measure, white_radiance
+from icymoon.stereo.decisions.materials import Materials, compute_white_radiance, make_true_materials, measure
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.safe_sites import SAFE, judge_sites, measure_layers
 from icymoon.stereo.images.develop import develop
@@ -53,7 +53,7 @@ def found(pair, *parts, share=SHARES, dim=1.0):
     grid = Grid(CELL, ROWS, COLUMNS, 0.0, ROWS * CELL)
     x, y = grid.centres()
     planes = fit_planes(EAST * x + NORTH * y, CELL, 0.1)
-    white = white_radiance(images, settings)
+    white = compute_white_radiance(images, settings)
     made = measure(white, position, np.arange(len(position)), grid, planes, SUN, IRRADIANCE, settings)
     middles = slice(4, -4), np.arange(4) * COLUMNS // 4 + COLUMNS // 8  # away from edges, which demosaicing blurs
     return made.albedo[middles], made.salt[middles], mixed.mean(axis=1)[:: width // 4]
@@ -119,7 +119,9 @@ def sites(**rules):
     maps = np.stack([*[np.select([column < 20, column < 40], [0.2, 0.5], 0.9)] * 3, row < 30.0]).astype(float)
     maps[:, 40:, 20:40] = np.nan
     rule = replace(read_rules().site, **rules)
-    made = measure_layers(dem, height + 90.0, height + 1.0, rule, materials=from_truth(maps) if rules else None)
+    made = measure_layers(
+        dem, height + 90.0, height + 1.0, rule, materials=make_true_materials(maps) if rules else None
+    )
     return judge_sites(made, rule).failed
 
 

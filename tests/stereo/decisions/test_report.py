@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.stereo.decisions.report import COLUMNS, compare_methods, find_notes, head_sentences, summarise
+from icymoon.stereo.decisions.report import COLUMNS, compare_methods, find_notes, make_head_sentences, summarise
 
 SHARES = {column.key for column in COLUMNS if column.unit == "%"} | {"sites.average_precision", "sites.roc_area"}
 
@@ -116,7 +116,7 @@ def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
     facts = [{"pair": "a", "scene": "a", "sun_elevation_deg": 35.0, "exact": True, "arm": {"kind": "PARAMETRIC"}}]
     for completeness in (None, 0.9):
         found = rows(completeness)
-        head = head_sentences(summarise(found, facts, ["true depth"]), facts)
+        head = make_head_sentences(summarise(found, facts, ["true depth"]), facts)
         notes = [note for note in find_notes(found, facts) if "shows no cell in reach" in note]
         assert bool(head) == (completeness is not None)
         assert [note.split(",")[0] for note in notes] == (

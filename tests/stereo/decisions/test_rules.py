@@ -5,12 +5,12 @@ from __future__ import annotations
 import tomllib
 
 import pytest
-from icymoon.stereo.decisions.rules import SHIPPED, read_rules
+from icymoon.stereo.decisions.rules import SHIPPED_RULES, read_rules
 from icymoon.support.errors import IcyMoonError
 
 
 def test_every_shipped_rule_has_a_source():
-    data = tomllib.loads(SHIPPED.read_text(encoding="utf-8"))
+    data = tomllib.loads(SHIPPED_RULES.read_text(encoding="utf-8"))
     assert {f"{part}.{key}" for part in ("site", "pad") for key in data[part]} == set(data["sources"])
 
 

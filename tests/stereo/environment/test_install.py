@@ -20,7 +20,7 @@ from packaging.utils import canonicalize_name
 
 def locked() -> dict[str, tuple[str, list[str]]]:
     """(version, hashes) of each package of the lock file."""
-    lines = re.sub(r"\\\n\s*", " ", install.LOCK.read_text(encoding="utf-8")).splitlines()
+    lines = re.sub(r"\\\n\s*", " ", install.LOCK_FILE.read_text(encoding="utf-8")).splitlines()
     words = [line.split() for line in lines if not line.startswith("#")]
     return {line[0].split("==")[0]: (line[0].split("==")[1], line[1:]) for line in words}
 
@@ -67,7 +67,7 @@ def test_an_untested_version_is_named(version, usable, monkeypatch):
     assert problem == ("" if usable else f"opencv-contrib-python-headless>=4.11,<6 (it has {version})")
 
 
-CHECK = install._CHECK
+CHECK = install._CHECK_COMMAND
 
 
 def wheel(folder, content="VALUE = 1\n"):
@@ -89,8 +89,8 @@ def registry(tmp_path, monkeypatch):
     file = wheel(served)
     lock = tmp_path / "evaluator.lock"
     lock.write_text(f"tiny==1.0 --hash=sha256:{hashlib.sha256(file.read_bytes()).hexdigest()}\n", encoding="utf-8")
-    monkeypatch.setattr(install, "LOCK", lock)
-    monkeypatch.setattr(install, "_CHECK", ("-c", "import tiny"))
+    monkeypatch.setattr(install, "LOCK_FILE", lock)
+    monkeypatch.setattr(install, "_CHECK_COMMAND", ("-c", "import tiny"))
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     monkeypatch.setenv("PIP_FIND_LINKS", str(served))
     theirs = tmp_path / "theirs"
@@ -261,7 +261,7 @@ def test_the_rest_of_a_killed_installation_is_no_evaluator_and_is_removed_with_t
 @pytest.mark.parametrize("variable", [pytest.param("PIP_DRY_RUN", marks=pytest.mark.long), "PIP_TARGET"])
 def test_packages_that_pip_installed_elsewhere_make_no_evaluator(registry, tmp_path, monkeypatch, capsys, variable):
     """A user's settings of pip may make it do nothing, or install elsewhere."""
-    monkeypatch.setattr(install, "_CHECK", CHECK)
+    monkeypatch.setattr(install, "_CHECK_COMMAND", CHECK)
     monkeypatch.setenv(variable, str(tmp_path / "elsewhere") if variable == "PIP_TARGET" else "1")
     assert install.main([str(tmp_path / "evaluator")]) == 1
     said = json.loads(capsys.readouterr().out.splitlines()[-1])["message"]

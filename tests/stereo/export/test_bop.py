@@ -105,7 +105,7 @@ def test_a_pair_without_a_lander_is_named(tmp_path):
 def test_a_pair_that_fails_is_nowhere(rendered, tmp_path, monkeypatch):
     """At the masks of its right eye, after images and models are written; the next one is as if it were the first."""
     folder = rendered[0].folder
-    whole, calls = bop._pixel_facts, []
+    whole, calls = bop._make_pixel_facts, []
 
     def fail(*given):
         calls.append(given)
@@ -114,7 +114,7 @@ def test_a_pair_that_fails_is_nowhere(rendered, tmp_path, monkeypatch):
         return whole(*given)
 
     other = shutil.copytree(folder, tmp_path / "set" / "pairs" / "other")
-    monkeypatch.setattr(bop, "_pixel_facts", fail)
+    monkeypatch.setattr(bop, "_make_pixel_facts", fail)
     assert len(export([folder], "bop", tmp_path / "none")) == 1
     assert not [path for path in (tmp_path / "none").rglob("*") if path.is_file()]
     calls.clear()

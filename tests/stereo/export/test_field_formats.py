@@ -20,7 +20,7 @@ from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export import exports_with_blender, find_plugins
 from icymoon.stereo.export.cameras import pixel_rays
 from icymoon.stereo.export.layouts import export
-from icymoon.stereo.export.radiance_factor import angle_deg
+from icymoon.stereo.export.radiance_factor import measure_angle_deg
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
@@ -250,7 +250,7 @@ def test_small_angles_are_those_of_normals_of_any_length():
     turn = np.radians(stated)
     normal = np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=-1)
     for length in (0.9996, 1.0, 1.0004):
-        assert angle_deg(length * normal, np.array([0.0, 0.0, 1.0])) == pytest.approx(stated, abs=1e-9)
+        assert measure_angle_deg(length * normal, np.array([0.0, 0.0, 1.0])) == pytest.approx(stated, abs=1e-9)
 
 
 def test_the_radiance_factor_is_that_of_the_band_under_a_lamp_of_another_colour(dataset, tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hostile_arrays import NO_FILES, put
 from icymoon.settings.description import check, defaults, merged
-from icymoon.stereo.export.ground import FORMATS, _files_key, read_geometry
+from icymoon.stereo.export.ground import FORMATS, _make_files_key, read_geometry
 from icymoon.support.errors import IcyMoonError
 
 DAMAGED = {
@@ -54,4 +54,4 @@ LANDER = {"lander": {"kind": "PARAMETRIC"}}
 )
 def test_pairs_share_a_file_only_if_it_is_the_same(base, change, apart):
     one, other = (merged(defaults(), *(check(part, "test") for part in parts)) for parts in ((base,), (base, change)))
-    assert tuple(kind for kind in FORMATS if _files_key(one, kind) != _files_key(other, kind)) == apart
+    assert tuple(kind for kind in FORMATS if _make_files_key(one, kind) != _make_files_key(other, kind)) == apart

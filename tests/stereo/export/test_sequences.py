@@ -15,8 +15,8 @@ from icymoon.physics.light.directions import camera_angles
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.evaluated_pairs import find_sources
 from icymoon.stereo.export.layouts import export
-from icymoon.stereo.measure.prepare_pair import distinct_pairs
-from icymoon.stereo.measure.sequences import in_time_order
+from icymoon.stereo.measure.prepare_pair import list_distinct_pairs
+from icymoon.stereo.measure.sequences import sort_by_time
 
 RIG = pairs.camera(96, 72)
 PLANE = pairs.Scene(rock=False)
@@ -70,13 +70,13 @@ def exported(dataset, tmp_path, kind):
 
 
 def test_frames_are_in_the_order_of_time_and_scenes_apart(dataset, tmp_path):
-    assert [folder.name for folder in in_time_order(distinct_pairs([dataset]))] == list(NAMES)
+    assert [folder.name for folder in sort_by_time(list_distinct_pairs([dataset]))] == list(NAMES)
     assert [source.name for source in find_sources([dataset])] == list(NAMES)
     for k in range(2):
         write_frame(tmp_path, k, name=f"{k}" * 12, sun_elevation_deg=10.0)
         write_frame(tmp_path, k, name=f"{9 - k}" * 12, sun_elevation_deg=20.0)
     write_frame(tmp_path, 2, stamp="", name="5" * 12)
-    order = [folder.name[0] for folder in in_time_order(distinct_pairs([tmp_path]))]
+    order = [folder.name[0] for folder in sort_by_time(list_distinct_pairs([tmp_path]))]
     assert order == ["0", "1", "5", "9", "8"]
 
 

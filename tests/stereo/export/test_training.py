@@ -16,7 +16,7 @@ import pytest
 from icymoon.physics.light.directions import direction_toward
 from icymoon.physics.light.scene_sun import SceneSun
 from icymoon.render.pairs.pair_folder import Pair, find_pair_folders, read_pair
-from icymoon.render.pairs.scene_splits import SPLITS, choose_split, name_scene
+from icymoon.render.pairs.scene_splits import DEFAULT_SPLITS, choose_split, name_scene
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export import training
 from icymoon.stereo.export.layouts import export
@@ -34,7 +34,7 @@ def dataset(tmp_path_factory):
     wanted = {True: 6, False: 2}
     for k in range(200):
         settings = merged(defaults(), {"dataset": {"seed": k}})
-        trained = choose_split(name_scene(Pair(root, "0" * 12, settings, RIG, {})), SPLITS) == "train"
+        trained = choose_split(name_scene(Pair(root, "0" * 12, settings, RIG, {})), DEFAULT_SPLITS) == "train"
         if wanted[trained]:
             wanted[trained] -= 1
             pairs.write_pair(root / "pairs" / f"{k:012x}", SCENE, RIG, settings=settings)
@@ -102,7 +102,7 @@ def test_a_full_disk_ends_the_export_instead_of_tearing_a_shard(dataset, tmp_pat
 
 def split_by_key(dataset) -> dict[str, str]:
     found = [read_pair(folder) for folder in find_pair_folders(dataset)]
-    return {pair.id: choose_split(name_scene(pair), SPLITS) for pair in found}
+    return {pair.id: choose_split(name_scene(pair), DEFAULT_SPLITS) for pair in found}
 
 
 def test_shards_have_the_pairs_of_their_split_and_give_the_truth_back(dataset, tmp_path):

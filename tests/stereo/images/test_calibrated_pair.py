@@ -126,7 +126,10 @@ def test_a_matcher_measures_the_rectified_pair(tmp_path):
         (lambda data: data["eyes"]["right"]["R"][0].reverse(), r"eyes\.right\.R\[0\]\[0\]"),
         (lambda data: data["files"].pop("left_raw_truth.exr"), "files has no left_raw_truth.exr"),
         (lambda data: data["settings"]["rig"].update(eyes="ALIKE"), "eyes|files has left_raw_truth.exr"),
-        (lambda data: data["settings"]["left_eye"].update(lens="CAHVORE", r0=-2.0), "its settings give no camera"),
+        (
+            lambda data: data["settings"]["left_eye"].update(lens="CAHVORE", r0=-2.0),
+            "no camera follows from its settings",
+        ),
     ],
 )
 def test_statements_that_the_settings_contradict_are_refused(tmp_path, change, words):

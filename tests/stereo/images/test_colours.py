@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from icymoon.stereo.images.colours import ERROR, MAGMA, VIRIDIS, Scale, draw_colour_bar, draw_outcomes
+from icymoon.stereo.images.colours import ERROR_SCALE, MAGMA, VIRIDIS, Scale, draw_colour_bar, draw_outcomes
 from icymoon.stereo.images.lettering import draw_text, measure_text_width_px, put_text
 
 
@@ -29,16 +29,16 @@ def test_outcomes_are_enlarged_as_opencv_does():
 @pytest.mark.parametrize("size", [1.0, 2.4])
 @pytest.mark.parametrize("width", [1, 30, 640])
 def test_a_bar_shows_the_scale_from_end_to_end(width, size):
-    strip = draw_colour_bar(width, ERROR, size)
+    strip = draw_colour_bar(width, ERROR_SCALE, size)
     assert strip.shape == (round(44 * size), width, 3)
     left = min(round(8 * size), width // 4)
     row = strip[round(10 * size), left : width - left]
-    ends = ERROR.colours(np.array([[0.01, 1.0]]))[0] if width > 1 else ERROR.colours(np.array([[0.01]]))[0]
+    ends = ERROR_SCALE.colours(np.array([[0.01, 1.0]]))[0] if width > 1 else ERROR_SCALE.colours(np.array([[0.01]]))[0]
     np.testing.assert_array_equal(row[[0, -1]] if width > 1 else row, ends)
 
 
 def test_every_character_of_a_legend_is_drawn_and_no_two_are_alike():
-    texts = ERROR.title, Scale(1, 2).title, "True depth, 1e-05 to 1e+07 m", "No depth", "Left", "Right", "sky"
+    texts = ERROR_SCALE.title, Scale(1, 2).title, "True depth, 1e-05 to 1e+07 m", "No depth", "Left", "Right", "sky"
     letters = {c: draw_text(c, 12.0) for c in {*"0123456789abcdefghijklmnopqrstuvwxyz", *"".join(texts)} - {" "}}
     assert all(covered.max() > 0.6 for covered in letters.values())
     assert len({(covered.shape, covered.tobytes()) for covered in letters.values()}) == len(letters)

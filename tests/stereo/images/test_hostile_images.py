@@ -18,7 +18,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from hostile_images import HEIGHT, IMAGES, MAPS, WHOLE, WIDTH, encode, png, texture
-from icymoon.stereo.datasets.data_files import MapFile, find_inside, read_image, read_map
+from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map, resolve_inside
 from icymoon.stereo.images import bounded_decoding
 from icymoon.stereo.images.image_files import read_pfm, read_png
 from icymoon.support.errors import IcyMoonError
@@ -79,7 +79,7 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path, read):
         stream.truncate(2**36)
     assert "MB" in refuse(read, tmp_path / "sparse.png")
     with pytest.raises(IcyMoonError, match="characters that no path can have"):
-        find_inside(tmp_path, "a\0b")
+        resolve_inside(tmp_path, "a\0b")
 
 
 @pytest.mark.parametrize("kind", [".png", ".jpg", ".webp", ".tif"])
@@ -198,7 +198,7 @@ def test_a_hang_costs_one_image(tmp_path, monkeypatch):
     read_image(path)
     first = decoder()
     os.kill(first._process.pid, signal.SIGSTOP)
-    monkeypatch.setattr(bounded_decoding, "_LIMIT_S", 0.3)
+    monkeypatch.setattr(bounded_decoding, "_MOST_DECODING_S", 0.3)
     assert "takes more than 0.3 s to decode" in refuse(read_image, path)
     monkeypatch.undo()
     assert read_image(path).shape == (HEIGHT, WIDTH)
@@ -212,8 +212,8 @@ def test_memory_and_processor_time_are_bounded(tmp_path, monkeypatch):
     image = np.random.default_rng(1).integers(0, 256, (3000, 3000, 3)).astype(np.uint8)
     path.write_bytes(encode(".png", image, cv2.IMWRITE_PNG_COMPRESSION, 1))
     # Less than the file takes, and without the room for threads.
-    monkeypatch.setattr(bounded_decoding, "_COPIES", -2)
-    monkeypatch.setattr(bounded_decoding, "_MEMORY", -count_processors() * 2**28)
+    monkeypatch.setattr(bounded_decoding, "_PIXEL_COPIES", -2)
+    monkeypatch.setattr(bounded_decoding, "_FILE_BYTES", -count_processors() * 2**28)
     assert re_memory(refuse(read_image, path))
     first = decoder()
     monkeypatch.undo()

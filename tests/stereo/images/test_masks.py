@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 from icymoon.stereo.images.masks import (
-    distance_inside_hull_px,
+    compute_intersection_over_union,
     fill_hulls,
     fill_polygons,
     fill_triangles,
-    intersection_over_union,
+    measure_distance_inside_hull_px,
 )
 
 SQUARE = np.array([[2.0, 3.0], [7.0, 3.0], [7.0, 9.0], [2.0, 9.0]])
@@ -33,18 +33,18 @@ def test_fills_of_one_shape_agree():
     corners = np.concatenate([circle, [[20.0, 20.0]]])
     fan = np.array([[k, (k + 1) % 90, 90] for k in range(90)])
     of_triangles, of_hull = fill_triangles((40, 40), corners, fan), fill_hulls((40, 40), [circle])
-    assert intersection_over_union(of_triangles, of_hull) > 0.97
-    assert intersection_over_union(fine, of_hull) > 0.88  # half a pixel all around is 8 %
+    assert compute_intersection_over_union(of_triangles, of_hull) > 0.97
+    assert compute_intersection_over_union(fine, of_hull) > 0.88  # half a pixel all around is 8 %
 
 
 def test_overlap():
     one, other = np.zeros((4, 4), bool), np.zeros((4, 4), bool)
-    assert math.isnan(intersection_over_union(one, other))
+    assert math.isnan(compute_intersection_over_union(one, other))
     one[:2], other[1:3] = True, True
-    assert intersection_over_union(one, other) == pytest.approx(1 / 3)
-    assert intersection_over_union(one, one) == 1.0
+    assert compute_intersection_over_union(one, other) == pytest.approx(1 / 3)
+    assert compute_intersection_over_union(one, one) == 1.0
 
 
 def test_how_far_inside():
-    assert distance_inside_hull_px(np.array([4.0, 6.0]), SQUARE) == pytest.approx(2.0)
-    assert distance_inside_hull_px(np.array([0.0, 6.0]), SQUARE) == pytest.approx(-2.0)
+    assert measure_distance_inside_hull_px(np.array([4.0, 6.0]), SQUARE) == pytest.approx(2.0)
+    assert measure_distance_inside_hull_px(np.array([0.0, 6.0]), SQUARE) == pytest.approx(-2.0)

@@ -12,7 +12,7 @@ from icymoon.stereo.inference.typical_scene import (
     count_scenes_needed,
     find_limit,
     find_rank_ranges,
-    list_comparisons,
+    list_method_pairs,
     subtract,
 )
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 
 def differences_of(errors):
-    return np.stack([errors[:, a] - errors[:, b] for a, b in list_comparisons(errors.shape[1])], axis=1)
+    return np.stack([errors[:, a] - errors[:, b] for a, b in list_method_pairs(errors.shape[1])], axis=1)
 
 
 def wilcoxon_p(values):
@@ -153,7 +153,7 @@ def test_the_same_seed_makes_the_same_flips():
 def test_one_difference_among_many_is_found_and_bounded():
     random = np.random.default_rng(2)
     family = compare_in_typical_scene(differences_of(random.normal([0, 0, 0, 1], 0.2, (12, 4))), 0)
-    assert family.found.tolist() == [b == 3 for _, b in list_comparisons(4)]
+    assert family.found.tolist() == [b == 3 for _, b in list_method_pairs(4)]
     assert (family.high[family.found] < 0).all()
     assert (family.low[~family.found] < 0).all()
     assert (family.high[~family.found] > 0).all()

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.stereo.matchers import check_options, match, matcher_title
+from icymoon.stereo.matchers import check_options, get_matcher_title, match
 from icymoon.support.errors import IcyMoonError
 
 RIG = pairs.camera()
@@ -97,12 +97,12 @@ def test_every_mode_of_sgbm_measures(mode):
 def test_strips_of_a_large_image_give_what_the_whole_image_gives(method, monkeypatch):
     left, right, _ = images(pairs.Scene(contrast=0.2), pairs.camera(256, 400))
     whole, valid, _ = match(method, left, right, {"disparities": 64})
-    monkeypatch.setattr("icymoon.stereo.matchers.sgbm._MOST_BYTES", 4 * 200 * 320 * 64)  # 72 of 200 rows are kept
+    monkeypatch.setattr("icymoon.stereo.matchers.sgbm._MOST_COST_BYTES", 4 * 200 * 320 * 64)  # 72 of 200 rows are kept
     strips, also, _ = match(method, left, right, {"disparities": 64})
     assert np.mean(valid != also) < 0.005
     both = valid & also
     assert np.mean(np.abs(whole - strips)[both] > 1 / 16) < 0.005
-    monkeypatch.setattr("icymoon.stereo.matchers.sgbm._BEYOND_ROWS", 1)  # the margin is what makes them so
+    monkeypatch.setattr("icymoon.stereo.matchers.sgbm._STRIP_MARGIN_ROWS", 1)  # the margin is what makes them so
     assert np.mean(match(method, left, right, {"disparities": 64})[0] != whole) > np.mean(strips != whole)
 
 
@@ -239,7 +239,7 @@ def test_images_too_small_for_the_window_are_refused(shape):
     with pytest.raises(IcyMoonError, match="too small for SGBM"):
         match("sgbm", small[:, :98], small[:, :98], {"left_border": "skip"})
     for method in ANYWHERE:
-        with pytest.raises(IcyMoonError, match=f"too small for {matcher_title(method)}:"):
+        with pytest.raises(IcyMoonError, match=f"too small for {get_matcher_title(method)}:"):
             match(method, small[:, :2], small[:, :2])
 
 

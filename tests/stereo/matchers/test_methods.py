@@ -4,7 +4,13 @@ import shlex
 import sys
 
 import pytest
-from icymoon.stereo.matchers import check_options, list_set_ups, matcher_names, matcher_needs, matcher_titles
+from icymoon.stereo.matchers import (
+    check_options,
+    get_matcher_needs,
+    list_matcher_names,
+    list_matcher_titles,
+    list_set_ups,
+)
 from icymoon.stereo.matchers.methods import describe_method, names_method, parse_methods, toggle_method
 from icymoon.support.errors import IcyMoonError
 
@@ -29,9 +35,9 @@ def test_a_matcher_is_taken_out_with_its_options_or_put_at_the_end(text, name, t
 
 
 def test_every_matcher_has_a_title_or_is_set_up_with_a_file_or_program():
-    assert {name for name in matcher_names() if matcher_needs(name)} <= set(matcher_titles())
-    assert {name for name, _ in list_set_ups()} >= set(matcher_names()) - set(matcher_titles())
-    for name in set(matcher_names()) - set(matcher_titles()):
+    assert {name for name in list_matcher_names() if get_matcher_needs(name)} <= set(list_matcher_titles())
+    assert {name for name, _ in list_set_ups()} >= set(list_matcher_names()) - set(list_matcher_titles())
+    for name in set(list_matcher_names()) - set(list_matcher_titles()):
         with pytest.raises(IcyMoonError, match="is empty"):
             check_options(name, {})
 

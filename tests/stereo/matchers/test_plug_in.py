@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from icymoon.stereo.check_plugin import make_textured_pair
 from icymoon.stereo.cli import main
-from icymoon.stereo.matchers import check_options, match, matcher_names, option_keys
+from icymoon.stereo.matchers import check_options, list_matcher_names, list_option_keys, match
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.search_range import SearchRange
 from icymoon.support.errors import IcyMoonError
@@ -114,14 +114,14 @@ def test_a_badly_declared_option_is_named(add, options, said):
 
 def test_a_value_out_of_range_is_refused_as_for_ours(add):
     add("told", matcher("return left", 'OPTIONS = {"w": {"default": 3, "minimum": 1, "maximum": 9, "doc": "px"}}'))
-    assert option_keys("told") == ["preset", "disparities", "numDisparities", "min_disparity", "minDisparity", "w"]
+    assert list_option_keys("told") == ["preset", "disparities", "numDisparities", "min_disparity", "minDisparity", "w"]
     with pytest.raises(IcyMoonError, match=r"told.w is 10, outside 1 to 9"):
         parse_methods("told:w=10")
 
 
 def test_it_stands_in_the_list_and_in_the_report(add, tmp_path, capsys):
     add("twelve", MATCHER)
-    assert "twelve" in matcher_names()
+    assert "twelve" in list_matcher_names()
     assert main(["methods"]) == 0
     assert "twelve: Twelve everywhere. (plug-in, icymoon-test-twelve 1.0)" in capsys.readouterr().out
     write_pair(tmp_path / "data" / "pairs" / "0123456789ab")

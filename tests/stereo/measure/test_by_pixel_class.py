@@ -15,9 +15,9 @@ from icymoon.stereo.measure.by_pixel_class import (
     TEXTURE,
     ClassCells,
     add_sums,
+    average_by_class,
     classify_pixels,
     find_shadow,
-    mean_by_class,
     measure_texture,
 )
 from icymoon.stereo.measure.metrics import is_usable
@@ -41,7 +41,7 @@ CLASSES = classify_pixels(
 
 def sums_by_class(classes, depth, truth, disparity, true, doffs_px=0.0):
     known = is_usable(truth)
-    return by_pixel_class.sums_by_class(
+    return by_pixel_class.sum_by_class(
         ClassCells(classes, known), depth[known], truth[known], disparity[known], true[known], doffs_px
     )
 
@@ -136,8 +136,8 @@ def test_sums_add_up_and_have_means():
     one = sums_by_class(CLASSES, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
     two = add_sums(add_sums(None, one), one)
     assert two["range"]["n"] == [2 * n for n in one["range"]["n"]]
-    assert mean_by_class(two["range"], "l1_m") == mean_by_class(one["range"], "l1_m")
-    assert mean_by_class({"n": [0, 2], "l1_m": [0, 3]}, "l1_m") == [None, 1.5]
+    assert average_by_class(two["range"], "l1_m") == average_by_class(one["range"], "l1_m")
+    assert average_by_class({"n": [0, 2], "l1_m": [0, 3]}, "l1_m") == [None, 1.5]
 
 
 def test_texture_is_the_gradient_along_the_row():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from icymoon.stereo.measure import depth_order
-from icymoon.stereo.measure.depth_order import depth_order_disagreement, sample_disagreement
+from icymoon.stereo.measure.depth_order import measure_depth_order_disagreement, sample_disagreement
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -34,8 +34,8 @@ depths = st.one_of(
 @given(st.lists(st.tuples(depths, depths), min_size=2, max_size=60))
 def test_equals_the_double_loop_bit_for_bit(pairs):
     prediction, truth = np.array(pairs).T
-    assert depth_order_disagreement(prediction, truth) == brute_force(prediction, truth)
-    assert depth_order_disagreement(prediction, truth, antisymmetric=True) == brute_force(
+    assert measure_depth_order_disagreement(prediction, truth) == brute_force(prediction, truth)
+    assert measure_depth_order_disagreement(prediction, truth, antisymmetric=True) == brute_force(
         prediction, truth, antisymmetric=True
     )
 
@@ -63,12 +63,12 @@ def test_bits_are_counted_without_numpys_own_function():
 @given(st.lists(st.tuples(depths, depths), min_size=2, max_size=40))
 def test_laws(pairs):
     prediction, truth = np.array(pairs).T
-    share = depth_order_disagreement(prediction, truth)
+    share = measure_depth_order_disagreement(prediction, truth)
     assert 0 <= share <= 1
-    assert depth_order_disagreement(truth, prediction) == share  # it compares, it does not blame
+    assert measure_depth_order_disagreement(truth, prediction) == share  # it compares, it does not blame
     order = np.argsort(prediction, kind="stable")
-    assert depth_order_disagreement(prediction[order], truth[order]) == share
-    assert depth_order_disagreement(truth, truth) == 0
+    assert measure_depth_order_disagreement(prediction[order], truth[order]) == share
+    assert measure_depth_order_disagreement(truth, truth) == 0
 
 
 def test_equals_the_double_loop_on_neighbouring_floats_around_the_threshold():
@@ -77,43 +77,43 @@ def test_equals_the_double_loop_on_neighbouring_floats_around_the_threshold():
         near.append(np.nextafter(near[-1], 2))
     truth = np.array([1.0, *near, *(1 / np.array(near))])
     prediction = truth[::-1].copy()
-    assert depth_order_disagreement(prediction, truth) == brute_force(prediction, truth)
+    assert measure_depth_order_disagreement(prediction, truth) == brute_force(prediction, truth)
 
 
 def test_numbers_by_hand():
     # Ratios: 1 and 2 differ, 2 and 2.01 do not. The prediction turns the first pair round and
     # tells the second one apart: 4 of the 6 ordered pairs of three pixels.
     truth = np.array([1.0, 2.0, 2.01])
-    assert depth_order_disagreement(np.array([3.0, 2.0, 4.0]), truth) == pytest.approx(4 / 6)
-    assert depth_order_disagreement(truth, truth) == 0
-    assert depth_order_disagreement(truth[::-1].copy(), np.array([1.0, 2.0, 3.0])) == pytest.approx(6 / 6)
+    assert measure_depth_order_disagreement(np.array([3.0, 2.0, 4.0]), truth) == pytest.approx(4 / 6)
+    assert measure_depth_order_disagreement(truth, truth) == 0
+    assert measure_depth_order_disagreement(truth[::-1].copy(), np.array([1.0, 2.0, 3.0])) == pytest.approx(6 / 6)
 
 
 def test_scale_does_not_matter():
     random = np.random.default_rng(0)
     truth = random.uniform(1, 20, 3000)
-    assert depth_order_disagreement(truth * 8, truth) == 0
+    assert measure_depth_order_disagreement(truth * 8, truth) == 0
 
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_undefined_below_two_pixels(count):
-    assert np.isnan(depth_order_disagreement(np.ones(count), np.ones(count)))
+    assert np.isnan(measure_depth_order_disagreement(np.ones(count), np.ones(count)))
 
 
 def test_by_the_antisymmetric_order_a_ratio_is_an_order_both_ways_or_not_at_all():
     # 1.01005 > 1.01, but 1 / 1.01005 = 0.99005 > 0.99: by the paper's definition far one way round only.
     truth, prediction = np.array([1.0, 1.01005]), np.array([1.0, 1.0])
-    assert depth_order_disagreement(prediction, truth) == 0.5
-    assert depth_order_disagreement(prediction, truth, antisymmetric=True) == 1
+    assert measure_depth_order_disagreement(prediction, truth) == 0.5
+    assert measure_depth_order_disagreement(prediction, truth, antisymmetric=True) == 1
     # And 1 / 1.0095 = 0.99059 > 0.99, 1.0095 < 1.01: no order either way.
-    assert depth_order_disagreement(prediction, np.array([1.0, 1.0095]), antisymmetric=True) == 0
+    assert measure_depth_order_disagreement(prediction, np.array([1.0, 1.0095]), antisymmetric=True) == 0
 
 
 def test_a_whole_image_and_a_sample_of_it():
     random = np.random.default_rng(0)
     truth = random.uniform(1, 20, 640 * 480)
     prediction = truth * random.normal(1, 0.02, truth.size)
-    share = depth_order_disagreement(prediction, truth)
+    share = measure_depth_order_disagreement(prediction, truth)
     sampled = sample_disagreement(prediction, truth, 10**6, random)
     assert sampled == pytest.approx(share, abs=4 * np.sqrt(share / 1e6))  # four standard errors
 

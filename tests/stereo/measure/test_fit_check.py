@@ -8,11 +8,11 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.stereo.measure.fit_check import (
+    compute_ray_lengths,
     find_fault,
     find_misfit,
     find_places,
     make_known_places,
-    ray_lengths,
 )
 from icymoon.support.arrays import Array
 
@@ -44,7 +44,7 @@ def test_a_sound_map_fits(places, values):
 
 
 FAULTS = {
-    "ray": (DEPTH * ray_lengths(RIG), "depth", 1),
+    "ray": (DEPTH * compute_ray_lengths(RIG), "depth", 1),
     "upside_down": (DEPTH[::-1], "depth", 1),
     "mirrored": (DEPTH[:, ::-1], "depth", 1),
     "turned": (DISPARITY[::-1, ::-1], "disparity", 1),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from icymoon.stereo.measure.jackknife import ACROSS, DOWN, jackknife, sum_over_tiles
+from icymoon.stereo.measure.jackknife import TILES_ACROSS, TILES_DOWN, jackknife, sum_over_tiles
 
 
 def mean(sums):
@@ -12,7 +12,7 @@ def mean(sums):
 def test_tiles_without_content_change_neither_the_number_nor_its_error():
     """A map that covers part of the image has empty tiles. They are no observations, so they give no confidence."""
     random = np.random.default_rng(3)
-    held = random.random(DOWN * ACROSS) < 0.3
+    held = random.random(TILES_DOWN * TILES_ACROSS) < 0.3
     counts = np.where(held, random.integers(50, 100, held.size), 0)
     sums = np.stack([counts * random.normal(3.0, 1.0, held.size), counts], axis=-1)
     assert 2 < held.sum() < held.size
@@ -21,7 +21,7 @@ def test_tiles_without_content_change_neither_the_number_nor_its_error():
 
 
 def test_numbers_of_several_images_at_once_are_those_of_each_alone():
-    sums = np.random.default_rng(5).random((4, DOWN * ACROSS, 3))
+    sums = np.random.default_rng(5).random((4, TILES_DOWN * TILES_ACROSS, 3))
 
     def shares(total):
         return total[..., :2] / total[..., 2:]
@@ -45,7 +45,7 @@ def test_a_tile_that_one_of_two_images_lacks_is_left_out_of_both():
 
 @pytest.mark.parametrize("tiles", [0, 1, 2])
 def test_the_error_is_unknown_until_two_tiles_contain_something(tiles):
-    sums = np.zeros((DOWN * ACROSS, 2))
+    sums = np.zeros((TILES_DOWN * TILES_ACROSS, 2))
     sums[:tiles] = np.array([[5.0, 2.0], [9.0, 3.0]])[:tiles]
     number, error = jackknife(mean, sums)
     assert np.isnan(number[0]) == (tiles == 0)
@@ -57,13 +57,13 @@ def test_the_error_is_unknown_until_two_tiles_contain_something(tiles):
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64, np.uint8, bool])
-@pytest.mark.parametrize("shape", [(DOWN, ACROSS), (37, 53), (3, 5)])
+@pytest.mark.parametrize("shape", [(TILES_DOWN, TILES_ACROSS), (37, 53), (3, 5)])
 def test_each_pixel_is_in_one_tile_and_tiles_are_alike(shape, kind):
     sums = sum_over_tiles(np.ones(shape, kind))[:, 0]
     assert sums.sum() == shape[0] * shape[1]
     rows, columns = (
         np.bincount(np.arange(size) * count // size, minlength=count)
-        for size, count in zip(shape, (DOWN, ACROSS), strict=True)
+        for size, count in zip(shape, (TILES_DOWN, TILES_ACROSS), strict=True)
     )
-    np.testing.assert_array_equal(sums.reshape(DOWN, ACROSS), np.outer(rows, columns))
+    np.testing.assert_array_equal(sums.reshape(TILES_DOWN, TILES_ACROSS), np.outer(rows, columns))
     assert np.ptp(rows) <= 1 >= np.ptp(columns)

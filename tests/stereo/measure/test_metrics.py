@@ -12,7 +12,7 @@ from icymoon.stereo.measure.metrics import (
     DEPTH_METRICS,
     DISPARITY_METRICS,
     ERROR_STEPS_M,
-    SHARES,
+    KEPT_SHARES,
     TOTAL_METRICS,
     compute_depth_metrics,
     compute_disparity_metrics,
@@ -229,12 +229,12 @@ def test_without_a_true_pixel_nothing_is_wrong_either():
 def test_sparsification_drops_the_least_confident_first():
     errors = np.arange(1.0, 21.0)
     falling = compute_sparsification(errors[sort_by_confidence(-errors)])
-    assert falling == [pytest.approx(np.mean(errors[: round(20 * share)])) for share in SHARES]
+    assert falling == [pytest.approx(np.mean(errors[: round(20 * share)])) for share in KEPT_SHARES]
     rising = compute_sparsification(errors[sort_by_confidence(errors)])
     assert rising[0] == 20
     assert rising[-1] == falling[-1] == pytest.approx(errors.mean())
     assert all(math.isnan(value) for value in compute_sparsification(np.full(3, NAN)))
-    assert compute_sparsification(np.array([NAN, 2.0])) == [2.0] * len(SHARES)
+    assert compute_sparsification(np.array([NAN, 2.0])) == [2.0] * len(KEPT_SHARES)
     assert sort_by_confidence(np.array([[1.0, 3.0], [3.0, 2.0]])).tolist() == [1, 2, 3, 0]
 
 
@@ -255,18 +255,18 @@ def test_an_error_of_exactly_a_limit_is_within_it():
 
 
 def test_each_rate_counts_beyond_the_limit_in_its_name():
-    for key, limit in metrics.BAD.items():
+    for key, limit in metrics.BAD_RATES.items():
         assert limit == float(key.removeprefix("bad_").replace("_", "."))
     for key, limit in metrics.L1_RATES.items():
         assert limit == float(key.removeprefix("l1_rate_")) / 100
-    for key, share in metrics.QUANTILES.items():
+    for key, share in metrics.ERROR_QUANTILES.items():
         assert share == float(key[1:3]) / 100
 
 
 def test_without_truth_there_is_a_curve_of_no_numbers():
     nothing = np.full((2, 3), np.nan)
     assert np.isnan(compute_error_curve(np.ones((2, 3)), nothing)).tolist() == [True] * len(metrics.ERROR_STEPS_M)
-    assert np.isnan(compute_sparsification(nothing.ravel())).tolist() == [True] * len(metrics.SHARES)
+    assert np.isnan(compute_sparsification(nothing.ravel())).tolist() == [True] * len(metrics.KEPT_SHARES)
 
 
 def test_missing_and_wrong_disparities_are_one_share_of_what_is_judged():

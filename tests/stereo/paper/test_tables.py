@@ -17,10 +17,10 @@ from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.metrics import compute_depth_metrics
 from icymoon.stereo.paper.page import describe_size, write_paper
 from icymoon.stereo.paper.paper_datasets import EVALUATIONS, SETS, Part
-from icymoon.stereo.paper.printed import GROUPS, METHODS, METRICS
+from icymoon.stereo.paper.printed import PAIRS_BY_GROUP, PRINTED_METHODS, PRINTED_METRICS
 from icymoon.stereo.paper.results import measure_rendering_seconds, read_measured
 from icymoon.stereo.paper.tables import (
-    NONE,
+    NO_NUMBER,
     escape_latex,
     make_result_rows,
     make_results_csv,
@@ -58,11 +58,11 @@ def measured(tmp_path_factory):
 
 def test_the_row_of_all_pairs_is_the_mean_over_3060_and_1960():
     """Printed with two digits, so the mean may differ by a digit and a half of the last."""
-    assert GROUPS["All"] == GROUPS["Reconstructed"] + GROUPS["Synthetic"]
-    for method in METHODS:
+    assert PAIRS_BY_GROUP["All"] == PAIRS_BY_GROUP["Reconstructed"] + PAIRS_BY_GROUP["Synthetic"]
+    for method in PRINTED_METHODS:
         for k, last in enumerate((0.01, 0.001, 0.01, 0.001)):
             mean = (3060 * method.results["Reconstructed"][k] + 1960 * method.results["Synthetic"][k]) / 5020
-            assert method.results["All"][k] == pytest.approx(mean, abs=1.5 * last), (method.title, METRICS[k])
+            assert method.results["All"][k] == pytest.approx(mean, abs=1.5 * last), (method.title, PRINTED_METRICS[k])
 
 
 def test_the_four_metrics_are_the_papers():
@@ -82,12 +82,12 @@ def test_the_four_metrics_are_the_papers():
 
 def test_a_group_has_the_mean_over_its_pairs(measured):
     rows = {(row.group, row.method): row for row in make_result_rows(measured, True)}
-    assert len(rows) == len(GROUPS) * len(METHODS)
+    assert len(rows) == len(PAIRS_BY_GROUP) * len(PRINTED_METHODS)
     own = {name: measured.row(name, "bm") for name in MADE}
     for group, names in {"All": "abc", "Synthetic": "ab", "Reconstructed": "c"}.items():
         row = rows[group, "StereoBM"]
         assert row.pairs == len(names)
-        for k, key in enumerate(METRICS):
+        for k, key in enumerate(PRINTED_METRICS):
             assert row.numbers["ours"][k] == pytest.approx(np.mean([own[f"{n}0"][key] for n in names]))
             assert row.numbers["theirs"][k] == pytest.approx(np.mean([own[f"{n}0"][f"guiss_{key}"] for n in names]))
     row = rows["Synthetic", "StereoBM"]
@@ -98,18 +98,18 @@ def test_a_group_has_the_mean_over_its_pairs(measured):
 def test_what_was_not_run_is_an_empty_row_beside_the_printed_numbers(measured):
     row = next(row for row in make_result_rows(measured, True) if (row.group, row.method) == ("All", "IGEV"))
     assert row.printed == ("0.26", "64.4", "0.03", "2.3")
-    assert row.ours == row.theirs == (NONE,) * 4
-    assert (row.coverage, row.pairs) == (NONE, 0)
+    assert row.ours == row.theirs == (NO_NUMBER,) * 4
+    assert (row.coverage, row.pairs) == (NO_NUMBER, 0)
 
 
 def test_the_numbers_of_the_papers_code_are_left_out_at_another_size(measured):
-    assert {text for row in make_result_rows(measured, False) for text in row.theirs} == {NONE}
+    assert {text for row in make_result_rows(measured, False) for text in row.theirs} == {NO_NUMBER}
 
 
 def test_csv_has_every_number_once_in_metres_and_shares(measured):
     rows = make_result_rows(measured, True)
     lines = list(csv.DictReader(io.StringIO(make_results_csv(rows))))
-    assert len(lines) == len(GROUPS) * len(METHODS) * (len(METRICS) + 1)
+    assert len(lines) == len(PAIRS_BY_GROUP) * len(PRINTED_METHODS) * (len(PRINTED_METRICS) + 1)
     found = {(line["group"], line["method"], line["metric"]): line for line in lines}
     assert len(found) == len(lines)
     line = found["All", "JPLV", "l1_rate_10"]
@@ -177,8 +177,8 @@ def test_runtimes_are_of_the_matchers_that_ran_and_of_rendering(measured):
     ]
     assert rows[0][1:3] == ("0.02", "i7")
     assert float(rows[0][3]) == pytest.approx(np.mean([measured.row(n, "bm")["seconds"] for n in MADE]), rel=0.01)
-    assert rows[2][3:] == (NONE, NONE, NONE)
-    assert rows[5][3:] == ("7.5", NONE, "3 pairs")
+    assert rows[2][3:] == (NO_NUMBER, NO_NUMBER, NO_NUMBER)
+    assert rows[5][3:] == ("7.5", NO_NUMBER, "3 pairs")
     assert list(csv.reader(io.StringIO(make_runtimes_csv(rows))))[3][3:] == ["", "", ""]
 
 
@@ -191,7 +191,7 @@ def test_the_page_has_tables_figures_and_why_a_network_is_missing(measured, tmp_
         tmp_path, {"data": part}, dict.fromkeys(EVALUATIONS, measured), {"igev": "igev has no <checkpoint>."}, 0.5, 3
     )
     html = page.read_text(encoding="utf-8").replace("&#39;", "'")
-    assert html.count("<tr>") + html.count("<tr class") == 2 + len(GROUPS) * (1 + len(METHODS)) + 7
+    assert html.count("<tr>") + html.count("<tr class") == 2 + len(PAIRS_BY_GROUP) * (1 + len(PRINTED_METHODS)) + 7
     assert "IGEV: igev has no &lt;checkpoint&gt;." in html
     assert "DSMNet:" not in html
     assert html.count("<svg") >= 4

@@ -14,7 +14,13 @@ import pytest
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.row_metrics import NUMBERS
-from icymoon.stereo.report.by_setting import MOST_LEVELS, Sweep, find_swept_settings, mean_by_level, name_scene
+from icymoon.stereo.report.by_setting import (
+    MOST_LEVELS,
+    VariedSetting,
+    average_by_level,
+    find_swept_settings,
+    name_scene,
+)
 from icymoon.stereo.report.html import MOST_PAIRS, choose_pairs
 from icymoon.stereo.report.summary import ResultTable, summarise_method
 
@@ -194,7 +200,7 @@ def test_settings_that_vary_together_are_one():
 
 
 def test_words_and_missing_facts_as_levels():
-    sweep = Sweep("surface.kind", "Kind", np.array(["ice", "", "snow", "ice"]))
+    sweep = VariedSetting("surface.kind", "Kind", np.array(["ice", "", "snow", "ice"]))
     assert sweep.levels()[0] == ["ice", "snow"]
     assert sweep.levels()[2].tolist() == [0, -1, 1, 0]
 
@@ -204,12 +210,12 @@ def test_the_effect_is_the_mean_at_each_level():
     table.values[0, :, NUMBERS.index("l1_m")] = [1, 2, 3, 10, np.nan, np.nan]
     table.values[0, :, NUMBERS.index("total_bad_1")] = [0.1, 0.3, 0.2, 0.4, np.nan, np.nan]
     table.scenes[:] = np.arange(6)
-    sweep = Sweep("surface.albedo", "Albedo", np.array([0.2, 0.2, 0.2, 0.8, 0.8, 1.0]))
-    mean, bounds = mean_by_level(sweep, table, 0, "l1_m")
+    sweep = VariedSetting("surface.albedo", "Albedo", np.array([0.2, 0.2, 0.2, 0.8, 0.8, 1.0]))
+    mean, bounds = average_by_level(sweep, table, 0, "l1_m")
     assert mean[:2].tolist() == [2, 10]
     assert np.isnan(mean[2])
     assert np.isnan(bounds).all()  # a mean that is no share needs more scenes
-    mean, bounds = mean_by_level(sweep, table, 0, "total_bad_1")
+    mean, bounds = average_by_level(sweep, table, 0, "total_bad_1")
     assert bounds[0, 0] < mean[0] < bounds[0, 1]
     assert np.isnan(bounds[1]).all()  # one pair has no interval
 

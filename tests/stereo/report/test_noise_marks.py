@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 from icymoon.stereo.report import charts, sweep_charts
-from icymoon.stereo.report.by_setting import Sweep, find_noisy_levels
+from icymoon.stereo.report.by_setting import VariedSetting, find_noisy_levels
 from icymoon.stereo.report.summary import ResultTable
 
 PAIRS = [f"p{k}" for k in range(6)]
-SWEEP = Sweep("light.sun_elevation_deg", "Sun", np.array([8.0, 8.0, 20.0, 20.0, 45.0, np.nan]))
+SWEEP = VariedSetting("light.sun_elevation_deg", "Sun", np.array([8.0, 8.0, 20.0, 20.0, 45.0, np.nan]))
 
 
 @pytest.mark.parametrize(
@@ -33,8 +33,8 @@ def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
     with charts.matplotlib.rc_context(charts.STYLE):
         _, axes = charts.make_figure(2)
         # No intervals: what they are made of is not what this is about.
-        monkeypatch.setattr(sweep_charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
-        for axis, drawn in zip(axes[0], sweep_charts.SWEPT, strict=True):
+        monkeypatch.setattr(sweep_charts, "average_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
+        for axis, drawn in zip(axes[0], sweep_charts.SWEPT_METRICS, strict=True):
             sweep_charts._draw_sweep(SWEEP, axis, drawn, [{"method": "bm"}], table)
     for axis in axes[0]:
         assert len(axis.patches) == noisy
@@ -47,7 +47,7 @@ def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
 def test_the_band_of_a_picture_is_light(monkeypatch, tmp_path):
     table = ResultTable(["bm"], PAIRS)
     table.by_noise[0] = True
-    monkeypatch.setattr(sweep_charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
+    monkeypatch.setattr(sweep_charts, "average_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
     written = sweep_charts.write_curves([{"method": "bm"}], table, [SWEEP], tmp_path)
     grey = cv2.imread(str(tmp_path / written[SWEEP.name]), cv2.IMREAD_GRAYSCALE)
     values = np.bincount(grey.ravel(), minlength=256)

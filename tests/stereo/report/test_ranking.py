@@ -16,7 +16,7 @@ from icymoon.stereo.report.conditions import (
     make_pair_titles,
     name_levels,
 )
-from icymoon.stereo.report.ranking import FIRST, VIEWS, make_ranking_table
+from icymoon.stereo.report.ranking import FIRST_SORTING, VIEWS, make_ranking_table
 from icymoon.stereo.report.summary import ResultTable, compare_methods, summarise_method
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -110,7 +110,7 @@ def test_only_the_best_beyond_doubt_is_bold_and_conditions_count_for_themselves(
     summary = [summarise_method(table, k) | {"ranks": ranks[k]} for k in range(3)]
     found = make_ranking_table(table, summary, "", [Condition("few", np.arange(12) < 4)], 0)
     json.dumps(found, allow_nan=False)
-    view, column = FIRST
+    view, column = FIRST_SORTING
     everything, few = (condition["cells"][view] for condition in found["conditions"])
     assert [row[column][2:4] for row in everything] == [["1", True], ["2", False], ["", False]]
     assert [row[column][2:4] for row in few] == [["", False]] * 3  # four scenes allow no verdict

@@ -9,7 +9,7 @@ from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report import sweep_charts
 from icymoon.stereo.report.averaged_settings import describe_averaging
-from icymoon.stereo.report.by_setting import SCENE, Sweep, find_swept_settings, mean_by_level
+from icymoon.stereo.report.by_setting import SCENE_SWEEP, VariedSetting, average_by_level, find_swept_settings
 from icymoon.stereo.report.conditions import join_by_scene, list_conditions, make_pair_titles, name_levels
 from icymoon.stereo.report.summary import ResultTable
 from icymoon.stereo.report.varied_on_purpose import MOST_LINES, choose_lines
@@ -27,9 +27,9 @@ def made(scenes=1):
     """Sweeps and a table of a plan that varies Sun and albedo, at two headings; the error is known."""
     sun, albedo, heading, ground = grid(SUNS, ALBEDOS, HEADINGS, np.arange(scenes))
     sweeps = [
-        Sweep("rig.heading_deg", "Rig: Heading (°)", heading),
-        Sweep("light.sun_elevation_deg", "Sun (°)", sun),
-        Sweep("surface.albedo", "Albedo", albedo),
+        VariedSetting("rig.heading_deg", "Rig: Heading (°)", heading),
+        VariedSetting("light.sun_elevation_deg", "Sun (°)", sun),
+        VariedSetting("surface.albedo", "Albedo", albedo),
     ]
     table = ResultTable(METHODS, [str(k) for k in range(len(sun))])
     table.counts[:], table.scenes[:] = True, ground
@@ -45,7 +45,7 @@ def test_the_first_of_two_settings_has_a_line_for_each_value_of_the_second():
         lines = choose_lines(one, [sun, albedo])
         assert (lines.factor, lines.names, lines.grouped) == (other, names, False)
     lines = choose_lines(sun, [sun, albedo])
-    mean, _ = mean_by_level(sun, table, 1, "l1_m", lines.of == 2)
+    mean, _ = average_by_level(sun, table, 1, "l1_m", lines.of == 2)
     assert mean.tolist() == [2 * (each + 70) for each in SUNS]  # of this albedo only
 
 
@@ -53,7 +53,7 @@ def test_one_setting_and_what_is_drawn_at_random_have_no_lines():
     (heading, sun, _), _ = made()
     assert choose_lines(sun, [heading, sun]) is None  # a heading is averaged over
     assert choose_lines(heading, [heading, sun]) is None
-    drawn = Sweep("surface.albedo", "Albedo", np.random.default_rng(0).uniform(size=len(sun.values)))
+    drawn = VariedSetting("surface.albedo", "Albedo", np.random.default_rng(0).uniform(size=len(sun.values)))
     assert choose_lines(sun, [sun, drawn]) is None
     assert choose_lines(drawn, [sun, drawn]) is None
 
@@ -61,15 +61,15 @@ def test_one_setting_and_what_is_drawn_at_random_have_no_lines():
 def test_settings_that_were_varied_one_at_a_time_have_no_lines():
     sun = np.array([8, 8, 20, 20, 45, 45, 20, 20, 20, 20], float)
     albedo = np.array([0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.2, 0.2, 0.9, 0.9])
-    sweeps = [Sweep("light.sun_elevation_deg", "Sun", sun), Sweep("surface.albedo", "Albedo", albedo)]
+    sweeps = [VariedSetting("light.sun_elevation_deg", "Sun", sun), VariedSetting("surface.albedo", "Albedo", albedo)]
     assert choose_lines(sweeps[0], sweeps) is None
 
 
 def test_many_values_form_groups_of_neighbours():
     sun, albedo = grid(SUNS, np.arange(10) / 10)
     sweeps = [
-        Sweep("light.sun_elevation_deg", "Sun", np.tile(sun, 2)),
-        Sweep("surface.albedo", "A", np.tile(albedo, 2)),
+        VariedSetting("light.sun_elevation_deg", "Sun", np.tile(sun, 2)),
+        VariedSetting("surface.albedo", "A", np.tile(albedo, 2)),
     ]
     lines = choose_lines(sweeps[0], sweeps)
     assert lines.grouped
@@ -88,14 +88,14 @@ def test_a_chart_of_each_method_has_the_lines_and_the_caption_says_what_is_avera
     assert sun.caption == (
         "Sun (°). Each point is the mean over 3 scenes and 2 headings. A line for each value of Albedo."
     )
-    assert len(sun.rows) == len(sweep_charts.SWEPT)
+    assert len(sun.rows) == len(sweep_charts.SWEPT_METRICS)
     for charts in sun.rows:
         for chart, title in zip(charts, ("StereoBM", "SGBM"), strict=True):
             texts = re.findall(r">([^<>]+)</text>", chart)
             assert {title, "Albedo", "0.2", "0.5", "0.7", "0.9"} <= set(texts)
     heading = drawn["rig.heading_deg"]
     assert heading.of_all
-    assert list(map(len, heading.rows)) == [len(sweep_charts.SWEPT)]
+    assert list(map(len, heading.rows)) == [len(sweep_charts.SWEPT_METRICS)]
     assert heading.caption == "Rig: Heading (°). Each point is the mean over 3 scenes, Sun (°) and Albedo."
 
 
@@ -109,7 +109,7 @@ def test_charts_of_one_metric_have_one_scale_for_all_methods():
 
 
 def test_nothing_is_averaged_where_a_point_is_one_pair():
-    sun, albedo = (Sweep(name, name, values) for name, values in zip("ab", grid(SUNS, ALBEDOS), strict=True))
+    sun, albedo = (VariedSetting(name, name, values) for name, values in zip("ab", grid(SUNS, ALBEDOS), strict=True))
     table = ResultTable(["bm"], [str(k) for k in range(12)])
     table.scenes[:] = np.arange(12)
     assert describe_averaging(np.arange(12), [sun, albedo], [sun, albedo], table) == "Each point is one pair."
@@ -131,7 +131,7 @@ def test_presets_of_scenes_are_one_setting_the_scene(light):
         load_preset(f"scenes/{name}") for name in ("enceladus_fresh_snow", "europa_rough_ice", "europa_chaos")
     )
     sweeps, levels = of_presets((snow, light), (ice, light), (chaos, light), (snow, light))
-    assert [(sweep.name, sweep.together) for sweep in sweeps][:1] == [(SCENE, ())]
+    assert [(sweep.name, sweep.together) for sweep in sweeps][:1] == [(SCENE_SWEEP, ())]
     assert levels[0] == ["Enceladus fresh snow", "Europa chaos", "Europa rough ice"]
     assert len(sweeps) == 1
     assert [condition.name for condition in list_conditions(sweeps, levels)] == levels[0]
@@ -141,7 +141,7 @@ def test_presets_of_scenes_are_one_setting_the_scene(light):
 def test_what_varies_within_a_scene_stays_a_setting():
     snow, ice = (load_preset(f"scenes/{name}") for name in ("enceladus_fresh_snow", "europa_rough_ice"))
     sweeps, _ = of_presets(*((scene, {"light": {"sun_elevation_deg": sun}}) for scene in (snow, ice) for sun in SUNS))
-    assert [sweep.name for sweep in sweeps] == [SCENE, "light.sun_elevation_deg"]
+    assert [sweep.name for sweep in sweeps] == [SCENE_SWEEP, "light.sun_elevation_deg"]
 
 
 def test_settings_of_which_one_is_no_scene_stay_settings():

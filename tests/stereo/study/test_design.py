@@ -6,13 +6,13 @@ import math
 
 import pytest
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.study.design import find_study, read_study, study_names
+from icymoon.stereo.study.design import find_study, list_study_names, read_study
 from icymoon.support.errors import IcyMoonError
 
 SHIPPED = "recipes"
 
 
-@pytest.mark.parametrize("name", study_names())
+@pytest.mark.parametrize("name", list_study_names())
 def test_shipped_studies_are_whole(name):
     study = read_study(find_study(name))
     ids = [pair.id for view in study.views for pair in study.pairs_of(view).values()]

@@ -17,8 +17,13 @@ from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.jackknife import jackknife, sum_over_tiles
 from icymoon.stereo.trade import measure_variants
-from icymoon.stereo.trade.advice import decision_advice, find_distinct_steps, find_pareto_fronts, variant_advice
-from icymoon.stereo.trade.quality_losses import find_pareto_front, measure_variant, number_at, read_reference
+from icymoon.stereo.trade.advice import (
+    find_distinct_steps,
+    find_pareto_fronts,
+    make_decision_advice,
+    make_variant_advice,
+)
+from icymoon.stereo.trade.quality_losses import find_number, find_pareto_front, measure_variant, read_reference
 from icymoon.stereo.trade.report import write_trade
 from icymoon.support.errors import IcyMoonError
 
@@ -143,7 +148,7 @@ def test_a_front_is_what_nothing_beats(points):
             for j in known
         )
         assert (k in found) != beaten
-    costs = [number_at(rows[k], "cpu_s") for k in found]
+    costs = [find_number(rows[k], "cpu_s") for k in found]
     assert costs == sorted(costs)
 
 
@@ -186,7 +191,7 @@ ROWS = [
 
 
 def test_advice_names_the_cheapest_that_shows_the_scene():
-    words = " ".join(variant_advice(ROWS, ["sgbm"]))
+    words = " ".join(make_variant_advice(ROWS, ["sgbm"]))
     assert "within 0.01 px: “256 samples”" in words
     assert "within 0.02 px: “16 samples”, 4.0 CPU seconds a pair (2.5 times less than as described)" in words
     assert "+0.014 ± 0.004 px; perhaps “14 samples”, 3.0 s, +0.018 ± 0.004 px" in words
@@ -205,7 +210,7 @@ def test_advice_claims_nothing_within_noise():
         row("bounces", "8 bounces", 9.9, 0.015, doubt=0.03),
         row("samples", "4 samples", 5.0, 0.08, doubt=0.03),
     ]
-    words = variant_advice(rows, ["sgbm"])
+    words = make_variant_advice(rows, ["sgbm"])
     assert not any("within 0.01 px:" in line or "within 0.02 px:" in line for line in words)
     assert "noise hides here which variants are within 0.01 px or 0.02 px" in " ".join(words)
     # A fiftieth less time is none: the scene as it is described does as well.
@@ -219,7 +224,7 @@ def test_advice_for_all_matchers_comes_first():
         for key in ("stereo", "loss", "loss_doubt"):
             each[key]["bm"] = dict(each[key]["sgbm"])
         each["loss"]["bm"]["epe_px"] = loss
-    words = variant_advice(rows, ["sgbm", "bm"])
+    words = make_variant_advice(rows, ["sgbm", "bm"])
     assert words[0].startswith("all matchers, within 0.01 px: “as described”, 10.0 CPU seconds a pair, adds at most")
     assert words[0].endswith("+0.005 ± 0.001 px, of StereoBM.")
     assert "all matchers, within 0.1 px: “8 samples”" in words[1]
@@ -230,21 +235,21 @@ def test_advice_reports_fewer_measured_pixels():
     rows = [row("scene", "as described", 10.0, 0.015), row("samples", "2 samples", 1.0, 0.0)]
     for each, fewer in zip(rows, (0.002, 0.4), strict=True):
         each["loss"]["sgbm"]["coverage"] = fewer
-    words = " ".join(variant_advice(rows, ["sgbm"]))
+    words = " ".join(make_variant_advice(rows, ["sgbm"]))
     assert (
         "“2 samples”, 1.0 CPU seconds a pair (10.0 times less than as described), adds +0.000 ± 0.004 px with "
         "40 % fewer pixels measured" in words
     )
     rows[1]["loss_doubt"]["sgbm"]["coverage"] = 0.5
-    assert "fewer" not in " ".join(variant_advice(rows, ["sgbm"]))
+    assert "fewer" not in " ".join(make_variant_advice(rows, ["sgbm"]))
 
 
 def test_times_that_vary_separate_fewer_variants():
     steady = [row("scene", "as described", 10.0, 0.0), row("shortcuts", "depth only", 8.0, 0.0)]
     shaky = [each | {"cpu_range": [each["cpu_s"], 1.3 * each["cpu_s"]]} for each in steady]
     words = "depth only” changes the light by +0.00 ± 0.07 % and saves 20 %"
-    assert words in " ".join(variant_advice(steady, ["sgbm"]))
-    assert "takes as long, within 37 %" in " ".join(variant_advice(shaky, ["sgbm"]))  # 2 ln 1.3 / √2
+    assert words in " ".join(make_variant_advice(steady, ["sgbm"]))
+    assert "takes as long, within 37 %" in " ".join(make_variant_advice(shaky, ["sgbm"]))  # 2 ln 1.3 / √2
 
 
 def test_the_steps_of_a_front_are_not_noise():
@@ -311,12 +316,12 @@ def test_the_stated_doubt_is_the_spread_that_noise_causes(truth, tmp_path):
 
 def test_numbers_are_those_of_the_metrics(truth):
     from icymoon.stereo.measure.metrics import compute_disparity_metrics
-    from icymoon.stereo.trade.quality_losses import stereo_numbers, tally_errors
+    from icymoon.stereo.trade.quality_losses import compute_stereo_numbers, tally_errors
 
     random = np.random.default_rng(1)
     true = np.where(random.random((37, 53)) < 0.2, np.nan, 20.0)
     disparity = np.where(random.random(true.shape) < 0.3, np.nan, 20.0 + random.normal(0, 1, true.shape))
-    coverage, epe, bad, wrong = stereo_numbers(tally_errors(disparity, true).sum(axis=0))
+    coverage, epe, bad, wrong = compute_stereo_numbers(tally_errors(disparity, true).sum(axis=0))
     expected = compute_disparity_metrics(disparity, true)
     assert (epe, bad) == pytest.approx((expected["epe_px"], expected["bad_1"]))
     assert coverage == pytest.approx(np.mean(np.isfinite(disparity[np.isfinite(true)])))
@@ -385,7 +390,7 @@ def test_where_nothing_can_be_decided_there_is_a_sentence(tmp_path):
     row = {"group": "scene", "name": "as described", "key": "scene", **found}
     assert row["decisions"] == {}
     stated = {"undecided": reference.deciding, "own_decisions": {}}
-    assert decision_advice([row], ["bm"], [stated]) == [reference.deciding]
+    assert make_decision_advice([row], ["bm"], [stated]) == [reference.deciding]
 
 
 def decided(name: str, cpu_s: float, same: bool | None, taken: float = 0.1) -> dict[str, Any]:
@@ -418,13 +423,13 @@ def test_the_advice_is_the_cheapest_variant_with_the_same_decisions():
         decided("many", 5.0, True),
     ]
     reference: dict[str, Any] = {"undecided": "", "own_decisions": {"bm": {"same": True}}}
-    (line,) = decision_advice(rows, ["bm"], [reference])
+    (line,) = make_decision_advice(rows, ["bm"], [reference])
     assert "“some”, 3.0 CPU seconds a pair (3.0 times less" in line
     assert "1.0 ± 1.0 % of the cells otherwise" in line
     assert "tells little" not in line
-    (line,) = decision_advice([{**decided("as described", 9.0, True, 0.0), "group": "scene"}], ["bm"], [reference])
+    (line,) = make_decision_advice([{**decided("as described", 9.0, True, 0.0), "group": "scene"}], ["bm"], [reference])
     assert "but StereoBM found no safe site on the reference" in line
     alone = [rows[1], {**rows[1], "group": "scene"}]
-    assert "no variant" in decision_advice(alone, ["bm"], [reference])[0]
+    assert "no variant" in make_decision_advice(alone, ["bm"], [reference])[0]
     reference["own_decisions"]["bm"]["same"] = False
-    assert "noise leaves open" in decision_advice(alone, ["bm"], [reference])[0]
+    assert "noise leaves open" in make_decision_advice(alone, ["bm"], [reference])[0]

@@ -20,8 +20,8 @@ from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.search_range import SearchRange
 from icymoon.stereo.twin import compare_twin
 from icymoon.stereo.twin.compare_twin import (
-    GRADIENTS,
-    LEVELS,
+    GRADIENT_BOUNDS,
+    LEVEL_BOUNDS,
     choose_search_range,
     find_consistent,
     measure_image,
@@ -204,7 +204,7 @@ def test_a_ramp_has_its_gradient_and_exposure_does_not_count():
     assert numbers["contrast"] == pytest.approx(ramp.std() / ramp.mean())
     assert numbers["dark"] == numbers["saturated"] == 0
     assert sum(curves["levels"]) == pytest.approx(1)
-    assert (len(curves["levels"]), len(curves["gradients"])) == (len(LEVELS) - 1, len(GRADIENTS) - 1)
+    assert (len(curves["levels"]), len(curves["gradients"])) == (len(LEVEL_BOUNDS) - 1, len(GRADIENT_BOUNDS) - 1)
     darker, _ = measure_image(0.5 * ramp, 0.5 * 255.0, seen)
     assert darker == pytest.approx(numbers, nan_ok=True)
     clipped, _ = measure_image(np.minimum(3 * ramp, 255), 200.0, seen)
