@@ -91,16 +91,17 @@ def read_numbers(directory: Sequence[Any], doubles: Sequence[Any], wanted: Colle
 def geokeys_from_json(stated: object) -> GeoKeys | None:
     """The GeoKeys of a ``pair.json``; None if it states none, or something else."""
     texts = [stated.get(key) for key in ("directory", "doubles", "text")] if isinstance(stated, Mapping) else []
-    if len(texts) != 3 or not all(isinstance(each, str) and len(each) <= _MOST_LETTERS for each in texts):
+    known = [each for each in texts if isinstance(each, str) and len(each) <= _MOST_LETTERS]
+    if len(known) != 3:
         return None
     try:
-        directory, doubles = tuple(map(int, texts[0].split())), tuple(map(float, texts[1].split()))
+        directory, doubles = tuple(map(int, known[0].split())), tuple(map(float, known[1].split()))
     except ValueError:
         return None
     whole = all(0 <= each <= _LARGEST_SHORT for each in directory) and all(map(math.isfinite, doubles))
-    if not (whole and 8 <= len(directory) <= _MOST and len(doubles) <= _MOST and texts[2].isascii()):
+    if not (whole and 8 <= len(directory) <= _MOST and len(doubles) <= _MOST and known[2].isascii()):
         return None
     inside = all(
         directory[k + 1] != _DOUBLES or directory[k + 3] < len(doubles) for k in range(4, len(directory) - 3, 4)
     )
-    return GeoKeys(directory, doubles, texts[2]) if inside else None
+    return GeoKeys(directory, doubles, known[2]) if inside else None

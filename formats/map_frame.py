@@ -83,18 +83,19 @@ def map_frame_from_json(ground: object) -> MapFrame | None:
     if not isinstance(place, Mapping):
         return None
     geokeys = geokeys_from_json(place.get("geokeys"))
-    lists = [place.get(key) for key in ("origin", "scale", "bounds")]
-    numbers = [place.get("unit_m"), place.get("height_zero_m")]
-    numbers += [value for each in lists if isinstance(each, list) for value in each]
-    if geokeys is None or not all(map(is_number, numbers)) or [len(each or ()) for each in lists] != [2, 2, 4]:
+    stated = [place.get(key) for key in ("origin", "scale", "bounds")]
+    lists = [each for each in stated if isinstance(each, list) and all(map(is_number, each))]
+    unit_m, zero_m = place.get("unit_m"), place.get("height_zero_m")
+    if geokeys is None or not (is_number(unit_m) and is_number(zero_m)) or [len(each) for each in lists] != [2, 2, 4]:
         return None
-    origin, scale, bounds = (tuple(map(float, each)) for each in lists)
-    unit_m = float(place["unit_m"])
-    if not (unit_m > 0 and min(scale) > 0 and all(map(math.isfinite, (*origin, *scale, *bounds, unit_m)))):
+    (x, y), (along_x, along_y), (west, south, east, north) = lists
+    if not (
+        min(unit_m, along_x, along_y) > 0
+        and all(map(math.isfinite, (zero_m, unit_m, x, y, along_x, along_y, west, south, east, north)))
+    ):
         return None
-    return MapFrame(
-        origin, scale, unit_m, float(place["height_zero_m"]), geokeys, bounds, read_system(geokeys.numbers(), unit_m)
-    )
+    system = read_system(geokeys.numbers(), unit_m)
+    return MapFrame((x, y), (along_x, along_y), unit_m, zero_m, geokeys, (west, south, east, north), system)
 
 
 def describe_cameras(ground: object, poses: Mapping[str, Array]) -> dict[str, Any]:
