@@ -118,6 +118,13 @@ def test_eyes_that_are_no_pair_are_one_sentence(tmp_path, shift, words):
         read_eyes(*files_of(tmp_path, rig, "mrcal"))
 
 
+def test_files_of_ros_in_the_wrong_order_are_exchanged_eyes(tmp_path):
+    """The first file has the baseline then, and the second one none."""
+    left, right = files_of(tmp_path, HEADS["nearly alike"], "ros")
+    with pytest.raises(IcyMoonError, match=r"left\.yaml stands 0\.\d+ m to the left of .*right\.yaml.*; give it first"):
+        read_eyes(right, left)
+
+
 def test_a_lens_that_folds_the_image_is_named_with_its_file(tmp_path):
     left, right = HEADS["nearly alike"].cameras
     rig = CalibratedRig((left, replace(right, lens=Brown((-0.9, 0.0, 0.0, 0.0, 0.0)))))
@@ -130,6 +137,15 @@ def test_a_long_baseline_is_doubted():
     assert check_baseline(0.3, "a.cameramodel", "the translation is", "mrcal", Stated()) == []
     (note,) = check_baseline(30.0, "a.cameramodel", "the translation is", "mrcal", Stated())
     assert "divide it by 1000 in the file" in note
+
+
+def test_a_short_baseline_is_doubted():
+    """A T of 0.12 in metres that is taken for millimetres; an endoscope's eyes are 4 mm apart."""
+    (note,) = check_baseline(0.00012, "a.yml", "the translation is", "opencv", Stated("mm"))
+    assert note == (
+        "The eyes are 0.00012 m apart, since the translation is in mm; if it is in another unit, state --unit m or in."
+    )
+    assert check_baseline(0.004, "a.yml", "the translation is", "opencv", Stated("mm")) == []
 
 
 @pytest.mark.parametrize(
