@@ -72,7 +72,9 @@ def test_transforms_are_those_of_a_frame_and_become_a_trajectory(tmp_path, capsy
         read_bag_poses(bag)
     assert main(["poses", str(bag), "--frame", "right", "--out", str(tmp_path / "poses.txt")]) == 0
     assert "3 poses of right in map, with the axes of the bag: " in capsys.readouterr().out
-    assert (tmp_path / "poses.txt").read_text(encoding="utf-8").startswith("# run: right in map, with the axes of the bag")
+    assert (
+        (tmp_path / "poses.txt").read_text(encoding="utf-8").startswith("# run: right in map, with the axes of the bag")
+    )
     found = read_trajectory(tmp_path / "poses.txt").poses
     np.testing.assert_allclose(found.position_m, PLACES)
     np.testing.assert_allclose(found.rotation, TURNS, atol=1e-12)
@@ -128,7 +130,9 @@ def test_a_frame_on_another_one_that_moves_is_refused_with_that_one(tmp_path):
     robot = [("map", "robot", k, (k, 0, 0)) for k in range(3)]
     camera = [("/robot", "camera", k, (0, 0, 1)) for k in range(3)]
     bag = write_transforms(tmp_path / "run", *robot, *camera)
-    with pytest.raises(IcyMoonError, match="poses of camera are in robot, which itself moves in map; give --frame robot"):
+    with pytest.raises(
+        IcyMoonError, match="poses of camera are in robot, which itself moves in map; give --frame robot"
+    ):
         read_bag_poses(bag, frame="camera")
     found = read_bag_poses(bag, frame="robot")
     assert (found.parent, [pose[0, 3] for pose in found.poses]) == ("map", [0, 1, 2])
@@ -144,8 +148,14 @@ def test_a_frame_on_one_that_stands_still_is_a_path(tmp_path):
 @pytest.mark.parametrize(
     ("transforms", "why"),
     [
-        ([("map", "robot", 0, (0, 0, 0)), ("map", "robot", 0, (1, 0, 0))], "robot has different poses with the stamp 0"),
-        ([("map", "robot", 0, (0, 0, 0)), ("odom", "robot", 1, (0, 0, 0))], "robot has poses in the frames 'map' and 'odom'"),
+        (
+            [("map", "robot", 0, (0, 0, 0)), ("map", "robot", 0, (1, 0, 0))],
+            "robot has different poses with the stamp 0",
+        ),
+        (
+            [("map", "robot", 0, (0, 0, 0)), ("odom", "robot", 1, (0, 0, 0))],
+            "robot has poses in the frames 'map' and 'odom'",
+        ),
         ([("map", "robot", 7, (float("nan"), 0, 0))], "the pose with the stamp 7.* has a number that is not finite"),
     ],
 )
