@@ -208,7 +208,7 @@ def test_a_gap_is_told(tmp_path):
         (
             [(0, 45, 0)] * 2,
             'world = "NED"\n',
-            "; 2 look above the horizon (the first in line 1); 2 stand upside down (the first in line 1); check axes, world",
+            "; 2 look above the horizon (the first in line 1); 2 stand upside down (the first in line 1); check axes",
         ),
         ([(0, -45, 180)], 'world = "FIRST"\n', "on a path of 0 m."),
     ],
