@@ -12,10 +12,9 @@ from ..settings.description import defaults
 from ..settings.table import TOPICS
 from ..support.errors import IcyMoonError
 
-#: Longest baseline of two eyes on one mount, m; NASA's rovers have at most 0.42, cars 1.5.
-_LIKELY_BASELINE_M = 5.0
-#: Shortest baseline of two lenses side by side, m, unless a unit is wrong.
-_SHORT_BASELINE_M = 2e-3
+#: Shortest and longest baseline of two eyes on one mount, m; endoscopes have 0.004, NASA's rovers at most 0.42, cars
+#: 1.5.
+_SHORT_BASELINE_M, _LIKELY_BASELINE_M = 0.003, 5.0
 
 
 def are_chosen_by_name(kind: str, chosen: str | None) -> bool:
@@ -52,13 +51,10 @@ def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, sta
     Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number of the file that is it.
     """
     most = TOPICS["rig"]["baseline_m"].maximum
-    if baseline_m < _SHORT_BASELINE_M:
-        given = stated.unit or "m"
-        fix = "if it is in metres, state --unit m" if given != "m" else "if it is in another unit, write metres there"
-        return [f"The eyes are {1000 * baseline_m:g} mm apart, since {stated_in} in {given}; {fix}."]
-    if baseline_m <= _LIKELY_BASELINE_M:
+    if _SHORT_BASELINE_M <= baseline_m <= _LIKELY_BASELINE_M:
         return []
-    likely = [unit for unit in UNITS if baseline_m * UNITS[unit] / UNITS[stated.unit or "m"] <= _LIKELY_BASELINE_M]
+    own = baseline_m / UNITS[stated.unit or "m"]
+    likely = [unit for unit in UNITS if _SHORT_BASELINE_M <= own * UNITS[unit] <= _LIKELY_BASELINE_M]
     is_open = not FORMATS[kind].in_metres and (kind != "opencv" or stated.unit is not None)
     unit = "metres" if stated.unit in (None, "m") else stated.unit
     if not likely:

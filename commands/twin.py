@@ -174,7 +174,9 @@ def _measure(
                     )
                 )
     if not done:
-        raise IcyMoonError(f"{out / _TWINS_FOLDER} has no twin that is whole; run the same command again.")
+        raise IcyMoonError(
+            f"No twin in {out / _TWINS_FOLDER} is whole; correct what set the pairs aside, and run the command again."
+        )
     rows, needed = summarise(records, methods)
     ground = str(options.ground) if options.ground else ""
     limits = list_limits(done, records, described, rectification, needed, ground)

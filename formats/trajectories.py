@@ -23,6 +23,7 @@ from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import quote, shorten
 from ..support.foreign_bytes import MOST_TEXT, ForeignBytes, read
+from ..support.number_text import format_count
 
 KINDS = ("TUM", "KITTI", "CSV")
 _COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -111,7 +112,9 @@ def _kind_of(path: Path, first: str) -> str:
         return "CSV"
     count = len(first.split())
     if count not in (8, 12):
-        raise ValueError(f"its first line has {count} words, and TUM has 8, KITTI 12")
+        if "," in first:
+            raise ValueError("its first line has commas; state its format as CSV, or end its name in .csv")
+        raise ValueError(f"its first line has {format_count(count, 'word')}, and TUM has 8, KITTI 12")
     return "TUM" if count == 8 else "KITTI"
 
 
@@ -164,13 +167,21 @@ class _Poses:
     def _notes(self) -> tuple[str, ...]:
         if not self._not_unit:
             return ()
-        what = "rotations are not exact" if self._kind == "KITTI" else "quaternions do not have the length 1"
-        return (f"{self._not_unit} {what} (line {self._line_off} is off by {self._off:.2g}) and were normalised",)
+        count = self._not_unit
+        what = format_count(count, "matrix", "matrices") if self._kind == "KITTI" else format_count(count, "quaternion")
+        return (f"{what} normalised (line {self._line_off} is off by {self._off:.2g})",)
 
     def _read_names(self, text: str) -> None:
         """Find the columns by the first line of a CSV file."""
-        names = {_short_name(name): k for k, name in enumerate(_cells(text))}
-        stamp = next((name for name in _STAMPS if name in names), None)
+        names: dict[str, int] = {}
+        for k, name in enumerate(map(_short_name, _cells(text))):
+            if name in names and name in (*_STAMPS, *_COLUMNS):
+                raise ValueError(f"its first line names {name} twice")
+            names[name] = k
+        stamps = [name for name in _STAMPS if name in names]
+        if len(stamps) > 1:
+            raise ValueError(f"its first line names the stamps {' and '.join(stamps)}, so leave one out")
+        stamp = next(iter(stamps), None)
         missing = [*([] if stamp else ["t"]), *(name for name in _COLUMNS if name not in names)]
         if missing or stamp is None:
             raise ValueError(f"its first line names no column {', '.join(missing)}")
@@ -197,7 +208,8 @@ class _Poses:
 
     def _rotation(self, matrix: Array, line: int) -> Array:
         off = rotation_error(matrix)
-        self._note(off, line, f"a matrix that is no rotation, off by {off:.3g}")
+        why = f"off by {off:.3g}" if math.isfinite(off) else "mirrored or flat"
+        self._note(off, line, f"a matrix that is no rotation, {why}")
         return from_quaternion(quaternion(nearest_rotation(matrix)))
 
     def _note(self, off: float, line: int, what: str) -> None:

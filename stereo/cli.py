@@ -557,9 +557,9 @@ def _run_poses(parsed: argparse.Namespace) -> int:
     from ..formats.trajectories import tum_text
     from .datasets.bag_poses import read_bag_poses
 
-    stamps, poses = read_bag_poses(parsed.bag, parsed.topic, parsed.frame)
-    write_text(parsed.out, tum_text(stamps, poses, f"{parsed.bag.name}, as its frame is"))
-    printer.say(f"{format_count(len(stamps), 'pose')}: {parsed.out}")
+    found = read_bag_poses(parsed.bag, parsed.topic, parsed.frame)
+    write_text(parsed.out, tum_text(found.stamps, found.poses, f"{parsed.bag.name}: {found.describe()}"))
+    printer.say(f"{format_count(len(found.stamps), 'pose')} of {found.describe()}: {parsed.out}")
     return 0
 
 

@@ -4,6 +4,7 @@ Blender.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,10 @@ from .setting_sweeps import MOST_PAIRS, Sweep, Variation, check_keys, check_sett
 
 KIND = "trajectory"
 _TABLE_KEYS = ("file", "format", "times", "rate_hz", "every", "axes", "world", "heights", "origin_m", "gap_s")
+#: Largest number of frames in a second whose stamps of nine decimals differ.
+_MOST_HZ = 1e9
+#: Angle above the horizon up to which a camera, or its point below, counts as level.
+_LEVEL_DEG = 1.0
 #: Value of ``world`` by which poses are relative to the first pose, which is put at the rig of the plan.
 _RELATIVE_TO_FIRST = "FIRST"
 _SPEED_KEYS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s")
@@ -97,6 +102,7 @@ def describe_trajectory(sweep: Sweep) -> str:
     said = [
         f"{_find_file(sweep).name}: {format_count(len(poses), 'pose')} in {poses.seconds[-1]:.6g} s on a path of "
         f"{poses.length_m:.4g} m",
+        *_describe_views(sweep, found, poses),
         *found.notes,
     ]
     gaps = np.flatnonzero(poses.gaps(_read_positive(sweep, "gap_s")))
@@ -110,14 +116,52 @@ def describe_trajectory(sweep: Sweep) -> str:
     return "; ".join(said) + "."
 
 
+def _describe_views(sweep: Sweep, found: Trajectory, poses: PoseSequence) -> list[str]:
+    """Where the cameras look, by which wrong axes or a quaternion in another order are seen before a render; nothing
+    for poses that begin as the rig of the plan does."""
+    world = _world_of(sweep, found)
+    if world == _RELATIVE_TO_FIRST:
+        return []
+    up = WORLD_IN[world][2]
+    # Columns of a rotation are the camera's axes x right, y down, z forward.
+    down_deg = np.degrees(np.arcsin(np.clip(-(up @ poses.rotation)[:, 2], -1.0, 1.0)))
+    low, high = float(down_deg.min()), float(down_deg.max())
+    views = _view_text(low) if _view_text(low) == _view_text(high) else f"from {_view_text(low)} to {_view_text(high)}"
+    said = [f"cameras look {views}"]
+    for verb, where, wrong in (
+        ("look", "above the horizon", down_deg < -_LEVEL_DEG),
+        ("stand", "upside down", (up @ poses.rotation)[:, 1] > math.sin(math.radians(_LEVEL_DEG))),
+    ):
+        if wrong.any():
+            count, first = int(wrong.sum()), poses.line[int(np.argmax(wrong))]
+            said.append(f"{count} {verb}{'s' if count == 1 else ''} {where} (the first in line {first})")
+    return [*said, "check axes, world and the order in quaternions"] if len(said) > 1 else said
+
+
+def _view_text(down_deg: float) -> str:
+    rounded = round(down_deg) or 0
+    return f"{abs(rounded)} degrees {'up' if rounded < 0 else 'down'}"
+
+
+def _world_of(sweep: Sweep, found: Trajectory) -> str:
+    return _read_choice(
+        sweep, "world", (*WORLD_IN, _RELATIVE_TO_FIRST), _RELATIVE_TO_FIRST if found.kind == "KITTI" else "ENU"
+    )
+
+
 def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
-    """The content of the file, and its poses in its own axes, with the stamps and the step of the plan."""
+    """The content of the file, and its poses with the stamps and of the step that the plan states, in its own axes."""
     check_keys(sweep.table, _TABLE_KEYS, sweep.place, "a trajectory sweep")
     axes, kind = _read_choice(sweep, "axes", CAMERA_IN, "OPENCV"), _read_choice(sweep, "format", KINDS, "")
     times = _read_path(sweep, "times") if "times" in sweep.table else None
     every, rate = _read_positive(sweep, "every", 1.0), _read_positive(sweep, "rate_hz")
     if every is None or every < 1 or every != int(every):
-        raise IcyMoonError(f"{sweep.place.at('every')}: every is {quote(every)}, but must be a whole number from 1 up.")
+        raise IcyMoonError(f"{sweep.place.at('every')}: every is {quote(every)}, it must be a whole number from 1 up.")
+    if rate is not None and rate > _MOST_HZ:
+        raise IcyMoonError(
+            f"{sweep.place.at('rate_hz')}: rate_hz is {rate:g}, more than {_MOST_HZ:g}, since stamps have nine "
+            "decimals; lower it."
+        )
     try:
         found = read_trajectory(_find_file(sweep), kind, times, CAMERA_IN[axes])
     except IcyMoonError as error:
@@ -143,9 +187,7 @@ def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
 def _read_poses(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> tuple[PoseSequence, bool]:
     """The poses in the axes and from the origin of the site, and whether their heights are above the ground."""
     found, poses = _read_file(sweep)
-    world = _read_choice(
-        sweep, "world", (*WORLD_IN, _RELATIVE_TO_FIRST), _RELATIVE_TO_FIRST if found.kind == "KITTI" else "ENU"
-    )
+    world = _world_of(sweep, found)
     heights = _read_choice(sweep, "heights", ("ZERO", "GROUND"), "ZERO")
     if world == _RELATIVE_TO_FIRST:
         for key in ("heights", "origin_m"):

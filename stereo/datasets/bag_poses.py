@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -30,11 +31,42 @@ _POSE_PATHS = {
 _NANOSECOND_S = Decimal("1e-9")
 
 
-def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> tuple[list[Decimal], list[Array]]:
-    """The stamps in seconds, and the poses (4, 4) of a moving frame, of a topic in a bag.
+@dataclass
+class _Frame:
+    """The poses (4, 4) of a moving frame by their stamps, in the frame ``parent``."""
 
-    ``topic`` may be empty if only one topic has poses. ``frame`` names the moving frame if a topic has several, as /tf
-    does. Raises IcyMoonError for a bag without poses.
+    parent: str
+    poses: dict[Decimal, Array] = field(default_factory=dict)
+
+    def stands_still(self) -> bool:
+        """Whether all of its poses are the same, as those of a fixed transform that is sent again and again."""
+        first, *others = self.poses.values()
+        return all(np.array_equal(first, other) for other in others)
+
+
+@dataclass(frozen=True)
+class BagPoses:
+    """The poses (4, 4) of the frame ``frame`` in the frame ``parent`` by ``stamps`` in seconds, in the order of time.
+
+    Both names are those of the bag and may be empty.
+    """
+
+    stamps: list[Decimal]
+    poses: list[Array]
+    frame: str
+    parent: str
+
+    def describe(self) -> str:
+        """Which frame the poses are of, and in which one."""
+        return f"{self.frame or 'the poses'} in {self.parent or 'a frame without a name'}, with the axes of the bag"
+
+
+def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
+    """The poses of a moving frame, of a topic in a bag.
+
+    ``topic`` may be empty if only one has poses. ``frame`` is the moving frame where a topic has several, as /tf does.
+    Raises IcyMoonError for a bag without poses, for different poses with one stamp, and for a frame whose poses are in
+    one that moves itself.
     """
     if importlib.util.find_spec("rosbags") is None:
         raise IcyMoonError('Bags are read by the package rosbags; pip install "icymoon[ros]".')
@@ -49,15 +81,39 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> tuple[list[De
     ):
         there = {each.topic: each for each in reader.connections if each.msgtype in _POSE_PATHS}
         chosen = _choose(bag, "topic", topic, list(there))
-        found: dict[str, dict[Decimal, Array]] = {}
+        found: dict[str, _Frame] = {}
         for connection, _, raw in reader.messages([each for each in reader.connections if each.topic == chosen]):
-            for name, stamp, pose in _read_message(reader.deserialize(raw, connection.msgtype), connection.msgtype):
-                found.setdefault(name, {})[stamp] = pose
-                if len(found[name]) > MOST_POSES:
+            for each in _read_message(reader.deserialize(raw, connection.msgtype), connection.msgtype):
+                _add(found, *each)
+                if len(found[each[0]].poses) > MOST_POSES:
                     raise IcyMoonError(f"{bag}: {chosen} has more than {MOST_POSES} poses; cut it into several bags.")
-    poses = found[_choose(bag, "frame", frame, list(found))]
+    if frame and list(found) == [""]:
+        raise IcyMoonError(f"{bag}: {chosen} has poses without the name of a moving frame; leave out --frame.")
+    name = _choose(bag, "frame", frame, list(found))
+    _refuse_moving_parent(bag, name, found)
+    poses = found[name].poses
     stamps = sorted(poses)
-    return stamps, [poses[stamp] for stamp in stamps]
+    return BagPoses(stamps, [poses[stamp] for stamp in stamps], name, found[name].parent)
+
+
+def _add(found: dict[str, _Frame], name: str, parent: str, stamp: Decimal, pose: Array) -> None:
+    """Note a pose. Raises ValueError if it contradicts the others of its frame."""
+    frame = found.setdefault(name, _Frame(parent))
+    what = shorten(name) or "its topic"
+    if frame.parent != parent:
+        raise ValueError(f"{what} has poses in the frames {shorten(frame.parent)!r} and {shorten(parent)!r}")
+    if not np.array_equal(frame.poses.setdefault(stamp, pose), pose):
+        raise ValueError(f"{what} has different poses with the stamp {stamp:f} s")
+
+
+def _refuse_moving_parent(bag: Path, name: str, found: Mapping[str, _Frame]) -> None:
+    """Refuse a frame that is given in another one that moves: its poses are no path over the ground."""
+    parent = found[name].parent
+    if parent in found and parent != name and not found[parent].stands_still():
+        raise IcyMoonError(
+            f"{bag}: the poses of {shorten(name)} are in {shorten(parent)}, which itself moves in "
+            f"{shorten(found[parent].parent)}; give --frame {shorten(parent)}, or record the pose in a fixed frame."
+        )
 
 
 def _choose(bag: Path, what: str, stated: str, there: list[str]) -> str:
@@ -76,8 +132,8 @@ def _choose(bag: Path, what: str, stated: str, there: list[str]) -> str:
     return there[0]
 
 
-def _read_message(message: Any, kind: str) -> Iterator[tuple[str, Decimal, Array]]:
-    """The moving frame, the stamp and the pose of each pose in a message."""
+def _read_message(message: Any, kind: str) -> Iterator[tuple[str, str, Decimal, Array]]:
+    """Moving frame, the frame it is given in, stamp and pose of each pose in a message."""
     for each in message.transforms if kind == _TRANSFORMS_TYPE else [message]:
         stamp = each.header.stamp
         value = each
@@ -88,8 +144,13 @@ def _read_message(message: Any, kind: str) -> Iterator[tuple[str, Decimal, Array
         pose = np.eye(4)
         pose[:3, :3] = from_quaternion(np.array([turn.w, turn.x, turn.y, turn.z]))
         pose[:3, 3] = place.x, place.y, place.z
+        seconds = (Decimal(int(stamp.sec)) + Decimal(int(stamp.nanosec)) * _NANOSECOND_S).quantize(_NANOSECOND_S)
+        if not np.isfinite(pose).all():
+            raise ValueError(f"the pose with the stamp {seconds:f} s has a number that is not finite")
+        # Names of ROS 1 may begin with a slash, in one message and not in the next.
         yield (
-            getattr(each, "child_frame_id", ""),
-            (Decimal(int(stamp.sec)) + Decimal(int(stamp.nanosec)) * _NANOSECOND_S).quantize(_NANOSECOND_S),
+            getattr(each, "child_frame_id", "").removeprefix("/"),
+            each.header.frame_id.removeprefix("/"),
+            seconds,
             pose,
         )

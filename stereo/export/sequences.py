@@ -16,6 +16,7 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -126,13 +127,13 @@ def _write_tum(each: Each, out: Path) -> None:
 
 def _write_kitti_odometry(each: Each, out: Path) -> None:
     sequences = _Sequences()
-    first: dict[int, tuple[Array, float]] = {}
+    first: dict[int, tuple[Array, Decimal]] = {}
 
     def write(pair: LoadedPair) -> None:
         sequence = sequences.of(pair)
         root, name = out / "sequences" / f"{sequence.number:02d}", f"{len(sequence.frames):06d}.png"
-        pose, seconds = read_pose(pair, "left"), float(pair.settings.rig.stamp)
-        start, began = first.setdefault(sequence.number, (pose, seconds))
+        pose, stamp = read_pose(pair, "left"), Decimal(pair.settings.rig.stamp)
+        start, began = first.setdefault(sequence.number, (pose, stamp))
         turn = start[:3, :3].T
         relative = np.column_stack([turn @ pose[:3, :3], turn @ (pose[:3, 3] - start[:3, 3])])
         for folder, eye in (("image_2", "left"), ("image_3", "right")):
@@ -145,7 +146,10 @@ def _write_kitti_odometry(each: Each, out: Path) -> None:
             calibration.append(f"P{k}: {' '.join(f'{value:.12e}' for value in matrix.ravel())}")
         sequence.lines["calib"] = calibration
         sequence.add(
-            pair, times=f"{seconds - began:.6e}", poses=" ".join(f"{value:.12e}" for value in relative.ravel())
+            # KITTI's own six decimals would give neighbouring frames of long sequences one time.
+            pair,
+            times=f"{float(stamp - began):.15e}",
+            poses=" ".join(f"{value:.12e}" for value in relative.ravel()),
         )
 
     each(write)

@@ -53,12 +53,17 @@ def find_photographs(paths: Sequence[Path], depths: Sequence[Path] = ()) -> list
     """
     if len(paths) == 1 and paths[0].is_dir():
         files = _find_in_folder(paths[0])
+    elif len(paths) == 1 and not paths[0].exists():
+        raise IcyMoonError(f"{paths[0]} is missing; give one folder with both eyes' images, or LEFT RIGHT.")
     elif len(paths) % 2:
         raise IcyMoonError(
             f"{paths[-1]} has no partner; give LEFT RIGHT, several of these, or one folder with both eyes' images."
         )
     else:
         files = list(zip(paths[::2], paths[1::2], strict=True))
+    for left, right in files:
+        if left.exists() and right.exists() and left.samefile(right):
+            raise IcyMoonError(f"{left} and {right} are one file; give the image of each eye.")
     if depths and len(depths) != len(files):
         raise IcyMoonError(
             f"--depth names {format_count(len(depths), 'file')} for {format_count(len(files), 'pair')}; give one "

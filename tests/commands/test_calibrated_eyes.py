@@ -119,6 +119,13 @@ def test_eyes_that_are_no_pair_are_one_sentence(tmp_path, shift, words):
         read_eyes(*files_of(tmp_path, rig, "mrcal"))
 
 
+def test_files_of_ros_in_the_wrong_order_are_exchanged_eyes(tmp_path):
+    """The first file has the baseline then, and the second one none."""
+    left, right = files_of(tmp_path, HEADS["nearly alike"], "ros")
+    with pytest.raises(IcyMoonError, match=r"left\.yaml stands 0\.\d+ m to the left of .*right\.yaml.*; give it first"):
+        read_eyes(right, left)
+
+
 def test_a_lens_that_folds_the_image_is_named_with_its_file(tmp_path):
     left, right = HEADS["nearly alike"].cameras
     rig = CalibratedRig((left, replace(right, lens=Brown((-0.9, 0.0, 0.0, 0.0, 0.0)))))
@@ -134,12 +141,12 @@ def test_a_long_baseline_is_doubted():
 
 
 def test_a_short_baseline_is_doubted():
-    """Metres read as millimetres: 0.2 mm is no distance of two lenses."""
-    (note,) = check_baseline(2e-4, "a.yaml", "the translation is", "opencv", Stated("mm"))
-    assert note == "The eyes are 0.2 mm apart, since the translation is in mm; if it is in metres, state --unit m."
-    assert check_baseline(0.01, "a.yaml", "the translation is", "opencv", Stated("mm")) == []
-    (note,) = check_baseline(2e-4, "a.yaml", "the translation is", "ros", Stated())
-    assert "if it is in another unit, write metres there" in note
+    """A T of 0.12 in metres that is taken for millimetres; an endoscope's eyes are 4 mm apart."""
+    (note,) = check_baseline(0.00012, "a.yml", "the translation is", "opencv", Stated("mm"))
+    assert note == (
+        "The eyes are 0.00012 m apart, since the translation is in mm; if it is in another unit, state --unit m or in."
+    )
+    assert check_baseline(0.004, "a.yml", "the translation is", "opencv", Stated("mm")) == []
 
 
 @pytest.mark.parametrize(("scale", "words"), [(0.01, "divide it by the pixel pitch"), (1e3, "or the images' own size")])

@@ -80,10 +80,10 @@ def test_rotations_of_other_axes_are_of_the_camera_in_the_end(tmp_path):
 
 def test_what_is_off_by_more_than_rounding_is_normalised_and_said(tmp_path):
     found = read(tmp_path, "0 0 0 0 0 0 0 1.000001\n1 0 0 0 0 0 0 1.05\n2 0 0 0 0 0 0.71 0.71\n")
-    assert found.notes == ("2 quaternions do not have the length 1 (line 2 is off by 0.05) and were normalised",)
+    assert found.notes == ("2 quaternions normalised (line 2 is off by 0.05)",)
     np.testing.assert_allclose(found.poses.rotation, [np.eye(3), np.eye(3), QUARTER], atol=1e-15)
     skewed = read(tmp_path, "1.001 0 0 0 0 1 0 0 0 0 1 0\n")
-    assert "1 rotations are not exact (line 1 is off by 0.002)" in skewed.notes[0]
+    assert skewed.notes == ("1 matrix normalised (line 1 is off by 0.002)",)
     np.testing.assert_allclose(skewed.poses.rotation[0], np.eye(3), atol=1e-12)
 
 
@@ -100,7 +100,10 @@ def test_what_is_off_by_more_than_rounding_is_normalised_and_said(tmp_path):
         ("nan 0 0 0 0 0 0 1\n", "line 1 has a number that is not finite"),
         ("9999999999999 0 0 0 0 0 0 1\n", "the stamp '9999999999999', which is no number of seconds"),
         ("1 2 3\n", "its first line has 3 words"),
-        ("1 0 0 0 0 1 0 0 0 0 -1 0\n", "line 1 has a matrix that is no rotation"),
+        ("1 0 0 0 0 1 0 0 0 0 -1 0\n", "line 1 has a matrix that is no rotation, mirrored or flat"),
+        ("1 0 0 0 0 1.2 0 0 0 0 1 0\n", "line 1 has a matrix that is no rotation, off by 0.44"),
+        ("one\n", "its first line has 1 word, and"),
+        ("0,1,2,3,0,0,0,1\n", "its first line has commas; state its format as CSV, or end its name in .csv"),
     ],
 )
 def test_what_is_no_trajectory_is_told_with_its_line(tmp_path, text, why):
@@ -113,3 +116,22 @@ def test_what_is_no_trajectory_is_told_with_its_line(tmp_path, text, why):
 def test_columns_that_are_missing_are_named(tmp_path):
     with pytest.raises(IcyMoonError, match="its first line names no column t, qw"):
         read(tmp_path, "x,y,z,qx,qy,qz\n", "poses.csv")
+
+
+@pytest.mark.parametrize(
+    ("names", "why"),
+    [
+        ("t,x,y,z,qx,qy,qz,qw,qw", "names qw twice"),
+        ("t,x,y,x_m,z,qx,qy,qz,qw", "names x twice"),
+        ("t,t_ns,x,y,z,qx,qy,qz,qw", "names the stamps t and t_ns, so leave one out"),
+    ],
+)
+def test_columns_that_contradict_each_other_are_named(tmp_path, names, why):
+    """One of them would be taken without a word."""
+    with pytest.raises(IcyMoonError, match=why):
+        read(tmp_path, f"{names}\n0,1,2,3,0,0,0,1,1\n", "poses.csv")
+
+
+def test_columns_without_a_pose_may_repeat(tmp_path):
+    found = read(tmp_path, "t,note,x,y,z,qx,qy,qz,qw,note\n0,a,1,2,3,0,0,0,1,b\n", "poses.csv")
+    np.testing.assert_array_equal(found.poses.position_m, [[1, 2, 3]])

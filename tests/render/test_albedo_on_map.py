@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from icymoon.formats.map_frame import map_frame_from_json
-from icymoon.nodes.scene import build_scene
+from icymoon.nodes.build_scene import build_scene
 from icymoon.render.geometry_worker import run_job
 from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene

@@ -61,7 +61,7 @@ def test_the_height_above_the_ground_is_derived_and_the_scene_is_one(tmp_path):
         rig = pair.settings.rig
         assert rig.height_m == pytest.approx(3.0 - float(ground.heights(rig.x_m, rig.y_m)), abs=1e-2)
     assert rebuilt_parts.select_scene(pairs[0].settings) == rebuilt_parts.select_scene(pairs[1].settings)
-    assert plan.describe_trajectories() == ["poses.txt: 2 poses in 1 s on a path of 1 m."]
+    assert plan.describe_trajectories() == ["poses.txt: 2 poses in 1 s on a path of 1 m; cameras look 0 degrees down."]
 
 
 def test_frames_of_one_pose_are_pairs_of_their_own(tmp_path):
@@ -128,6 +128,11 @@ WRONG = {
     "another key": (line(0, [0, 0, 5], NORTH), 'file = "poses.txt"\nevry = 2', ("evry", "every")),
     "axes": (line(0, [0, 0, 5], NORTH), 'file = "poses.txt"\naxes = "OPENCVS"', ("OPENCVS", "'OPENCV'")),
     "a step": (line(0, [0, 0, 5], NORTH), 'file = "poses.txt"\nevery = 0', ("every", "above 0")),
+    "a rate": (
+        line(0, [0, 0, 5], NORTH),
+        'file = "poses.txt"\nrate_hz = 1e12',
+        ("rate_hz is 1e+12", "nine decimals; lower it"),
+    ),
     "half a step": (line(0, [0, 0, 5], NORTH), 'file = "poses.txt"\nevery = 1.5', ("every", "whole number")),
     "an origin": (line(0, [0, 0, 5], NORTH), 'file = "poses.txt"\norigin_m = [1, 2]', ("origin_m", "three numbers")),
     "equal stamps": (
@@ -184,6 +189,35 @@ def test_a_gap_is_told(tmp_path):
     text = "".join(line(t, [0, 0, 5], NORTH) for t in (0, 1, 2, 3, 30))
     (said,) = follow(tmp_path, text).describe_trajectories()
     assert "1 gap of up to 27 s (the first after line 4), where the camera is assumed to stand still" in said
+
+
+@pytest.mark.parametrize(
+    ("turns", "more", "wanted"),
+    [
+        ([(0, 20, 0), (90, 45, 10)], "", "; cameras look from 20 degrees down to 45 degrees down"),
+        (
+            [(30, -40, 0), (0, 30, 0)],
+            "",
+            "from 40 degrees up to 30 degrees down; 1 looks above the horizon (the first in line 1); check axes",
+        ),
+        (
+            [(0, 45, 0), (0, 45, 180)],
+            "",
+            "; cameras look 45 degrees down; 1 stands upside down (the first in line 2); check axes",
+        ),
+        (
+            [(0, 45, 0)] * 2,
+            'world = "NED"\n',
+            "; 2 look above the horizon (the first in line 1); 2 stand upside down (the first in line 1); check axes",
+        ),
+        ([(0, -45, 180)], 'world = "FIRST"\n', "on a path of 0 m."),
+    ],
+)
+def test_where_cameras_look_is_told_before_a_render(tmp_path, turns, more, wanted):
+    """Wrong axes, or w first in a quaternion, turn cameras to the sky or on their heads."""
+    text = "".join(line(k, [0, 0, 5], camera_axes(*turn)) for k, turn in enumerate(turns))
+    (said,) = follow(tmp_path, text, HEAD + SWEEP + more).describe_trajectories()
+    assert wanted in said
 
 
 def test_a_trajectory_beside_other_views_is_refused(tmp_path):

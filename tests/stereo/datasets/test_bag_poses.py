@@ -60,10 +60,10 @@ def test_poses_come_in_the_order_of_time_with_all_digits(tmp_path, version):
     bag = write_bag(
         tmp_path / ("run.bag" if version == 1 else "run"), version, ("/pose", "geometry_msgs/msg/PoseStamped")
     )
-    stamps, poses = read_bag_poses(bag)
-    assert stamps == [Decimal(f"{1305031102 + k}.175304001") for k in range(3)]
-    np.testing.assert_allclose([pose[:3, 3] for pose in poses], PLACES)
-    np.testing.assert_allclose([pose[:3, :3] for pose in poses], TURNS, atol=1e-12)
+    found = read_bag_poses(bag)
+    assert found.stamps == [Decimal(f"{1305031102 + k}.175304001") for k in range(3)]
+    np.testing.assert_allclose([pose[:3, 3] for pose in found.poses], PLACES)
+    np.testing.assert_allclose([pose[:3, :3] for pose in found.poses], TURNS, atol=1e-12)
 
 
 def test_transforms_are_those_of_a_frame_and_become_a_trajectory(tmp_path, capsys):
@@ -71,7 +71,10 @@ def test_transforms_are_those_of_a_frame_and_become_a_trajectory(tmp_path, capsy
     with pytest.raises(IcyMoonError, match="poses of several frames; give one of left, right with --frame"):
         read_bag_poses(bag)
     assert main(["poses", str(bag), "--frame", "right", "--out", str(tmp_path / "poses.txt")]) == 0
-    assert "3 poses" in capsys.readouterr().out
+    assert "3 poses of right in map, with the axes of the bag: " in capsys.readouterr().out
+    assert (
+        (tmp_path / "poses.txt").read_text(encoding="utf-8").startswith("# run: right in map, with the axes of the bag")
+    )
     found = read_trajectory(tmp_path / "poses.txt").poses
     np.testing.assert_allclose(found.position_m, PLACES)
     np.testing.assert_allclose(found.rotation, TURNS, atol=1e-12)
@@ -85,9 +88,82 @@ def test_what_a_bag_has_not_is_a_sentence(tmp_path):
         read_bag_poses(two)
     with pytest.raises(IcyMoonError, match="has no topic '/c' with poses"):
         read_bag_poses(two, "/c")
-    assert len(read_bag_poses(two, "/b")[0]) == 3
+    assert len(read_bag_poses(two, "/b").stamps) == 3
     with pytest.raises(IcyMoonError, match="is missing; give a bag"):
         read_bag_poses(tmp_path / "absent")
     (tmp_path / "text.bag").write_text("no bag", encoding="utf-8")
     with pytest.raises(IcyMoonError, match="is not a bag that can be read"):
         read_bag_poses(tmp_path / "text.bag")
+    with pytest.raises(IcyMoonError, match=r"/a has poses without the name of a moving frame; leave out --frame"):
+        read_bag_poses(two, "/a", "map")
+
+
+def write_transforms(path, *transforms):
+    """A bag with /tf of (parent, child, second, place)."""
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kinds = store.types
+    with Writer(path, version=9) as writer:
+        connection = writer.add_connection("/tf", "tf2_msgs/msg/TFMessage", typestore=store)
+        for parent, child, second, place in transforms:
+            stamp = kinds["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
+            message = kinds["tf2_msgs/msg/TFMessage"](
+                transforms=[
+                    kinds["geometry_msgs/msg/TransformStamped"](
+                        header=kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=parent),
+                        child_frame_id=child,
+                        transform=kinds["geometry_msgs/msg/Transform"](
+                            translation=kinds["geometry_msgs/msg/Vector3"](*map(float, place)),
+                            rotation=kinds["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+                        ),
+                    )
+                ]
+            )
+            writer.write(connection, second * 10**9, store.serialize_cdr(message, "tf2_msgs/msg/TFMessage"))
+    return path
+
+
+def test_a_frame_on_another_one_that_moves_is_refused_with_that_one(tmp_path):
+    """A camera on a robot stands still in the robot's frame: its poses there are no path."""
+    robot = [("map", "robot", k, (k, 0, 0)) for k in range(3)]
+    camera = [("/robot", "camera", k, (0, 0, 1)) for k in range(3)]
+    bag = write_transforms(tmp_path / "run", *robot, *camera)
+    with pytest.raises(
+        IcyMoonError, match="poses of camera are in robot, which itself moves in map; give --frame robot"
+    ):
+        read_bag_poses(bag, frame="camera")
+    found = read_bag_poses(bag, frame="robot")
+    assert (found.parent, [pose[0, 3] for pose in found.poses]) == ("map", [0, 1, 2])
+
+
+def test_a_frame_on_one_that_stands_still_is_a_path(tmp_path):
+    """As a transform from the map to the odometry, which is sent again and again."""
+    odometry = [("map", "odom", k, (5, 0, 0)) for k in range(3)]
+    bag = write_transforms(tmp_path / "run", *odometry, *[("odom", "robot", k, (k, 0, 0)) for k in range(3)])
+    assert [pose[0, 3] for pose in read_bag_poses(bag, frame="robot").poses] == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("transforms", "why"),
+    [
+        (
+            [("map", "robot", 0, (0, 0, 0)), ("map", "robot", 0, (1, 0, 0))],
+            "robot has different poses with the stamp 0",
+        ),
+        (
+            [("map", "robot", 0, (0, 0, 0)), ("odom", "robot", 1, (0, 0, 0))],
+            "robot has poses in the frames 'map' and 'odom'",
+        ),
+        ([("map", "robot", 7, (float("nan"), 0, 0))], "the pose with the stamp 7.* has a number that is not finite"),
+    ],
+)
+def test_poses_that_are_no_path_are_refused(tmp_path, transforms, why):
+    with pytest.raises(IcyMoonError, match=why):
+        read_bag_poses(write_transforms(tmp_path / "run", *transforms))
+
+
+def test_a_pose_that_is_sent_twice_counts_once(tmp_path):
+    bag = write_transforms(tmp_path / "run", *[("map", "robot", k, (k, 0, 0)) for k in (0, 1, 1)])
+    assert len(read_bag_poses(bag).stamps) == 2

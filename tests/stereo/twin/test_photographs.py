@@ -130,6 +130,12 @@ def test_what_has_no_partner_is_named(tmp_path):
         find_photographs([tmp_path])
     with pytest.raises(IcyMoonError, match=r"c\.png has no partner"):
         find_photographs([tmp_path / "a.png", tmp_path / "b.png", tmp_path / "c.png"])
+    with pytest.raises(IcyMoonError, match=r"absent is missing; give one folder"):
+        find_photographs([tmp_path / "absent"])
+    same = tmp_path / "there" / ".." / "left1.png"
+    (tmp_path / "there").mkdir()
+    with pytest.raises(IcyMoonError, match=r"left1\.png are one file; give the image of each eye"):
+        find_photographs([tmp_path / "left1.png", same])
     (tmp_path / "left1.png").unlink()
     with pytest.raises(IcyMoonError, match="has no pairs of images"):
         find_photographs([tmp_path])
