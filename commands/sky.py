@@ -122,7 +122,7 @@ def _find_site(settings: Settings) -> SkyPlace | None:
     if not asks_sky_of_site(settings):
         return None
     found = read_site_place(find_used_files(settings)["source.file"], settings)
-    place = find_sky_place(settings, found and found.to_json())
+    place = find_sky_place(settings, found.to_json() if found else None)
     return place and replace(place, north_deg=0.0)
 
 

@@ -161,7 +161,7 @@ def _find_sky_place(source: tuple[tuple[str, Any], ...], radius_m: float, blend:
         place = read_site_place(path, stated)
     except IcyMoonError:
         return {}
-    at = find_sky_place(stated, place and place.to_json())
+    at = find_sky_place(stated, place.to_json() if place else None)
     return {"latitude_deg": at.latitude_deg, "longitude_deg": at.longitude_deg} if at else {}
 
 

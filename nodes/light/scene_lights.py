@@ -40,7 +40,7 @@ def compute_scene_sky(settings: Settings) -> Sky:
     place = None
     if asks_sky_of_site(settings):
         found = read_site_place(find_used_files(settings)["source.file"], settings)
-        place = find_sky_place(settings, found and found.to_json())
+        place = find_sky_place(settings, found.to_json() if found else None)
     return sky_of(settings.light, folder, place)
 
 

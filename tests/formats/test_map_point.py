@@ -123,7 +123,7 @@ def test_a_site_beyond_the_map_is_a_sentence_with_its_extent(tmp_path, name):
         assert f"{edge:.10g}" in str(caught.value)
     beyond = (x + pixel, y) if crs.is_geographic else [v[0] for v in warp.transform(crs, LONLAT, [x + pixel], [y])]
     with pytest.raises(IcyMoonError, match=r"does not contain .* source\.site_longitude_deg"):
-        find(tmp_path / "map.tif", *beyond, True)
+        find(tmp_path / "map.tif", beyond[0], beyond[1], True)
 
 
 def test_latitudes_of_an_ellipsoid_are_planetocentric(tmp_path):

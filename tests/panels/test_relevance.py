@@ -225,15 +225,59 @@ CASES = [
     ("hills", {"hills": {"rms_slope_deg": 1.0}}, "but", set()),
     ("hills", {"hills": {"rms_slope_deg": 1.0}, "mesh": {"kind": "GRID"}}, "only", set()),
     ("source", {}, "only", {"kind"}),
-    ("source", {"source": {"kind": "STAND_IN"}}, "but", {"metres_per_pixel", "height_scale_m", "missing", "file"}),
+    (
+        "source",
+        {"source": {"kind": "STAND_IN"}},
+        "but",
+        {
+            "metres_per_pixel",
+            "height_scale_m",
+            "missing",
+            "file",
+            "site",
+            "site_longitude_deg",
+            "site_latitude_deg",
+            "site_easting",
+            "site_northing",
+        },
+    ),
     (
         "textures",
         {"textures": {"set": "STAND_IN"}},
         "but",
         {"albedo_file", "roughness_file", "normal_file", "transmission_file", "height_file"},
     ),
-    ("source", {"source": {"kind": "MESH"}}, "but", {"metres_per_pixel", "height_scale_m", "missing", "stand_in"}),
-    ("source", {"source": {"kind": "HEIGHT_MAP"}}, "but", {"scale", "up_axis", "repair", "stand_in"}),
+    (
+        "source",
+        {"source": {"kind": "MESH"}},
+        "but",
+        {
+            "metres_per_pixel",
+            "height_scale_m",
+            "missing",
+            "stand_in",
+            "site",
+            "site_longitude_deg",
+            "site_latitude_deg",
+            "site_easting",
+            "site_northing",
+        },
+    ),
+    (
+        "source",
+        {"source": {"kind": "HEIGHT_MAP"}},
+        "but",
+        {
+            "scale",
+            "up_axis",
+            "repair",
+            "stand_in",
+            "site_longitude_deg",
+            "site_latitude_deg",
+            "site_easting",
+            "site_northing",
+        },
+    ),
     ("surface", {}, "but", {"lommel_seeliger_share", *IDLE}),
     (
         "surface",
@@ -349,7 +393,7 @@ def of_light(**state) -> set[str]:
 
 
 def test_what_a_date_gives_is_not_asked_for_and_a_planet_or_stars_that_are_not_there_have_no_settings():
-    every = {setting.key for setting in TOPICS["light"].settings}
+    every = {setting.key for setting in TOPICS["light"].settings} - {"place"}  # of a map
     dated = {"body", "date_utc", "longitude_deg"}
     given = {
         key
