@@ -311,7 +311,7 @@ def _render_takes(
                     for layer, name in take.images:
                         stem = part / f"{layer}{k}"
                         if layer == BEAUTY:
-                            made = _render_radiance(scene, built, lights, stem, planned, settings.quality.truth)
+                            made = _render_radiance(scene, built, lights, stem, planned)
                         elif k in traced:
                             made = traced[k].result()
                         else:
@@ -321,8 +321,8 @@ def _render_takes(
             files |= _files_on_sensors(traced)
             head: list[dict[str, Any]] = []
             if head_stage is not None:
-                take = partial(_render_radiance, scene, built, lights, planned=planned, truth="FULL")
-                more, head = render_head(part, built, scene, head_stage, settings, rounded, take)
+                render = partial(_render_light, scene, built, lights, planned=planned, truth="FULL")
+                more, head = render_head(part, built, scene, head_stage, settings, rounded, render)
                 files |= more
         light = make_light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
@@ -442,6 +442,13 @@ def _write_workspace(part: Path, rays: SceneRays, built: Built, frame: int) -> N
 
 
 def _render_radiance(
+    scene: bpy.types.Scene, built: Built, lights: list[separate_lights.LightPass], stem: Path, planned: PlannedPair
+) -> dict[str, Path]:
+    """``_render_light`` of a pair, with the truth that comes with it."""
+    return _render_light(scene, built, lights, stem, planned, planned.settings.quality.truth)
+
+
+def _render_light(
     scene: bpy.types.Scene,
     built: Built,
     lights: list[separate_lights.LightPass],

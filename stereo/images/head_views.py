@@ -122,8 +122,8 @@ def develop_head_view(pair: Pair, view: HeadView, settings: Settings) -> HeadIma
     sensor, seed, name = settings.sensor, int(pair.settings.dataset.seed), f"camera {view.camera.name}"
     pitch_m = pixel_pitch_m(sensor, settings.rig)
     channels = Channels(settings.light, sensor, pitch_m)
-    shape = view.distance_m.shape
-    blocked = compute_blocked_share(sensor, settings.rig, shape, seed, name)
+    columns, rows = view.camera.projection.size_px
+    blocked = compute_blocked_share(sensor, settings.rig, (rows, columns), seed, name)
     planes = [
         apply_point_spread(apply_deposits(plane, blocked, sensor), sensor)
         for plane in channels.planes(scale_radiance(view.light, pair, settings.light))
