@@ -117,7 +117,7 @@ _SETTINGS_SHAPE = {"settings": Each(TABLE, TEXT), "versions": Maybe(Each(TEXT, T
 _FILES_SHAPE = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME, _IMAGES)}
 _BOTH_EYES = Maybe(dict.fromkeys(EYES, MATRIX))
 _NUMBERS = Maybe(Each(NUMBER, TEXT))
-#: What ``pair.json`` contains, as far as anything here reads it; of the settings see ``settings.check``.
+#: What ``pair.json`` contains, as far as anything here reads it; of the settings see ``description.check``.
 _SHAPE = {
     "format": TEXT,
     "version": COUNT,

@@ -42,7 +42,7 @@ def turned_heading_deg(settings: Settings, k: int, headings: int) -> float:
 def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
     """The pairs of a complete description: ``dataset.headings`` equal turns at the site.
 
-    ``extra`` identifies content that the settings do not describe (see ``settings.digest``). Raises IcyMoonError for
+    ``extra`` identifies content that the settings do not describe (see ``description.digest``). Raises IcyMoonError for
     blur that cannot be rendered.
     """
     headings = int(settings.dataset.headings)

@@ -42,7 +42,7 @@ from .shared_light import LightFile, VouchedLight
 
 #: Files and folders that a data set's folder may contain.
 _OUR_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
-#: Texts for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
+#: Texts for content that the settings do not describe, see ``description.digest``.
 _STAND_INS = ("", "Hapke of nodes")
 #: What a pair must state so that its files can be checked: names of files in its folder, no device, no other folder.
 _FILES_SHAPE = {"files": Each({"sha256": SHA256}, FILE_NAME)}
