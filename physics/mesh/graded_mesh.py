@@ -1,4 +1,4 @@
-"""The graded mesh of procedural ground, made in the steps that the docstring of this folder lists; round like the body."""
+"""The graded mesh of procedural ground, round like the body, made in the steps that this folder's docstring lists."""
 
 from __future__ import annotations
 

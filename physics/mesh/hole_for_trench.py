@@ -1,4 +1,4 @@
-"""A hole in a mesh of triangles for the finer patch of a trench: which triangles go, and the loop of vertices round it."""
+"""A hole in a mesh for the finer patch of a trench: which triangles go, and the loop of vertices round it."""
 
 from __future__ import annotations
 
