@@ -1,4 +1,8 @@
-"""Open Manual: the pages of the manual in the web browser, from files of the extension, without a network."""
+"""Open Manual: the pages of the manual in the web browser, from files of the extension, without a network.
+
+The pages are made from Markdown in the window, once in a session, so that a checkout and an installed package have them
+too: neither has a step that builds pages.
+"""
 
 from __future__ import annotations
 

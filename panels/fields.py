@@ -122,6 +122,29 @@ def label_with_zero(setting: Setting) -> str:
     return f"{setting.label} (0: {setting.zero})"
 
 
+class RowsOfText:
+    """Mix-in: a UIList whose rows are a sentence on their entry, with a ``symbol``, the name of an icon."""
+
+    symbol: ClassVar[str]
+
+    @staticmethod
+    def describe(item: bpy.types.PropertyGroup) -> str:
+        """The sentence on an entry."""
+        raise NotImplementedError
+
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: bpy.types.bpy_struct,
+        item: bpy.types.PropertyGroup,
+        icon: int,
+        active_data: bpy.types.bpy_struct,
+        active_property: str,
+    ) -> None:
+        layout.label(text=self.describe(item), icon=self.symbol)
+
+
 def draw_list(
     layout: bpy.types.UILayout,
     kind: str,

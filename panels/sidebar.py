@@ -27,7 +27,7 @@ from ..stereo.report.table_columns import NOISE_DECIDES
 from . import previews
 from .decision_maps import draw_decisions
 from .error_table import draw_errors, explain_errors
-from .fields import draw_lines, draw_sentence, draw_settings, draw_start
+from .fields import RowsOfText, draw_lines, draw_sentence, draw_settings, draw_start
 from .pair_views import draw_pair
 from .view_line import describe_view
 
@@ -247,22 +247,16 @@ class ICYMOON_PT_left_out(Sidebar, bpy.types.Panel):
             draw_sentence(self.layout, sentence, "INFO")
 
 
-class ICYMOON_UL_layers(bpy.types.UIList):
+class ICYMOON_UL_layers(RowsOfText, bpy.types.UIList):
     """List of the layers of noise"""
 
     bl_idname = "ICYMOON_UL_layers"
 
-    def draw_item(
-        self,
-        context: bpy.types.Context,
-        layout: bpy.types.UILayout,
-        data: bpy.types.bpy_struct,
-        item: bpy.types.PropertyGroup,
-        icon: int,
-        active_data: bpy.types.bpy_struct,
-        active_property: str,
-    ) -> None:
-        layout.label(text=noise_layers.describe_layer(item), icon="RNDCURVE")
+    symbol = "RNDCURVE"
+
+    @staticmethod
+    def describe(item: bpy.types.PropertyGroup) -> str:
+        return noise_layers.describe_layer(item)
 
 
 class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):

@@ -16,7 +16,7 @@ from ..operators import (
 from ..render.plans.vary_scene import find_label, list_variable_settings
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
-from .fields import draw_list, draw_sentence, draw_settings, draw_start
+from .fields import RowsOfText, draw_list, draw_sentence, draw_settings, draw_start
 from .sidebar import Sidebar
 
 _VARIABLE_SETTINGS = frozenset(list_variable_settings())
@@ -24,22 +24,16 @@ _VARIABLE_SETTINGS = frozenset(list_variable_settings())
 _MOST_CURVES = 6
 
 
-class ICYMOON_UL_variations(bpy.types.UIList):
+class ICYMOON_UL_variations(RowsOfText, bpy.types.UIList):
     """The settings that vary, one per line"""
 
     bl_idname = "ICYMOON_UL_variations"
 
-    def draw_item(
-        self,
-        context: bpy.types.Context,
-        layout: bpy.types.UILayout,
-        data: bpy.types.bpy_struct,
-        item: bpy.types.PropertyGroup,
-        icon: int,
-        active_data: bpy.types.bpy_struct,
-        active_property: str,
-    ) -> None:
-        layout.label(text=varied_settings.describe_varied(scene_properties.read_item(item)), icon="DRIVER_DISTANCE")
+    symbol = "DRIVER_DISTANCE"
+
+    @staticmethod
+    def describe(item: bpy.types.PropertyGroup) -> str:
+        return varied_settings.describe_varied(scene_properties.read_item(item))
 
 
 class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):

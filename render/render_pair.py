@@ -56,10 +56,10 @@ from .pairs.publish_pair import check_place, discard_unfinished, publish_pair
 from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, list_workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
+from .ray_stage import CannotTrace, SceneRays
 from .ray_truth import TruthRequest, trace_in_background
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .render_head import render_head
-from .traced_triangles import CannotTrace, SceneRays
 from .workers.pair_claims import CLAIMS_FOLDER
 
 #: Bytes per pixel of a pair in Blender's own uncompressed files: 32-bit floats of all passes of the light, and of the

@@ -26,9 +26,10 @@ from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.search_range import AUTO, SearchRange, find_known_ranges
 from .measure.common_pixels import measure_common_pixels
+from .measure.metrics import COSTS
 from .measure.plug_in import measure_plugin_metrics
 from .measure.prepare_pair import PreparedPair
-from .measure.row_metrics import COSTS, NUMBERS, measure_row_numbers
+from .measure.row_metrics import NUMBERS, measure_row_numbers
 from .report.row_log import Row
 from .report.schema import Failure
 

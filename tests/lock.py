@@ -3,7 +3,7 @@
     python tests/lock.py             write stereo/environment/evaluator.lock
     python tests/lock.py NAME==X …   the same, with these versions
 
-pip itself resolves, for every Python and platform that Blender brings, within the bounds of ``stereo.check.PACKAGES``;
+pip itself resolves, for every Python and platform that Blender brings, within the bounds of ``packages.PACKAGES``;
 nothing is installed. A system that has no wheel of a package is named, and cannot use the button.
 """
 

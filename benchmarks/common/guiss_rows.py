@@ -112,7 +112,7 @@ def rendered(rung: Rung, settings: Settings, folder: Path) -> list[dict[str, Any
 @dataclass(frozen=True)
 class Errors:
     """What matchers make of a pair: by matcher the disparity error (H, W), px, NaN where nothing is measured, and its
-    sums ``stereo.trade.tally``; where both eyes see, bool (H, W)."""
+    sums ``stereo.trade.quality_losses``; where both eyes see, bool (H, W)."""
 
     off: dict[str, Array]
     tallies: dict[str, Array]

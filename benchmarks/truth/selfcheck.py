@@ -204,7 +204,7 @@ def _between(depth: Array, sign: int) -> Array:
 
 
 def read_eyes(folder: Path) -> tuple[Eye, Eye, StereoCamera, dict[str, Any]]:
-    """The eyes of a pair, its camera and its settings, as ``stereo.prepare.load_pair`` has them."""
+    """The eyes of a pair, its camera and its settings, as ``stereo.measure.prepare_pair`` has them."""
     pair = read_unchanged_pair(folder)
     left, right = make_check_eyes(pair, pair.settings, {eye: read_eye(pair, eye)[1] for eye in EYES})
     return left, right, pair.camera, pair.settings

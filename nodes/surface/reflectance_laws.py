@@ -190,7 +190,7 @@ def add_lambert(ground: Ground, albedo: float, smooth: bool) -> Socket:
 
 
 def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> Socket:
-    """Shader socket of ``physics.photometry.lunar_lambert``."""
+    """Shader socket of ``physics.surfaces.photometry.lunar_lambert``."""
     n, toward_sun, eye = _add_sight(ground, sun)
     mu0, mu = n.dot(toward_sun).named("µ0"), n.dot(eye).at_least(1e-6).named("µ")
     bond = Number(ground.tree, ground.grey) * albedo

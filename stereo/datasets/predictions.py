@@ -14,9 +14,8 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import is_of_file_manager
 from ..matchers.methods import Method, describe_method
-from ..measure.metrics import is_usable
+from ..measure.metrics import COSTS, is_usable
 from ..measure.prepare_pair import PreparedPair
-from ..measure.row_metrics import COSTS
 from .data_files import MapFile, read_map, resolve_inside
 from .input_faults import check_prediction
 from .markers import is_possible

@@ -33,7 +33,7 @@ from ...support.errors import IcyMoonError
 from ...support.printer import show_controls
 from ...support.suggestions import suggest_nearest
 from ..images.image_values import describe_size, to_8_bit, to_grey
-from ..measure.row_metrics import COSTS
+from ..measure.metrics import COSTS
 from .options import resolve_options
 from .result import Result
 from .search_range import SearchRange

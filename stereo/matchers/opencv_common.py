@@ -40,6 +40,43 @@ SEARCH_RANGE = (
     ),
 )
 
+
+def make_filter_options(speckle_range: int) -> tuple[Option, ...]:
+    """The options that reject matches, for block matching and semi-global matching, with the default of
+    ``speckle_range``."""
+    return (
+        Option(
+            "uniqueness", 10, "Per cent by which the best match must beat the second", 0, 100, opencv="uniquenessRatio"
+        ),
+        Option(
+            "speckle_window",
+            100,
+            "Connected patches up to this many px are removed; 0 for off",
+            0,
+            100000,
+            opencv="speckleWindowSize",
+        ),
+        Option(
+            "speckle_range", speckle_range, "Disparity step, px, that separates patches", 0, 1024, opencv="speckleRange"
+        ),
+        Option(
+            "left_right",
+            1,
+            "Disparity difference, px, allowed when matching backwards; -1 for off",
+            -1,
+            1024,
+            opencv="disp12MaxDiff",
+        ),
+        Option(
+            "left_border",
+            "match",
+            "Columns left of the search range: match them over the disparities that stay in the "
+            "image, or skip them as OpenCV does",
+            choices=("match", "skip"),
+        ),
+    )
+
+
 STEPS_PER_PX = 16  # OpenCV's disparities are fixed-point numbers with four fractional bits
 
 

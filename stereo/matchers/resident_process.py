@@ -37,7 +37,7 @@ from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
 from ...support.temporary_folders import make_scratch_folder
 from ..adapters.icymoon_serve import PROTOCOL, to_disparity_map
-from ..measure.row_metrics import COSTS
+from ..measure.metrics import COSTS
 from .result import Result
 from .user_programs import read_array, read_last_line
 

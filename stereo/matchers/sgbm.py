@@ -17,6 +17,7 @@ from .opencv_common import (
     STEPS_PER_PX,
     drop_matches_outside_right,
     extend_left,
+    make_filter_options,
     require_room,
     resolve_range,
     run_matcher,
@@ -47,31 +48,7 @@ SEARCH_OPTIONS = (
 
 OPTIONS = (
     *SEARCH_OPTIONS,
-    Option("uniqueness", 10, "Per cent by which the best match must beat the second", 0, 100, opencv="uniquenessRatio"),
-    Option(
-        "speckle_window",
-        100,
-        "Connected patches up to this many px are removed; 0 for off",
-        0,
-        100000,
-        opencv="speckleWindowSize",
-    ),
-    Option("speckle_range", 2, "Disparity step, px, that separates patches", 0, 1024, opencv="speckleRange"),
-    Option(
-        "left_right",
-        1,
-        "Disparity difference, px, allowed when matching backwards; -1 for off",
-        -1,
-        1024,
-        opencv="disp12MaxDiff",
-    ),
-    Option(
-        "left_border",
-        "match",
-        "Columns left of the search range: match them over the disparities that stay in the "
-        "image, or skip them as OpenCV does",
-        choices=("match", "skip"),
-    ),
+    *make_filter_options(speckle_range=2),
 )
 
 PRESETS: dict[str, dict[str, Any]] = {}

@@ -14,6 +14,10 @@ import numpy as np
 from ...support.arrays import Array
 from .depth_order import measure_depth_order_disagreement
 
+#: CPU seconds, seconds until the result, seconds and MiB of a GPU, MiB of memory. Only the first two are known of every
+#: matcher.
+COSTS = ("seconds", "wall_seconds", "gpu_seconds", "gpu_mb", "memory_mb")
+
 DEPTH_METRICS = (
     "l1_m",
     "l1_rate_10",

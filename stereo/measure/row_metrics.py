@@ -13,6 +13,7 @@ from .disparity_histograms import make_histograms
 from .guiss_reference_code import METRICS as GUISS_METRICS
 from .guiss_reference_code import compute_reference_metrics
 from .metrics import (
+    COSTS,
     DEPTH_METRICS,
     DISPARITY_METRICS,
     TOTAL_METRICS,
@@ -25,10 +26,6 @@ from .metrics import (
     is_usable,
 )
 from .prepare_pair import PreparedPair, none_if_not_finite
-
-#: CPU seconds, seconds until the result, seconds and MiB of a GPU, MiB of memory. Only the first two are known of every
-#: matcher.
-COSTS = ("seconds", "wall_seconds", "gpu_seconds", "gpu_mb", "memory_mb")
 
 METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
 #: Prefix of metrics -> their pixels, in words.

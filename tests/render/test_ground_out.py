@@ -12,7 +12,7 @@ from icymoon.formats.tiff_write import encode_tiff
 from icymoon.physics.surfaces.surface_law import find_albedos
 from icymoon.render.geometry_worker import run_job
 from icymoon.support.errors import IcyMoonError
-from rendering import SMALL, complete
+from rendering import SMALL, complete, on_height_map
 
 SIZE_M, CELL_M = 8.0, 0.25
 
@@ -40,16 +40,7 @@ def own_files(tmp_path_factory):
     albedo[:32, 32:] = 0.2
     (folder / "albedo.tif").write_bytes(encode_tiff(albedo))
     return {
-        "source": {
-            "kind": "HEIGHT_MAP",
-            "file": str(folder / "heights.npy"),
-            "metres_per_pixel": SIZE_M / 32,
-            "height_scale_m": 1.0,
-            "centre": False,
-            "origin_x_m": SIZE_M / 2,
-            "origin_y_m": SIZE_M / 2,
-        },
-        "terrain": {"size_m": SIZE_M, "resolution": 33},
+        **on_height_map(folder / "heights.npy", SIZE_M),
         "textures": {"set": "OWN", "mapping": "PATCH", "albedo_file": str(folder / "albedo.tif")},
         "surface": {"model": "LAMBERT", "albedo": 0.5, "albedo_variation": 0.0},
     }

@@ -13,11 +13,11 @@ from icymoon.render.ground_maps import make_heights, make_materials
 from icymoon.render.pairs.pair_folder import find_changed_files
 from icymoon.render.pairs.workspace_cells import find_workspace_extent
 from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.render.ray_stage import CannotTrace, SceneRays
 from icymoon.render.render_pair import open_render_scene
-from icymoon.render.traced_triangles import CannotTrace, SceneRays
 from icymoon.render.worker import render_pairs
 from icymoon.settings.description import digest
-from rendering import complete, empty_scene, render
+from rendering import complete, empty_scene, on_height_map, render
 
 #: Ground of a height map that no symmetry confuses.
 SIZE_M = 8.0
@@ -34,16 +34,7 @@ def plane(tmp_path_factory):
     at = np.linspace(-SIZE_M / 2, SIZE_M / 2, 33)
     np.save(folder / "heights.npy", slope(at[None, :], at[::-1, None]))
     return {
-        "source": {
-            "kind": "HEIGHT_MAP",
-            "file": str(folder / "heights.npy"),
-            "metres_per_pixel": SIZE_M / 32,
-            "height_scale_m": 1.0,
-            "centre": False,
-            "origin_x_m": SIZE_M / 2,
-            "origin_y_m": SIZE_M / 2,
-        },
-        "terrain": {"size_m": SIZE_M, "resolution": 33},
+        **on_height_map(folder / "heights.npy", SIZE_M),
         "rocks": {"coverage": 0.0},
         "surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0},
     }

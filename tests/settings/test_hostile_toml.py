@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.formats.toml_lines import find_line
 from icymoon.render.pairs.scene_splits import DEFAULT_SPLITS, read_splits
-from icymoon.render.plans.plan_file import read_plan
+from icymoon.render.plans.plan_file import HEADER, read_plan
 from icymoon.settings.description import override
 from icymoon.settings.preset_files import load
 from icymoon.stereo.datasets.plain_folder import parse_pairs_toml
@@ -113,21 +113,7 @@ PYTHON = ("datetime", "sys.", "<class", "object at", "True", "False", "None", "{
 
 @pytest.mark.parametrize("value", VALUES, ids=range(len(VALUES)))
 def test_a_value_of_another_kind_is_named_plainly(tmp_path, value):
-    plans = [
-        f"[plan]\n{key} = {value}\n"
-        for key in (
-            "title",
-            "description",
-            "extends",
-            "include",
-            "seeds",
-            "draw_again",
-            "grounds",
-            "splits",
-            "at_most",
-            "files",
-        )
-    ]
+    plans = [f"[plan]\n{key} = {value}\n" for key in HEADER if key != "without"]
     plans += [
         "[plan]\n[[sweep]]\n" + text
         for text in (

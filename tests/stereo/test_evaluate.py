@@ -20,7 +20,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, add_colour_bar, draw_error, make_depth_scale
 from icymoon.stereo.matchers import check_options
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.row_metrics import COSTS
+from icymoon.stereo.measure.metrics import COSTS
 from icymoon.stereo.report import schema
 from icymoon.stereo.report.row_log import RowLog
 from icymoon.support.errors import IcyMoonError

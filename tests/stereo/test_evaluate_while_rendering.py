@@ -14,7 +14,7 @@ from icymoon.render.workers.job_commands import python_command
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.evaluate_while_rendering import measure_completed_pairs
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.row_metrics import COSTS
+from icymoon.stereo.measure.metrics import COSTS
 from icymoon.support.errors import IcyMoonError
 
 METHODS = parse_methods("bm,bm:window=21")

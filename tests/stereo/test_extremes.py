@@ -9,8 +9,9 @@ import pytest
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.common_pixels import measure_common_pixels
+from icymoon.stereo.measure.metrics import COSTS
 from icymoon.stereo.measure.prepare_pair import prepare_pair
-from icymoon.stereo.measure.row_metrics import COSTS, NUMBERS, measure_row_numbers
+from icymoon.stereo.measure.row_metrics import NUMBERS, measure_row_numbers
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -4,7 +4,7 @@ import pairs
 import pytest
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.row_metrics import COSTS
+from icymoon.stereo.measure.metrics import COSTS
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.usefixtures("undrawn")

@@ -11,7 +11,7 @@ import pytest
 from icymoon.stereo import measuring_processes as module
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import Method, parse_methods
-from icymoon.stereo.measure.row_metrics import COSTS
+from icymoon.stereo.measure.metrics import COSTS
 from icymoon.support import system
 from icymoon.support.files import PART
 

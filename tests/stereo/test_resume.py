@@ -13,7 +13,7 @@ import pytest
 from icymoon.stereo import measure_pair as module
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.row_metrics import COSTS
+from icymoon.stereo.measure.metrics import COSTS
 from icymoon.stereo.report.row_log import LazyRows, RowLog
 from icymoon.support.errors import IcyMoonError
 

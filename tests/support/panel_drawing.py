@@ -61,7 +61,8 @@ class Layout:
         assert active_key in active.bl_rna.properties, f"{active} has no {active_key}"
         self.prop(data, key)
         for item in getattr(data, key):
-            getattr(bpy.types, kind).draw_item(None, bpy.context, self, data, item, 0, active, active_key)
+            cls = getattr(bpy.types, kind)
+            cls.draw_item(cls, bpy.context, self, data, item, 0, active, active_key)
 
     def menu(self, name: str, **options: object) -> None:
         assert hasattr(bpy.types, name), f"there is no menu {name}"

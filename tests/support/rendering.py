@@ -29,6 +29,22 @@ def complete(*parts: dict[str, Any]) -> Settings:
     return description.merged(description.defaults(), SMALL, *(description.check(p, "test") for p in parts))
 
 
+def on_height_map(heights: Path, size_m: float) -> dict[str, dict[str, Any]]:
+    """Settings of ground from a height map of 33 x 33 values that covers the patch."""
+    return {
+        "source": {
+            "kind": "HEIGHT_MAP",
+            "file": str(heights),
+            "metres_per_pixel": size_m / 32,
+            "height_scale_m": 1.0,
+            "centre": False,
+            "origin_x_m": size_m / 2,
+            "origin_y_m": size_m / 2,
+        },
+        "terrain": {"size_m": size_m, "resolution": 33},
+    }
+
+
 def empty_scene() -> bpy.types.Scene:
     """A scene with nothing in it, in a new file."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

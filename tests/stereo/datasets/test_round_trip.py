@@ -7,7 +7,8 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export.layouts import export
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.by_pixel_class import FACTORS
-from icymoon.stereo.measure.row_metrics import COSTS, NUMBERS
+from icymoon.stereo.measure.metrics import COSTS
+from icymoon.stereo.measure.row_metrics import NUMBERS
 
 pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.usefixtures("undrawn")]
 
