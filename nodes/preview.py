@@ -19,7 +19,7 @@ from ..physics import scene_checks
 from ..physics.arm.parametric import JOINTS
 from ..physics.excavation.jitter import jitter_rig
 from ..physics.mesh import fine_relief
-from ..physics.mesh.grading import OF_THE_RIG
+from ..physics.mesh.grading import GRADING_RIG_SETTINGS
 from ..physics.mesh.height_map import HeightMap
 from ..physics.mesh.height_surface import Surface
 from ..physics.mesh.horizon import drop_m
@@ -69,7 +69,7 @@ def read_notes(scene: bpy.types.Scene) -> list[str]:
     previewed = read_stored(collection, scenes.PREVIEW, Each(TABLE, TEXT))
     if not previewed or sentences:
         return sentences
-    turned = set(previewed) == {"rig"} and not set(previewed["rig"]).isdisjoint(fine_relief.OF_THE_RIG)
+    turned = set(previewed) == {"rig"} and not set(previewed["rig"]).isdisjoint(fine_relief.RELIEF_RIG_SETTINGS)
     # ``build_coarse`` digs, but the ground that follows a slider is too coarse for a trench.
     undug = previewed.get("excavation", {}).get("path", "NONE") != "NONE" and collection.get(
         scenes.REFINED
@@ -285,8 +285,8 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     if changes.describe_mesh_relief(shown) != changes.describe_mesh_relief(
         built.settings
     ):  # the mesh was made for other relief
-        preview["surface"] = {key: shown.surface[key] for key in fine_relief.OF_THE_SURFACE}
-        shown = merged(shown, {"surface": {key: built.settings.surface[key] for key in fine_relief.OF_THE_SURFACE}})
+        preview["surface"] = {key: shown.surface[key] for key in fine_relief.RELIEF_SETTINGS}
+        shown = merged(shown, {"surface": {key: built.settings.surface[key] for key in fine_relief.RELIEF_SETTINGS}})
     built.remember(shown, preview, *changed)
     return messages
 
@@ -365,7 +365,7 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
             site_m = scenes.find_site_ground_m(settings, ground or scenes.make_ground(settings))
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
             of_relief = changes.describe_mesh_relief(settings) != changes.describe_mesh_relief(built.settings)
-            keys = (*OF_THE_RIG, *(fine_relief.OF_THE_RIG if of_relief else ()))
+            keys = (*GRADING_RIG_SETTINGS, *(fine_relief.RELIEF_RIG_SETTINGS if of_relief else ()))
             other = {key: built_rig[key] for key in keys if built_rig[key] != rig[key]}
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}
             settings = merged(settings, {"rig": other})

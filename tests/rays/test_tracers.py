@@ -234,7 +234,7 @@ def test_embree_of_blender_and_of_embreex_give_the_same_bits():
 
 def test_a_file_that_is_no_library_is_passed_over(tmp_path, monkeypatch):
     (tmp_path / "libembree4.so").write_bytes(b"none")
-    monkeypatch.setattr(embree, "_NAMES", ())
+    monkeypatch.setattr(embree, "_LIBRARY_NAMES", ())
     monkeypatch.setitem(sys.modules, "embreex", None)
     monkeypatch.setattr(embree.importlib.util, "find_spec", lambda name: None)
     assert load_library((tmp_path, Path("/nowhere"))) is None

@@ -11,7 +11,13 @@ from hypothesis import given
 from hypothesis import settings as budget
 from hypothesis import strategies as st
 from icymoon.physics.rocks.rocks import draw_places, euler_xyz, scatter_rocks
-from icymoon.physics.rocks.shapes import FAMILIES, LEVELS, find_polyhedron_corners, make_icosphere, make_rock_shapes
+from icymoon.physics.rocks.shapes import (
+    FAMILIES,
+    SUBDIVISIONS_BY_LEVEL,
+    find_polyhedron_corners,
+    make_icosphere,
+    make_rock_shapes,
+)
 from icymoon.physics.rocks.size_laws import GolombekLaw, PowerLaw, draw_diameters, make_size_law
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.rocks import RocksSettings
@@ -356,7 +362,7 @@ def test_corners_of_a_cube():
     }
 
 
-@pytest.mark.parametrize("subdivisions", LEVELS)
+@pytest.mark.parametrize("subdivisions", SUBDIVISIONS_BY_LEVEL)
 def test_the_sphere_is_a_sphere(subdivisions):
     directions, triangles = make_icosphere(subdivisions)
     assert len(directions) == 10 * 4**subdivisions + 2

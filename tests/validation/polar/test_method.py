@@ -50,4 +50,4 @@ def test_the_constants_are_those_of_the_method():
     for module, constants in FROZEN[METHOD].items():
         for name, value in constants.items():
             assert getattr(module, name) == value, f"{module.__name__}.{name}"
-    assert lamp._SURVEY_M.tolist() == [0.2, 0.2, 0.1]
+    assert lamp._SURVEY_ERROR_M.tolist() == [0.2, 0.2, 0.1]
