@@ -474,7 +474,7 @@ def parse_whole_numbers(text: bytes) -> Array:
     import numpy as np
 
     if text.translate(None, b"0123456789 \t\r\n"):
-        raise ValueError("it must have whole numbers only")
+        raise ValueError("it has something else than whole numbers")
     return np.fromstring(text, np.int64, sep=" ") if text.strip() else np.empty(0, np.int64)
 
 

@@ -32,7 +32,7 @@ class UnusualTextError(Exception):
 def read_whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
     """A text from byte ``start`` on, in parts that end with a line.
 
-    Raises UnusualTextError where lines may be longer than ``LONGEST_LINE``, or do not end in \\n.
+    Raises UnusualTextError where lines may be longer than ``LONGEST_LINE_BYTES``, or do not end in \\n.
     """
     rest = b""
     for at in range(start, foreign.size, _BYTES_AT_ONCE):

@@ -59,7 +59,7 @@ def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
         if math.inf in (abs(x), abs(y), abs(z)):
             raise ValueError
     except ValueError:
-        raise ValueError(f"the vertex of line {number} must be three numbers: {_quote(words[1:4])}") from None
+        raise ValueError(f"the vertex of line {number} is not three numbers: {_quote(words[1:4])}") from None
     return x, y, z
 
 
