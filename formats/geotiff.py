@@ -669,14 +669,8 @@ def _find_height_unit(
             )
         stated[f"EPSG unit {code}"] = _METRES_PER_EPSG_UNIT[code]
     if len({round(value, 9) for value in stated.values()}) > 1:
-        same = next(
-            (
-                name
-                for name, metres in _METRES_PER_NAMED_UNIT.items()
-                if math.isclose(metres, list(stated.values())[-1])
-            ),
-            "",
-        )
+        second = list(stated.values())[-1]
+        same = next((name for name, metres in _METRES_PER_NAMED_UNIT.items() if math.isclose(metres, second)), "")
         raise UnreadError(
             f"states its heights in two units, {' and '.join(stated)}; "
             + (

@@ -200,7 +200,7 @@ class _Block:
         return found
 
     def _value(self, number: int, text: str, indent: int, depth: int, in_mapping: bool = False) -> Any:
-        """The value that begins with ``text`` in the line ``number``, or the block nested below that line."""
+        """The value that begins with ``text`` in the line ``number``, or the lines nested below that line."""
         for tag in _SKIPPED_TAGS:
             if text.split(" ", 1)[0] == tag:
                 text = text.removeprefix(tag).strip()

@@ -1,4 +1,4 @@
-"""Dust or frost on the window before a lens: the share of each pixel's light that it blocks.
+"""Dust or frost on the window before a lens: the share of each pixel's light that it stops.
 
 Grains lie on a flat window ahead of the entrance pupil, whose diameter is A = focal length / f-number. A pixel's beam
 crosses the window in a disc of that diameter. The centre of the disc is off the axis by the window's distance times the

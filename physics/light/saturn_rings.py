@@ -39,7 +39,7 @@ _PHASE_POWER = 3.092
 #: Number of circles of a ring's mesh.
 _MESH_CIRCLES = 6
 #: Number of sectors of a ring's mesh.
-_MESH_SECTORS = 512
+_SECTORS = 512
 
 
 def _phase_scale() -> float:
@@ -106,10 +106,7 @@ def make_ring_mesh(planet: Planet) -> RingMesh | None:
     for ring in planet.rings:
         radius = np.linspace(ring.inner, ring.outer, _MESH_CIRCLES + 1)
         half = shadow_half_angle(radius, math.asin(np.clip(up, -1, 1)), planet.flattening)
-        for lit, middle, reach, sectors in (
-            (1.0, 0.0, math.pi - half, _MESH_SECTORS),
-            (0.0, math.pi, half, _MESH_SECTORS // 8),
-        ):
+        for lit, middle, reach, sectors in ((1.0, 0.0, math.pi - half, _SECTORS), (0.0, math.pi, half, _SECTORS // 8)):
             if not reach.any():
                 continue
             around = middle + reach[:, None] * np.linspace(-1, 1, sectors + 1)

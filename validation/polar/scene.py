@@ -38,7 +38,7 @@ _WINDOW_MARGIN_PX = 12
 _SENSOR_MM = 20.0
 #: Apparent diameter of the lamp in degrees. It is not published; this one is chosen.
 LAMP_DEG = 0.5
-_RENDER_SAMPLES = 4
+_SAMPLES = 4
 #: A pixel shows a rock if the rock is nearer than the sand by more than this, in metres.
 _LEAST_GAP_M = 0.002
 #: A pixel is in shadow if it has less than this share of the light without rocks.
@@ -205,12 +205,7 @@ def describe_scene(frame: Frame, lamp: Array, mesh: Path) -> Settings:
                     "sun_azimuth_deg": math.degrees(math.atan2(way[0], way[1])),
                     "sun_angular_diameter_deg": LAMP_DEG,
                 },
-                "quality": {
-                    "samples": _RENDER_SAMPLES,
-                    "denoiser": "NONE",
-                    "noise_threshold": 0.0,
-                    "diffuse_bounces": 0,
-                },
+                "quality": {"samples": _SAMPLES, "denoiser": "NONE", "noise_threshold": 0.0, "diffuse_bounces": 0},
             },
             "a photograph",
         ),

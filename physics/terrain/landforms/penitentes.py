@@ -20,7 +20,7 @@ from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
 
 #: Sideways wandering of the rows, in spacings.
-_ROW_WANDER = 0.5
+_WANDER = 0.5
 #: Wavelength of the wandering, in blade lengths.
 _WANDER_WAVELENGTH = 1.2
 #: Largest random offset of a row's crest from the middle between its troughs, in spacings.
@@ -103,11 +103,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         """How far a place is beside its row's crest, in spacings; the crest's own place, the row, and the way along."""
         across, along = rotate_coordinates(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_WAVELENGTH * length), across / (_WANDER_WAVELENGTH * length)
-        place = (
-            across / spacing
-            + _ROW_WANDER * wander(u, v, keys[4])
-            + 0.5 * _ROW_WANDER * wander(2.3 * u, 2.3 * v, keys[5])
-        )
+        place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(2.3 * u, 2.3 * v, keys[5])
         if disorder:
             over = _ROW_SHIFT_WAVELENGTH * spacing
             place = place + disorder * _ROW_SHIFT * wander(along / over, across / over, more[0])

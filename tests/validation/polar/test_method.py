@@ -41,7 +41,7 @@ FROZEN: dict[int, dict[Any, dict[str, object]]] = {
         },
         skirts: {"REPOSE_DEG": 35.0, "BOUND_M": 0.04, "_AVERAGING_PASSES": 2},
         scans: {"_NEAR_PX": 10.0, "_LEAST_SCANNED_SHARE": 0.5},
-        scene: {"_SHADOW_SHARE": 0.5, "_DARK_SHARE": 0.1, "_LEAST_GAP_M": 0.002, "LAMP_DEG": 0.5, "_RENDER_SAMPLES": 4},
+        scene: {"_SHADOW_SHARE": 0.5, "_DARK_SHARE": 0.1, "_LEAST_GAP_M": 0.002, "LAMP_DEG": 0.5, "_SAMPLES": 4},
     }
 }
 
