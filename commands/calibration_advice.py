@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..formats.calibrations.options import UNITS, Stated
+from ..formats.calibrations.options import UNITS_M, Stated
 from ..formats.calibrations.registry import FORMATS
 from ..physics.camera.calibrated_camera import CalibratedRig
 from ..settings.table import TOPICS
@@ -50,7 +50,9 @@ def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, sta
     most = TOPICS["rig"]["baseline_m"].maximum
     if baseline_m <= _LIKELY_BASELINE_M:
         return []
-    likely = [unit for unit in UNITS if baseline_m * UNITS[unit] / UNITS[stated.unit or "m"] <= _LIKELY_BASELINE_M]
+    likely = [
+        unit for unit in UNITS_M if baseline_m * UNITS_M[unit] / UNITS_M[stated.unit or "m"] <= _LIKELY_BASELINE_M
+    ]
     is_open = not FORMATS[kind].in_metres and (kind != "opencv" or stated.unit is not None)
     unit = "metres" if stated.unit in (None, "m") else stated.unit
     if not likely:

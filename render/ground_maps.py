@@ -32,8 +32,8 @@ from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import ALBEDO_AOV, ROCK, SALT_AOV, SKY_DEPTH_M, TERRAIN, TRUTH
 from . import cycles_settings, passes, separate_lights
 from .pairs.workspace_cells import MOST_CELLS, PLACES, Extent
-from .ray_stage import SceneRays
 from .render_camera import SAMPLE_OFFSET_PX
+from .traced_triangles import SceneRays
 
 #: Cells along the longer side if none are asked for.
 CELLS = 1024

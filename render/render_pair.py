@@ -54,9 +54,9 @@ from .pairs.publish_pair import check_place, discard_unfinished, publish_pair
 from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
-from .ray_stage import CannotTrace, SceneRays
 from .ray_truth import Wanted, trace_beside
 from .render_camera import add_render_camera, set_up_camera, shift_frame
+from .traced_triangles import CannotTrace, SceneRays
 from .workers.pair_claims import CLAIMS_FOLDER
 
 #: Bytes for a pair's pixel in Blender's own files, which are not compressed: 32-bit floats of all passes of the light,

@@ -10,7 +10,7 @@ import hashlib
 from pathlib import Path
 
 from ..formats import mesh_file, mesh_images
-from ..paper_stand_ins.shown_items import RECIPE, list_items
+from ..paper_stand_ins.shown_items import RECIPE_NUMBER, list_items
 from ..physics.arm.own_arm import arm_files
 from ..physics.light.kernels import list_kernel_files
 from ..support.errors import IcyMoonError
@@ -62,8 +62,8 @@ def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
             raise IcyMoonError(
                 f"{error.filename or path}: cannot be read ({describe_reason(error)}); check {name}."
             ) from None
-    # Stand-ins are made where they are needed. Their recipe counts, not how this machine has rounded them.
-    marks += [f"{item.key} {RECIPE}" for item in list_items(settings)]
+    # Stand-ins are made on each machine. Their recipe counts, not their bytes, which rounding may change.
+    marks += [f"{item.key} {RECIPE_NUMBER}" for item in list_items(settings)]
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
 
 
@@ -76,7 +76,8 @@ def do_files_exist(settings: Settings, blend_folder: str | None = None) -> bool:
 
 
 def _list_parts(settings: Settings, name: str, path: Path) -> list[Path]:
-    """The files whose content counts: for a mesh also its buffers and, if shown, its images; all files of a folder."""
+    """The files whose content counts: for a mesh also its buffers and, if they are shown, its images; all files of a
+    folder."""
     if name == "source.file":
         shown = mesh_images.find_images(path).files() if settings.textures.set == "MESH" else []
         return [*mesh_file.find_geometry_files(path), *shown]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from ...support.errors import IcyMoonError
 from ...support.files import shorten
-from ...support.terminal import ALL
+from ...support.terminal import ALL_WORD
 
 ENVIRONMENT = "ICYMOON_CARDS"
 #: What Cycles calls the programming interfaces of graphics cards; the first that has any card is taken.
@@ -38,7 +38,7 @@ ALL_CARDS = Cards()
 def parse_cards(text: str, origin: str = "--cards") -> Cards:
     """The cards that a text such as ``0,2`` or ``CUDA:1`` names. Raises IcyMoonError for another text; ``origin`` names
     the place of the text."""
-    if text.strip().lower() in ("", ALL):
+    if text.strip().lower() in ("", ALL_WORD):
         return Cards()
     stated = _TEXT.fullmatch(text.replace(" ", ""))
     if not stated:

@@ -20,7 +20,14 @@ from typing import Any
 
 from ...support import system
 from ...support.file_schemas import NUMBER, PROCESS, SHA256, TEXT, Maybe, find_fault
-from ...support.files import PART, explain_disk_errors, find_leftover_parts, make_part_path, read_text, write_text
+from ...support.files import (
+    PART_SUFFIX,
+    explain_disk_errors,
+    find_leftover_parts,
+    make_part_path,
+    read_text,
+    write_text,
+)
 from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
 from ..pairs.dataset_file_names import is_claim_name, pairs_folder, remove_ours
@@ -156,7 +163,7 @@ class Claims:
 
     def clean_up_after(self, pid: int) -> None:
         """Drop the claims of a process of this machine that has ended, and its unfinished folders."""
-        for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART}"):
+        for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART_SUFFIX}"):
             self._settle_leftover(part)
         for path in self._list_claims():
             holder = _read_claim(path)
@@ -166,7 +173,7 @@ class Claims:
     def clean_up(self) -> None:
         """Settle the leftovers of processes that are gone, and remove the folder of claims if nothing is claimed."""
         # A process claims before it writes: a folder that is there now and has no claim afterwards is a leftover.
-        parts = list(self._pairs.glob(f"*{PART}"))
+        parts = list(self._pairs.glob(f"*{PART_SUFFIX}"))
         claimed = self.find_claimed_elsewhere() | self._held.keys()
         for part in parts:
             if part.name.split(".")[0] not in claimed:
@@ -204,7 +211,7 @@ class Claims:
         remove_ours(path, self._dataset)
 
     def _resolve_leftovers(self, pair: str) -> None:
-        for part in self._pairs.glob(f"{pair}.*{PART}"):
+        for part in self._pairs.glob(f"{pair}.*{PART_SUFFIX}"):
             self._settle_leftover(part)
 
     @staticmethod

@@ -68,7 +68,7 @@ class Truth:
     depth: Array  # (H, W) float64, planar metres, NaN for sky
     normal: Array | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
     instance: Array | None  # (H, W) int32, see labels
-    semantic: Array | None  # (H, W) int32, see labels.SEMANTIC
+    semantic: Array | None  # (H, W) int32, see labels.SEMANTIC_NAMES
     hidden: Array | None = None  # (H, W) bool, from the other eye by something nearer; None if nobody has asked
 
 
