@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..formats.calibrations.options import UNITS, Stated
+from ..formats.calibrations.options import UNITS_M, Stated
 from ..formats.calibrations.registry import FORMATS
 from ..physics.camera.calibrated_camera import CalibratedRig
 from ..settings.description import defaults
@@ -53,8 +53,8 @@ def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, sta
     most = TOPICS["rig"]["baseline_m"].maximum
     if _SHORT_BASELINE_M <= baseline_m <= _LIKELY_BASELINE_M:
         return []
-    own = baseline_m / UNITS[stated.unit or "m"]
-    likely = [unit for unit in UNITS if _SHORT_BASELINE_M <= own * UNITS[unit] <= _LIKELY_BASELINE_M]
+    own = baseline_m / UNITS_M[stated.unit or "m"]
+    likely = [unit for unit in UNITS_M if _SHORT_BASELINE_M <= own * UNITS_M[unit] <= _LIKELY_BASELINE_M]
     is_open = not FORMATS[kind].in_metres and (kind != "opencv" or stated.unit is not None)
     unit = "metres" if stated.unit in (None, "m") else stated.unit
     if not likely:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..formats.cahvor import FIT_LIMIT_PX, Lens, find_nearest_lens, read_model
 from ..formats.calibrations.colmap import COLMAP_FILES
-from ..formats.calibrations.options import UNITS, Reading, Stated, as_brown
+from ..formats.calibrations.options import UNITS_M, Reading, Stated, as_brown
 from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
 from ..formats.calibrations.ros import place_of, ros_pair_of
 from ..formats.ros_camera import RosCamera, read_ros_camera
@@ -100,7 +100,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def add_calibration_options(parser: argparse.ArgumentParser) -> None:
     """Add the options for facts about the files of a calibration, see ``stated_of``."""
     parser.add_argument("--format", choices=FORMATS, help="the format of the files (told from them)")
-    parser.add_argument("--unit", choices=UNITS, help="the unit of lengths in the files, where they leave it open")
+    parser.add_argument("--unit", choices=UNITS_M, help="the unit of lengths in the files, where they leave it open")
     parser.add_argument(
         "--size",
         type=parse_sizes,

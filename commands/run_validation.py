@@ -11,11 +11,20 @@ from ..stereo.environment import packages
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.files import to_json_text, write_text
-from ..support.foreign_bytes import MOST_TEXT, read
+from ..support.foreign_bytes import MOST_TEXT_BYTES, read
 from ..support.suggestions import suggest_nearest
 from ..support.terminal import list_named, show_progress
 from ..validation.all_comparisons import load_comparisons
-from ..validation.comparison import DATA, FAILS, Bench, Comparison, Result, Say, load_own_comparison, run_comparison
+from ..validation.comparison import (
+    DATA_OPTIONS,
+    FAILS,
+    Bench,
+    Comparison,
+    Result,
+    Say,
+    load_own_comparison,
+    run_comparison,
+)
 from ..validation.tables import list_sources, make_markdown_section, replace_sections, row_cells, summarise_result
 
 
@@ -63,11 +72,11 @@ def run_validate(options: argparse.Namespace) -> int:
 
 
 def _read_page(path: Path) -> str:
-    return read(path, lambda foreign: foreign.text(), "a page", "give --page another", most=MOST_TEXT)
+    return read(path, lambda foreign: foreign.text(), "a page", "give --page another", most=MOST_TEXT_BYTES)
 
 
 def _make_bench(out: Path, options: argparse.Namespace, say: Say = lambda message: None) -> Bench:
-    return Bench(out, options.blender, options.quick, say, **{name: getattr(options, name) for name in DATA})
+    return Bench(out, options.blender, options.quick, say, **{name: getattr(options, name) for name in DATA_OPTIONS})
 
 
 def _run_one(comparison: Comparison, out: Path, options: argparse.Namespace) -> Result:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ..paper_stand_ins.cached_files import make_files, read_relief_m
-from ..paper_stand_ins.shown_items import MESH_PIXELS, PIXELS
+from ..paper_stand_ins.shown_items import MESH_IMAGE_SIDE_PX, TEXTURE_SIDE_PX
 from ..settings.topics.stand_ins import MESHES, TEXTURES, MeshItem, TextureItem
 from ..support.errors import IcyMoonError
 from ..support.printer import say
@@ -41,9 +41,10 @@ def _run_stand_ins(options: argparse.Namespace) -> int:
 
 def _describe_size(item: TextureItem | MeshItem) -> str:
     if isinstance(item, TextureItem):
-        return f"{item.width_m:g} m wide, {PIXELS} pixels"
+        return f"{item.width_m:g} m wide, {TEXTURE_SIDE_PX} pixels"
     return (
-        f"{item.size_m:g} m wide, about {item.triangles} triangles, {item.holes} holes, image of {MESH_PIXELS} pixels"
+        f"{item.size_m:g} m wide, about {item.triangles} triangles, {item.holes} holes, "
+        f"image of {MESH_IMAGE_SIDE_PX} pixels"
     )
 
 

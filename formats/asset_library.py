@@ -18,44 +18,48 @@ from ..support.files import explain_disk_errors, write_atomically, write_json, w
 from ..support.system import remove
 from ..support.version import version
 
-#: The catalog of all others. Blender would add it and report the catalogs as changed.
-_PARENT = "Icy Moon"
+#: The catalog that contains all others. Without it Blender would add it and report changed catalogs.
+_PARENT_CATALOG = "Icy Moon"
 #: The catalog of each kind of asset. The kind is also the folder of its .blend files.
 CATALOGS = {
-    "scenes": f"{_PARENT}/Scenes",
-    "gallery": f"{_PARENT}/Scenes",
-    "surfaces": f"{_PARENT}/Surfaces",
-    "rigs": f"{_PARENT}/Rigs",
-    "lights": f"{_PARENT}/Lights",
-    "bodies": f"{_PARENT}/Lights",
-    "skies": f"{_PARENT}/Skies",
+    "scenes": f"{_PARENT_CATALOG}/Scenes",
+    "gallery": f"{_PARENT_CATALOG}/Scenes",
+    "surfaces": f"{_PARENT_CATALOG}/Surfaces",
+    "rigs": f"{_PARENT_CATALOG}/Rigs",
+    "lights": f"{_PARENT_CATALOG}/Lights",
+    "bodies": f"{_PARENT_CATALOG}/Lights",
+    "skies": f"{_PARENT_CATALOG}/Skies",
 }
-#: Names that Blender and we give to files in the folder. Blender keeps the list of catalogs that it has replaced.
-_CATALOG_FILE, _OLDER, RECORD = "blender_assets.cats.txt", "blender_assets.cats.txt~", "icymoon_assets.json"
-_SHAPE = {"made_with": TEXT, "files": Each(TEXT)}
-_OURS = re.compile(rf"({'|'.join(CATALOGS)})/[a-z0-9_]+\.blend")
-_NAMESPACE = uuid.UUID("5d0ad3ab-2c5f-4a51-9d1c-7a0b0f8e4c11")
+#: Name of Blender's file of catalogs.
+_CATALOG_FILE = "blender_assets.cats.txt"
+#: Name of the file of catalogs that Blender has replaced.
+_REPLACED_CATALOG_FILE = "blender_assets.cats.txt~"
+#: Name of our record of files.
+RECORD_FILE = "icymoon_assets.json"
+_RECORD_SHAPE = {"made_with": TEXT, "files": Each(TEXT)}
+_ASSET_PATTERN = re.compile(rf"({'|'.join(CATALOGS)})/[a-z0-9_]+\.blend")
+_CATALOG_NAMESPACE = uuid.UUID("5d0ad3ab-2c5f-4a51-9d1c-7a0b0f8e4c11")
 
 
 def catalog_id(kind: str) -> str:
-    """The id of the catalog of a kind of preset. It is always the same, so that assets stay in their catalog."""
+    """The id of the catalog of a kind of preset. It never changes, so that assets stay in their catalog."""
     return _make_id(CATALOGS[kind])
 
 
 def _make_id(path: str) -> str:
-    return str(uuid.uuid5(_NAMESPACE, path))
+    return str(uuid.uuid5(_CATALOG_NAMESPACE, path))
 
 
 def make_catalogs_text() -> str:
     """The content of Blender's file of catalogs."""
-    paths = dict.fromkeys([_PARENT, *CATALOGS.values()])
+    paths = dict.fromkeys([_PARENT_CATALOG, *CATALOGS.values()])
     lines = [f"{_make_id(path)}:{path}:{path.replace('/', '-')}" for path in paths]
     return "\n".join(["# Catalogs of the asset library that Icy Moon makes.", "", "VERSION 1", "", *lines, ""])
 
 
 def has_library(folder: Path) -> bool:
-    """Whether there is a whole library in a folder."""
-    return (folder / _CATALOG_FILE).is_file() and (folder / RECORD).is_file()
+    """Whether a folder contains a complete library."""
+    return (folder / _CATALOG_FILE).is_file() and (folder / RECORD_FILE).is_file()
 
 
 def find_files(folder: Path) -> list[Path]:
@@ -66,24 +70,25 @@ def find_files(folder: Path) -> list[Path]:
     if links := [part for part in (folder, *(folder / kind for kind in CATALOGS)) if part.is_symlink()]:
         raise IcyMoonError(f"{links[0]} is a link, which Icy Moon did not make; remove it by hand.")
     try:
-        listed = read_record(folder / RECORD, _SHAPE, "delete the folder by hand")["files"]
+        listed = read_record(folder / RECORD_FILE, _RECORD_SHAPE, "delete the folder by hand")["files"]
     except FileNotFoundError:
         return []
-    if strange := [name for name in listed if not _OURS.fullmatch(name)]:
-        raise IcyMoonError(f"{folder / RECORD} lists {strange[0]!r}, which is no asset; delete the folder by hand.")
+    if strange := [name for name in listed if not _ASSET_PATTERN.fullmatch(name)]:
+        raise IcyMoonError(
+            f"{folder / RECORD_FILE} lists {strange[0]!r}, which is no asset; delete the folder by hand."
+        )
     return [path for path in map(folder.joinpath, listed) if path.is_file()]
 
 
 def install_library(made: Path, folder: Path) -> list[Path]:
-    """Copy the .blend files in the folder ``made`` into a library, in place of those that were there.
-
-    Returns their new paths. Each file is replaced as a whole. Raises IcyMoonError as ``find_files`` and if the disk
-    refuses.
-    """
+    """Copy the .blend files in the folder ``made`` into a library, in place of the earlier ones. Returns their new
+    paths. Each file is replaced as a whole. Raises IcyMoonError as ``find_files`` does, and if writing fails."""
     names = sorted(path.relative_to(made).as_posix() for path in made.glob("*/*.blend"))
     earlier = find_files(folder)
     listed = sorted({*names, *(path.relative_to(folder).as_posix() for path in earlier)})
-    write_json(folder / RECORD, {"made_with": version(), "files": listed})  # before the files, so that none is unknown
+    write_json(
+        folder / RECORD_FILE, {"made_with": version(), "files": listed}
+    )  # before the files, so that none is unknown
     for name in names:
         write_atomically(folder / name, partial(_copy, made / name))
     new = [folder / name for name in names]
@@ -91,7 +96,7 @@ def install_library(made: Path, folder: Path) -> list[Path]:
         for path in set(earlier) - set(new):
             remove(path)
     write_text(folder / _CATALOG_FILE, make_catalogs_text())
-    write_json(folder / RECORD, {"made_with": version(), "files": names})
+    write_json(folder / RECORD_FILE, {"made_with": version(), "files": names})
     return new
 
 
@@ -100,13 +105,11 @@ def _copy(source: Path, target: Path) -> None:
 
 
 def uninstall_library(folder: Path) -> list[Path]:
-    """Remove what we wrote into a library, and its folders if they are empty then. Returns the files that are left.
-
-    Raises IcyMoonError as ``find_files`` and if the disk refuses; then nothing else is lost.
-    """
+    """Remove our files from a library, and its folders if they are then empty. Returns the remaining files. Raises
+    IcyMoonError as ``find_files`` does, and if the disk refuses; then nothing else is lost."""
     ours = find_files(folder)
     with explain_disk_errors("remove files from", folder):
-        for path in [*ours, *(folder / name for name in (_CATALOG_FILE, _OLDER, RECORD))]:
+        for path in [*ours, *(folder / name for name in (_CATALOG_FILE, _REPLACED_CATALOG_FILE, RECORD_FILE))]:
             remove(path)
         for part in [*(folder / kind for kind in CATALOGS), folder]:
             if part.is_dir() and not any(part.iterdir()):

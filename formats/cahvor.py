@@ -1,10 +1,9 @@
 """The camera models CAHV, CAHVOR and CAHVORE, in which cameras of Mars rovers and landers are calibrated.
 
-C is the centre, A the axis, H and V the horizontal and vertical vectors, O the optical axis of the distortion, R its
-radial coefficients, E the coefficients of the entrance pupil. Yakimovsky and Cunningham 1978 (Computer
-Graphics and Image Processing 7, 195), Gennery 2006 (International Journal of Computer Vision 68, 239), Di and Li 2004
-(JGR Planets 109, E04004). Distances are in metres; pixels are counted from the centre of the first one, (0, 0),
-columns right, rows down.
+C is the centre, A the axis, H and V are the horizontal and vertical vectors, O is the optical axis of the distortion, R
+has its radial coefficients, E the coefficients of the entrance pupil. Yakimovsky and Cunningham 1978 (Computer Graphics
+and Image Processing 7, 195), Gennery 2006 (International Journal of Computer Vision 68, 239), Di and Li 2004 (JGR
+Planets 109, E04004). Distances are in metres. The centre of the first pixel is (0, 0); columns go right, rows down.
 """
 
 from __future__ import annotations
@@ -26,8 +25,8 @@ from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 from ..support.number_text import format_count
 from .odl import Group, Value, parse_label
 
-_LETTERS = "CAHVORE"
-_NAMES = {
+_VECTOR_LETTERS = "CAHVORE"
+_VECTOR_NAMES = {
     "C": "CENTER",
     "A": "AXIS",
     "H": "HORIZONTAL",
@@ -36,21 +35,19 @@ _NAMES = {
     "R": "RADIAL",
     "E": "ENTRANCE",
 }
-_UNITS = {"C": "METER", "H": "PIXEL", "V": "PIXEL"}
-#: How far H and V of a camera with square, upright pixels may be from being perpendicular, as a cosine.
-_SKEW = 1e-6
-#: Largest difference, px, that a fitted model may have from the lens, unless more is asked for.
+_VECTOR_UNITS = {"C": "METER", "H": "PIXEL", "V": "PIXEL"}
+#: Largest cosine of the angle between H and V of a camera with square, upright pixels.
+_MOST_SKEW = 1e-6
+#: Largest difference, px, of a fitted model from the lens, unless the user allows more.
 FIT_LIMIT_PX = 0.05
-_STEPS = 60
+_MOST_FIT_STEPS = 60
 
 
 @dataclass(frozen=True)
 class Cahvor:
-    """A camera by its vectors (3,), world axes.
-
-    ``o`` and ``r`` are None for CAHV, ``e`` for all but CAHVORE, whose ``linearity`` is 1 for perspective and 0 for
-    fisheye. ``residual_px`` is the largest error of a model that was fitted to another lens, 0 where it is exact.
-    """
+    """A camera by its vectors (3,) in world axes. ``o`` and ``r`` are None for CAHV; ``e`` is None except for CAHVORE.
+    Its ``linearity`` is 1 for perspective and 0 for fisheye. ``residual_px`` is the largest error of a model fitted to
+    another lens, 0 for an exact one."""
 
     c: Array
     a: Array
@@ -89,7 +86,7 @@ class Cahvor:
         fx, fy = float(np.linalg.norm(right)), float(np.linalg.norm(down))
         if not (fx > 0 and fy > 0 and abs(np.linalg.norm(self.a) - 1) < 1e-6):
             raise IcyMoonError("The camera model has no unit axis A, or H or V along it; check its file.")
-        if abs(right @ down) > _SKEW * fx * fy:
+        if abs(right @ down) > _MOST_SKEW * fx * fy:
             raise IcyMoonError(
                 "The pixels of the camera model are skewed, which Icy Moon's cameras cannot be; rectify "
                 "its images first."
@@ -108,8 +105,8 @@ def model_from_pinhole(
     """The model of a camera with matrix K (3, 3), ``rotation`` (3, 3) from world axes to its own, and distortion ``k``,
     OpenCV's k1, k2, p1, p2, k3.
 
-    k1 and k2 are exact in CAHVOR, with O along A. With others the model is fitted to the lens over the image. Raises
-    IcyMoonError if it is then off by more than ``most_px``.
+    k1 and k2 are exact in CAHVOR, with O along A. For other coefficients the model is fitted to the lens over the
+    image. Raises IcyMoonError if the fit is off by more than ``most_px``.
     """
     fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
     right, down, a = rotation
@@ -123,12 +120,12 @@ def model_from_pinhole(
 
 
 def _sample_pixels(width: int, height: int) -> Array:
-    """Columns and rows (n, 2) of pixels all over an image."""
+    """Columns and rows (n, 2) of pixels spread over an image."""
     return np.stack(np.meshgrid(np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)), axis=-1).reshape(-1, 2)
 
 
 def _make_cahvor(p: Array, rotation: Array, centre_m: Array, size_px: tuple[int, int]) -> Cahvor:
-    """A CAHVOR by fx, fy, cx, cy, the two angles of O off A, and R."""
+    """A CAHVOR from the parameters ``p``: fx, fy, cx, cy, two angles of O off A, and R."""
     right, down, a = rotation
     o = np.array([np.sin(p[4]) * np.cos(p[5]), np.sin(p[5]), np.cos(p[4]) * np.cos(p[5])]) @ rotation
     return Cahvor(centre_m, a, p[0] * right + p[2] * a, p[1] * down + p[3] * a, *size_px, o, p[6:9])
@@ -156,7 +153,7 @@ def _fit_cahvor(
     p = np.array([*focal, *principal, 0.0, 0.0, 0.0, k[0], k[1]])
     scale = np.array([*focal, width, height, 0.1, 0.1, 0.1, 0.1, 0.1])
     damping, found = 1e-3, residuals(p)
-    for _ in range(_STEPS):
+    for _ in range(_MOST_FIT_STEPS):
         slope = np.stack([(residuals(p + step) - found) / 1e-6 for step in np.diag(1e-6 * scale)], axis=1)
         change = np.linalg.solve(slope.T @ slope + damping * np.diag((slope**2).sum(axis=0) + 1e-12), -slope.T @ found)
         tried = residuals(p + change * scale)
@@ -169,7 +166,7 @@ def _fit_cahvor(
     residual = float(np.abs(found).max())
     if not residual <= most_px:
         raise IcyMoonError(
-            f"rig.distortion_p1, p2 and k3 have no equal in CAHVOR: the nearest model is off by up to "
+            f"rig.distortion_p1, p2 and k3 cannot be represented in CAHVOR: the nearest model is off by up to "
             f"{residual:.2g} px, more than {most_px:g} px; export raw, or lower them."
         )
     return replace(_make_cahvor(p, rotation, centre_m, size_px), residual_px=residual)
@@ -177,10 +174,8 @@ def _fit_cahvor(
 
 @dataclass(frozen=True)
 class Lens:
-    """A camera with square pixels and OpenCV's distortion ``k``: k1, k2, p1, p2, k3.
-
-    ``residual_px`` is its largest difference over the image from the model that it stands for, 0 where it is exact.
-    """
+    """A camera with square pixels and OpenCV's distortion ``k``: k1, k2, p1, p2, k3. ``residual_px`` is its largest
+    difference over the image from the fitted model, 0 for an exact one."""
 
     focal_px: float
     cx_px: float
@@ -190,10 +185,10 @@ class Lens:
 
 
 def find_nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
-    """The lens of a camera of Icy Moon that is nearest to a model, with the model's centre and rotation.
+    """The lens of an Icy Moon camera that is nearest to a model; centre and rotation are the model's.
 
-    CAHV, and CAHVOR with O along A and without its first coefficient, are exact if pixels are square. Raises
-    IcyMoonError if the nearest lens is off by more than ``most_px``.
+    With square pixels, CAHV is exact, and so is CAHVOR with O along A and a first coefficient of 0. Raises IcyMoonError
+    if the nearest lens is off by more than ``most_px``.
     """
     matrix, rotation = model.pinhole()
     focal, principal = matrix[[0, 1], [0, 1]], matrix[:2, 2]
@@ -209,7 +204,7 @@ def find_nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
     seen = model.project(np.stack([x, y, np.ones_like(x)], axis=1) @ rotation + model.c)
     r2, one, none = x**2 + y**2, np.ones_like(x), np.zeros_like(x)
     if not np.isfinite(seen).all():
-        raise IcyMoonError("The lens of the camera model sees no place at some of its pixels; check its file.")
+        raise IcyMoonError("Some pixels of the camera model are outside the field of its lens; check its file.")
     columns = [
         (x, y),
         (one, none),
@@ -226,7 +221,7 @@ def find_nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
     residual = float(np.abs(design @ found - wanted).max())
     if not residual <= most_px:
         raise IcyMoonError(
-            "The lens of the camera model has no equal in k1, k2, p1, p2, k3: the nearest is off by up "
+            "The lens of the camera model cannot be represented by k1, k2, p1, p2, k3: the nearest is off by up "
             f"to {residual:.2g} px, more than {most_px:g} px; rectify its images first."
         )
     f, cx, cy, *k = found.tolist()
@@ -262,13 +257,13 @@ def make_pds_text(model: Cahvor, frame: str) -> str:
 
     # The letters T and P are the type of CAHVORE, 3 for general, and its linearity.
     more = ["T", "P"] if model.kind == "CAHVORE" else []
-    names = [*(_NAMES[x] for x in letters), *(["TYPE", "PARAMETER"] if more else [])]
+    names = [*(_VECTOR_NAMES[x] for x in letters), *(["TYPE", "PARAMETER"] if more else [])]
     lines = [
         "GROUP = GEOMETRIC_CAMERA_MODEL",
         f'  MODEL_TYPE = "{model.kind}"',
         f"  MODEL_COMPONENT_ID = {quoted([*letters, *more])}",
         f"  MODEL_COMPONENT_NAME = {quoted(names)}",
-        f"  MODEL_COMPONENT_UNIT = {quoted([*(_UNITS.get(x, 'N/A') for x in letters), *(['N/A'] * len(more))])}",
+        f"  MODEL_COMPONENT_UNIT = {quoted([*(_VECTOR_UNITS.get(x, 'N/A') for x in letters), *(['N/A'] * len(more))])}",
     ]
     lines += [
         f"  MODEL_COMPONENT_{k} = ({', '.join(f'{value:.17g}' for value in vector)})"
@@ -294,17 +289,19 @@ def make_pds_text(model: Cahvor, frame: str) -> str:
 
 
 def _list_vectors(model: Cahvor) -> list[tuple[str, Array]]:
-    found = zip(_LETTERS, (model.c, model.a, model.h, model.v, model.o, model.r, model.e), strict=True)
+    found = zip(_VECTOR_LETTERS, (model.c, model.a, model.h, model.v, model.o, model.r, model.e), strict=True)
     return [(letter, vector) for letter, vector in found if vector is not None]
 
 
-#: Numbers of a model: longest text of one, and largest value, of a centre in metres of a map's grid.
-_LONGEST, _MOST = 60, 1e9
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
-#: Bytes of a file in which the model is looked for: a label may be the head of an image file.
+#: Longest text of a number in a model.
+_LONGEST_NUMBER = 60
+#: Largest number in a model: the centre, in metres of a map's grid.
+_LARGEST_NUMBER = 1e9
+_NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+#: Bytes of a file that are searched for the model: a label may be the head of an image file.
 _LABEL_BYTES = 2**20
 _FIX = "give a .cahvor file or a PDS3 label"
-#: Groups of a label that have the size of other images than its own.
+#: Groups of a label that state the size of other images.
 _NOT_THE_IMAGE = ("THUMBNAIL", "BROWSE", "REQUEST", "SUBFRAME")
 
 
@@ -323,7 +320,7 @@ def _parse_model(foreign: ForeignBytes) -> Cahvor:
     missing = [letter for letter in "CAHV" if letter not in vectors]
     if missing or ("O" in vectors) != ("R" in vectors) or ("E" in vectors and "O" not in vectors) or size is None:
         what = f"the vector {missing[0]}" if missing else "the size of the image" if size is None else "O or R"
-        raise RefusedError(f"is no camera model that is read here: {what} is missing; {_FIX}.")
+        raise RefusedError(f"is not a supported camera model: {what} is missing; {_FIX}.")
     return Cahvor(
         vectors["C"],
         vectors["A"],
@@ -337,13 +334,18 @@ def _parse_model(foreign: ForeignBytes) -> Cahvor:
     )
 
 
-#: What a text states: the vectors, the linearity of CAHVORE, and the size of the image, if it does.
-_Stated = tuple[dict[str, Array], float, tuple[int, int] | None]
+#: Content of a text: the vectors, the linearity of CAHVORE, and the size of the image, if stated.
+_StatedModel = tuple[dict[str, Array], float, tuple[int, int] | None]
 
 
 def _parse_number(word: object, what: str) -> float:
-    if not isinstance(word, str) or len(word) > _LONGEST or not _NUMBER.fullmatch(word) or abs(float(word)) > _MOST:
-        raise ValueError(f"{what} is {shorten(str(word))!r}, not a number up to {_MOST:g}")
+    if (
+        not isinstance(word, str)
+        or len(word) > _LONGEST_NUMBER
+        or not _NUMBER_PATTERN.fullmatch(word)
+        or abs(float(word)) > _LARGEST_NUMBER
+    ):
+        raise ValueError(f"{what} is {shorten(str(word))!r}, not a number up to {_LARGEST_NUMBER:g}")
     return float(word)
 
 
@@ -361,7 +363,7 @@ def _parse_size(words: Sequence[object], what: str) -> tuple[int, int]:
         if isinstance(word, str)
         and word.isdecimal()
         and word.isascii()
-        and len(word) <= _LONGEST
+        and len(word) <= _LONGEST_NUMBER
         and PIXELS.fits(int(word))
     ]
     if len(found) != 2 or len(words) != 2:
@@ -369,7 +371,7 @@ def _parse_size(words: Sequence[object], what: str) -> tuple[int, int]:
     return int(found[0]), int(found[1])
 
 
-def _read_cahvor(text: str) -> _Stated:
+def _read_cahvor(text: str) -> _StatedModel:
     stated: dict[str, tuple[int, list[str]]] = {}  # by key: the line, and the words after the first equals sign
     key = ""
     for number, line in enumerate(text.splitlines(), 1):
@@ -377,14 +379,14 @@ def _read_cahvor(text: str) -> _Stated:
         head, equals, rest = content.partition("=")
         if equals:
             key = head.strip()
-            if key in stated and key in (*_LETTERS, "Dimensions", "Model"):
+            if key in stated and key in (*_VECTOR_LETTERS, "Dimensions", "Model"):
                 raise ValueError(f"line {number} states {key} again")
             stated[key] = number, rest.split()
-        elif key in (*_LETTERS, "Dimensions"):  # it goes on
+        elif key in (*_VECTOR_LETTERS, "Dimensions"):  # it goes on
             stated[key][1].extend(content.split())
     vectors = {
         letter: _parse_vector(stated[letter][1], f"line {stated[letter][0]}: {letter}")
-        for letter in _LETTERS
+        for letter in _VECTOR_LETTERS
         if letter in stated
     }
     size = None
@@ -395,18 +397,19 @@ def _read_cahvor(text: str) -> _Stated:
 
 
 def _read_linearity(model: str) -> float:
-    """Of a model such as ``CAHVORE3,0.4 = general``: type 1 is perspective, 2 fisheye, 3 has its number."""
+    """Linearity of a model such as ``CAHVORE3,0.4 = general``: type 1 is perspective, 2 fisheye, 3
+    states its number."""
     kind, _, parameter = model.partition("=")[0].strip().partition(",")
     if not kind.startswith("CAHVORE"):
         return 1.0
     of_type = {"1": 1.0, "2": 0.0}.get(kind.removeprefix("CAHVORE").strip())
     if of_type is not None:
         return of_type
-    found = _NUMBER.match(parameter.strip()[:_LONGEST])
+    found = _NUMBER_PATTERN.match(parameter.strip()[:_LONGEST_NUMBER])
     return _parse_number(found[0], "the linearity") if found else 1.0
 
 
-def _read_pds(text: str) -> _Stated:
+def _read_pds(text: str) -> _StatedModel:
     groups = parse_label(text).all_groups()
     models = [group for group in groups if "MODEL_COMPONENT_ID" in group.values]
     if not models:
@@ -421,13 +424,13 @@ def _read_pds(text: str) -> _Stated:
             continue
         if letter == "P":
             linearity = _parse_number(_list_items(model, key)[0], key) if _list_items(model, key) else 1.0
-        elif isinstance(letter, str) and letter in [*_LETTERS]:
+        elif isinstance(letter, str) and letter in [*_VECTOR_LETTERS]:
             vectors[letter] = _parse_vector(_list_items(model, key), key)
     return vectors, linearity, _find_image_size(groups)
 
 
 def _list_items(group: Group, key: str) -> list[Value]:
-    """The values of a keyword, a single one as a sequence of one."""
+    """The values of a keyword; a single value becomes a list of one."""
     if key in group.unclear:
         raise ValueError(f"{key} is stated twice with different values")
     value = group.values[key]
@@ -435,7 +438,7 @@ def _list_items(group: Group, key: str) -> list[Value]:
 
 
 def _find_image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
-    """Columns and rows that the object IMAGE states, or else the only image of the label; None if no image does."""
+    """Columns and rows of the object IMAGE, or else of the only image of the label; None without an image."""
     keys = ("LINE_SAMPLES", "LINES")
     sized = [group for group in groups if all(key in group.values for key in keys)]
     images = [group for group in sized if group.name == "IMAGE"] or [
@@ -452,6 +455,6 @@ def _find_image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
     )
     if len(found) > 1:
         raise ValueError(
-            f"it has images of {len(found)} sizes, {found[0]} and {found[1]}, and it is not clear which is its own"
+            f"it has images of {len(found)} sizes, {found[0]} and {found[1]}, and none of them is marked as its own"
         )
     return found[0] if found else None

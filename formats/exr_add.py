@@ -1,6 +1,6 @@
-"""Light of one pass added to another, in an OpenEXR file or of another one, without an OpenEXR library.
+"""Adds the light of one pass to another in OpenEXR files, without an OpenEXR library.
 
-Only the passes whose light changes are decoded; other parts stay as they are.
+Only the passes whose light changes are decoded; other parts are copied.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from ..support.labels import BAKED_AOVS, BAKED_ERROR_PASSES, BEAUTY, GROUP_PASSE
 from .exr_parts import Piece
 from .exr_pixels import Pixels
 
-_PLANET = f"{IMAGE_PASS}_Planet"
-#: How far an image may be from the sum of its lights, relative: a few roundings in single precision.
+_PLANET_PASS = f"{IMAGE_PASS}_Planet"
+#: Largest relative difference between an image and the sum of its lights: a few roundings in single precision.
 _SUM_ERROR = 2.0**-20
 
 
 def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
-    """Where the bands R, G and B of a pass ``LAYER.PASS`` are: the number of the part and of the channel in it."""
+    """The number of the part, and of the channel in it, for each of the bands R, G and B of a pass ``LAYER.PASS``."""
     return {
         name[-1]: (number, k)
         for number, part in enumerate(parts)
@@ -43,17 +43,14 @@ def add_planet(image: Sequence[Piece], planet: Sequence[Piece]) -> list[Piece]:
 
     Raises ValueError or KeyError for parts that cannot be added.
     """
-    light = _read_bands([Pixels(piece) for piece in planet], _PLANET)
-    return _add_light(image, {IMAGE_PASS: light, _PLANET: light})[0]
+    light = _read_bands([Pixels(piece) for piece in planet], _PLANET_PASS)
+    return _add_light(image, {IMAGE_PASS: light, _PLANET_PASS: light})[0]
 
 
 def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
-    """The parts of a file with their passes of baked light added to their image and to its light groups, where it has
-    any, and the share of each in all light of the image, by light group: nan if a pixel has less than none, which is
-    ground to which no light was baked.
-
-    Raises as ``add_planet`` does.
-    """
+    """Add the passes of baked light to the image and to its light groups, if it has any. Returns the parts, and by
+    light group the share of baked light in all light of the image. The share is nan if a pixel has negative light,
+    which marks ground without baked light. Raises as ``add_planet`` does."""
     parts = [Pixels(piece) for piece in image]
     there = [group for group, name in BAKED_AOVS.items() if _find_bands(parts, f"{BEAUTY}.{name}")]
     light = {group: _read_bands(parts, f"{BEAUTY}.{BAKED_AOVS[group]}") for group in there or BAKED_AOVS}
@@ -73,11 +70,8 @@ def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
 
 
 def measure_baked_noise(image: Sequence[Piece]) -> float | None:
-    """The noise of baked light over all light, in the parts of a file that ``add_baked`` returned, which still have
-    baked light: the root mean square of its error over the mean radiance, both of the pixels that have baked light.
-
-    None where no pixel has any. Raises as ``add_planet`` does.
-    """
+    """Noise of baked light over all light, in parts that ``add_baked`` returned: the root mean square of its error over
+    the mean radiance, both over pixels with baked light. None if no pixel has any. Raises as ``add_planet`` does."""
     parts = [Pixels(piece) for piece in image]
 
     def total(wanted: Collection[str]) -> Array:
@@ -106,11 +100,8 @@ def measure_baked_noise(image: Sequence[Piece]) -> float | None:
 
 
 def is_sum_of_lights(image: Sequence[Piece]) -> bool:
-    """Whether the image in the parts of a file is the sum of its light groups, so that it need not be stored beside
-    them.
-
-    It is not if it was denoised, or has no groups, or is of a kind that is not read here.
-    """
+    """Whether the image is the sum of its light groups, so that it need not be stored beside them. False if it was
+    denoised, has no groups, or is of an unsupported kind."""
     try:
         parts = [Pixels(piece) for piece in image]
         whole, *lights = (_read_bands(parts, name) for name in (IMAGE_PASS, *GROUP_PASSES))
@@ -121,7 +112,7 @@ def is_sum_of_lights(image: Sequence[Piece]) -> bool:
 
 
 def _add_light(image: Sequence[Piece], light: Mapping[str, Mapping[str, Array]]) -> tuple[list[Piece], float]:
-    """Parts with ``light`` by pass, each band as decoded, added, and the sum of the image then."""
+    """The parts with ``light`` (decoded bands by pass) added, and the sum of the new image."""
     parts = [Pixels(piece) for piece in image]
     values: dict[int, Array] = {}
     total = 0.0

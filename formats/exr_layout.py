@@ -1,9 +1,8 @@
 """The structure of an OpenEXR file, checked without an OpenEXR library and without decoding a pixel.
 
-Blender does not report that a disk filled up while it wrote an image: it leaves a file whose table of chunks is missing
-or points beyond its end. And a file may come from a stranger, while libraries believe what its headers state. So this
-reads the headers and the heads of all chunks (OpenEXR technical introduction, "File Layout") through the door for
-foreign bytes.
+If a disk fills up while Blender writes an image, Blender reports no error and leaves a file whose table of chunks is
+missing or points beyond its end. A file may also come from a stranger, while libraries trust its headers. So this
+module reads the headers and the heads of all chunks (OpenEXR technical introduction, "File Layout") as foreign bytes.
 """
 
 from __future__ import annotations
@@ -21,32 +20,44 @@ from ..support.foreign_bytes import Budget, Cursor, ForeignBytes, read
 
 MAGIC = 20000630
 MULTIPART = 0x1000
-#: How errors name the format, and the most bytes of a file of ours: images of 16384 x 16384 px have some gigabytes.
-KIND, MOST_BYTES = "an EXR file", 2**36
-_VERSION, _TILED, _LONG_NAMES = 2, 0x200, 0x400
-_KINDS = (b"scanlineimage", b"tiledimage")
+#: Name of the format in errors.
+KIND = "an EXR file"
+#: Largest file of ours in bytes: images of 16384 x 16384 px have some gigabytes.
+MOST_BYTES = 2**36
+#: Version of the file format.
+_FORMAT_VERSION = 2
+#: Flag of a file in tiles.
+_TILED_FLAG = 0x200
+#: Flag of names above 31 bytes.
+_LONG_NAMES_FLAG = 0x400
+_PART_TYPES = (b"scanlineimage", b"tiledimage")
 #: Lines in a chunk by compression, as OpenEXR 3.5 writes them.
 _LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256, 10: 256, 11: 32, 12: 256, 13: 1}
 #: Bytes of a value by the type of its channel: whole number, 16-bit float, 32-bit float.
 _VALUE_BYTES = {0: 4, 1: 2, 2: 4}
-#: Bytes that all headers may have, channels that all parts may have, bytes of a name; Blender writes some hundreds of
-#: bytes and a handful of channels for each pass.
-_MOST_HEADERS, _MOST_CHANNELS, _MOST_NAME = 2**20, 2**12, 255
-#: Largest number of a place in an image, as in the OpenEXR library: sums of two never leave 32 bits.
-_FARTHEST = 2**30 - 1
-#: Bytes of memory for the decoded values of any file, and further bytes for each byte of the file. Deflate packs a
-#: constant image a thousandfold, but the images of a pair threefold.
-_MEMORY, _MEMORY_PER_BYTE = 2**27, 64
-#: Bytes of memory for a chunk's entry in the table of chunks, and for a channel beside its values.
-_CHUNK_MEMORY, _CHANNEL_MEMORY = 128, 1024
+#: Largest size of all headers in bytes; Blender writes some hundreds of bytes for each pass.
+_MOST_HEADER_BYTES = 2**20
+#: Maximum number of channels of all parts; Blender writes a few for each pass.
+_MOST_CHANNELS = 2**12
+#: Longest name in bytes.
+_MOST_NAME_BYTES = 255
+#: Largest pixel coordinate, as in the OpenEXR library: the sum of two fits into 32 bits.
+_LARGEST_COORDINATE = 2**30 - 1
+#: Bytes of memory for the decoded values of any file.
+_BASE_MEMORY = 2**27
+#: Further bytes of memory for each byte of the file. Deflate packs a constant image a thousandfold, but the images of a
+#: pair threefold.
+_MEMORY_PER_BYTE = 64
+#: Bytes of memory for a chunk's entry in the table of chunks.
+_CHUNK_MEMORY = 128
+#: Bytes of memory for a channel, besides its values.
+_CHANNEL_MEMORY = 1024
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A channel of a part: the type of its values, its steps between sampled columns and rows, its entry in the header.
-
-    The types are 0 whole numbers of 32 bits, 1 floats of 16 bits, 2 floats of 32 bits.
-    """
+    """A channel of a part: the type of its values, its steps between sampled columns and rows, and its entry in the
+    header. The types are 0 (32-bit whole numbers), 1 (16-bit floats) and 2 (32-bit floats)."""
 
     kind: int
     steps: tuple[int, int]
@@ -60,12 +71,9 @@ class Channel:
 
 @dataclass(frozen=True)
 class Part:
-    """One part of an EXR file.
-
-    ``values`` are its attributes by name, ``stated`` the same as they stand in the file: name, type, size and value.
-    ``window`` is its data window (left, top, right, bottom), both ends included. ``places`` (chunks, 2) is where each
-    chunk has its first byte, after the number of the part, and where it ends.
-    """
+    """One part of an EXR file. ``values`` are its attributes by name; ``stated`` are the same with name, type, size and
+    value as in the file. ``window`` is its data window (left, top, right, bottom), both ends included. ``places``
+    (chunks, 2) are the first byte of each chunk, after the number of the part, and its end."""
 
     values: Mapping[bytes, bytes]
     stated: Mapping[bytes, bytes]
@@ -88,7 +96,7 @@ class Part:
 
 @dataclass(frozen=True)
 class _Header:
-    """Attributes of a part: its values by name, with their types, and as they stand in the file."""
+    """Attributes of a part by name: their values, their types, and their bytes in the file."""
 
     values: dict[bytes, bytes]
     kinds: dict[bytes, bytes]
@@ -107,21 +115,18 @@ class _Header:
 
 def decoding_budget(size: int) -> Budget:
     """The memory that decoding the values of a file of ``size`` bytes may take."""
-    return Budget(_MEMORY + _MEMORY_PER_BYTE * size)
+    return Budget(_BASE_MEMORY + _MEMORY_PER_BYTE * size)
 
 
 def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
-    """The parts of an EXR file, each of whose chunks lies in the file, apart from all others and in its image.
-
-    ``tiles`` lets in parts that are stored in tiles. Raises ValueError, KeyError or OverBudgetError for a file that is
-    damaged, or of deep data.
-    """
-    cursor = foreign.cursor(0, min(foreign.size, _MOST_HEADERS))
+    """The parts of an EXR file, whose chunks must lie in the file without overlap and in the part's image. ``tiles``
+    allows parts stored in tiles. Raises ValueError, KeyError or OverBudgetError for a damaged file, or deep data."""
+    cursor = foreign.cursor(0, min(foreign.size, _MOST_HEADER_BYTES))
     magic, version = cursor.unpack("<2I")
     flags = version & ~0xFF
     if magic != MAGIC:
         raise ValueError("it does not begin as an EXR file")
-    if version & 0xFF != _VERSION or flags & ~(MULTIPART | _TILED | _LONG_NAMES):
+    if version & 0xFF != _FORMAT_VERSION or flags & ~(MULTIPART | _TILED_FLAG | _LONG_NAMES_FLAG):
         raise ValueError(f"version {version:#x}")
     several = bool(flags & MULTIPART)
     headers: list[_Header] = []
@@ -131,7 +136,7 @@ def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
             break
         headers.append(header)
     found: list[Part] = []
-    counts = [_read_part(header, bool(flags & _TILED) and not several, tiles, found) for header in headers]
+    counts = [_read_part(header, bool(flags & _TILED_FLAG) and not several, tiles, found) for header in headers]
     if sum(len(part.channels) for part in found) > _MOST_CHANNELS:
         raise ValueError(f"more than {_MOST_CHANNELS} channels")
     places = _find_chunks(foreign, cursor.at, found, counts, several)
@@ -143,8 +148,8 @@ def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
 
 def _read_header(cursor: Cursor) -> _Header:
     header = _Header({}, {}, {})
-    while name := cursor.take_until(b"\0", _MOST_NAME):
-        kind = cursor.take_until(b"\0", _MOST_NAME)
+    while name := cursor.take_until(b"\0", _MOST_NAME_BYTES):
+        kind = cursor.take_until(b"\0", _MOST_NAME_BYTES)
         size = cursor.take(4)
         if name in header.values:
             raise ValueError(f"the attribute {name[:40]!r} twice")
@@ -163,7 +168,7 @@ def _read_part(header: _Header, is_tiled: bool, tiles: bool, found: list[Part]) 
         header.value(b"lineOrder", b"lineOrder", 1)
     if b"type" in header.values:
         kind = header.value(b"type", b"string")
-        if kind not in _KINDS:
+        if kind not in _PART_TYPES:
             raise ValueError(f"a part of type {kind[:40]!r}")
         is_tiled = is_tiled or kind == b"tiledimage"
     if is_tiled and not tiles:
@@ -195,18 +200,19 @@ def _read_part(header: _Header, is_tiled: bool, tiles: bool, found: list[Part]) 
 
 def _read_window(header: _Header, name: bytes) -> tuple[int, int, int, int]:
     left, top, right, bottom = struct.unpack("<4i", header.value(name, b"box2i", 16))
-    if not (-_FARTHEST <= left <= right <= _FARTHEST and -_FARTHEST <= top <= bottom <= _FARTHEST):
+    if not (
+        -_LARGEST_COORDINATE <= left <= right <= _LARGEST_COORDINATE
+        and -_LARGEST_COORDINATE <= top <= bottom <= _LARGEST_COORDINATE
+    ):
         raise ValueError(f"a window from ({left}, {top}) to ({right}, {bottom})")
     return left, top, right, bottom
 
 
 def read_channels(value: bytes) -> dict[str, Channel]:
-    """The channels of a header by name, in the order of the file, of the value of its attribute ``channels``.
-
-    Raises ValueError if one is there twice or of an unknown type, or the list does not end.
-    """
+    """The channels of a header by name, in the order of the file, from the attribute ``channels``. Raises ValueError
+    for a channel that occurs twice or has an unknown type, and for a list without an end."""
     cursor, found = Cursor(value, Budget()), {}
-    while name := cursor.take_until(b"\0", _MOST_NAME):
+    while name := cursor.take_until(b"\0", _MOST_NAME_BYTES):
         entry = cursor.take(16)
         kind, _, across, down = struct.unpack("<iBxxx2i", entry)
         text = name.decode()
@@ -222,7 +228,7 @@ def _count_tiles(header: _Header, width: int, height: int) -> int:
     """Tiles of a part, of all its levels."""
     across, down, mode = struct.unpack("<2IB", header.value(b"tiles", b"tiledesc", 9))
     levels, rounds_up = mode & 0xF, mode >> 4
-    if not (0 < across <= _FARTHEST and 0 < down <= _FARTHEST and levels <= 2 and rounds_up <= 1):
+    if not (0 < across <= _LARGEST_COORDINATE and 0 < down <= _LARGEST_COORDINATE and levels <= 2 and rounds_up <= 1):
         raise ValueError(f"tiles of {across} x {down} px in mode {mode}")
     if levels == 0:
         return -(-width // across) * -(-height // down)
@@ -238,7 +244,7 @@ def _count_tiles(header: _Header, width: int, height: int) -> int:
 
 
 def _find_chunks(foreign: ForeignBytes, table: int, parts: list[Part], counts: list[int], several: bool) -> list[Array]:
-    """Where the chunks of each part begin and end. Raises ValueError for any that cannot be."""
+    """Begin and end of the chunks of each part. Raises ValueError for impossible ones."""
     count = sum(counts)
     foreign.budget.charge(_CHUNK_MEMORY * count, "table of chunks")
     offsets = np.frombuffer(foreign.part(table, 8 * count), "<u8")
@@ -265,8 +271,8 @@ def _find_chunks(foreign: ForeignBytes, table: int, parts: list[Part], counts: l
 
 
 def _check_places_in_image(parts: list[Part], counts: list[int], number: Array, stated: Array) -> None:
-    """Raise ValueError for chunks of lines that their part, by its ``number``, does not have, or has twice; or of such
-    tiles, which are told apart only."""
+    """Raise ValueError for chunks of lines that the part does not have or has twice. Tiles are only checked for
+    duplicates."""
     if stated.shape[1] == 1:
         tops, steps = (
             np.array(each, np.int64)

@@ -1,8 +1,8 @@
-"""OpenEXR files taken apart and put together, without an OpenEXR library and without decoding a pixel.
+"""OpenEXR files split into parts and assembled again, without an OpenEXR library and without decoding a pixel.
 
-Blender 5 writes a part for each pass, Blender 4 one part for all of a render. A pair's image is made of
-two renders, radiance and truth; it holds the parts of both. What changes from run to run (dates,
-times, memory) is left out of the headers, so that the same pixels are the same file.
+Blender 5 writes a part for each pass, Blender 4 one part for a whole render. A pair's image consists of the parts of
+two renders, radiance and truth. Facts that change from run to run (dates, times, memory) are left out of the headers,
+so that equal pixels give equal files.
 """
 
 from __future__ import annotations
@@ -17,16 +17,19 @@ import numpy as np
 from ..support.foreign_bytes import Budget, ForeignBytes
 from .exr_layout import MAGIC, MULTIPART, check_decodable
 
-_START = struct.Struct("<2i")
-_VERSION, _LONG_NAMES = 2, 0x400
-#: Attributes about the render that made the image, beside ``cycles.LAYER.render_time`` and its like.
-_PASSING = {b"Date", b"Time", b"RenderTime", b"Memory", b"File", b"Hostname", b"Frame", b"Scene", b"Camera"}
+_FILE_START = struct.Struct("<2i")
+#: Version of the file format.
+_FORMAT_VERSION = 2
+#: Flag of names above 31 bytes.
+_LONG_NAMES_FLAG = 0x400
+#: Attributes that change from run to run; further ones are ``cycles.LAYER.render_time`` and the like.
+_RUN_ATTRIBUTES = {b"Date", b"Time", b"RenderTime", b"Memory", b"File", b"Hostname", b"Frame", b"Scene", b"Camera"}
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A part of a file: its header's attributes by name, each as it stands in the file, and its chunks, each from its
-    first line on."""
+    """A part of a file: the attributes of its header by name, each with its bytes in the file, and its chunks, each
+    from its first line on."""
 
     attributes: Mapping[bytes, bytes]
     chunks: list[bytes]
@@ -37,7 +40,7 @@ class Piece:
         return self.value(b"name").decode() if b"name" in self.attributes else ""
 
     def value(self, name: bytes) -> bytes:
-        """The value of an attribute, without its name, type and size. Raises KeyError if it is missing."""
+        """Bytes of an attribute's value, without its name, type and size. Raises KeyError if the part lacks it."""
         stated = self.attributes[name]
         return stated[stated.index(b"\0", len(name) + 1) + 5 :]
 
@@ -55,23 +58,20 @@ def assemble(parts: Sequence[Piece]) -> bytes:
     """An EXR file of these parts, whose names differ."""
     headers = b"".join(b"".join(part.attributes.values()) + b"\0" for part in parts) + b"\0"
     long_names = any(len(name) > 31 for part in parts for name in part.attributes)
-    place = _START.size + len(headers) + 8 * sum(len(part.chunks) for part in parts)
+    place = _FILE_START.size + len(headers) + 8 * sum(len(part.chunks) for part in parts)
     places, chunks = [], []
     for number, part in enumerate(parts):
         for chunk in part.chunks:
             places.append(place)
             chunks += [struct.pack("<i", number), chunk]
             place += 4 + len(chunk)
-    start = _START.pack(MAGIC, _VERSION | MULTIPART | (_LONG_NAMES if long_names else 0))
+    start = _FILE_START.pack(MAGIC, _FORMAT_VERSION | MULTIPART | (_LONG_NAMES_FLAG if long_names else 0))
     return b"".join((start, headers, np.array(places, "<u8").tobytes(), *chunks))
 
 
 def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
-    """A part with only those chunks that contain some of ``rows``, counted from the top of the part, and how many rows
-    of the first of them come before.
-
-    Raises ValueError for rows that it does not have.
-    """
+    """A part with only the chunks that contain some of ``rows``, counted from the top of the part, and the number of
+    rows in the first chunk before them. Raises ValueError for rows outside the part."""
     left, top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
     if not 0 <= rows.start < rows.stop <= bottom - top + 1:
         raise ValueError(f"it has no lines {rows.start} to {rows.stop}")
@@ -89,10 +89,12 @@ def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
 
 
 def strip_passing(piece: Piece, name: str) -> Piece:
-    """A part without attributes about its render, and with the name, the type and the number of chunks that a file of
-    several parts needs; ``name`` is for a part without one."""
+    """A part without attributes about its render, with the name, type and number of chunks that a file of several parts
+    needs. ``name`` is used for a part without a name."""
     kept = {
-        key: value for key, value in piece.attributes.items() if key not in _PASSING and not key.startswith(b"cycles.")
+        key: value
+        for key, value in piece.attributes.items()
+        if key not in _RUN_ATTRIBUTES and not key.startswith(b"cycles.")
     }
     kept.setdefault(b"name", encode_attribute("name", "string", name.encode()))
     kept.setdefault(b"type", encode_attribute("type", "string", b"scanlineimage"))
@@ -108,10 +110,8 @@ def encode_attribute(name: str, kind: str, value: bytes) -> bytes:
 def join_layers(
     layers: Mapping[str, Sequence[Piece]], less: Callable[[Piece], Piece | None] = lambda piece: piece
 ) -> bytes:
-    """One EXR file of the parts of several, by their layers, each as ``less`` leaves it (None: not at all).
-
-    The part of a layer that has only one, without a name, gets the layer's name.
-    """
+    """One EXR file with the parts of several files, by layer, each as ``less`` returns it (None drops it). If a layer
+    has one part without a name, that part gets the layer's name."""
     return assemble(
         [
             strip_passing(left, name)

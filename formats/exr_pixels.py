@@ -18,40 +18,45 @@ from ..support.foreign_bytes import inflate
 from .exr_layout import read_channels
 from .exr_parts import Piece, encode_attribute, read_pieces
 
-_ZIP = 3
-_LINES = {0: 1, 2: 1, _ZIP: 16}  # in a chunk, by compression
-_HALF, _FLOAT = 1, 2
-_TYPES = {_HALF: "<f2", _FLOAT: "<f4"}
+_ZIP_COMPRESSION = 3
+_LINES_PER_CHUNK = {0: 1, 2: 1, _ZIP_COMPRESSION: 16}  # in a chunk, by compression
+#: EXR's number of 16-bit floats.
+_HALF_TYPE = 1
+#: EXR's number of 32-bit floats.
+_FLOAT_TYPE = 2
+_NUMPY_TYPES = {_HALF_TYPE: "<f2", _FLOAT_TYPE: "<f4"}
 #: Largest RMS change by rounding to 16 bits, relative to the values, if no value is too small for 16 bits.
-_ROUNDED = 2.0**-11
-#: What follows a channel's name in a header, by type: not to be compressed as if it were seen, every pixel.
-_ENTRIES = {kind: b"\0" + struct.pack("<4i", kind, 0, 1, 1) for kind in _TYPES}
+_MOST_ROUNDING = 2.0**-11
+#: Bytes after a channel's name in a header, by type: without perceptual compression, a value for every pixel.
+_CHANNEL_ENTRIES = {kind: b"\0" + struct.pack("<4i", kind, 0, 1, 1) for kind in _NUMPY_TYPES}
 
 
 class Pixels:
-    """The values of a part."""
+    """The values in a part; decoding and encoding of them."""
 
     def __init__(self, piece: Piece) -> None:
-        """Raises ValueError if a channel is not of floats at every pixel, KeyError for another compression."""
+        """Raises ValueError unless all channels are floats at every pixel, KeyError for another compression."""
         channels = read_channels(piece.value(b"channels"))
         for name, channel in channels.items():
-            if channel.kind not in _TYPES or channel.steps != (1, 1):
+            if channel.kind not in _NUMPY_TYPES or channel.steps != (1, 1):
                 raise ValueError(f"{name[:40]!r} is not of floats, or not of every pixel")
         self._piece, self._stated = piece, {name: channel.stated for name, channel in channels.items()}
         self.channels = list(self._stated)
         left, self._top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
         self._compression = piece.value(b"compression")[0]
-        self._find_crest_lines = _LINES[self._compression]
+        self._find_crest_lines = _LINES_PER_CHUNK[self._compression]
         self._width, self._highest_at = right - left + 1, bottom - self._top + 1
 
     def is_half(self, channel: str) -> bool:
         """Whether a channel is stored as 16-bit floats."""
-        return _read_type(self._stated[channel]) == _HALF
+        return _read_type(self._stated[channel]) == _HALF_TYPE
 
     @property
     def _line(self) -> np.dtype[Any]:
-        """A line as it is stored: channel after channel, each with its type."""
-        return np.dtype([(name, _TYPES[_read_type(self._stated[name])], (self._width,)) for name in self.channels])
+        """The numpy type of a stored line: channel after channel, each with its type."""
+        return np.dtype(
+            [(name, _NUMPY_TYPES[_read_type(self._stated[name])], (self._width,)) for name in self.channels]
+        )
 
     def decode(self) -> Array:
         """Values (height, channel, width) float32. Raises ValueError for chunks of another size."""
@@ -77,13 +82,13 @@ class Pixels:
         return np.frombuffer(b"".join(self._piece.chunks), chunk)
 
     def compress(self) -> Piece:
-        """The part as it is if it is compressed, else by ZIP. Raises as ``decode`` does."""
+        """The part, compressed by ZIP unless it is compressed already. Raises as ``decode`` does."""
         if self._compression:
             return self._piece
         starts = _empty_chunks(self._top, self._highest_at)
         stated = {
             **self._piece.attributes,
-            b"compression": encode_attribute("compression", "compression", bytes([_ZIP])),
+            b"compression": encode_attribute("compression", "compression", bytes([_ZIP_COMPRESSION])),
             b"chunkCount": encode_attribute("chunkCount", "int", struct.pack("<i", len(starts))),
         }
         return Pixels(Piece(stated, starts)).encode(self.decode())
@@ -93,24 +98,27 @@ class Pixels:
         return replace(self._piece, chunks=self._encode_chunks(values, self._line))
 
     def select_channels(self, wanted: Sequence[int]) -> Piece:
-        """The part with these of its channels, by their places."""
+        """The part with only the channels at the places ``wanted``."""
         stated = b"".join(self._stated[self.channels[k]] for k in wanted) + b"\0"
         kept = {**self._piece.attributes, b"channels": encode_attribute("channels", "chlist", stated)}
         line = np.dtype([(name, self._line[name]) for name in (self.channels[k] for k in wanted)])
         return replace(self._piece, attributes=kept, chunks=self._encode_chunks(self.decode()[:, wanted], line))
 
     def round_to_half(self, wanted: Collection[int], values: Array) -> Piece:
-        """The part with these of its channels, by their places, as 16-bit floats; ``values`` are of ``decode``."""
+        """The part with the channels at the places ``wanted`` as 16-bit floats; ``values`` are from ``decode``."""
         for k in wanted:
             stated = self._stated[self.channels[k]]
-            self._stated[self.channels[k]] = stated[:-16] + struct.pack("<i", _HALF) + stated[-12:]
+            self._stated[self.channels[k]] = stated[:-16] + struct.pack("<i", _HALF_TYPE) + stated[-12:]
         stated = b"".join(self._stated.values()) + b"\0"
         kept = {**self._piece.attributes, b"channels": encode_attribute("channels", "chlist", stated)}
         return replace(self._piece, attributes=kept, chunks=self._encode_chunks(values, self._line))
 
     def replace_channels(self, name: str, components: Sequence[str], values: Array) -> Piece:
-        """A part of the same size with other channels: ``name`` and a component, values (height, channel, width)."""
-        channels = b"".join(f"{name}.{component}".encode() + _ENTRIES[_FLOAT] for component in components) + b"\0"
+        """A part of the same size with other channels: ``name`` and a component of ``components`` each, with ``values``
+        (height, channel, width)."""
+        channels = (
+            b"".join(f"{name}.{component}".encode() + _CHANNEL_ENTRIES[_FLOAT_TYPE] for component in components) + b"\0"
+        )
         attributes = {
             **self._piece.attributes,
             b"name": encode_attribute("name", "string", name.encode()),
@@ -120,7 +128,7 @@ class Pixels:
         return replace(self._piece, attributes=attributes, chunks=self._encode_chunks(values, line))
 
     def _encode_chunks(self, values: Array, stored: np.dtype[Any]) -> list[bytes]:
-        """Chunks of values whose lines are ``stored`` so."""
+        """Chunks of values, with lines of the numpy type ``stored``."""
         if not self._compression:
             lines = np.empty(self._highest_at, _raw_chunk_type(stored))
             lines["line"], lines["bytes"] = np.arange(self._top, self._top + self._highest_at), stored.itemsize
@@ -141,16 +149,21 @@ class Pixels:
 
 
 def encode_part(name: str, channels: Mapping[str, Array], half: bool = False) -> Piece:
-    """A part, a pass by its ``name``, of 32-bit floats (H, W) by the names of their components, or of 16-bit ones with
+    """A part of the pass ``name`` with the channels (H, W), by component, as 32-bit floats, or as 16-bit floats with
     ``half``."""
     height, width = next(iter(channels.values())).shape
     window = struct.pack("<4i", 0, 0, width - 1, height - 1)
     components = sorted(channels)
-    listed = b"".join(f"{name}.{each}".encode() + _ENTRIES[_HALF if half else _FLOAT] for each in components) + b"\0"
+    listed = (
+        b"".join(
+            f"{name}.{each}".encode() + _CHANNEL_ENTRIES[_HALF_TYPE if half else _FLOAT_TYPE] for each in components
+        )
+        + b"\0"
+    )
     starts = _empty_chunks(0, height)
     stated = {
         "channels": ("chlist", listed),
-        "compression": ("compression", bytes([_ZIP])),
+        "compression": ("compression", bytes([_ZIP_COMPRESSION])),
         "dataWindow": ("box2i", window),
         "displayWindow": ("box2i", window),
         "lineOrder": ("lineOrder", b"\0"),
@@ -167,13 +180,13 @@ def encode_part(name: str, channels: Mapping[str, Array], half: bool = False) ->
 
 
 def _raw_chunk_type(stored: np.dtype[Any]) -> np.dtype[Any]:
-    """A chunk without compression, of a line whose values are ``stored`` so."""
+    """The numpy type of a chunk without compression: one line with values of the type ``stored``."""
     return np.dtype([("line", "<i4"), ("bytes", "<i4"), ("values", stored)])
 
 
 def _empty_chunks(top: int, height: int) -> list[bytes]:
     """Chunks by ZIP of a part from its first line ``top`` on, without values."""
-    return [struct.pack("<2i", line, 0) for line in range(top, top + height, _LINES[_ZIP])]
+    return [struct.pack("<2i", line, 0) for line in range(top, top + height, _LINES_PER_CHUNK[_ZIP_COMPRESSION])]
 
 
 def _read_type(stated: bytes) -> int:
@@ -182,7 +195,7 @@ def _read_type(stated: bytes) -> int:
 
 
 def _unpack(data: bytes, size: int) -> bytes:
-    """A chunk's values; one that did not shrink is stored as it is."""
+    """A chunk's values of ``size`` bytes; a chunk that did not shrink is stored without compression."""
     if len(data) == size:
         return data
     steps = np.frombuffer(inflate(data, size), np.uint8).copy()
@@ -263,5 +276,7 @@ def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
     values = decoded[:, named]
     with np.errstate(over="ignore"):
         error = np.float64(values.astype("<f2")) - values
-    fits = np.isfinite(error).all() and (error**2).sum() <= _ROUNDED**2 * np.square(values, dtype=np.float64).sum()
+    fits = (
+        np.isfinite(error).all() and (error**2).sum() <= _MOST_ROUNDING**2 * np.square(values, dtype=np.float64).sum()
+    )
     return pixels.round_to_half(named, decoded) if fits else piece

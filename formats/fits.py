@@ -1,4 +1,4 @@
-"""FITS files of float images, as far as the standard (version 4.0; Pence et al. 2010, A&A 524, A42) concerns these."""
+"""FITS files of float images, by the relevant parts of the standard (version 4.0; Pence et al. 2010, A&A 524, A42)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ import numpy as np
 
 from ..support.arrays import Array
 
-_CARD, _BLOCK = 80, 2880
+#: Bytes of a card.
+_CARD_BYTES = 80
+#: Bytes of a block.
+_BLOCK_BYTES = 2880
 Value = bool | int | float | str
 
 
 @dataclass(frozen=True)
 class Image:
-    """An image (H, W) or a cube (H, W, planes), float, with its ``name``, its ``unit``, a ``comment`` on what its
-    numbers mean, and further ``cards``, each a value and a comment by a key of at most 8 letters and digits."""
+    """An image (H, W) or a cube (H, W, planes), float, with its ``name``, its ``unit`` and a ``comment`` on the meaning
+    of its numbers. ``cards`` are a value and a comment by a key of at most 8 letters and digits."""
 
     name: str
     pixels: Array
@@ -55,8 +58,10 @@ def _encode_image(image: Image, first: bool, extended: bool) -> bytes:
     if image.unit:
         cards.append(_make_card("BUNIT", image.unit, ""))
     cards += [_make_card(key, value, comment) for key, (value, comment) in image.cards.items()]
-    header = b"".join([*cards, b"END".ljust(_CARD)])
-    return header.ljust(-(-len(header) // _BLOCK) * _BLOCK) + data.ljust(-(-len(data) // _BLOCK) * _BLOCK, b"\0")
+    header = b"".join([*cards, b"END".ljust(_CARD_BYTES)])
+    return header.ljust(-(-len(header) // _BLOCK_BYTES) * _BLOCK_BYTES) + data.ljust(
+        -(-len(data) // _BLOCK_BYTES) * _BLOCK_BYTES, b"\0"
+    )
 
 
 def _make_card(key: str, value: Value, comment: str) -> bytes:
@@ -70,6 +75,6 @@ def _make_card(key: str, value: Value, comment: str) -> bytes:
     else:
         text = (f"{value:.14E}" if isinstance(value, float) else str(value)).rjust(20)
     card = f"{key.ljust(8)}= {text}" + (f" / {comment}" if comment else "")
-    if len(key) > 8 or not card.isascii() or len(f"{key.ljust(8)}= {text}") > _CARD:
+    if len(key) > 8 or not card.isascii() or len(f"{key.ljust(8)}= {text}") > _CARD_BYTES:
         raise ValueError(f"{key} = {value!r} does not fit a card of a FITS header")
-    return card[:_CARD].ljust(_CARD).encode("ascii")
+    return card[:_CARD_BYTES].ljust(_CARD_BYTES).encode("ascii")

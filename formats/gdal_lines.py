@@ -1,6 +1,6 @@
-"""Commands of GDAL that make a GeoTIFF file which Icy Moon reads, for sentences about files that it does not read.
+"""Commands of GDAL that convert other files to a GeoTIFF that Icy Moon reads, for the ends of sentences.
 
-They are run in the folder of the file (gdal.org/programs), and a sentence ends with them. Imports no Blender.
+The commands run in the folder of the file (gdal.org/programs). Imports no Blender.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ import re
 from pathlib import Path
 
 #: Names that shells take as they are.
-_PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
-_PACKED = ("-co COMPRESS=DEFLATE", "-co BIGTIFF=IF_SAFER")
-_TILED = (*_PACKED, "-co TILED=YES")
+_PLAIN_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
+_PACKED_OPTIONS = ("-co COMPRESS=DEFLATE", "-co BIGTIFF=IF_SAFER")
+_TILED_OPTIONS = (*_PACKED_OPTIONS, "-co TILED=YES")
 #: Height maps that GDAL reads and Icy Moon does not, by suffix.
 SUFFIXES = {
     ".asc": "an ASCII grid",
@@ -31,13 +31,13 @@ SUFFIXES = {
     ".flt": "an ESRI raster",
 }
 #: Suffixes of files that state no map system, so that their numbers may be degrees.
-_WITHOUT_SYSTEM = (".asc", ".grd", ".bil", ".flt")
+_SUFFIXES_WITHOUT_SYSTEM = (".asc", ".grd", ".bil", ".flt")
 _TILE_NAME = re.compile(r"[NSns]\d{2}[EWew]\d{3}")
 
 
 def quote_name(name: str) -> str:
     """A file's name as one word of a command."""
-    if _PLAIN.fullmatch(name):
+    if _PLAIN_NAME.fullmatch(name):
         return name
     safe = f"./{name}" if name.startswith("-") else name
     return '"' + re.sub(r'([\\"$`])', r"\\\1", safe) + '"'
@@ -51,12 +51,16 @@ def _converted_name(name: str) -> str:
 
 def translate_command(name: str, *options: str) -> str:
     """The ``gdal_translate`` that copies the first band of a file, packed, with ``options``."""
-    return " ".join(["gdal_translate", "-b 1", *options, *_PACKED, quote_name(name), quote_name(_converted_name(name))])
+    return " ".join(
+        ["gdal_translate", "-b 1", *options, *_PACKED_OPTIONS, quote_name(name), quote_name(_converted_name(name))]
+    )
 
 
 def tile_command(name: str, *options: str) -> str:
     """The ``gdal_translate`` that copies the first band of a file in tiles; a site needs only a few tiles."""
-    return " ".join(["gdal_translate", "-b 1", *options, *_TILED, quote_name(name), quote_name(_converted_name(name))])
+    return " ".join(
+        ["gdal_translate", "-b 1", *options, *_TILED_OPTIONS, quote_name(name), quote_name(_converted_name(name))]
+    )
 
 
 def warp_command(name: str, *options: str) -> str:
@@ -66,7 +70,7 @@ def warp_command(name: str, *options: str) -> str:
             "gdalwarp",
             *options,
             "-r bilinear -ot Float64 -dstnodata nan",
-            *_PACKED,
+            *_PACKED_OPTIONS,
             quote_name(name),
             quote_name(_converted_name(name)),
         ]
@@ -89,10 +93,8 @@ def sphere_option(radius_m: float) -> str:
 
 
 def advise(path: Path, start: bytes, body_radius_m: float) -> str:
-    """The end of a sentence about a height map of ``SUFFIXES``, with the command that makes it a GeoTIFF.
-
-    ``start`` are its first bytes, which tell whether an image has its label within.
-    """
+    """The end of a sentence about a height map of ``SUFFIXES``, with the command that converts it to GeoTIFF. Its first
+    bytes ``start`` show whether an image contains its label."""
     suffix, name = path.suffix.lower(), path.name
     kind = SUFFIXES[suffix]
     if suffix == ".hgt" and not _TILE_NAME.match(name):
@@ -106,14 +108,16 @@ def advise(path: Path, start: bytes, body_radius_m: float) -> str:
             return f"is {kind}, and {path.with_suffix('.lbl').name} is not beside it; put it there and give it."
         name = label.name
     degrees = (
-        f"if its coordinates are degrees, add {sphere_option(body_radius_m)}; " if suffix in _WITHOUT_SYSTEM else ""
+        f"if its coordinates are degrees, add {sphere_option(body_radius_m)}; "
+        if suffix in _SUFFIXES_WITHOUT_SYSTEM
+        else ""
     )
     return f"is {kind}, which Icy Moon does not read; {degrees}convert it in its folder with: {tile_command(name)}"
 
 
 def _find_label(path: Path, start: bytes) -> Path | None:
-    """The file that GDAL opens for an image: the image if it has its label within or a header beside it, else its
-    label; None if it has neither."""
+    """The file that GDAL opens for an image: the image if it contains its label or has a header beside it, else its
+    label; None without label and header."""
     if start.startswith((b"PDS_VERSION_ID", b"CCSD", b"EHFA_HEADER_TAG", b"ODL_VERSION_ID", b"LBLSIZE=")):
         return path
     if any(path.with_suffix(suffix).is_file() for suffix in (".hdr", ".HDR")):

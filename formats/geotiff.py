@@ -1,8 +1,9 @@
-"""Digital elevation models in GeoTIFF: heights and places in metres, north up, or a sentence that explains why not.
+"""Digital elevation models in GeoTIFF: heights and places in metres, north up, or a sentence on why they cannot be
+used.
 
-Blender's own loader turns whole numbers into fractions of their range and knows neither pixel size nor missing
-values. Tags and keys: GeoTIFF 1.1 (OGC 19-008r4); GDAL_METADATA and GDAL_NODATA
-(gdal.org/drivers/raster/gtiff.html); units and vertical systems: the EPSG registry (epsg.org).
+Blender's own loader turns whole numbers into fractions of their range, and ignores pixel size and missing values. Tags
+and keys: GeoTIFF 1.1 (OGC 19-008r4); GDAL_METADATA and GDAL_NODATA (gdal.org/drivers/raster/gtiff.html); units and
+vertical systems: the EPSG registry (epsg.org).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from . import gdal_lines, sidecar_files
 from .geokeys import VERTICAL, GeoKeys, make_geokeys, read_numbers
 from .map_point import MapExtent, MapPoint, find_point
 from .map_projection import (
-    KNOWN,
+    KNOWN_SYSTEMS,
     PROJECTION_KEYS,
     TRUE_GRIDS,
     LocalScale,
@@ -38,7 +39,7 @@ from .map_projection import (
     make_datum_text,
     read_system,
 )
-from .sidecar_files import NO_SIZE
+from .sidecar_files import NO_PIXEL_SIZE
 from .tiff import (
     FIX,
     KIND,
@@ -52,7 +53,7 @@ from .tiff import (
 )
 
 #: Metres per unit of length by its EPSG code.
-_UNITS_M = {
+_METRES_PER_EPSG_UNIT = {
     1025: 0.001,
     1033: 0.01,
     9001: 1.0,
@@ -68,7 +69,7 @@ _UNITS_M = {
     9097: 20.1168,
 }
 #: Metres per unit of length by the names that GDAL and others write into a band's unit.
-_NAMED_M = {
+_METRES_PER_NAMED_UNIT = {
     "m": 1.0,
     "metre": 1.0,
     "metres": 1.0,
@@ -87,8 +88,8 @@ _NAMED_M = {
     "us survey foot": 1200 / 3937,
     "us survey feet": 1200 / 3937,
 }
-#: Map systems of Earth whose unit is the metre although a file may state their number only.
-_METRIC = {
+#: Map systems of Earth in metres that a file may state by number only.
+_SYSTEMS_IN_METRES = {
     3031,
     3395,
     3413,
@@ -103,7 +104,7 @@ _METRIC = {
     *range(32701, 32761),
 }
 #: Vertical systems of Earth that count downwards.
-_DEPTHS = {
+_DEPTH_SYSTEMS = {
     5336,
     5612,
     5614,
@@ -137,24 +138,37 @@ _DEPTHS = {
     10650,
     10678,
 }
-#: GeoKeys: model, kind of raster, map system, unit, its size, vertical system, its unit; and the keys of projections.
-_KEYS = {1024, 1025, 3072, 3076, 3077, 4096, 4099} | PROJECTION_KEYS
-#: Maximum number of pixels of a file that is read as a whole, with 63 bytes for each. Of a larger file the site's part
-#: is read, with this many pixels around it.
-_MOST_WHOLE, _BESIDE = 2**22, 16
-#: A scale that differs from 1 by less is taken for 1, such as UTM's. Angles in degrees from which the axes of a map are
-#: not perpendicular, from which north is not up, and from which this is a warning: UTM turns north by 3° at most.
-_TRUE, _SKEW_DEG, _TURNED_DEG, _FAR_TURNED_DEG = 1e-3, 0.5, 0.1, 5.0
+#: GeoKeys in use: model, kind of raster, map system, unit, size of the unit, vertical system, its unit; and the keys of
+#: projections.
+_GEOKEYS = {1024, 1025, 3072, 3076, 3077, 4096, 4099} | PROJECTION_KEYS
+#: Largest number of pixels of a file that is read as a whole, with 63 bytes for each. Of a larger file only the site's
+#: part is read.
+_MOST_WHOLE_PIXELS = 2**22
+#: Number of pixels that are read around the site's part.
+_MARGIN_PIXELS = 16
+#: A scale that differs from 1 by less than this, such as UTM's, counts as 1.
+_SCALE_TOLERANCE = 1e-3
+#: Angle in degrees from which on the axes of a map count as skewed.
+_SKEW_DEG = 0.5
+#: Angle in degrees between a map's up and north from which on it is reported.
+_TURNED_DEG = 0.1
+#: Angle in degrees from which on it is a warning; UTM turns north by at most 3°.
+_FAR_TURNED_DEG = 5.0
 #: Bytes of GDAL's metadata; a list of some items has some hundreds.
-_MOST_METADATA = 2**20
-_PROJECTED, _GEOGRAPHIC, _USER_DEFINED = 1, 2, 32767
-_POINT = 2  # value of GTRasterTypeGeoKey: coordinates refer to pixel centres
-#: Most that a turned grid may be off over its whole length, in pixels, to be taken for one along the axes.
-_SKEW_PX = 1e-3
+_MOST_METADATA_BYTES = 2**20
+#: Value of a GeoKey: a projected map.
+_PROJECTED = 1
+#: Value of a GeoKey: longitude and latitude.
+_GEOGRAPHIC = 2
+#: Value of a GeoKey: a system that the file defines itself.
+_USER_DEFINED = 32767
+_PIXEL_IS_POINT = 2  # value of GTRasterTypeGeoKey: coordinates refer to pixel centres
+#: A turned grid counts as one along the axes if its rotation moves no pixel by more than this over the whole length.
+_MOST_TURN_PX = 1e-3
 #: The option of ``gdal_translate`` that writes the units of a system that a file states by number.
-_STATE_UNITS = "-co GEOTIFF_VERSION=1.0"
-#: Sides of the part that a command cuts out of a map, of the ground that is wanted.
-_MARGIN = 1.1
+_STATE_UNITS_OPTION = "-co GEOTIFF_VERSION=1.0"
+#: Sides of the part that a command cuts out of a map, over the sides of the wanted ground.
+_CUT_MARGIN = 1.1
 
 
 @dataclass(frozen=True)
@@ -173,7 +187,7 @@ class Site:
     point: MapPoint | None = None
 
 
-#: How a point of the site's frame goes back to its map, for files that state a ``MapPlace``.
+#: The conversion of a point in the site's frame to its map, for files that state a ``MapPlace``.
 MAP_FORMULA = (
     "map x = (origin[0] + x / scale[0]) / unit_m, map y = (origin[1] + y / scale[1]) / unit_m, height of "
     "the file in metres = z + height_zero_m"
@@ -181,20 +195,21 @@ MAP_FORMULA = (
 
 
 def describe_map_place(ground: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Where the ground of a ``pair.json`` lies on a map, with the formula for its points; empty if it lies on none."""
+    """Place on a map of the ground of a ``pair.json``, with the formula for its points; empty for
+    ground without a map."""
     place = (ground or {}).get("map")
     return {**place, "formula": MAP_FORMULA} if place else {}
 
 
 def describe_map_notes(ground: Mapping[str, Any] | None) -> dict[str, str]:
-    """The same as texts by name, for the metadata of a file."""
+    """``describe_map_place`` as texts by name, for the metadata of a file."""
     place = describe_map_place(ground)
     return {"map": json.dumps(place)} if place else {}
 
 
 @dataclass(frozen=True)
 class MapPlace:
-    """Where the origin of the site is on a map, and the scale there.
+    """The place of the site's origin on a map, and the scale there.
 
     A point at (x, y) metres east and north of the origin has the map coordinates ``origin`` + (x / ``scale[0]``, y /
     ``scale[1]``), in metres of the map; divided by ``unit_m`` they are in the file's unit. ``crs`` is the map system as
@@ -235,13 +250,12 @@ class MapPlace:
 
 @dataclass(frozen=True)
 class GeoTiff:
-    """Heights (rows, columns) float64 in metres, row 0 northernmost and column 0 westernmost, missing ones NaN.
+    """Heights (rows, columns) float64 in metres, row 0 northernmost and column 0 westernmost, NaN where missing.
 
-    ``pixel_m`` is the size of a pixel (east, north) on the ground, and ``corner_m`` the place of the centre of the
-    lower left one, from the origin of the ``Site`` that was asked for, or in the map's coordinates without one. They
-    are None where the file does not state them; ``unplaced`` then is the reason, as the end of a sentence. ``report``
-    lists the file's statements about its heights, ``warnings`` the assumptions. ``file_shape`` is (rows, columns) of
-    the whole file.
+    ``pixel_m`` is the size of a pixel (east, north) on the ground. ``corner_m`` is the place of the centre of the lower
+    left pixel, from the origin of the ``Site``, or without one in map coordinates. Both are None if the file does not
+    state them; ``unplaced`` is then the reason, as the end of a sentence. ``report`` lists the file's statements about
+    its heights, ``warnings`` the assumptions. ``file_shape`` is (rows, columns) of the whole file.
     """
 
     heights_m: Array
@@ -261,7 +275,7 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
     Raises IcyMoonError, with the fix, if the file cannot be read.
     """
     found = read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
-    if found.unplaced != NO_SIZE:
+    if found.unplaced != NO_PIXEL_SIZE:
         return replace(found, warnings=(*found.warnings, *sidecar_files.describe_gdal_notes(path)))
     return replace(
         found,
@@ -308,7 +322,7 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
     if not in_unit and keys.get(1024, 0) != _GEOGRAPHIC:
         warnings += _warn_unstated_metres(unit, foreign.name)
     if grid is None:
-        return GeoTiff(heights, None, None, NO_SIZE, report, tuple(warnings), image.shape)
+        return GeoTiff(heights, None, None, NO_PIXEL_SIZE, report, tuple(warnings), image.shape)
     (east, north), _ = grid
     heights = heights[::-1] if north > 0 else heights  # rows that go north
     heights = heights[:, ::-1] if east < 0 else heights
@@ -341,7 +355,7 @@ class _Placed:
 
 
 def _describe_place(map_of: _Map, place: MapPlace) -> tuple[list[str], list[str]]:
-    """Sentences for the report, and warnings, on the scale of a map at a place and on its north."""
+    """Sentences for the report, and warnings, about a map's scale at a place and the direction of north there."""
     report: list[str] = []
     warnings: list[str] = []
     if map_of.system is not None and place.scale != (1.0, 1.0):
@@ -371,7 +385,8 @@ def _place_site(
     site: Site | None,
     stored: GeoKeys | None,
 ) -> _Placed:
-    """Where a site lies on a map. Raises UnreadError if it is beyond the map system or its directions are skewed."""
+    """The place of a site on a map. Raises UnreadError if it is outside the map system or the map's directions are
+    skewed."""
     size = abs(step[0]) * unit, abs(step[1]) * unit
     first = corner[0] * unit, corner[1] * unit
     if site is None:
@@ -391,7 +406,7 @@ def _place_site(
     report, warnings = _describe_place(map_of, place)
     pixel = size[0] * place.scale[0], size[1] * place.scale[1]
     window, west, south = None, 0, 0
-    if shape[0] * shape[1] > _MOST_WHOLE:
+    if shape[0] * shape[1] > _MOST_WHOLE_PIXELS:
         columns, rows = (
             _range_around(shape[1 - k], (place.origin[k] - first[k]) / size[k], site.size_m / 2 / pixel[k])
             for k in range(2)
@@ -409,15 +424,16 @@ def _place_site(
 
 
 def _range_around(count: int, middle: float, half: float) -> range:
-    """The pixels of ``count`` within ``half`` pixels of one, and some beside them to fill holes from; two at least."""
-    low = min(max(math.floor(middle - half) - _BESIDE, 0), count - 2)
-    return range(low, max(min(math.ceil(middle + half) + _BESIDE + 1, count), low + 2))
+    """The pixels of ``count`` within ``half`` pixels of the ``middle`` one, with a margin from which holes are filled;
+    at least two."""
+    low = min(max(math.floor(middle - half) - _MARGIN_PIXELS, 0), count - 2)
+    return range(low, max(min(math.ceil(middle + half) + _MARGIN_PIXELS + 1, count), low + 2))
 
 
 @dataclass(frozen=True)
 class _Map:
-    """The map of a file: its projection, None if it is not supported, its keys, its unit in metres, the size of a pixel
-    in metres of the map, the size of the wanted ground in metres, and the file's name."""
+    """The map of a file: its projection (None if unsupported), its GeoKeys, its unit in metres, the size of a pixel in
+    metres of the map, the size of the wanted ground in metres, and the file's name."""
 
     system: MapSystem | None
     keys: Mapping[int, Any]
@@ -428,7 +444,7 @@ class _Map:
 
 
 def _refuse_unknown_projection(map_of: _Map) -> None:
-    """Raise UnreadError for a map whose scale is not known since its projection is not."""
+    """Raise UnreadError for a map with an unknown projection, and so an unknown scale."""
     keys = map_of.keys
     code = keys.get(3072, 0)
     numbered = code not in (0, _USER_DEFINED)
@@ -449,7 +465,7 @@ def _refuse_unknown_projection(map_of: _Map) -> None:
 
 
 def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
-    """A place of a map with its scale, which is 1 where that is right to a thousandth, or where it is not known."""
+    """A place of a map with its scale. The scale is 1 if that is right to a thousandth, or if it is unknown."""
     system, keys = map_of.system, map_of.keys
     vertical = keys.get(4096, 0)
     place = MapPlace(
@@ -476,7 +492,7 @@ def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
             "source.origin_x_m = source.origin_y_m = 0 for the part that you make in its folder with: "
             + _cut_command(map_of, system, found)
         )
-    true = max(abs(found.east - 1), abs(found.north - 1)) < _TRUE
+    true = max(abs(found.east - 1), abs(found.north - 1)) < _SCALE_TOLERANCE
     return replace(
         place,
         scale=(1.0, 1.0) if true else (found.east, found.north),
@@ -487,8 +503,8 @@ def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
 
 
 def _cut_command(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
-    """The command that makes the part of a map around a place that is wanted, true to scale."""
-    half = (map_of.size_m / 2) * _MARGIN
+    """The command that makes the wanted part of a map around a place, true to scale."""
+    half = (map_of.size_m / 2) * _CUT_MARGIN
     return gdal_lines.warp_command(
         map_of.name,
         f'-t_srs "+proj=aeqd +lat_0={at.latitude_deg:.9f} '
@@ -506,7 +522,7 @@ def _flat_system_option(keys: Mapping[int, Any]) -> str:
 
 def read_keys(tags: Tags) -> dict[int, Any]:
     """The GeoKeys that are used, by number: a whole number or a float. Raises ValueError for one that is text."""
-    return read_numbers(tags.get(34735, ()), tags.get(34736, ()), _KEYS)
+    return read_numbers(tags.get(34735, ()), tags.get(34736, ()), _GEOKEYS)
 
 
 def clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
@@ -541,10 +557,12 @@ def _decode_text(tag: tuple[Any, ...] | None) -> str:
 
 
 def _warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
-    """A warning if a file states no unit for its heights, and one for its coordinates that is not the metre."""
+    """A warning if a file states no unit for its heights, but a unit other than the metre for its coordinates."""
     if unit_m is None or math.isclose(unit_m, 1.0, rel_tol=1e-6):
         return []
-    name = next((name for name, metres in _NAMED_M.items() if math.isclose(metres, unit_m, rel_tol=1e-6)), "")
+    name = next(
+        (name for name, metres in _METRES_PER_NAMED_UNIT.items() if math.isclose(metres, unit_m, rel_tol=1e-6)), ""
+    )
     state = gdal_lines.edit_command(file, f"-units '{name}'")
     fix = (
         f"if they are in {name}, as its coordinates are, state it in its folder with: {state}"
@@ -585,7 +603,7 @@ def _scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> 
 
 
 def _read_height_scale(tags: Tags) -> tuple[float, float] | None:
-    """Scale and offset of the values, where the tie point and the pixel scale place heights elsewhere than at them."""
+    """Scale and offset of the values, if tie point and pixel scale change heights."""
     third = float((*tags.get(33550, ()), 0.0, 0.0, 0.0)[2])
     _, _, from_z, _, _, to_z = (*tags.get(33922, ()), *(0.0,) * 6)[:6]
     if third not in (0.0, 1.0) or (third and (from_z or to_z)):
@@ -606,7 +624,7 @@ def read_metadata(image: Directory) -> dict[str, str]:
             "has metadata that are no plain list; drop them in its folder with: "
             + gdal_lines.translate_command(image.name)
         )
-    if len(text) > _MOST_METADATA:
+    if len(text) > _MOST_METADATA_BYTES:
         raise UnreadError(
             f"has {len(text) / 1e6:.1f} MB of metadata; drop what is no scale in its folder with: "
             + gdal_lines.edit_command(image.name, "-unsetmd")
@@ -650,20 +668,18 @@ def _parse_finite(text: str, role: str, file: str) -> float:
 def _find_height_unit(
     keys: Mapping[int, Any], named: str, scaling: tuple[float, float], file: str
 ) -> tuple[float, str]:
-    """Metres per unit of the heights, and the name of this unit for a message; '' if the file states no unit.
-
-    ``scaling`` is the scale and the offset of the values, and ``file`` the name for commands.
-    """
+    """Metres per unit of the heights, and the unit's name for a message; '' if the file states no unit. ``scaling`` is
+    the scale and the offset of the values, ``file`` the name for commands."""
     stated = {}
     if named:
-        if named.lower() not in _NAMED_M:
+        if named.lower() not in _METRES_PER_NAMED_UNIT:
             raise UnreadError(
                 f"states its heights in {named[:40]!r}, a unit that is not known here; name the one that "
                 f"they are in, such as m or ft, in its folder with: {gdal_lines.edit_command(file, '-units m')}"
             )
-        stated[named] = _NAMED_M[named.lower()]
+        stated[named] = _METRES_PER_NAMED_UNIT[named.lower()]
     code, system = keys.get(4099), keys.get(4096, 0)
-    if system in _DEPTHS:
+    if system in _DEPTH_SYSTEMS:
         turned = _scale_options(-scaling[0], -scaling[1])
         raise UnreadError(
             f"holds depths (EPSG:{system}), which go down, not heights; turn their sign and drop the "
@@ -673,15 +689,16 @@ def _find_height_unit(
     if code is None and system not in (0, _USER_DEFINED):
         code = VERTICAL.get(system, 0)
     if code is not None:
-        if code not in _UNITS_M:
+        if code not in _METRES_PER_EPSG_UNIT:
             raise UnreadError(
                 f"states heights by the vertical system {system} in the unit {code or 'of that system'}, "
                 f"which are not known here; state it in its folder with: "
-                f"{gdal_lines.translate_command(file, _STATE_UNITS)}"
+                f"{gdal_lines.translate_command(file, _STATE_UNITS_OPTION)}"
             )
-        stated[f"EPSG unit {code}"] = _UNITS_M[code]
+        stated[f"EPSG unit {code}"] = _METRES_PER_EPSG_UNIT[code]
     if len({round(value, 9) for value in stated.values()}) > 1:
-        same = next((name for name, metres in _NAMED_M.items() if math.isclose(metres, list(stated.values())[-1])), "")
+        second = list(stated.values())[-1]
+        same = next((name for name, metres in _METRES_PER_NAMED_UNIT.items() if math.isclose(metres, second)), "")
         raise UnreadError(
             f"states its heights in two units, {' and '.join(stated)}; "
             + (
@@ -713,16 +730,16 @@ def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: floa
         if isinstance(size, float) and 0 < size < math.inf:
             return size, ""
         return None, "has pixels of {size} in a unit that it does not state"
-    if code is not None and code in _UNITS_M:
-        return _UNITS_M[code], ""
+    if code is not None and code in _METRES_PER_EPSG_UNIT:
+        return _METRES_PER_EPSG_UNIT[code], ""
     if code:
         return None, "has pixels of {size} in the EPSG unit " + str(code) + ", which is not known here"
-    if system in _METRIC or system in KNOWN:
+    if system in _SYSTEMS_IN_METRES or system in KNOWN_SYSTEMS:
         return 1.0, ""
     if system not in (None, 0, _USER_DEFINED):
         return None, (
             "has pixels of {size} in the unit of EPSG:" + str(system) + ", which is not known here; state it "
-            "in its folder with: " + gdal_lines.translate_command(file, _STATE_UNITS)
+            "in its folder with: " + gdal_lines.translate_command(file, _STATE_UNITS_OPTION)
         )
     return 1.0, "it states no unit of length, so its coordinates were taken for metres"
 
@@ -744,7 +761,7 @@ def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[flo
         column, row, _, x, y = (float(v) for v in tags.get(33922, (0.0,) * 6)[:5])
     elif 34264 in tags:
         m = [float(v) for v in tags[34264]]
-        if max(abs(m[1] * rows), abs(m[4] * columns)) > _SKEW_PX * min(abs(m[0]), abs(m[5])):
+        if max(abs(m[1] * rows), abs(m[4] * columns)) > _MOST_TURN_PX * min(abs(m[0]), abs(m[5])):
             raise UnreadError(
                 "has a grid that is turned against north; turn it in its folder with: "
                 + gdal_lines.warp_command(image.name)
@@ -754,7 +771,7 @@ def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[flo
         return None
     if not (0 < abs(east) < math.inf and 0 < abs(north) < math.inf and math.isfinite(x) and math.isfinite(y)):
         return None
-    centre = 0.0 if keys.get(1025) == _POINT else 0.5  # else the place refers to a pixel's corner
+    centre = 0.0 if keys.get(1025) == _PIXEL_IS_POINT else 0.5  # else the place refers to a pixel's corner
     first = (x + (centre - column) * east, y + (centre - row) * north)
     last = (first[0] + (columns - 1) * east, first[1] + (rows - 1) * north)
     return (east, north), (min(first[0], last[0]), min(first[1], last[1]))

@@ -1,4 +1,5 @@
-"""glTF 2.0 (Khronos), .gltf and .glb: the JSON of a file, and whether its accessors have the bytes that they state."""
+"""glTF 2.0 (Khronos), .gltf and .glb: the JSON of a file, and a check that its accessors have the bytes that they
+state."""
 
 from __future__ import annotations
 
@@ -10,36 +11,45 @@ from urllib.parse import unquote
 from ..support.file_schemas import COUNT
 from ..support.files import quote, shorten
 from ..support.foreign_bytes import ForeignBytes, OverBudgetError, parse_json, read
-from .ply import MOST_MESH
+from .ply import MOST_MESH_BYTES
 
 Fact = TypeVar("Fact")
 _FIX = "export the mesh again"
-#: Bytes of memory for the values of the JSON, and for each of them; largest JSON in bytes, with buffers in it.
-_MOST_MEMORY, _OF_A_VALUE, _MOST_JSON = 2**29, 120, 2**28
-#: Maximum number of nodes (Blender makes an object of each), and maximum depth of nodes within nodes.
-_MOST_NODES, _DEEPEST = 50_000, 500
-#: How often each byte of the buffers may be used, and bytes that may be used beside them.
-_MOST_USES, _MOST_BESIDE = 64, 2**28
-#: Bytes of a number by the type of component; numbers by the type of accessor.
-_COMPONENTS = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-#: Begin of a .glb, and its bytes before the JSON.
-_MARK, _HEADER = b"glTF", 20
+#: Bytes of memory for all values of the JSON.
+_MOST_MEMORY = 2**29
+#: Bytes of memory for each of these values.
+_MEMORY_PER_VALUE = 120
+#: Largest JSON in bytes, including buffers in it.
+_MOST_JSON_BYTES = 2**28
+#: Maximum number of nodes; Blender makes an object of each.
+_MOST_NODES = 50_000
+#: Maximum depth of nodes within nodes.
+_DEEPEST_NODE = 500
+#: Maximum number of uses of each byte of the buffers.
+_MOST_USES_OF_BYTE = 64
+#: Bytes that may be used besides.
+_MOST_FREE_BYTES = 2**28
+#: Bytes of a number by the type of component.
+_COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+#: Numbers per element by the type of accessor.
+_NUMBERS_PER_ELEMENT = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+#: First bytes of a .glb.
+_GLB_MARK = b"glTF"
+#: Bytes of a .glb before its JSON.
+_GLB_HEADER_BYTES = 20
 
 
 def read_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
     """Facts from the JSON of a .gltf or .glb. Raises IcyMoonError if it is not what glTF demands."""
     return read(
-        path, lambda foreign: facts(_parse_gltf(foreign)[0]), "a whole glTF file", _FIX, MOST_MESH, _MOST_MEMORY
+        path, lambda foreign: facts(_parse_gltf(foreign)[0]), "a whole glTF file", _FIX, MOST_MESH_BYTES, _MOST_MEMORY
     )
 
 
 def check_gltf(path: Path) -> list[str]:
-    """Compare a file with itself and its buffers; gives the names of the images that it names.
-
-    Raises IcyMoonError for accessors that have not the bytes that they state, for buffers outside of the file's
-    folder, and for more nodes than a mesh needs.
-    """
+    """Compare the statements of a file with its content and its buffers. Returns the names of the images that it names.
+    Raises IcyMoonError for accessors with fewer bytes than stated, for buffers outside of the file's folder, and for
+    too many nodes."""
 
     def compare(foreign: ForeignBytes) -> list[str]:
         document, binary = _parse_gltf(foreign)
@@ -47,7 +57,7 @@ def check_gltf(path: Path) -> list[str]:
         views = [_find_view_size(each, buffers) for each in document.get("bufferViews", ())]
         accessors = [_find_accessor_size(each, views, document) for each in document.get("accessors", ())]
         used = sum(accessors[k] for k in _list_used_accessors(document))
-        if used > _MOST_USES * sum(buffers) + _MOST_BESIDE:
+        if used > _MOST_USES_OF_BYTE * sum(buffers) + _MOST_FREE_BYTES:
             raise OverBudgetError(f"uses {used / 1e6:.0f} MB for its meshes, of buffers of {sum(buffers) / 1e6:.3g} MB")
         _check_nodes(document.get("nodes", []))
         _check_scenes(document)
@@ -57,24 +67,24 @@ def check_gltf(path: Path) -> list[str]:
             if "uri" in each and not each["uri"].startswith("data:")
         ]
 
-    return read(path, compare, "a whole glTF file", _FIX, MOST_MESH, _MOST_MEMORY)
+    return read(path, compare, "a whole glTF file", _FIX, MOST_MESH_BYTES, _MOST_MEMORY)
 
 
 def _parse_gltf(foreign: ForeignBytes) -> tuple[dict[str, Any], int]:
     """The JSON, and the bytes of the binary chunk of a .glb, 0 without one."""
     start, size, binary = 0, foreign.size, 0
-    if foreign.size >= _HEADER and foreign.part(0, 4) == _MARK:
-        start, size = _HEADER, int.from_bytes(foreign.part(12, 4), "little")
+    if foreign.size >= _GLB_HEADER_BYTES and foreign.part(0, 4) == _GLB_MARK:
+        start, size = _GLB_HEADER_BYTES, int.from_bytes(foreign.part(12, 4), "little")
         if start + size > foreign.size:
             raise ValueError(f"it ends {start + size - foreign.size} bytes early")
         if start + size + 8 <= foreign.size:
             binary = int.from_bytes(foreign.part(start + size, 4), "little")
             if start + size + 8 + binary > foreign.size:
                 raise ValueError(f"it ends {start + size + 8 + binary - foreign.size} bytes early")
-    if size > _MOST_JSON:
-        raise OverBudgetError(f"has {size / 1e6:.0f} MB of JSON, and {_MOST_JSON / 1e6:.0f} MB are read")
+    if size > _MOST_JSON_BYTES:
+        raise OverBudgetError(f"has {size / 1e6:.0f} MB of JSON, and {_MOST_JSON_BYTES / 1e6:.0f} MB are read")
     text = foreign.part(start, size)
-    foreign.budget.charge(_OF_A_VALUE * sum(text.count(mark) for mark in (b",", b"[", b"{", b":")), "JSON")
+    foreign.budget.charge(_MEMORY_PER_VALUE * sum(text.count(mark) for mark in (b",", b"[", b"{", b":")), "JSON")
     document = parse_json(text.removeprefix(b"\xef\xbb\xbf"))
     if not isinstance(document, dict):
         raise ValueError("its JSON is no table")
@@ -97,7 +107,8 @@ def _find_inside(path: Path, uri: str) -> Path:
 
 
 def _read_count(table: dict[str, Any], key: str, default: int | None = None) -> int:
-    """A whole number of 0 or more. Raises ValueError for anything else, KeyError if it has to be there."""
+    """A whole number of 0 or more. Raises ValueError for any other value, KeyError for a required
+    one that is missing."""
     value = table[key] if default is None else table.get(key, default)
     if not COUNT.fits(value):
         raise ValueError(f"{key} is {shorten(repr(value))}, not {COUNT.name}")
@@ -130,7 +141,7 @@ def _find_view_size(stated: dict[str, Any], buffers: list[int]) -> int:
 def _find_accessor_size(stated: dict[str, Any], views: list[int], document: dict[str, Any]) -> int:
     """The bytes of an accessor's values."""
     count = _read_count(stated, "count")
-    size = _COMPONENTS[stated["componentType"]] * _WIDTHS[stated["type"]]
+    size = _COMPONENT_BYTES[stated["componentType"]] * _NUMBERS_PER_ELEMENT[stated["type"]]
     if "bufferView" in stated:
         place = _read_count(stated, "bufferView")
         step = _read_count(document["bufferViews"][place], "byteStride", 0) or size
@@ -138,7 +149,7 @@ def _find_accessor_size(stated: dict[str, Any], views: list[int], document: dict
             raise ValueError(f"an accessor of {count} values is not within its view")
     if (sparse := stated.get("sparse")) is not None:
         changed = _read_count(sparse, "count")
-        for part, width in (("indices", _COMPONENTS[sparse["indices"]["componentType"]]), ("values", size)):
+        for part, width in (("indices", _COMPONENT_BYTES[sparse["indices"]["componentType"]]), ("values", size)):
             within = views[_read_count(sparse[part], "bufferView")]
             if changed > count or _read_count(sparse[part], "byteOffset", 0) + changed * width > within:
                 raise ValueError(f"an accessor that changes {changed} of {count} values is not within its view")
@@ -146,7 +157,7 @@ def _find_accessor_size(stated: dict[str, Any], views: list[int], document: dict
 
 
 def _list_used_accessors(document: dict[str, Any]) -> Iterator[int]:
-    """The numbers of the accessors of all primitives, skins and animations, as often as they are used."""
+    """The numbers of the accessors of all primitives, skins and animations, one for each use."""
     for mesh in document.get("meshes", ()):
         for primitive in mesh["primitives"]:
             named = [primitive["attributes"], *primitive.get("targets", ())]
@@ -165,7 +176,7 @@ def _list_used_accessors(document: dict[str, Any]) -> Iterator[int]:
 
 
 def _check_scenes(document: dict[str, Any]) -> None:
-    """Scenes must be of nodes that are there, and the one to show must be one of them."""
+    """Check that scenes have existing nodes, and that the scene to show exists."""
     scenes, nodes = document.get("scenes", []), document.get("nodes", [])
     if scenes and _read_count(document, "scene", 0) >= len(scenes):
         raise ValueError(f"its scene {document['scene']} is not there")
@@ -176,7 +187,7 @@ def _check_scenes(document: dict[str, Any]) -> None:
 
 
 def _check_nodes(nodes: list[dict[str, Any]]) -> None:
-    """Nodes must be trees that are not too deep."""
+    """Check that nodes form trees of limited depth."""
     if len(nodes) > _MOST_NODES:
         raise OverBudgetError(f"has {len(nodes)} nodes, more than {_MOST_NODES}")
     parents: dict[int, int] = {}
@@ -191,11 +202,11 @@ def _check_nodes(nodes: list[dict[str, Any]]) -> None:
         while number in parents and number not in depths:
             climbed.append(number)
             number = parents[number]
-            if len(climbed) > _DEEPEST:
-                raise ValueError(f"nodes are within each other more than {_DEEPEST} deep, or in a ring")
+            if len(climbed) > _DEEPEST_NODE:
+                raise ValueError(f"nodes are within each other more than {_DEEPEST_NODE} deep, or in a ring")
         depth = depths.get(number, 0)
         for each in reversed(climbed):
             depth += 1
             depths[each] = depth
-        if depth > _DEEPEST:
-            raise ValueError(f"nodes are within each other more than {_DEEPEST} deep")
+        if depth > _DEEPEST_NODE:
+            raise ValueError(f"nodes are within each other more than {_DEEPEST_NODE} deep")

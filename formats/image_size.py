@@ -1,4 +1,4 @@
-"""How many pixels an image of a user has, from its header, before a library makes room for them.
+"""The number of pixels of a foreign image, from its header, before a library allocates memory for them.
 
 PNG (W3C, third edition), JPEG (ITU T.81), TIFF, OpenEXR, WebP (RFC 9649), BMP, Radiance HDR (Ward 1991), Targa (2.0).
 """
@@ -12,22 +12,28 @@ from ..support.foreign_bytes import Cursor, ForeignBytes, RefusedError
 from .exr_layout import Part, read_layout
 from .tiff import grant_memory, read_directories
 
-_PNG, _JPEG, _EXR = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"\x76\x2f\x31\x01"
-_TIFFS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-#: Pixels that an image may have for each byte of its file; photographs have 2 to 10.
+#: First bytes of a PNG file.
+_PNG_MARK = b"\x89PNG\r\n\x1a\n"
+#: First bytes of a JPEG file.
+_JPEG_MARK = b"\xff\xd8\xff"
+#: First bytes of an OpenEXR file.
+_EXR_MARK = b"\x76\x2f\x31\x01"
+_TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+#: Largest number of pixels for each byte of a file; photographs have 2 to 10.
 _PIXELS_PER_BYTE = 16
-#: Maximum number of scans of a JPEG file, usually 1 to 10; each may go through the whole image.
+#: Maximum number of scans of a JPEG file, usually 1 to 10; each may cover the whole image.
 _MOST_SCANS = 100
-#: Bytes of a header, but for JPEG, whose comments come before it.
-_MOST_HEADER = 2**16
-#: Bytes of a part of WebP that its size is in.
+#: Largest header in bytes, except for JPEG, whose comments precede it.
+_MOST_HEADER_BYTES = 2**16
+#: Bytes of a WebP part that contain its size.
 _WEBP_SIZE_BYTES = 10
-#: Values of a pixel that take as much memory as one pixel in colours.
-_CHANNELS = 4
+#: Number of values of a pixel whose memory is counted as one pixel.
+_VALUES_PER_PIXEL = 4
 
 
 def check_pixels(foreign: ForeignBytes, pixels: int, most: int, fix: str) -> None:
-    """Raise RefusedError for an image of more than ``most`` pixels, unless its file is as large as such an image."""
+    """Raise RefusedError for an image of more than ``most`` pixels, unless its file is large enough
+    for such an image."""
     if pixels < 1:
         raise ValueError("no pixels")
     if pixels > most + _PIXELS_PER_BYTE * foreign.size:
@@ -35,28 +41,26 @@ def check_pixels(foreign: ForeignBytes, pixels: int, most: int, fix: str) -> Non
 
 
 def count_pixels(foreign: ForeignBytes) -> int:
-    """Pixels that an image states; several values of a pixel count as further pixels.
-
-    Raises ValueError, KeyError or OverBudgetError if it is torn, or of no kind that is known here.
-    """
+    """Number of pixels that an image states; further values of a pixel count as further pixels. Raises ValueError,
+    KeyError or OverBudgetError for a damaged file or an unknown kind."""
     start = foreign.part(0, min(foreign.size, 32))
-    if start.startswith(_EXR):
+    if start.startswith(_EXR_MARK):
         return sum(_count_part(part) for part in read_layout(foreign, tiles=True))
-    if start.startswith(_TIFFS):
+    if start.startswith(_TIFF_MARKS):
         return _count_tiff(foreign)
-    if start.startswith(_JPEG):
+    if start.startswith(_JPEG_MARK):
         return _count_jpeg(foreign)
     return math.prod(_read_size(foreign, start))
 
 
 def _count_part(part: Part) -> int:
-    return math.prod(part.shape) * -(-len(part.channels) // _CHANNELS)
+    return math.prod(part.shape) * -(-len(part.channels) // _VALUES_PER_PIXEL)
 
 
 def _count_tiff(foreign: ForeignBytes) -> int:
     grant_memory(foreign)
     image = read_directories(foreign)[0]
-    values = -(-image.number(277, 1) // _CHANNELS)
+    values = -(-image.number(277, 1) // _VALUES_PER_PIXEL)
     tile = image.number(322, 1) * image.number(323, 1)
     if min(*image.shape, image.number(277, 1), image.number(322, 1), image.number(323, 1)) < 1:
         raise ValueError("no pixels")
@@ -84,9 +88,9 @@ def _count_jpeg(foreign: ForeignBytes) -> int:
 
 def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
     """Width and height of a PNG, WebP, BMP, HDR or Targa image."""
-    cursor = foreign.cursor(0, min(foreign.size, _MOST_HEADER))
-    if start.startswith(_PNG):
-        cursor.skip(len(_PNG) + 8)
+    cursor = foreign.cursor(0, min(foreign.size, _MOST_HEADER_BYTES))
+    if start.startswith(_PNG_MARK):
+        cursor.skip(len(_PNG_MARK) + 8)
         width, height = cursor.unpack(">2I")
     elif start.startswith(b"RIFF") and start[8:12] == b"WEBP":
         cursor.skip(12)
@@ -96,7 +100,7 @@ def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
         cursor.skip(14)
         width, height = cursor.unpack("<2H" if cursor.number("<I") == 12 else "<2i")
     elif start.startswith((b"#?RADIANCE", b"#?RGBE")):
-        cursor.take_until(b"\n\n", _MOST_HEADER)
+        cursor.take_until(b"\n\n", _MOST_HEADER_BYTES)
         words = cursor.take_until(b"\n", 100).split()
         width, height = int(words[3]), int(words[1])
     elif len(start) > 18 and start[1] <= 1 and start[2] in (1, 2, 3, 9, 10, 11) and start[16] in (8, 15, 16, 24, 32):
@@ -110,10 +114,8 @@ def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
 
 
 def read_webp_size(kind: bytes, body: bytes) -> tuple[int, int] | None:
-    """Width and height that a part of a WebP file states in its first bytes; None if it states none.
-
-    Raises ValueError or struct.error if its beginning is damaged.
-    """
+    """Width and height in the first bytes of a WebP part; None if it states none. Raises ValueError or struct.error if
+    its beginning is damaged."""
     if kind == b"VP8X":
         width, width_high, height, height_high = struct.unpack_from("<4xHBHB", body)
         return 1 + width + (width_high << 16), 1 + height + (height_high << 16)

@@ -1,8 +1,8 @@
-"""From the coordinates of a map to the ground: how long a metre of the map is at a place, and where north is there.
+"""From map coordinates to the ground: the length of a metre of the map at a place, and the direction of north there.
 
-A map's metre is a metre of ground only where its projection is true to scale: a Mercator map at 60° is twice too wide.
-Projections are from a sphere (Snyder, "Map Projections: A Working Manual", USGS Professional Paper 1395, 1987); on
-an ellipsoid such as Earth's they are right to the flattening, 0.3 % in latitude and scale. Numbers of keys: GeoTIFF 1.1
+A map's metre is a metre of ground only if its projection is true to scale: a Mercator map at 60° is twice too wide.
+Projections are from a sphere (Snyder, "Map Projections: A Working Manual", USGS Professional Paper 1395, 1987); on an
+ellipsoid such as Earth's they are right to the flattening, 0.3 % in latitude and scale. Numbers of keys: GeoTIFF 1.1
 (OGC 19-008r4); parameters of systems that a file states by number: the EPSG registry (epsg.org).
 """
 
@@ -14,26 +14,26 @@ from dataclasses import dataclass
 from typing import Any
 
 #: Step in metres over which scale is measured.
-_STEP_M = 1.0
-#: Distance in metres from a pole within which a place is at the pole: rounding of its coordinates is less.
+_SCALE_STEP_M = 1.0
+#: Distance in metres from a pole within which a place counts as the pole; rounding of coordinates is smaller.
 _AT_POLE_M = 1e-3
-#: Mean radius of Earth, and the radius of the sphere of web maps.
-_EARTH_M, _WEB_M = 6371008.8, 6378137.0
+#: Mean radius of Earth in metres.
+_EARTH_RADIUS_M = 6371008.8
+#: Radius in metres of the sphere of web maps.
+_WEB_MAP_RADIUS_M = 6378137.0
 _MODEL_KEY, _PROJECTED_KEY, _METHOD_KEY, _USER_DEFINED, _GEOGRAPHIC = 1024, 3072, 3075, 32767, 2
 _GEOGRAPHIC_KEY, _SEMI_MAJOR_KEY, _SEMI_MINOR_KEY = 2048, 2057, 2058
 #: Keys that are numbers and that ``read_system`` reads.
 PROJECTION_KEYS = frozenset({1024, 2048, 2054, 2057, 2058, 2059, 2051, 2061, 3072, 3075, *range(3078, 3096)})
 #: Geographic systems of Earth by number: WGS 84, NAD27, NAD83, ETRS89, WGS 72, GDA94, GDA2020, and others of EPSG.
-_OF_EARTH = range(4001, 5000)
+_EARTH_SYSTEMS = range(4001, 5000)
 
 
 @dataclass(frozen=True)
 class MapSystem:
-    """The projection of a map. Angles in degrees, lengths in metres.
-
-    ``kind`` is a key of ``INVERSES``. ``scale`` is that at the origin, ``parallel_deg`` and ``second_deg`` are the
-    parallels true to scale. ``name`` is for sentences.
-    """
+    """The projection of a map; angles in degrees, lengths in metres. ``kind`` is a key of ``INVERSES``. ``scale`` is
+    the scale at the origin; ``parallel_deg`` and ``second_deg`` are the parallels true to scale. ``name`` is for
+    sentences."""
 
     kind: str
     name: str
@@ -57,8 +57,9 @@ class MapSystem:
 
 @dataclass(frozen=True)
 class LocalScale:
-    """The ground at a place of a map: metres of ground per metre of map, along the map's x and y; the angle in degrees,
-    clockwise, from the map's y to north; and how far from a right angle the two directions are."""
+    """The ground at a place of a map. ``east`` and ``north`` are metres of ground per metre of map along its x and y.
+    ``north_deg`` is the clockwise angle in degrees from the map's y to north, and ``skew_deg`` the deviation of the two
+    directions from a right angle."""
 
     east: float
     north: float
@@ -69,20 +70,18 @@ class LocalScale:
 
 
 def find_local_scale(system: MapSystem, x_m: float, y_m: float) -> LocalScale:
-    """The scale of a map at a place, in its coordinates in metres. Raises ValueError beyond the map's edge.
-
-    A pole, which has every longitude, has the central one of the map.
-    """
+    """The scale of a map at a place, in map coordinates in metres. A pole, which has every longitude, gets the map's
+    central one. Raises ValueError beyond the map's edge."""
     longitude, latitude = system.to_sphere(x_m, y_m)
     if math.radians(90.0 - abs(latitude)) * system.radius_m < _AT_POLE_M:
         longitude, latitude = (system.longitude_deg + 180.0) % 360.0 - 180.0, math.copysign(90.0, latitude)
     east, north, _ = _local_axes(longitude, latitude)
-    half = _STEP_M / 2
+    half = _SCALE_STEP_M / 2
 
     def step(dx: float, dy: float) -> tuple[float, float]:
         """Metres east and north on the ground per metre along a direction of the map."""
         ends = [_local_axes(*system.to_sphere(x_m + side * dx, y_m + side * dy))[2] for side in (-half, half)]
-        moved = [system.radius_m * (b - a) / _STEP_M for a, b in zip(*ends, strict=True)]
+        moved = [system.radius_m * (b - a) / _SCALE_STEP_M for a, b in zip(*ends, strict=True)]
         return _dot(moved, east), _dot(moved, north)
 
     along_x, along_y = step(1.0, 0.0), step(0.0, 1.0)
@@ -142,7 +141,7 @@ def _invert_transverse_mercator(s: MapSystem, x: float, y: float) -> tuple[float
 def _make_azimuthal_inverse(
     angle: Callable[[MapSystem, float], float],
 ) -> Callable[[MapSystem, float, float], tuple[float, float]]:
-    """The inverse of a projection about a point, from the angle on the sphere of a distance on the map."""
+    """The inverse of a projection about a point; ``angle`` returns the angle on the sphere of a distance on the map."""
 
     def inverse(s: MapSystem, x: float, y: float) -> tuple[float, float]:
         rho, origin = math.hypot(x, y), math.radians(s.latitude_deg)
@@ -159,7 +158,8 @@ def _make_azimuthal_inverse(
 
 
 def _to_longitude_latitude(east: float, ahead: float, up: float) -> tuple[float, float]:
-    """Longitude and latitude of a direction of any length. A sine alone would leave decimetres about the poles."""
+    """Longitude and latitude of a direction of any length. Computed from both sine and cosine, since a sine alone is
+    wrong by decimetres near the poles."""
     return math.atan2(east, ahead), math.atan2(up, math.hypot(east, ahead))
 
 
@@ -229,7 +229,7 @@ INVERSES: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] = 
     "Orthographic": _make_azimuthal_inverse(lambda s, rho: math.asin(rho)),
 }
 #: Projections by the number of their method (GeoTIFF, section C.4.2).
-_METHODS = {
+_KIND_BY_METHOD = {
     1: "Transverse Mercator",
     7: "Mercator",
     8: "Lambert conformal conic",
@@ -245,20 +245,20 @@ _METHODS = {
     24: "Sinusoidal",
     28: "Cylindrical equal area",
 }
-#: Grids of countries that are true to scale to some thousandths, although their projections are not known here.
+#: National grids that are true to scale to some thousandths, although their projections are not supported.
 TRUE_GRIDS = {2056, 2154, 2180, 2193, 3006, 3057, 3067, 5514, 8088, 21781, 27700, 28992, 31287, 31370}
 #: Systems of Earth that a file may state by number only.
-KNOWN = {
-    3857: MapSystem("Mercator", "EPSG:3857", _WEB_M),
-    3395: MapSystem("Mercator", "EPSG:3395", _WEB_M),
-    6933: MapSystem("Cylindrical equal area", "EPSG:6933", _EARTH_M, parallel_deg=30.0),
-    4087: MapSystem("Equidistant cylindrical", "EPSG:4087", _WEB_M),
+KNOWN_SYSTEMS = {
+    3857: MapSystem("Mercator", "EPSG:3857", _WEB_MAP_RADIUS_M),
+    3395: MapSystem("Mercator", "EPSG:3395", _WEB_MAP_RADIUS_M),
+    6933: MapSystem("Cylindrical equal area", "EPSG:6933", _EARTH_RADIUS_M, parallel_deg=30.0),
+    4087: MapSystem("Equidistant cylindrical", "EPSG:4087", _WEB_MAP_RADIUS_M),
     3035: MapSystem(
-        "Lambert azimuthal equal area", "EPSG:3035", _EARTH_M, 10.0, 52.0, east_m=4321000.0, north_m=3210000.0
+        "Lambert azimuthal equal area", "EPSG:3035", _EARTH_RADIUS_M, 10.0, 52.0, east_m=4321000.0, north_m=3210000.0
     ),
     **{
         code: MapSystem(
-            "Polar stereographic", f"EPSG:{code}", _WEB_M, longitude, math.copysign(90.0, parallel), parallel
+            "Polar stereographic", f"EPSG:{code}", _WEB_MAP_RADIUS_M, longitude, math.copysign(90.0, parallel), parallel
         )
         for code, longitude, parallel in (
             (3031, 0.0, -71.0),
@@ -269,7 +269,15 @@ KNOWN = {
     },
     **{
         code: MapSystem(
-            "Polar stereographic", f"EPSG:{code}", _WEB_M, 0.0, pole, pole, scale=0.994, east_m=2e6, north_m=2e6
+            "Polar stereographic",
+            f"EPSG:{code}",
+            _WEB_MAP_RADIUS_M,
+            0.0,
+            pole,
+            pole,
+            scale=0.994,
+            east_m=2e6,
+            north_m=2e6,
         )
         for code, pole in ((32661, 90.0), (32761, -90.0), (5041, 90.0), (5042, -90.0))
     },
@@ -287,14 +295,16 @@ def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
         radius = geographic_radius_m(keys)
         return None if radius is None else MapSystem("Equidistant cylindrical", "longitude and latitude", radius)
     code = keys.get(_PROJECTED_KEY)
-    if code in KNOWN:
-        return KNOWN[code]
+    if code in KNOWN_SYSTEMS:
+        return KNOWN_SYSTEMS[code]
     if isinstance(code, int) and (zone := _utm_zone(code)):
         number, south = zone
         middle, north_m = 6.0 * number - 183.0, 1e7 if south else 0.0
         name = f"EPSG:{code}"
-        return MapSystem("Transverse Mercator", name, _EARTH_M, middle, scale=0.9996, east_m=5e5, north_m=north_m)
-    kind = _METHODS.get(keys.get(_METHOD_KEY, 0))
+        return MapSystem(
+            "Transverse Mercator", name, _EARTH_RADIUS_M, middle, scale=0.9996, east_m=5e5, north_m=north_m
+        )
+    kind = _KIND_BY_METHOD.get(keys.get(_METHOD_KEY, 0))
     return None if kind is None else _stated_system(kind, keys, unit_m)
 
 
@@ -333,7 +343,7 @@ def _stated_system(kind: str, keys: Mapping[int, Any], unit_m: float) -> MapSyst
 
 
 #: PROJ's names of projections, and the parameters of each, by the field of ``MapSystem``.
-_PROJ = {
+_PROJ_PARAMETERS = {
     "Mercator": ("merc", "lon_0=longitude_deg lat_ts=parallel_deg k=scale"),
     "Equidistant cylindrical": ("eqc", "lon_0=longitude_deg lat_0=latitude_deg lat_ts=parallel_deg"),
     "Sinusoidal": ("sinu", "lon_0=longitude_deg"),
@@ -368,7 +378,7 @@ def make_crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
     system = read_system(keys, unit_m)
     if system is None or not body:
         return ""
-    name, parameters = _PROJ[system.kind]
+    name, parameters = _PROJ_PARAMETERS[system.kind]
     stated = [(key, getattr(system, field)) for key, _, field in (each.partition("=") for each in parameters.split())]
     # A scale and a parallel that is true to scale exclude each other.
     kept = [
@@ -381,7 +391,7 @@ def make_crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
 
 
 def _make_body_text(keys: Mapping[int, Any]) -> str:
-    """PROJ's words for the body's ellipsoid and its prime meridian; empty if they are not known here."""
+    """PROJ's words for the body's ellipsoid and its prime meridian; empty if they are unsupported."""
     if keys.get(2051, _GREENWICH) not in (_GREENWICH, _USER_DEFINED):
         return ""
     first = f" +pm={angle_unit(keys) * keys[2061]!r}" if keys.get(2061) else ""
@@ -394,7 +404,7 @@ def _make_body_text(keys: Mapping[int, Any]) -> str:
 
 def make_datum_text(keys: Mapping[int, Any]) -> str:
     """The datum that GeoKeys state: ``EPSG:`` and the number of a geographic system, the half axes of the ellipsoid, or
-    the datum of a map system with a number; empty if they state no datum."""
+    the datum of a numbered map system; empty without a datum."""
     code, projected = (keys.get(key, 0) for key in (_GEOGRAPHIC_KEY, _PROJECTED_KEY))
     if code not in (0, _USER_DEFINED):
         return f"EPSG:{code}"
@@ -405,17 +415,17 @@ def make_datum_text(keys: Mapping[int, Any]) -> str:
 
 
 def geographic_radius_m(keys: Mapping[int, Any]) -> float | None:
-    """Radius of the body whose longitudes and latitudes a file has; None if it states neither it nor one of Earth's
-    systems."""
+    """Radius of the body to which a file's longitudes and latitudes belong; None if the file states neither a radius
+    nor a system of Earth."""
     if _SEMI_MAJOR_KEY in keys:
         return _sphere_m(keys)
-    return _EARTH_M if keys.get(_GEOGRAPHIC_KEY, _USER_DEFINED) in _OF_EARTH else None
+    return _EARTH_RADIUS_M if keys.get(_GEOGRAPHIC_KEY, _USER_DEFINED) in _EARTH_SYSTEMS else None
 
 
 def _sphere_m(keys: Mapping[int, Any]) -> float:
     """Radius of the sphere with the volume of the body's ellipsoid; Earth's if the file states none."""
     major, minor = ellipsoid_m(keys)
-    return float((major * major * minor) ** (1 / 3)) if major else _EARTH_M
+    return float((major * major * minor) ** (1 / 3)) if major else _EARTH_RADIUS_M
 
 
 def ellipsoid_m(keys: Mapping[int, Any]) -> tuple[float, float]:
@@ -431,7 +441,7 @@ def ellipsoid_m(keys: Mapping[int, Any]) -> tuple[float, float]:
 
 
 def angle_unit(keys: Mapping[int, Any]) -> float:
-    """Degrees per unit of angle: of the keys' own unit, else degrees."""
+    """Degrees per unit of the angles in the GeoKeys; 1 if these state no unit."""
     return {9101: math.degrees(1.0), 9105: 0.9, 9106: 0.9}.get(keys.get(2054, 9102), 1.0)
 
 

@@ -1,7 +1,7 @@
-"""The Markdown of the manual as HTML: the part of Markdown that its pages use. Everything else stays text.
+"""Converts the Markdown of the manual to HTML: only the syntax that its pages use; other text stays text.
 
-The window shows the manual with it, without a network and without another package. Of pictures only the description is
-left; ``make docs`` makes the whole manual.
+The window shows the manual with it, without a network or another package. Pictures are replaced by their descriptions;
+``make docs`` makes the whole manual.
 """
 
 from __future__ import annotations
@@ -10,26 +10,28 @@ import html
 import re
 from collections.abc import Callable
 
-#: The address to which a link leads, or None if it leads nowhere here.
+#: Maps a link to its address; None removes the link.
 Address = Callable[[str], "str | None"]
-#: The HTML of a formula in TeX, or None to leave the formula as it is written.
+#: Maps a formula in TeX to HTML; None keeps the TeX.
 Formula = Callable[[str], "str | None"]
-_PICTURE = re.compile(r"\[?!\[([^\]]*)\]\([^)]*\)(?:\]\([^)]*\))?")
-_LINK = re.compile(r"\[([^\]]+)\]\(([^)\s]+)\)")
+_PICTURE_PATTERN = re.compile(r"\[?!\[([^\]]*)\]\([^)]*\)(?:\]\([^)]*\))?")
+_LINK_PATTERN = re.compile(r"\[([^\]]+)\]\(([^)\s]+)\)")
 #: Code, a displayed formula, a formula in the text.
-_KEPT = re.compile(
+_CODE_OR_FORMULA = re.compile(
     r"`(?P<code>[^`]+)`|\$\$(?P<block>.+?)\$\$|(?<![\w$])\$(?P<tex>[^$\s](?:[^$]*[^$\s])?)\$(?![\w$])", re.DOTALL
 )
-_ITEM = re.compile(r"(?:[*-]|\d+\.) +")
-_RULE = re.compile(r"\|?[\s:|-]+\|?")
+_LIST_ITEM = re.compile(r"(?:[*-]|\d+\.) +")
+_TABLE_RULE = re.compile(r"\|?[\s:|-]+\|?")
 #: The HTML that generated pages contain, after it was escaped: line breaks, places of links, and two signs.
 _ESCAPED_HTML = re.compile(r'&lt;(br|span id="[\w.]+"|/span)&gt;|&amp;(nbsp|lt);')
 
 
 def find_formulas(text: str) -> list[tuple[str, bool]]:
-    """The formulas of a page in TeX, each with whether it is displayed apart from the text."""
+    """The formulas of a page in TeX, each with True if it is displayed on lines of its own."""
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
-    return [(_clean_tex(found), bool(found["block"])) for found in _KEPT.finditer(outside) if not found["code"]]
+    return [
+        (_clean_tex(found), bool(found["block"])) for found in _CODE_OR_FORMULA.finditer(outside) if not found["code"]
+    ]
 
 
 def _clean_tex(found: re.Match[str]) -> str:
@@ -43,7 +45,7 @@ def render_page(text: str, address: Address, formula: Formula) -> str:
         return _render_inline(text, address, formula)
 
     text = re.sub(r"\A(?:---\n.*?\n---|<!--[^\n]*-->)\n", "", text, flags=re.DOTALL)
-    text = _PICTURE.sub(lambda found: f"*Picture: {found[1]}*" if found[1] else "", text)
+    text = _PICTURE_PATTERN.sub(lambda found: f"*Picture: {found[1]}*" if found[1] else "", text)
     lines, blocks, k = text.splitlines(), [], 0
     while k < len(lines):
         first = lines[k].strip()
@@ -78,14 +80,14 @@ def _render_block(lines: list[str], inline: Callable[[str], str]) -> str:
     if heading := re.match(r"(#{1,6}) +(.*)", first):
         level = len(heading[1])
         return f"<h{level}>{inline(heading[2])}</h{level}>"
-    if all(line.startswith("    ") for line in lines) and not _ITEM.match(first):
+    if all(line.startswith("    ") for line in lines) and not _LIST_ITEM.match(first):
         return f"<pre><code>{html.escape(chr(10).join(line[4:] for line in lines))}</code></pre>"
     if first.startswith("|"):
         return _render_table(lines, inline)
-    if _ITEM.match(first):
+    if _LIST_ITEM.match(first):
         items: list[str] = []
         for line in lines:
-            if started := _ITEM.match(line.strip()):
+            if started := _LIST_ITEM.match(line.strip()):
                 items.append(line.strip()[started.end() :])
             else:
                 items[-1] += f" {line.strip()}"
@@ -98,7 +100,7 @@ def _render_block(lines: list[str], inline: Callable[[str], str]) -> str:
 def _render_table(lines: list[str], inline: Callable[[str], str]) -> str:
     rows = []
     for number, line in enumerate(lines):
-        if _RULE.fullmatch(line.strip()):
+        if _TABLE_RULE.fullmatch(line.strip()):
             continue
         cells = [cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", line.strip().strip("|"))]
         kind = "td" if number else "th"
@@ -127,8 +129,8 @@ def _render_inline(text: str, address: Address, formula: Formula) -> str:
         )
         return f"\0{len(kept) - 1}\0"
 
-    text = _ESCAPED_HTML.sub(_unescape, html.escape(_KEPT.sub(keep, text), quote=False))
-    text = _LINK.sub(linked, text)
+    text = _ESCAPED_HTML.sub(_unescape, html.escape(_CODE_OR_FORMULA.sub(keep, text), quote=False))
+    text = _LINK_PATTERN.sub(linked, text)
     text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", text)
     text = re.sub(r"(?<![\w*])\*([^\s*](?:[^*]*[^\s*])?)\*(?![\w*])", r"<i>\1</i>", text)
     return re.sub(r"\0(\d+)\0", lambda found: kept[int(found[1])], text)

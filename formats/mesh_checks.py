@@ -1,7 +1,7 @@
-"""Whether the statements of a mesh file are true, before a library parses it.
+"""Checks that the statements of a mesh file are true, before a library parses it.
 
-Blender's importers make room for whatever a header states, follow the names of files, and read zero where a number is
-malformed. Formats: Stanford PLY, STL, Wavefront OBJ, glTF 2.0 (Khronos), USDZ (Pixar), binary FBX as described by
+Blender's importers allocate the memory that a header states, open the files that it names, and read zero for malformed
+numbers. Formats: Stanford PLY, STL, Wavefront OBJ, glTF 2.0 (Khronos), USDZ (Pixar), binary FBX as described by
 Blender's developers. The contents of USD files and of FBX in ASCII are left to their libraries.
 """
 
@@ -21,22 +21,23 @@ from .mesh_file import add_article
 
 _FIX = "export the mesh again"
 #: Largest content in bytes that packed arrays of an FBX file may have.
-_MOST_UNPACKED = 2**31
+_MOST_UNPACKED_BYTES = 2**31
 #: Largest material library in bytes.
-_MOST_LIBRARY = 2**22
-#: Deepest nesting of an FBX file, members of a USDZ archive.
-_DEEPEST, _MOST_MEMBERS = 32, 1000
+_MOST_LIBRARY_BYTES = 2**22
+#: Deepest nesting of an FBX file.
+_DEEPEST_FBX = 32
+#: Maximum number of members of a USDZ archive.
+_MOST_MEMBERS = 1000
 _FBX_MARK = b"Kaydara FBX Binary  \0\x1a\0"
-#: Bytes of an FBX value by the letter of its type: of single values, and of values in arrays.
-_FBX_VALUES = {b"Y": 2, b"C": 1, b"B": 1, b"I": 4, b"F": 4, b"D": 8, b"L": 8}
-_FBX_ARRAYS = {b"f": 4, b"d": 8, b"l": 8, b"i": 4, b"b": 1, b"c": 1}
+#: Bytes of a single FBX value by the letter of its type.
+_FBX_VALUE_BYTES = {b"Y": 2, b"C": 1, b"B": 1, b"I": 4, b"F": 4, b"D": 8, b"L": 8}
+#: Bytes of a value in an FBX array by the letter of its type.
+_FBX_ARRAY_VALUE_BYTES = {b"f": 4, b"d": 8, b"l": 8, b"i": 4, b"b": 1, b"c": 1}
 
 
 def check_mesh(path: Path, kind: str) -> None:
-    """Check the content of a mesh file of a ``kind`` (see ``mesh_file.detect_kind``) against its own statements.
-
-    Raises IcyMoonError for a file that lacks stated data, that names files which a mesh may not name, or that has
-    something other than a number where it needs one.
+    """Check the content of a mesh file of a ``kind`` (see ``mesh_file.detect_kind``) against its statements. Raises
+    IcyMoonError if stated data are missing, if it names a file that a mesh must not name, or if a number is malformed.
     """
     if kind == "glTF":
         for name in gltf.check_gltf(path):
@@ -49,7 +50,7 @@ def check_mesh(path: Path, kind: str) -> None:
         "FBX": _check_fbx,
         "USD": lambda foreign: _check_usd(path, foreign),
     }[kind]
-    read(path, parse, f"{add_article(kind)} file", _FIX, most=ply.MOST_MESH, memory=_MOST_UNPACKED)
+    read(path, parse, f"{add_article(kind)} file", _FIX, most=ply.MOST_MESH_BYTES, memory=_MOST_UNPACKED_BYTES)
 
 
 def _check_obj(path: Path, foreign: ForeignBytes) -> None:
@@ -57,11 +58,17 @@ def _check_obj(path: Path, foreign: ForeignBytes) -> None:
         library = path.parent / os.fsdecode(name)
         _check_named(path, library)
         if is_file(library):
-            read(library, lambda content: _check_library(path, content), "a material library", _FIX, most=_MOST_LIBRARY)
+            read(
+                library,
+                lambda content: _check_library(path, content),
+                "a material library",
+                _FIX,
+                most=_MOST_LIBRARY_BYTES,
+            )
 
 
 def _check_library(path: Path, foreign: ForeignBytes) -> None:
-    """Every statement may name an image, after options or without."""
+    """Check the files that a material library names; every statement may name an image, with or without options."""
     for _, line in foreign.lines():
         _, _, rest = line.strip().partition(b" ")
         for name in {rest.strip(), rest.split(b" ")[-1]} - {b""}:
@@ -69,7 +76,7 @@ def _check_library(path: Path, foreign: ForeignBytes) -> None:
 
 
 def _check_named(path: Path, file: Path) -> None:
-    """Raise IcyMoonError for a file that is there, but holds up whoever opens it: a pipe or a device."""
+    """Raise IcyMoonError for an existing pipe or device, which would block a program that opens it."""
     try:
         is_odd = file.exists() and not (file.is_file() or file.is_dir())
     except (OSError, ValueError):
@@ -89,7 +96,7 @@ def _check_usd(path: Path, foreign: ForeignBytes) -> None:
 
 
 def _check_usdz(foreign: ForeignBytes) -> None:
-    """The members of a USDZ are not packed, so that none is larger than the archive."""
+    """Check that the members of a USDZ are stored without compression, so that none is larger than the archive."""
     data = foreign.content()
     if data.count(b"PK\1\2") > _MOST_MEMBERS:
         raise ValueError(f"it has more than {_MOST_MEMBERS} members")
@@ -102,7 +109,7 @@ def _check_usdz(foreign: ForeignBytes) -> None:
 
 
 def _check_fbx(foreign: ForeignBytes) -> None:
-    """Nodes lie within their parents, one after the other, and arrays have the bytes that they state."""
+    """Check that nodes lie within their parents, one after the other, and that arrays have the stated bytes."""
     if foreign.part(0, min(len(_FBX_MARK), foreign.size)) != _FBX_MARK:
         return  # in ASCII
     cursor = foreign.cursor()
@@ -116,7 +123,7 @@ def _check_fbx(foreign: ForeignBytes) -> None:
                 return
             cursor.skip_to(ends.pop())
             continue
-        if end > (ends[-1] if ends else foreign.size) or len(ends) >= _DEEPEST:
+        if end > (ends[-1] if ends else foreign.size) or len(ends) >= _DEEPEST_FBX:
             raise ValueError(f"the node at byte {cursor.at} does not lie within its parent")
         cursor.skip(name)
         after = cursor.at + length
@@ -133,11 +140,11 @@ def _check_fbx(foreign: ForeignBytes) -> None:
 
 def _skip_fbx_value(cursor: Cursor) -> None:
     kind = cursor.take(1)
-    if kind in _FBX_VALUES:
-        cursor.skip(_FBX_VALUES[kind])
-    elif kind in _FBX_ARRAYS:
+    if kind in _FBX_VALUE_BYTES:
+        cursor.skip(_FBX_VALUE_BYTES[kind])
+    elif kind in _FBX_ARRAY_VALUE_BYTES:
         count, packed, length = cursor.unpack("<3I")
-        size = cursor.budget.charge(count * _FBX_ARRAYS[kind], "arrays")
+        size = cursor.budget.charge(count * _FBX_ARRAY_VALUE_BYTES[kind], "arrays")
         if (packed and size > 1100 * length) or (not packed and size != length):  # zlib packs up to 1032 times
             raise ValueError(f"the array before byte {cursor.at} has not the {size} bytes that it states")
         cursor.skip(length)

@@ -26,15 +26,21 @@ FORMATS = {
     ".usdz": "USD",
     ".fbx": "FBX",
 }
-_OPENING = 65536
+_OPENING_BYTES = 65536
 #: An OBJ file has at least one line that begins with one of these words.
 _OBJ_WORDS = (b"v", b"#", b"o", b"g", b"mtllib")
-#: Measured on a grid of a million triangles that Blender 5.0 wrote: bytes of file per triangle where no header
-#: counts them; seconds and bytes of memory per triangle to read, examine and repair it, on a 2-core server.
-_FILE_BYTES = {".obj": 74.0, ".stl": 250.0, ".fbx": 19.0, ".usda": 160.0}
-_FILE_BYTES_ELSE = 42.0
-_SECONDS, _MEMORY_BYTES = 10e-6, 520.0
-_SECONDS_USDA, _MEMORY_BYTES_USDA = 16e-6, 1900.0
+#: Measured on a grid of a million triangles that Blender 5.0 wrote: bytes of file per triangle, for formats whose
+#: header states no number of triangles.
+_FILE_BYTES_PER_TRIANGLE = {".obj": 74.0, ".stl": 250.0, ".fbx": 19.0, ".usda": 160.0}
+_OTHER_FILE_BYTES_PER_TRIANGLE = 42.0
+#: Seconds per triangle to read, examine and repair a mesh, on a server with 2 cores.
+_SECONDS_PER_TRIANGLE = 10e-6
+#: Bytes of memory per triangle.
+_MEMORY_PER_TRIANGLE = 520.0
+#: The same for USD in text: seconds per triangle,
+_USDA_SECONDS_PER_TRIANGLE = 16e-6
+#: and bytes of memory per triangle.
+_USDA_MEMORY_PER_TRIANGLE = 1900.0
 
 
 @dataclass(frozen=True)
@@ -79,7 +85,7 @@ def detect_kind(path: Path) -> str:
 
 
 def add_article(kind: str) -> str:
-    """The kind of a mesh file after its article, as it is spoken."""
+    """The kind of a mesh file with its article, by pronunciation."""
     return f"{'an' if kind in ('STL', 'OBJ', 'FBX') else 'a'} {kind}"
 
 
@@ -87,10 +93,10 @@ def read_opening(path: Path) -> bytes:
     """The first bytes of a file. Raises IcyMoonError if it cannot be read."""
     return read(
         path,
-        lambda foreign: foreign.part(0, min(foreign.size, _OPENING)),
+        lambda foreign: foreign.part(0, min(foreign.size, _OPENING_BYTES)),
         "a file",
         "check source.file",
-        most=ply.MOST_MESH,
+        most=ply.MOST_MESH_BYTES,
     )
 
 
@@ -116,8 +122,16 @@ def estimate_cost(path: Path) -> Cost:
     """The cost of loading the mesh. Raises IcyMoonError as ``detect_kind`` does."""
     kind, size = detect_kind(path), path.stat().st_size
     counted, suffix = _read_triangle_count(kind, path), path.suffix.lower()
-    triangles = counted if counted is not None else round(size / _FILE_BYTES.get(suffix, _FILE_BYTES_ELSE))
-    seconds, memory = (_SECONDS_USDA, _MEMORY_BYTES_USDA) if suffix == ".usda" else (_SECONDS, _MEMORY_BYTES)
+    triangles = (
+        counted
+        if counted is not None
+        else round(size / _FILE_BYTES_PER_TRIANGLE.get(suffix, _OTHER_FILE_BYTES_PER_TRIANGLE))
+    )
+    seconds, memory = (
+        (_USDA_SECONDS_PER_TRIANGLE, _USDA_MEMORY_PER_TRIANGLE)
+        if suffix == ".usda"
+        else (_SECONDS_PER_TRIANGLE, _MEMORY_PER_TRIANGLE)
+    )
     return Cost(triangles, triangles * seconds, triangles * memory / 2**20, counted is not None)
 
 
@@ -126,7 +140,7 @@ def _read_triangle_count(kind: str, path: Path) -> int | None:
     if kind == "PLY":
         return ply.count_triangles(path)
     if kind == "STL":
-        return read(path, stl.count_triangles, "an STL file", "export the mesh again", most=ply.MOST_MESH)
+        return read(path, stl.count_triangles, "an STL file", "export the mesh again", most=ply.MOST_MESH_BYTES)
     if kind == "glTF":
         return read_gltf(
             path,
@@ -142,7 +156,7 @@ def _read_triangle_count(kind: str, path: Path) -> int | None:
 
 
 def find_geometry_files(path: Path) -> list[Path]:
-    """The files that a mesh file's geometry lies in: itself, and the buffers of a .gltf."""
+    """The files that contain a mesh file's geometry: itself, and the buffers of a .gltf."""
     if path.suffix.lower() != ".gltf":
         return [path]
     return [path, *read_gltf(path, lambda document: find_buffers(path, document))]

@@ -1,4 +1,4 @@
-"""The images that a mesh file brings for its surface: their purposes and their files.
+"""The images of a mesh file for its surface: their purposes and their files.
 
 OBJ names them in its material library, glTF in its materials, PLY in a comment of its header (``TextureFile``, as
 VCGlib writes it). Formats: Wavefront MTL with the extension of Clara.io for physical materials, Khronos glTF 2.0.
@@ -22,14 +22,14 @@ from .gltf import read_gltf
 from .mesh_file import read_opening
 
 #: Largest material library in bytes.
-_MOST_LIBRARY = 2**22
-#: Kinds of mesh whose images are found.
-KINDS = (".obj", ".gltf", ".glb", ".ply")
+_MOST_LIBRARY_BYTES = 2**22
+#: Suffixes of the meshes whose images are found.
+MESH_SUFFIXES = (".obj", ".gltf", ".glb", ".ply")
 #: Statements of a material library, by the kind of image. ``map_Bump`` is not among them: it is a height in some
 #: files and a normal map in others.
-_MTL = {"map_kd": "albedo", "map_pr": "roughness", "norm": "normal"}
+_MTL_STATEMENTS = {"map_kd": "albedo", "map_pr": "roughness", "norm": "normal"}
 #: Numbers that follow an option of such a statement; -o, -s and -t have one to three.
-_OPTIONS = {
+_OPTION_NUMBERS = {
     "-blendu": 1,
     "-blendv": 1,
     "-cc": 1,
@@ -41,8 +41,9 @@ _OPTIONS = {
     "-type": 1,
     "-mm": 2,
 }
-#: Where the glTF material has an image: its kind, the path to it, the channel that counts, and the factor on it.
-_GLTF = (
+#: Images of a glTF material: their kind, the path in the material, the channel in use, and the path of the factor on
+#: it.
+_GLTF_IMAGES = (
     ("albedo", ("pbrMetallicRoughness", "baseColorTexture"), 0, None),
     ("roughness", ("pbrMetallicRoughness", "metallicRoughnessTexture"), 1, "roughnessFactor"),
     ("normal", ("normalTexture",), 0, None),
@@ -51,8 +52,8 @@ _GLTF = (
 
 @dataclass(frozen=True)
 class MeshImage:
-    """An image in ``file``: the whole file, or the bytes that ``data`` returns. ``channel`` is its channel that counts,
-    where only one does; ``not_followed`` is an unsupported request of the mesh. Equal objects are one image."""
+    """An image in ``file``: the whole file, or the bytes that ``data`` returns. ``channel`` is the channel in use, if
+    there is only one; ``not_followed`` is an unsupported request of the mesh. Equal objects are one image."""
 
     file: Path
     place: str = ""
@@ -63,14 +64,14 @@ class MeshImage:
 
 @dataclass(frozen=True)
 class MeshImages:
-    """Images by their kind (albedo, roughness, normal), each as often as different ones are named, and the
-    files beside the mesh's own that name them (``named_in``)."""
+    """Different images by their kind (albedo, roughness, normal), and the further files that name
+    them (``named_in``)."""
 
     by_kind: dict[str, list[MeshImage]]
     named_in: tuple[Path, ...] = ()
 
     def files(self) -> list[Path]:
-        """Every file that the images depend on beside the mesh's own, whether it is there or not."""
+        """Every file that the images depend on, besides the mesh's own; a file may be missing."""
         found = [image.file for images in self.by_kind.values() for image in images]
         return list(dict.fromkeys([*self.named_in, *found]))
 
@@ -90,10 +91,8 @@ def find_images(path: Path) -> MeshImages:
 
 
 def choose_images(path: Path) -> dict[str, MeshImage]:
-    """The one image of each kind that a mesh file brings, none if it brings none.
-
-    Raises IcyMoonError if there are several of a kind, or one is to be used in a way that is not followed.
-    """
+    """The one image of each kind of a mesh file. Raises IcyMoonError for several images of a kind, or an unsupported
+    use of one."""
     found = {}
     for kind, several in find_images(path).by_kind.items():
         fix = "bake one plain image for the whole mesh, or name images with textures.set = OWN."
@@ -120,7 +119,7 @@ def _decode_text(raw: bytes) -> str:
 
 
 def _find_beside(path: Path, name: str) -> Path:
-    """The file that another names: where that states, or of the same name in its folder, if it was moved there."""
+    """The file that another names: at the stated place, or with the same name in the other's folder."""
     stated = path.parent / name.replace("\\", "/")
     moved = path.parent / stated.name
     return moved if moved.is_file() and not stated.is_file() else stated
@@ -140,14 +139,14 @@ def _read_library(path: Path) -> list[tuple[str, MeshImage]]:
         lambda foreign: list(_parse_library(path, foreign)),
         "a material library",
         "check source.file",
-        most=_MOST_LIBRARY,
+        most=_MOST_LIBRARY_BYTES,
     )
 
 
 def _parse_library(path: Path, foreign: ForeignBytes) -> Iterator[tuple[str, MeshImage]]:
     for _, line in foreign.lines():
         statement, _, rest = _decode_text(line).partition(" ")
-        if statement.lower() not in _MTL:
+        if statement.lower() not in _MTL_STATEMENTS:
             continue
         words, moved = rest.split(), ""
         while words and words[0].startswith("-"):
@@ -157,11 +156,11 @@ def _parse_library(path: Path, foreign: ForeignBytes) -> Iterator[tuple[str, Mes
                 if any(float(number) != (option == "-s") for number in given):
                     moved = f"is shifted or scaled by {option} {' '.join(given)}"
             else:
-                del words[: min(_OPTIONS.get(option, 0), len(words) - 1)]
+                del words[: min(_OPTION_NUMBERS.get(option, 0), len(words) - 1)]
         if words:
             # The name may contain runs of spaces, which split() would shorten.
             yield (
-                _MTL[statement.lower()],
+                _MTL_STATEMENTS[statement.lower()],
                 MeshImage(_find_beside(path, rest[rest.index(words[0]) :]), not_followed=moved),
             )
 
@@ -173,7 +172,7 @@ def _find_in_gltf(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, M
     }
     for index in sorted(used):
         material = materials[index]
-        for kind, where, channel, factor in _GLTF:
+        for kind, where, channel, factor in _GLTF_IMAGES:
             holder: dict[str, Any] = material
             for step in where[:-1]:
                 holder = holder.get(step, {})
@@ -233,7 +232,7 @@ def _read_bytes(path: Path, begin: int, length: int) -> bytes:
         lambda foreign: foreign.part(begin, length),
         "a mesh with its images in it",
         "export the mesh again",
-        most=ply.MOST_MESH,
+        most=ply.MOST_MESH_BYTES,
     )
 
 

@@ -1,8 +1,8 @@
 """Labels in PDS3's Object Description Language: statements ``keyword = value`` in nested groups and objects.
 
 Source: PDS Standards Reference 3.8, chapter 12. Values are texts in quotes, words, sequences in ``()`` and sets in
-``{}``, which may go on in the next lines; units in ``<>`` and comments are left out. What follows the statement
-``END``, such as the image that the label is attached to, is not looked at.
+``{}``; they may continue on further lines. Units in ``<>`` and comments are left out. Content after the statement
+``END``, such as an attached image, is ignored.
 """
 
 from __future__ import annotations
@@ -13,11 +13,14 @@ from dataclasses import dataclass, field
 #: A value: a word or the text of a quotation, or a sequence of values.
 Value = str | list["Value"]
 #: Deepest nesting of groups, and of sequences; the language has sequences of sequences at most.
-_DEEPEST = 32
-_OPENS, _CLOSES = ("OBJECT", "GROUP", "BEGIN_OBJECT", "BEGIN_GROUP"), ("END_OBJECT", "END_GROUP")
-_ENDS = {"(": ")", "{": "}"}
-#: The next token. Matched where the last token ended, and each alternative takes every character once.
-_TOKEN = re.compile(
+_DEEPEST_NESTING = 32
+#: Keywords that begin a group or object.
+_GROUP_BEGINS = ("OBJECT", "GROUP", "BEGIN_OBJECT", "BEGIN_GROUP")
+#: Keywords that end one.
+_GROUP_ENDS = ("END_OBJECT", "END_GROUP")
+_CLOSING_BRACKET = {"(": ")", "{": "}"}
+#: Pattern of the next token, matched at the end of the last one; each alternative consumes every character once.
+_TOKEN_PATTERN = re.compile(
     r"""(?P<space>\s++|/\*(?s:.*?)\*/|<[^<>]*>)|"(?P<text>[^"]*)"|'(?P<symbol>[^']*)'"""
     r"""|(?P<sign>[=(){},])|(?P<word>(?:(?!/\*)[^\s=(){},<>"'])+)"""
 )
@@ -25,10 +28,8 @@ _TOKEN = re.compile(
 
 @dataclass
 class Group:
-    """A group or an object of a label: its ``name``, ``values`` by keyword, and the groups within it.
-
-    Of a keyword that has two different values, the first counts; it is in ``unclear``.
-    """
+    """A group or an object of a label: its ``name``, ``values`` by keyword, and the groups within it. If a keyword has
+    two different values, the first is used and the keyword is in ``unclear``."""
 
     name: str
     values: dict[str, Value] = field(default_factory=dict)
@@ -58,7 +59,7 @@ class _Parser:
         """Kind and content of the next token; two empty texts at the end."""
         while self._token is None and self._at < len(self._text):
             self._start = self._at
-            found = _TOKEN.match(self._text, self._at)
+            found = _TOKEN_PATTERN.match(self._text, self._at)
             if found is None or found.lastgroup is None:
                 raise self._fail("a quotation, comment or unit without end, or a character that is out of place")
             self._at = found.end()
@@ -79,19 +80,19 @@ class _Parser:
             if self._peek() != ("sign", "="):
                 if token == ("word", token[1]) and keyword == "END":
                     break
-                if keyword in _CLOSES:
+                if keyword in _GROUP_ENDS:
                     self._close(open_groups)
                 continue  # a word of a text that should be in quotes
             self._take()
             value = self._parse_value(0)
-            if keyword in _OPENS:
+            if keyword in _GROUP_BEGINS:
                 if not isinstance(value, str):
                     raise self._fail("a group whose name is a sequence")
-                if len(open_groups) > _DEEPEST:
+                if len(open_groups) > _DEEPEST_NESTING:
                     raise self._fail("groups are nested too deeply")
                 open_groups.append(Group(value.upper()))
                 open_groups[-2].groups.append(open_groups[-1])
-            elif keyword in _CLOSES:
+            elif keyword in _GROUP_ENDS:
                 self._close(open_groups)
             elif open_groups[-1].values.setdefault(keyword, value) != value:
                 open_groups[-1].unclear.add(keyword)
@@ -108,14 +109,14 @@ class _Parser:
             if not kind:
                 raise self._fail("a statement without a value")
             return content
-        if content not in _ENDS or depth >= _DEEPEST:
+        if content not in _CLOSING_BRACKET or depth >= _DEEPEST_NESTING:
             raise self._fail(f"{content!r} is out of place")
         found: list[Value] = []
-        while (token := self._peek())[1] != _ENDS[content] or token[0] != "sign":
+        while (token := self._peek())[1] != _CLOSING_BRACKET[content] or token[0] != "sign":
             if token == ("sign", ","):
                 self._take()
             elif not token[0]:
-                raise self._fail(f"{content!r} without its {_ENDS[content]!r}")
+                raise self._fail(f"{content!r} without its {_CLOSING_BRACKET[content]!r}")
             else:
                 found.append(self._parse_value(depth + 1))
         self._take()

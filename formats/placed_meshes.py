@@ -1,14 +1,13 @@
-"""Meshes that stand in many places, and the files that are written of them: PLY, OBJ, USD and glTF.
+"""Meshes with many places, and files written of them: PLY, OBJ, USD and glTF.
 
-USD and glTF contain each mesh once, with a matrix for each of its places. PLY and OBJ have no instances, so there each
-place gets the triangles again; they are written one place after another, so that memory holds one at a time. Numbers
-have nine digits in text, which is all that single precision has.
+USD and glTF contain each mesh once, with a matrix for each place. PLY and OBJ have no instances, so each place gets its
+own triangles there; places are written one after another, so that memory holds one at a time. Numbers in text have nine
+digits, the full precision of single floats.
 
 USD (https://openusd.org/release/glossary.html#usdglossary-instancing): the shapes are below a class, which is not
-drawn, and each place is an instanceable prim that references one. A point instancer is shorter, but its rotations are
-quaternions of half precision, wrong by 5e-4. glTF 2.0
-(https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html): nodes that share a mesh, in one binary file, below a node
-that turns z up to the y up of the format.
+drawn, and each place is an instanceable prim that references one. A point instancer would be shorter, but its rotations
+are quaternions of half precision, wrong by 5e-4. glTF 2.0 (https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html):
+nodes that share a mesh, in one binary file, below a node that turns z up to the y up of the format.
 """
 
 from __future__ import annotations
@@ -26,16 +25,22 @@ import numpy as np
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
-from .ply import FACE, make_header
+from .ply import FACE_TYPE, make_header
 
 #: Rows of text that are made at a time.
-_ROWS = 100_000
+_ROWS_AT_ONCE = 100_000
 #: Bytes of a binary glTF file at most, since its length is a number of 32 bits.
-_MOST_GLTF = 2**32 - 1
+_MOST_GLTF_BYTES = 2**32 - 1
 #: Matrix from the axes of a site, z up, to the axes of glTF, y up; columns first, as in glTF.
-_Y_UP = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-#: What glTF calls 32-bit floats and unsigned integers, and the two kinds of data of a mesh.
-_FLOAT, _UNSIGNED, _VERTICES, _INDICES = 5126, 5125, 34962, 34963
+_Z_UP_TO_Y_UP = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+#: glTF's number of 32-bit floats,
+_GLTF_FLOAT = 5126
+#: of 32-bit unsigned integers,
+_GLTF_UNSIGNED = 5125
+#: of data of vertices,
+_GLTF_VERTICES = 34962
+#: and of data of indices.
+_GLTF_INDICES = 34963
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,7 @@ def write_ply(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
             first = 0
             for mesh in meshes:
                 for positions, _, corners in mesh.in_places():
-                    faces = np.empty(len(corners), FACE)
+                    faces = np.empty(len(corners), FACE_TYPE)
                     faces["count"], faces["corners"] = 3, corners + first
                     stream.write(faces.tobytes())
                     first += len(positions)
@@ -117,8 +122,8 @@ def write_obj(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 
 def _write_rows(stream: IO[str], row: str, values: Array) -> None:
     """Write a text for each of the rows of numbers (n, k)."""
-    for start in range(0, len(values), _ROWS):
-        some = values[start : start + _ROWS]
+    for start in range(0, len(values), _ROWS_AT_ONCE):
+        some = values[start : start + _ROWS_AT_ONCE]
         stream.write((row * len(some)) % tuple(some.ravel().tolist()))
 
 
@@ -219,7 +224,7 @@ def write_gltf(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
     text += b" " * (-len(text) % 4)
     size = sum(array.nbytes for array in arrays)
     whole = 12 + 8 + len(text) + 8 + size
-    if whole > _MOST_GLTF:
+    if whole > _MOST_GLTF_BYTES:
         raise IcyMoonError(
             f"The ground is {whole / 1e9:.1f} GB as glTF, which holds 4.3 GB; export usd, or make the "
             "ground coarser by a larger mesh.error_px."
@@ -243,7 +248,7 @@ def _make_gltf_json(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comme
             "buffer": 0,
             "byteOffset": start,
             "byteLength": array.nbytes,
-            "target": _INDICES if array.dtype.kind == "u" else _VERTICES,
+            "target": _GLTF_INDICES if array.dtype.kind == "u" else _GLTF_VERTICES,
         }
         for start, array in zip(starts, arrays, strict=False)
     ]
@@ -265,17 +270,18 @@ def _make_gltf_json(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comme
 
 
 def _accessor(number: int, array: Array) -> dict[str, Any]:
-    """How the array of a number is read: vertices, normals and triangles of each mesh by turns."""
+    """The glTF accessor of an array by its number; vertices, normals and triangles of each mesh take turns."""
     if array.dtype.kind == "u":
-        return {"bufferView": number, "componentType": _UNSIGNED, "count": array.size, "type": "SCALAR"}
+        return {"bufferView": number, "componentType": _GLTF_UNSIGNED, "count": array.size, "type": "SCALAR"}
     # The format asks for the ends of positions.
     ends = {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()} if number % 3 == 0 else {}
-    return {"bufferView": number, "componentType": _FLOAT, "count": len(array), "type": "VEC3", **ends}
+    return {"bufferView": number, "componentType": _GLTF_FLOAT, "count": len(array), "type": "VEC3", **ends}
 
 
 def _nodes(meshes: Sequence[PlacedMesh], names: Sequence[str]) -> list[dict[str, Any]]:
-    """The tree of a scene: the ground, a node for each kind below it, and in that one for each place of a mesh."""
-    nodes: list[dict[str, Any]] = [{"name": "ground", "matrix": _Y_UP, "children": []}]
+    """The tree of a scene: the ground, below it a node for each kind, and below that a node for
+    each place of a mesh."""
+    nodes: list[dict[str, Any]] = [{"name": "ground", "matrix": _Z_UP_TO_Y_UP, "children": []}]
     numbers = {id(mesh): k for k, mesh in enumerate(meshes)}
     for kind, own in group_by_kind(meshes).items():
         nodes[0]["children"].append(len(nodes))

@@ -25,7 +25,7 @@ from ..support.arrays import Array
 from ..support.files import shorten, write_atomically
 from ..support.foreign_bytes import ForeignBytes, parse_whole_numbers, read
 
-_TYPES = {
+_NUMPY_TYPES = {
     "char": "i1",
     "int8": "i1",
     "uchar": "u1",
@@ -43,22 +43,28 @@ _TYPES = {
     "double": "f8",
     "float64": "f8",
 }
-#: The letters of ``struct`` for them.
-_CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "f4": "f", "f8": "d"}
-_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
-#: What programs call the texture coordinates of a vertex.
-_VERTEX_UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("tx", "ty"))
+#: Letters of ``struct`` for these types.
+_STRUCT_CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "f4": "f", "f8": "d"}
+_BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
+#: Names that programs give to the texture coordinates of a vertex.
+_VERTEX_UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("tx", "ty"))
 
 
-#: Largest header in bytes, and the largest number of rows of an element.
-_MOST_HEADER, _MOST_ROWS = 2**16, 2**40
-#: Rows, and bytes of rows with lists, that are looked at together; longest row of a text in bytes.
-_ROWS, _TOGETHER, _LONGEST_ROW = 2**16, 2**22, 2**20
+#: Largest header in bytes.
+_MOST_HEADER_BYTES = 2**16
+#: Largest number of rows of an element.
+_MOST_ROWS = 2**40
+#: Number of rows that are processed together.
+_ROWS_AT_ONCE = 2**16
+#: Bytes of rows with lists that are processed together.
+_LIST_BYTES_AT_ONCE = 2**22
+#: Longest row of a text in bytes.
+_LONGEST_ROW_BYTES = 2**20
 #: Largest mesh file in bytes; it is never in memory as a whole.
-MOST_MESH = 2**36
+MOST_MESH_BYTES = 2**36
 #: Lists and numbers that are numbers of vertices.
-_FACE_LISTS = ("vertex_indices", "vertex_index")
-_VERTEX_NUMBERS = {*(("face", name) for name in _FACE_LISTS), ("edge", "vertex1"), ("edge", "vertex2")}
+_FACE_LIST_NAMES = ("vertex_indices", "vertex_index")
+_VERTEX_INDEX_PROPERTIES = {*(("face", name) for name in _FACE_LIST_NAMES), ("edge", "vertex1"), ("edge", "vertex2")}
 _FIX = "export the mesh again"
 
 
@@ -73,7 +79,7 @@ class _Property:
 
 @dataclass(frozen=True)
 class _Element:
-    """``count`` rows of properties."""
+    """An element: ``count`` rows of properties."""
 
     name: str
     count: int
@@ -81,7 +87,7 @@ class _Element:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it has no list."""
+        """Whether no property is a list."""
         return all(each.count_kind is None for each in self.properties)
 
     @property
@@ -96,8 +102,8 @@ class _Element:
 
 @dataclass(frozen=True)
 class _Header:
-    """The data begin at byte ``start``, after ``lines`` lines; ``order`` is numpy's sign of their byte order, empty for
-    ASCII."""
+    """The header of a file. Data begin at byte ``start``, after ``lines`` lines; ``order`` is numpy's sign of the byte
+    order, empty for ASCII."""
 
     order: str
     elements: tuple[_Element, ...]
@@ -108,7 +114,7 @@ class _Header:
 
 def _parse_header(foreign: ForeignBytes) -> _Header:
     """The header. Raises ValueError, with the line, for one that states what cannot be."""
-    head = foreign.part(0, min(foreign.size, _MOST_HEADER))
+    head = foreign.part(0, min(foreign.size, _MOST_HEADER_BYTES))
     elements: list[tuple[str, int, list[_Property]]] = []
     comments: list[bytes] = []
     encoding, start = "", 0
@@ -131,13 +137,13 @@ def _parse_header(foreign: ForeignBytes) -> _Header:
             elements[-1][2].append(_parse_property(words, number))
     else:
         raise ValueError("its header has no end")
-    if encoding not in ("ascii", *_ORDERS):
+    if encoding not in ("ascii", *_BYTE_ORDERS):
         raise ValueError(f"its format is {shorten(encoding)!r}")
     for name, _, properties in elements:
         if len({each.name for each in properties}) < len(properties):
             raise ValueError(f"its element {shorten(name)!r} has two properties of one name")
     return _Header(
-        _ORDERS.get(encoding, ""),
+        _BYTE_ORDERS.get(encoding, ""),
         tuple(_Element(name, count, tuple(own)) for name, count, own in elements),
         start,
         number,
@@ -151,7 +157,7 @@ def _is_count(word: str) -> bool:
 
 def _parse_property(words: list[str], number: int) -> _Property:
     is_list = words[1:2] == ["list"]
-    kinds = [_TYPES.get(word, "") for word in (words[2:-1] if is_list else words[1:-1])]
+    kinds = [_NUMPY_TYPES.get(word, "") for word in (words[2:-1] if is_list else words[1:-1])]
     if len(kinds) != 1 + is_list or not all(kinds) or (is_list and kinds[0][0] == "f"):
         raise ValueError(f"line {number} of the header is no property with its type")
     return _Property(words[-1], kinds[-1], kinds[0] if is_list else None)
@@ -159,24 +165,21 @@ def _parse_property(words: list[str], number: int) -> _Property:
 
 def count_triangles(path: Path) -> int | None:
     """The number of faces that the header of a file states, None if it states none. Raises IcyMoonError."""
-    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH)
+    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH_BYTES)
     return next((element.count for element in header.elements if element.name == "face"), None)
 
 
 def read_texture_files(path: Path) -> list[bytes]:
     """The names of images in comments of the header, as VCGlib writes them. Raises IcyMoonError."""
-    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH)
+    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH_BYTES)
     return [
         words[1] for text in header.comments if len(words := text.split(None, 1)) == 2 and words[0] == b"TextureFile"
     ]
 
 
 def check_ply(foreign: ForeignBytes) -> None:
-    """Compare the data with the header's statements, before a library makes room for the data.
-
-    Raises ValueError, with the line, for rows that are not there, values that are no numbers, and faces and edges with
-    vertices that are not there.
-    """
+    """Compare the data with the header's statements, before a library allocates memory for them. Raises ValueError,
+    with the line, for missing rows, malformed numbers, and faces and edges with vertices that do not exist."""
     header = _parse_header(foreign)
     if bare := next((each for each in header.elements if each.count and not each.properties), None):
         raise ValueError(f"its element {shorten(bare.name)!r} has rows without a property")
@@ -210,28 +213,28 @@ def _check_range(name: str, values: Array, lowest: int, vertices: int, row: int)
 
 
 def _find_lowest(element: _Element, name: str) -> int | None:
-    """The lowest number of a vertex that a property may have, None if it is no such number."""
-    if (element.name, name) in _VERTEX_NUMBERS:
+    """The lowest vertex number that a property may have; None for a property of other numbers."""
+    if (element.name, name) in _VERTEX_INDEX_PROPERTIES:
         return 0
-    return -1 if element.name == "tristrips" and name in _FACE_LISTS else None  # -1 begins another strip
+    return -1 if element.name == "tristrips" and name in _FACE_LIST_NAMES else None  # -1 begins another strip
 
 
 def _check_plain(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int) -> None:
     kind = element.row_type(order)
     names = [each.name for each in element.properties if _find_lowest(element, each.name) is not None]
-    for row in range(0, element.count if names else 0, _ROWS):
-        count = min(_ROWS, element.count - row)
+    for row in range(0, element.count if names else 0, _ROWS_AT_ONCE):
+        count = min(_ROWS_AT_ONCE, element.count - row)
         table = np.frombuffer(foreign.part(at + row * kind.itemsize, count * kind.itemsize), kind)
         for name in names:
             _check_range(element.name, table[name], 0, vertices, row)
 
 
 def _check_lists(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int) -> int:
-    """Check the rows of an element with lists, and give the place after them: together while they are of one length."""
+    """Check the rows of an element with lists, together while they have equal lengths. Returns the byte after them."""
     row, kind = 0, _type_of_first_row(foreign, at, element, order)
     lengths = {name: kind[name].shape[0] for name in kind.names or () if f"length of {name}" in (kind.names or ())}
     while row < element.count:
-        count = min(element.count - row, max(1, _TOGETHER // kind.itemsize))
+        count = min(element.count - row, max(1, _LIST_BYTES_AT_ONCE // kind.itemsize))
         if at + count * kind.itemsize > foreign.size:
             break
         table = np.frombuffer(foreign.part(at, count * kind.itemsize), kind)
@@ -269,7 +272,7 @@ def _check_length(length: int, at: int) -> None:
 
 
 def _check_rows(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int, row: int) -> int:
-    """Check rows from number ``row`` on one by one, and give the place after them."""
+    """Check rows from number ``row`` on one by one. Returns the byte after them."""
     data = foreign.part(at, foreign.size - at)
     plan = [(each, np.dtype(each.kind).itemsize, _find_lowest(element, each.name)) for each in element.properties]
     unpack = functools.lru_cache(maxsize=1000)(lambda layout: struct.Struct(layout).unpack_from)
@@ -280,13 +283,13 @@ def _check_rows(foreign: ForeignBytes, at: int, element: _Element, order: str, v
             if each.count_kind is not None:
                 if place + int(each.count_kind[1]) > len(data):
                     raise ValueError("it ends early")
-                (length,) = unpack(order + _CODES[each.count_kind])(data, place)
+                (length,) = unpack(order + _STRUCT_CODES[each.count_kind])(data, place)
                 _check_length(length, at + place)
                 place += int(each.count_kind[1])
             if place + length * size > len(data):
                 raise ValueError(f"it ends {place + length * size - len(data)} bytes early")
             if lowest is not None and length:
-                values = unpack(f"{order}{length}{_CODES[each.kind]}")(data, place)
+                values = unpack(f"{order}{length}{_STRUCT_CODES[each.kind]}")(data, place)
                 if not (lowest <= min(values) and max(values) < vertices):
                     _check_range(element.name, np.array(values), lowest, vertices, number)
             place += length * size
@@ -297,7 +300,7 @@ def _check_text(foreign: ForeignBytes, header: _Header, vertices: int) -> None:
     with suppress(UnusualTextError, ValueError):  # the check line by line finds the fault
         _check_usual_text(foreign, header, vertices)
         return
-    lines = foreign.lines(header.start, _LONGEST_ROW)
+    lines = foreign.lines(header.start, _LONGEST_ROW_BYTES)
     for element in header.elements:
         if element.is_plain and element.name != "edge":
             for _ in _number_rows(lines, header, element):
@@ -307,7 +310,7 @@ def _check_text(foreign: ForeignBytes, header: _Header, vertices: int) -> None:
 
 
 def _check_usual_text(foreign: ForeignBytes, header: _Header, vertices: int) -> None:
-    """Check rows of vertices and, after them, of faces that all have as many corners. Raises UnusualError or ValueError
+    """Check rows of vertices, followed by rows of faces with equal corner counts. Raises UnusualTextError or ValueError
     for other elements, and for a row that may be wrong."""
     elements = [each for each in header.elements if each.count]
     is_usual = [each.name for each in elements] in (["vertex"], ["vertex", "face"]) and elements[0].is_plain
@@ -382,7 +385,7 @@ def _check_words(lines: Iterator[tuple[int, bytes]], header: _Header, element: _
 
 
 def _split_lists(element: _Element, lowest: list[int | None], words: list[bytes]) -> list[tuple[int, list[int]]]:
-    """The numbers of vertices in the words of a row, each with the lowest that there may be."""
+    """The vertex numbers in the words of a row, each list with the lowest allowed number."""
     found, at = [], 0
     for each, least in zip(element.properties, lowest, strict=True):
         length = 1
@@ -401,7 +404,7 @@ def _split_lists(element: _Element, lowest: list[int | None], words: list[bytes]
 
 def read_comment_number(path: Path, name: str) -> int | None:
     """The whole number N of a comment ``name N``, None without one. Raises IcyMoonError if the file is not PLY."""
-    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH)
+    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH_BYTES)
     found = next(
         (words[1] for text in header.comments if len(words := text.split()) == 2 and words[0] == name.encode()), b""
     )
@@ -409,7 +412,7 @@ def read_comment_number(path: Path, name: str) -> int | None:
 
 
 def read_vertices(path: Path) -> Array | None:
-    """Coordinates (n, 3) float64 of the vertices, or None where the file's layout is not the usual one."""
+    """Coordinates (n, 3) float64 of the vertices; None for a file with an unusual layout."""
     return read_properties(path, "x", "y", "z")
 
 
@@ -419,7 +422,7 @@ def read_properties(path: Path, *wanted: str) -> Array | None:
     In the usual layout vertices come first and have scalar properties only, the ``wanted`` ones among them. Raises
     IcyMoonError if the file is not PLY, or a row is malformed or missing.
     """
-    return read(path, lambda foreign: _read_properties(foreign, wanted), "a PLY file", _FIX, most=MOST_MESH)
+    return read(path, lambda foreign: _read_properties(foreign, wanted), "a PLY file", _FIX, most=MOST_MESH_BYTES)
 
 
 def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> Array | None:
@@ -435,7 +438,7 @@ def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> Array | 
         raise ValueError(f"its vertices have {rows} bytes, but {foreign.size - header.start} follow; it is cut off")
     if not header.order:
         numbers, columns = array("d"), [names.index(name) for name in wanted]
-        for row in _number_rows(foreign.lines(header.start, _LONGEST_ROW), header, element):
+        for row in _number_rows(foreign.lines(header.start, _LONGEST_ROW_BYTES), header, element):
             numbers.extend([row[column] for column in columns])
         return np.array(numbers).reshape(-1, len(wanted))
     kind = element.row_type(header.order)
@@ -453,7 +456,7 @@ def read_texture_coordinates(path: Path, faces: Array) -> Array | None:
     found = _read_corner_coordinates(path, faces)
     if found is not None:
         return found
-    for names in _VERTEX_UV:
+    for names in _VERTEX_UV_NAMES:
         of_vertices = read_properties(path, *names)
         if of_vertices is not None:
             return of_vertices[faces]
@@ -461,7 +464,7 @@ def read_texture_coordinates(path: Path, faces: Array) -> Array | None:
 
 
 def _read_corner_coordinates(path: Path, faces: Array) -> Array | None:
-    table = read(path, _read_face_table, "a PLY file", _FIX, most=MOST_MESH)
+    table = read(path, _read_face_table, "a PLY file", _FIX, most=MOST_MESH_BYTES)
     if table is None:
         return None
     corners, uv = table[0], table[1].reshape(-1, 3, 2)
@@ -479,7 +482,7 @@ def _read_face_table(foreign: ForeignBytes) -> tuple[Array, Array] | None:
         return None
     vertex, face = header.elements[:2]
     names = [each.name for each in face.properties]
-    corners = next((name for name in names if name in _FACE_LISTS), None)
+    corners = next((name for name in names if name in _FACE_LIST_NAMES), None)
     if not face.count or corners is None or "texcoord" not in names:
         return None
     if header.order:
@@ -502,7 +505,7 @@ def _read_text_faces(foreign: ForeignBytes, header: _Header, corners: str) -> tu
     vertex, face = header.elements[:2]
     found = {corners: array("d"), "texcoord": array("d")}
     wanted = {corners: 3, "texcoord": 6}
-    for _, line in islice(foreign.lines(header.start, _LONGEST_ROW), vertex.count, vertex.count + face.count):
+    for _, line in islice(foreign.lines(header.start, _LONGEST_ROW_BYTES), vertex.count, vertex.count + face.count):
         words, at = line.split(), 0
         for each in face.properties:
             length = 1
@@ -520,7 +523,7 @@ def _read_text_faces(foreign: ForeignBytes, header: _Header, corners: str) -> tu
 
 
 #: A triangle in a binary file of ours.
-FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
+FACE_TYPE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
 def write_triangles(
@@ -552,7 +555,7 @@ def _parse_triangles(foreign: ForeignBytes) -> tuple[Array, Array]:
     cursor = foreign.cursor(header.start)
     width = len(header.elements[0].properties)
     vertices = cursor.numbers("<f4", width * header.elements[0].count).reshape(-1, width)
-    faces = cursor.numbers(FACE, header.elements[1].count)
+    faces = cursor.numbers(FACE_TYPE, header.elements[1].count)
     if cursor.left or (faces["count"] != 3).any():
         raise ValueError("its faces are no triangles")
     return vertices[:, :3], faces["corners"].copy()
@@ -561,9 +564,9 @@ def _parse_triangles(foreign: ForeignBytes) -> tuple[Array, Array]:
 def encode_triangles(
     names: tuple[str, ...], vertices: Array, triangles: Array, comments: tuple[str, ...] = ()
 ) -> bytes:
-    """A binary PLY file of vertices (n, k), whose k properties have these names, in single precision, and of indices
-    (m, 3) of triangles."""
-    faces = np.empty(len(triangles), FACE)
+    """A binary PLY file in single precision: vertices (n, k), whose k properties have these ``names``, and vertex
+    indices (m, 3) of triangles."""
+    faces = np.empty(len(triangles), FACE_TYPE)
     faces["count"], faces["corners"] = 3, triangles
     return (
         make_header(names, len(vertices), len(faces), comments)
@@ -573,7 +576,7 @@ def encode_triangles(
 
 
 def make_header(names: tuple[str, ...], vertices: int, triangles: int, comments: tuple[str, ...] = ()) -> bytes:
-    """The header of a binary file with numbers of vertices and triangles; ``names`` are the vertices' properties, in
+    """The header of a binary file; ``vertices`` and ``triangles`` are counts, ``names`` the vertices' properties in
     single precision."""
     header = [
         "ply",

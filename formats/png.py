@@ -1,4 +1,5 @@
-"""Encodes PNG files in numpy, for pictures made in Blender, and checks foreign PNG files before a library reads any."""
+"""Encodes PNG files in numpy, for pictures made in Blender, and checks foreign PNG files before a
+library reads them."""
 
 from __future__ import annotations
 
@@ -11,14 +12,14 @@ import numpy as np
 from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes
 
-_START = b"\x89PNG\r\n\x1a\n"
+_PNG_START = b"\x89PNG\r\n\x1a\n"
 #: Bits of a value by the type of the colours: grey, RGB, palette, grey and opacity, RGB and opacity.
-_BITS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
+_BITS_BY_COLOUR_TYPE = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
 
 
 @dataclass(frozen=True)
 class PngHead:
-    """What a PNG file states of its pixels; ``colours`` is 0 grey, 2 RGB, 3 palette, 4 and 6 with opacity."""
+    """Statements of a PNG file about its pixels; ``colours`` is 0 grey, 2 RGB, 3 palette, 4 and 6 with opacity."""
 
     width: int
     height: int
@@ -29,7 +30,7 @@ class PngHead:
 def check_png(foreign: ForeignBytes) -> PngHead:
     """The head of a PNG file that is complete and whose checksums are right. Raises ValueError for any other."""
     cursor = foreign.cursor()
-    if cursor.take(len(_START)) != _START:
+    if cursor.take(len(_PNG_START)) != _PNG_START:
         raise ValueError("it does not begin as a PNG file")
     head, kind = None, b""
     while kind != b"IEND":
@@ -52,7 +53,7 @@ def _read_head(body: bytes) -> PngHead:
     if not (
         0 < width < 2**31
         and 0 < height < 2**31
-        and bits in _BITS.get(colours, ())
+        and bits in _BITS_BY_COLOUR_TYPE.get(colours, ())
         and methods[:2] == [0, 0]
         and methods[2] <= 1
     ):
@@ -70,7 +71,7 @@ def encode_png(picture: Array, level: int = 1) -> bytes:
     rows = np.zeros((height, 1 + values.shape[1]), np.uint8)  # each begins with its filter, none
     rows[:, 1:] = values
     header = struct.pack(">2I5B", width, height, 8 * picture.itemsize, 2 if picture.ndim == 3 else 0, 0, 0, 0)
-    return _START + b"".join(
+    return _PNG_START + b"".join(
         _make_chunk(name, data)
         for name, data in ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), level)), (b"IEND", b""))
     )

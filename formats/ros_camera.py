@@ -19,10 +19,10 @@ from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 from .yaml_text import parse_yaml
 
-#: Largest file: a calibration has 1 kB.
+#: Largest file in bytes; a calibration has 1 kB.
 _MOST_BYTES = 2**16
-#: What the message CameraInfo calls the keys of the file, in small letters.
-_OF_MESSAGE = {
+#: Keys of the message CameraInfo, in lower case, by the key of the file.
+_MESSAGE_KEYS = {
     "height": "image_height",
     "width": "image_width",
     "k": "camera_matrix",
@@ -34,20 +34,20 @@ _FIX = (
     "give the YAML file that ROS' camera_calibration wrote for this eye, or one like it, with image_width, "
     "image_height, camera_matrix, distortion_coefficients, rectification_matrix and projection_matrix"
 )
-#: How many coefficients a lens model has. A fifth of plumb_bob is 0 where it is left out, as in OpenCV.
-_COEFFICIENTS = {"plumb_bob": (5, 4), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
-#: Most pixels along a side that make one; cameras bin up to 16.
+#: Possible numbers of coefficients of each lens model. A missing fifth coefficient of plumb_bob is 0, as in OpenCV.
+_COEFFICIENT_COUNTS = {"plumb_bob": (5, 4), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
+#: Largest number of pixels along a side that are read as one; cameras bin up to 16.
 _MOST_BINNED = 64
-#: By how much the product of a rotation and its transpose may be off, for files with few digits.
-_TURNED = 1e-3
+#: Largest deviation of a rotation times its transpose from 1, for files with few digits.
+_MOST_ROTATION_ERROR = 1e-3
 
 
 @dataclass(frozen=True)
 class RosCamera:
-    """A camera: its matrix K (3, 3), the name of its lens model and its coefficients, the rotation R (3, 3) into the
-    axes of the rectified pair, the matrix P (3, 4) there, the size of its images, which part of those that were
-    calibrated they are (corner, width and height; None for whole ones), and how many pixels along x and y make one of
-    theirs."""
+    """A camera: its matrix K (3, 3), its lens model and coefficients, the rotation R (3, 3) into the axes of the
+    rectified pair, the matrix P (3, 4) there, and the size of its images. ``window`` is the part of the calibrated
+    images that was read out (corner, width and height; None for the whole), and ``binning`` the number of pixels along
+    x and y that form one."""
 
     matrix: Array
     model: str
@@ -77,17 +77,17 @@ def _parse_camera(foreign: ForeignBytes) -> RosCamera:
     stated = parse_yaml(text)
     if "cam0" in stated:
         raise RefusedError(f"is a camchain of Kalibr, of all cameras together; {_FIX}.")
-    if not any(key in stated for key in _OF_MESSAGE.values()):
-        stated = {_OF_MESSAGE.get(key.lower(), key): value for key, value in stated.items()}
+    if not any(key in stated for key in _MESSAGE_KEYS.values()):
+        stated = {_MESSAGE_KEYS.get(key.lower(), key): value for key, value in stated.items()}
     model = str(stated.get("distortion_model", "plumb_bob"))
-    if model not in _COEFFICIENTS:
+    if model not in _COEFFICIENT_COUNTS:
         raise RefusedError(
-            f"has the lens model {model[:40]!r}, and {', '.join(_COEFFICIENTS)} alone are read; "
+            f"has the lens model {model[:40]!r}, and {', '.join(_COEFFICIENT_COUNTS)} alone are read; "
             "calibrate the camera with one of them."
         )
-    k = _read_numbers(stated, "distortion_coefficients", *_COEFFICIENTS[model])
+    k = _read_numbers(stated, "distortion_coefficients", *_COEFFICIENT_COUNTS[model])
     rotation = _read_numbers(stated, "rectification_matrix", 9).reshape(3, 3)
-    if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _TURNED or np.linalg.det(rotation) < 0:
+    if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _MOST_ROTATION_ERROR or np.linalg.det(rotation) < 0:
         raise ValueError("rectification_matrix is no rotation")
     matrix = _read_numbers(stated, "camera_matrix", 9).reshape(3, 3)
     projection = _read_numbers(stated, "projection_matrix", 12).reshape(3, 4)
@@ -130,7 +130,7 @@ def _read_window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, 
 
 
 def _read_binning(stated: dict[str, Any], key: str) -> int:
-    """How many pixels make one; 0 means none, as 1 does."""
+    """Number of pixels that form one; 0 counts as 1."""
     count = max(_read_whole(stated, key, least=0), 1) if key in stated else 1
     if count > _MOST_BINNED:
         raise RefusedError(f"has {key} of {count}, and at most {_MOST_BINNED} pixels are read as one; correct it.")

@@ -1,7 +1,8 @@
 """Files beside a height map that state its place or the meaning of its numbers, as GDAL and ESRI's programs write them.
 
-They are not read. Sentences name the facts that only they state, with the command that writes them into a GeoTIFF.
-World files have six numbers (gdal.org/drivers/raster/wld.html), the others XML (gdal.org/user/raster_data_model.html).
+Their content is not used. Sentences name the facts that only they state, with the command that writes these into a
+GeoTIFF. World files have six numbers (gdal.org/drivers/raster/wld.html), the others XML
+(gdal.org/user/raster_data_model.html).
 """
 
 from __future__ import annotations
@@ -13,11 +14,15 @@ from ..support.foreign_bytes import read
 from . import gdal_lines
 
 #: Why a file without a step from pixel to pixel has no place, as the end of a sentence.
-NO_SIZE = "does not state the size of its pixels"
+NO_PIXEL_SIZE = "does not state the size of its pixels"
 #: Suffixes of world files by the suffix of the map.
-_WORLD = {".tif": (".tfw", ".tifw", ".wld"), ".tiff": (".tfw", ".tiffw", ".wld"), ".png": (".pgw", ".pngw", ".wld")}
+_WORLD_SUFFIXES = {
+    ".tif": (".tfw", ".tifw", ".wld"),
+    ".tiff": (".tfw", ".tiffw", ".wld"),
+    ".png": (".pgw", ".pngw", ".wld"),
+}
 #: Elements of the XML that change the place or the meaning of heights; most such files have only statistics.
-_TELLING = {
+_PLACING_ELEMENTS = {
     "GeoTransform": "its place",
     "SRS": "its map system",
     "NoDataValue": "which heights are missing",
@@ -29,10 +34,9 @@ _MOST_BYTES = 2**24
 
 
 def why_unplaced(path: Path) -> str:
-    """Why a map that does not state its place has none, as the end of a sentence; also that its world file is not
-    read."""
+    """The end of a sentence on why a map has no place: it states none, and its world file is not read."""
     world = _find_world_file(path)
-    return NO_SIZE + (f", and {world.name} beside it {_not_read_text(path)}" if world else "")
+    return NO_PIXEL_SIZE + (f", and {world.name} beside it {_not_read_text(path)}" if world else "")
 
 
 def describe_world_file(path: Path) -> list[str]:
@@ -42,7 +46,7 @@ def describe_world_file(path: Path) -> list[str]:
 
 
 def describe_gdal_notes(path: Path) -> list[str]:
-    """A clause on what GDAL's notes beside a map state of it, if there are any."""
+    """A clause on the facts that GDAL's notes beside a map state; empty without notes."""
     notes = path.with_name(f"{path.name}.aux.xml")
     if not notes.is_file():
         return []
@@ -52,12 +56,12 @@ def describe_gdal_notes(path: Path) -> list[str]:
         return [f"{notes.name} beside it cannot be read; look whether it states the place of the map"]
     # An element's name ends with its bracket or with a space before its first attribute.
     names = {name for part in text.split("<")[1:] for name in part.split(">", 1)[0].split(maxsplit=1)[:1]}
-    stated = [words for name, words in _TELLING.items() if name in names]
+    stated = [words for name, words in _PLACING_ELEMENTS.items() if name in names]
     return [f"{notes.name} beside it, which states {', '.join(stated)}, {_not_read_text(path)}"] if stated else []
 
 
 def _find_world_file(path: Path) -> Path | None:
-    suffixes = _WORLD.get(path.suffix.lower(), ())
+    suffixes = _WORLD_SUFFIXES.get(path.suffix.lower(), ())
     names = (path.with_suffix(each) for lower in suffixes for each in (lower, lower.upper()))
     return next((name for name in names if name.is_file()), None)
 

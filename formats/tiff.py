@@ -1,11 +1,9 @@
 """Pixels of a TIFF file, from its bytes: TIFF 6.0 (Adobe 1992) and BigTIFF, strips and tiles, one band.
 
-The file may be anyone's, and far larger than memory: only the tags that are used here are read, only the tiles that a
-window touches, and the values of both are counted before room is made for them.
-
-Whatever compression loses nothing and Python can undo is read: none, deflate, LZW, PackBits, LZMA, and
-ZSTD where Python has ``zstandard``, as official Blenders and Blender as a Python module do. Their
-OpenImageIO is of no use here: its TIFF library is built without ZSTD (measured in 5.0).
+The file may come from a stranger and be far larger than memory. Only used tags and the tiles of a window are read, and
+the values of both are counted before memory is allocated. All lossless compressions that Python can undo are supported:
+none, deflate, LZW, PackBits, LZMA, and ZSTD where Python has ``zstandard``, as official Blenders and Blender as a
+Python module do. Their OpenImageIO cannot help: its TIFF library is built without ZSTD (measured in 5.0).
 """
 
 from __future__ import annotations
@@ -26,18 +24,25 @@ from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import Budget, ForeignBytes, OverBudgetError, RefusedError, read
 from . import gdal_lines
 
-#: The name of the format in errors, the fix for a torn file, which no program can repair, and the maximum number of
-#: bytes of a file; only the tiles that are needed are read.
-KIND, FIX, MOST_BYTES = "a whole TIFF file", "copy it again from where it is whole", 2**40
+#: The name of the format in errors.
+KIND = "a whole TIFF file"
+#: The fix for a torn file, which no program can repair.
+FIX = "copy it again from where it is whole"
+#: Largest file in bytes; only the necessary tiles are read.
+MOST_BYTES = 2**40
 #: Largest number of pixels that are read.
 MOST_PIXELS = 2**30
-#: Bytes of memory for reading any file, and further bytes for each byte of the file. A tile may be absent, or packed a
-#: thousandfold, but the heights of a place are not.
-_MEMORY, _MEMORY_PER_BYTE = 2**28, 64
-#: Bytes of memory for a pixel while it is made a height, and for a value of a tag.
-_PIXEL_MEMORY, _VALUE_MEMORY = 16, 64
+#: Bytes of memory for reading any file.
+_BASE_MEMORY = 2**28
+#: Further bytes of memory for each byte of the file. A tile may be absent, or packed a thousandfold, but real heights
+#: are not.
+_MEMORY_PER_BYTE = 64
+#: Bytes of memory for a pixel during its conversion to a height.
+_PIXEL_MEMORY = 16
+#: Bytes of memory for a value of a tag.
+_VALUE_MEMORY = 64
 
-_TYPES = {
+_VALUE_TYPES = {
     1: "B",
     2: "s",
     3: "H",
@@ -53,7 +58,7 @@ _TYPES = {
     17: "q",
     18: "Q",
 }
-_OTHERS = {
+_OTHER_COMPRESSIONS = {
     2: "CCITT",
     3: "CCITT",
     4: "CCITT",
@@ -65,10 +70,10 @@ _OTHERS = {
     50002: "JPEG XL",
     52546: "JPEG XL",
 }
-_NUMBERS = ("u1", "u2", "u4", "u8", "i1", "i2", "i4", "i8", "f2", "f4", "f8")
+_PIXEL_TYPES = ("u1", "u2", "u4", "u8", "i1", "i2", "i4", "i8", "f2", "f4", "f8")
 _MOST_DIRECTORIES, _MOST_TAGS = 1000, 4096
-#: The tags that anything here or in ``geotiff`` uses; others are left out.
-_USED = {
+#: The tags that this module or ``geotiff`` uses; others are skipped.
+_USED_TAGS = {
     254,
     256,
     257,
@@ -97,7 +102,7 @@ _USED = {
     42113,
 }
 #: Bytes of memory that a decompressor may take for its window.
-_MOST_MEMORY_OF_UNPACKER = 2**27
+_MOST_UNPACKER_MEMORY = 2**27
 
 Tags = dict[int, tuple[Any, ...]]
 
@@ -128,18 +133,18 @@ class Directory:
 
     @property
     def is_mask(self) -> bool:
-        """Whether it marks which pixels of the image before it are known (NewSubfileType, bit 2)."""
+        """Whether it marks the known pixels of the previous image (NewSubfileType, bit 2)."""
         return bool(self.number(254, 0) & 4)
 
     @property
     def is_reduced(self) -> bool:
-        """Whether it is a smaller copy of another (NewSubfileType, bit 0)."""
+        """Whether it is a smaller copy of another image (NewSubfileType, bit 0)."""
         return bool(self.number(254, 0) & 1)
 
 
 def grant_memory(foreign: ForeignBytes) -> None:
-    """Let reading a file take memory in proportion to its size."""
-    foreign.budget = Budget(_MEMORY + _MEMORY_PER_BYTE * foreign.size)
+    """Allow the reading of a file memory in proportion to its size."""
+    foreign.budget = Budget(_BASE_MEMORY + _MEMORY_PER_BYTE * foreign.size)
 
 
 def read_directories(foreign: ForeignBytes) -> list[Directory]:
@@ -164,7 +169,7 @@ def read_directories(foreign: ForeignBytes) -> list[Directory]:
 
 
 def stores_floats(path: Path) -> bool:
-    """Whether a file is a TIFF file of floating-point numbers; False for one that is torn, or none."""
+    """Whether a file is a TIFF file of floating-point numbers; False for a damaged file or another format."""
     try:
         return read(path, lambda foreign: read_directories(foreign)[0].number(339, 1) == 3, KIND, FIX, MOST_BYTES)
     except IcyMoonError:
@@ -184,30 +189,28 @@ def _read_tags(foreign: ForeignBytes, at: int, order: str, place: str) -> tuple[
     for _ in range(count):
         tag, kind, n = cursor.unpack(head)
         value = cursor.take(inline)
-        if tag in _USED and kind in _TYPES:
+        if tag in _USED_TAGS and kind in _VALUE_TYPES:
             tags[tag] = _read_values(foreign, kind, n, order, place, value)
     return tags, cursor.number(place)
 
 
 def _read_values(foreign: ForeignBytes, kind: int, n: int, order: str, place: str, value: bytes) -> tuple[Any, ...]:
-    """``n`` values of a tag, which stand in its entry, or where that points to."""
-    unit = order + _TYPES[kind]
+    """``n`` values of a tag, from its entry or from the place that the entry points to."""
+    unit = order + _VALUE_TYPES[kind]
     size = n * struct.calcsize(unit)
     foreign.budget.charge(size + _VALUE_MEMORY * (1 if kind == 2 else n), "tags")
     if size > len(value):
         value = foreign.part(int(struct.unpack(place, value)[0]), size)
-    return struct.unpack(f"{order}{n}s" if kind == 2 else order + _TYPES[kind] * n, value[:size])
+    return struct.unpack(f"{order}{n}s" if kind == 2 else order + _VALUE_TYPES[kind] * n, value[:size])
 
 
 def read_pixels(
     foreign: ForeignBytes, image: Directory, window: tuple[range, range] | None = None
 ) -> tuple[Array, np.dtype[Any]]:
-    """The one band of an image as float64 (rows, columns), NaN where a tile is absent, and its own number type.
-
-    Of a ``window`` (rows, columns) only the tiles or strips are read that it touches. Raises UnreadError if the image
-    is of a kind that is not read, or more than a file of its size may take of memory, and ValueError or an error of the
-    decompressor if the file is torn or has no such window.
-    """
+    """The one band of an image as float64 (rows, columns), NaN for an absent tile, and its own number type. With a
+    ``window`` (rows, columns), only its tiles or strips are read. Raises UnreadError for an unsupported kind of image,
+    or one that needs more memory than a file of its size may use. Raises ValueError, or an error of the decompressor,
+    for a torn file or an impossible window."""
     number, unpack = _find_number_type(image), _choose_unpacker(image)
     rows, columns = image.shape
     tiled = 322 in image.tags
@@ -252,10 +255,10 @@ def read_pixels(
 
 def _make_smaller(image: Directory, wanted: int) -> str:
     """The fix for a file whose ``wanted`` pixels take too much memory: tiles, or coarser pixels."""
-    if _PIXEL_MEMORY * wanted <= _MEMORY // 2:
+    if _PIXEL_MEMORY * wanted <= _BASE_MEMORY // 2:
         return f"store it in tiles, in its folder with: {gdal_lines.tile_command(image.name)}"
     rows, columns = image.shape
-    width = max(2, int(math.sqrt(_MEMORY / 2 / _PIXEL_MEMORY * columns / rows)))
+    width = max(2, int(math.sqrt(_BASE_MEMORY / 2 / _PIXEL_MEMORY * columns / rows)))
     return "make it coarser in its folder with: " + gdal_lines.tile_command(
         image.name, f"-r average -outsize {min(width, columns)} 0"
     )
@@ -274,8 +277,8 @@ def _tile_size(image: Directory) -> tuple[int, int]:
 
 
 def _checked_window(image: Directory, window: tuple[range, range] | None) -> tuple[range, range]:
-    """The rows and columns to be read, all without a ``window``. Raises ValueError if the image has no such ones, and
-    UnreadError if they are too many."""
+    """The rows and columns to read; all without a ``window``. Raises ValueError for rows or columns outside the image,
+    and UnreadError for too many."""
     rows, columns = image.shape
     down, right = window or (range(rows), range(columns))
     if not (0 <= down.start < down.stop <= rows and 0 <= right.start < right.stop <= columns):
@@ -295,7 +298,7 @@ def _find_overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:
 
 
 def _find_number_type(image: Directory) -> np.dtype[Any]:
-    """The number type of the pixels of the only band; bool for one bit. Raises UnreadError for any other kind."""
+    """The number type of the only band; bool for one bit. Raises UnreadError for any other kind."""
     bands = image.number(277, 1)
     if bands != 1:
         raise UnreadError(f"has {bands} bands, a height map has one; {_convert_fix(image)}")
@@ -312,7 +315,7 @@ def _find_number_type(image: Directory) -> np.dtype[Any]:
     if bits == 1 and image.is_mask:
         return np.dtype(bool)
     kind = {1: "u", 2: "i", 3: "f", 4: "u"}.get(image.number(339, 1), "?")
-    if bits % 8 or f"{kind}{bits // 8}" not in _NUMBERS:
+    if bits % 8 or f"{kind}{bits // 8}" not in _PIXEL_TYPES:
         raise UnreadError(
             f"holds {bits}-bit values of a kind that Icy Moon does not read; {_convert_fix(image, '-ot Float32')}"
         )
@@ -335,10 +338,10 @@ def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
         8: _inflate,
         32946: _inflate,
         32773: _unpack_bits,
-        34925: lambda block, length: lzma.LZMADecompressor(memlimit=_MOST_MEMORY_OF_UNPACKER).decompress(block, length),
+        34925: lambda block, length: lzma.LZMADecompressor(memlimit=_MOST_UNPACKER_MEMORY).decompress(block, length),
     }
     if compression not in known:
-        name = _OTHERS.get(compression, f"method {compression}")
+        name = _OTHER_COMPRESSIONS.get(compression, f"method {compression}")
         raise UnreadError(f"is compressed with {name}, which Icy Moon does not read here; {_convert_fix(image)}")
     return known[compression]
 
@@ -350,7 +353,7 @@ def _find_zstandard() -> Callable[[bytes, int], bytes] | None:
         return None
 
     def unpack(block: bytes, length: int) -> bytes:
-        unpacker = zstandard.ZstdDecompressor(max_window_size=_MOST_MEMORY_OF_UNPACKER)
+        unpacker = zstandard.ZstdDecompressor(max_window_size=_MOST_UNPACKER_MEMORY)
         try:  # by a stream, since room for the whole is made as the block states it
             with unpacker.stream_reader(block) as stream:
                 return bytes(stream.read(length))

@@ -17,19 +17,23 @@ import numpy as np
 from ..support.arrays import Array
 from .geokeys import GeoKeys
 
-#: Bytes of a strip before it is compressed, about: readers hold one at a time.
+#: Approximate bytes of a strip before compression; readers hold one strip at a time.
 _STRIP_BYTES = 1 << 18
-#: TIFF's number of a type, and the format of one value.
-_ASCII, _SHORT, _LONG, _DOUBLE = (2, "s"), (3, "H"), (4, "I"), (12, "d")
+#: TIFF's number of a type, and its letter in ``struct``: text,
+_ASCII = (2, "s")
+#: 16-bit whole numbers,
+_SHORT = (3, "H")
+#: 32-bit whole numbers,
+_LONG = (4, "I")
+#: 64-bit floats.
+_DOUBLE = (12, "d")
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a north-up image lies: the size of a pixel and the outer corner of the north-west one, in metres.
-
-    ``frame`` names the coordinate system, in a sentence; ``heights`` is whether values are heights in metres. ``notes``
-    are texts by name that GDAL shows as metadata.
-    """
+    """The place of a north-up image: the size of a pixel and the outer corner of the north-west pixel, in metres.
+    ``frame`` names the coordinate system in a sentence; ``heights`` is true if values are heights in metres. ``notes``
+    are texts by name, which GDAL shows as metadata."""
 
     pixel_m: float
     west_m: float

@@ -1,4 +1,4 @@
-"""In which line of a TOML text a key is set. Imports no Blender."""
+"""The line of a TOML text in which a key is set. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def _has_key(data: Any, key: Key) -> bool:
     return True
 
 
-#: Characters that are parsed to find a line.
-_MOST_PARSED = 2**21
+#: Maximum number of characters that are parsed in search of a line.
+_MOST_PARSED_CHARACTERS = 2**21
 
 
 def _parse_beginning(beginning: str, budget: Budget) -> dict[str, Any] | None:
-    """The content of a beginning of a file, an array closed where it ends in one; None if it ends elsewhere."""
+    """Parse the first lines of a TOML file; a list that is still open there is closed. None if they are no TOML."""
     for end in ("", "\n]"):
         budget.charge(len(beginning) + 100)
         try:
@@ -38,17 +38,16 @@ def _parse_beginning(beginning: str, budget: Budget) -> dict[str, Any] | None:
 
 
 def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
-    """The line, from 1, in which the value or table at ``key`` begins; None if the text has no such key.
-
-    Where ``budget`` is used up, only lines of usual spellings are found.
+    """The line, from 1, in which the value or table at ``key`` begins; None if the text lacks the key.
 
     ``("sweep", 2, "rig", "pitch_deg")`` is the setting in the third table of a list. ``tomllib`` gives no lines, but
-    the beginning of a file up to a line is a TOML file too: the first beginning that holds the key ends with it, and
-    the last whole beginning before it ends just before it. So every spelling that TOML allows is understood.
+    the first lines of a file are often valid TOML too: the first valid beginning that contains the key ends with it,
+    and the last valid beginning before that ends just before the key. So every spelling that TOML allows is supported.
+    If ``budget`` is used up, only lines of usual spellings are found.
     """
-    budget, lines = budget or Budget(_MOST_PARSED), text.splitlines()
-    # The beginning of ``without`` lines is whole and lacks the key. Of ``within`` lines it has the key, and no whole
-    # one of ``least`` to ``within`` - 1 lines is there.
+    budget, lines = budget or Budget(_MOST_PARSED_CHARACTERS), text.splitlines()
+    # The first ``without`` lines are valid and lack the key. The first ``within`` lines contain the key, and no valid
+    # beginning has ``least`` to ``within`` - 1 lines.
     without, within = 0, len(lines)
     try:
         if (whole := _parse_beginning("\n".join(lines), budget)) is None or not _has_key(whole, key):
@@ -78,8 +77,8 @@ def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
 
 @functools.lru_cache(maxsize=64)
 def _find_plain_line(text: str, key: Key) -> int | None:
-    """The line of a key in a text that is too long for ``find_line`` to parse, read as most files are written:
-    headers and keys begin lines, and no text has several lines. A key within a list has the line of the list."""
+    """The line of a key in a text that is too long for ``find_line`` to parse, for the usual spelling: headers and keys
+    begin lines, and no text has several lines. A key within a list gets the line of the list."""
     header: Key = ()
     counts: dict[Key, int] = {}
     while len(key) > 2 and isinstance(key[-1], int):
@@ -123,11 +122,11 @@ class Place:
     key: Key = ()
 
     def at(self, *steps: str | int) -> Place:
-        """A place further down."""
+        """The place of a key below this one."""
         return Place(self.file, self.text, (*self.key, *steps))
 
     def __str__(self) -> str:
-        key, budget = self.key, Budget(_MOST_PARSED)
+        key, budget = self.key, Budget(_MOST_PARSED_CHARACTERS)
         while key and (line := find_line(self.text, key, budget)) is None:
             key = key[:-1]  # an absent key is reported at the table it belongs to
         return f"{self.file}, line {line}" if key else str(self.file)

@@ -22,32 +22,36 @@ from ..physics.camera.rotations import from_quaternion, nearest_rotation, quater
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import quote, shorten
-from ..support.foreign_bytes import MOST_TEXT, ForeignBytes, read
+from ..support.foreign_bytes import MOST_TEXT_BYTES, ForeignBytes, read
 from ..support.number_text import format_count
 
-KINDS = ("TUM", "KITTI", "CSV")
-_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
-#: Names of the column of stamps, in lower case, and the seconds that it counts in.
-_STAMPS = {
+TRAJECTORY_KINDS = ("TUM", "KITTI", "CSV")
+_POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
+#: Names of the column of stamps, in lower case, and their unit in seconds.
+_STAMP_COLUMNS = {
     **dict.fromkeys(("t", "t_s", "time", "stamp", "timestamp"), "1"),
     **dict.fromkeys(("t_ns", "timestamp_ns", "timestamp [ns]"), "1e-9"),
 }
-#: The names of EuRoC's columns end so.
-_LONG_NAMES = {"p_rs_r_": "", "q_rs_": "q"}
-#: How far a quaternion's length from 1, or a matrix from a rotation, may be off unnoticed, as six digits are, and at
-#: all.
-_ROUNDED, _MOST_OFF = 1e-5, 0.1
-#: Poses of one file at most.
+#: Prefixes of EuRoC's names of columns, and their replacements.
+_EUROC_NAME_ENDS = {"p_rs_r_": "", "q_rs_": "q"}
+#: Largest deviation of a quaternion's length from 1, or of a matrix from a rotation, that counts as rounding to six
+#: digits.
+_MOST_ROUNDING = 1e-5
+#: Largest deviation that is accepted, with a note.
+_LARGEST_DEVIATION = 0.1
+#: Maximum number of poses of a file.
 MOST_POSES = 1_000_000
-#: A stamp has at most twelve digits before the point, and nine after it.
-_MOST_S, _NANOSECOND = Decimal(10**12), Decimal("1e-9")
+#: Stamps in seconds are below this: at most twelve digits before the point.
+_LARGEST_STAMP_S = Decimal(10**12)
+#: Smallest step of a stamp: nine digits after the point.
+_NANOSECOND = Decimal("1e-9")
 _FIX = "give lines of t x y z qx qy qz qw (TUM), 3x4 matrices (KITTI), or a CSV file with a line of names"
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The poses of a file in its own world axes, its kind, one of ``KINDS``, whether it has stamps, and sentences on
-    changes."""
+    """The poses of a file in its own world axes; its kind, one of ``TRAJECTORY_KINDS``; whether it has stamps; and
+    sentences on changes."""
 
     poses: PoseSequence
     kind: str
@@ -58,12 +62,11 @@ class Trajectory:
 def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camera: Array | None = None) -> Trajectory:
     """Read the poses of a file.
 
-    ``kind`` is one of ``KINDS``; without it the suffix .csv and the numbers of the first line decide. ``times`` is a
-    file of stamps, a line each, in place of the file's own. ``camera`` (3, 3) has the camera's axes x right, y down, z
-    forward as columns, in the axes that the rotations of the file turn; without it they turn the camera's own. Poses
-    without stamps are a second apart.
-
-    Raises IcyMoonError, one sentence with the line, for a file without a trajectory.
+    ``kind`` is one of ``TRAJECTORY_KINDS``; without it the suffix .csv and the count of numbers in the first line
+    decide. ``times`` is a file of stamps, one a line, in place of the file's own. ``camera`` (3, 3) has the camera's
+    axes x right, y down, z forward as columns, in the axes that the file's rotations use; without it these are the
+    camera's own axes. Poses without stamps are a second apart. Raises IcyMoonError, one sentence with the line, for a
+    file without a trajectory.
     """
     axes = np.eye(3) if camera is None else camera
 
@@ -74,10 +77,10 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
             raise ValueError("it has no poses")
         return _Poses(kind or _kind_of(path, first[1]), axes).parse(first, rows)
 
-    found = read(path, parse, f"a trajectory{f' of {kind}' if kind else ''}", _FIX, MOST_TEXT)
+    found = read(path, parse, f"a trajectory{f' of {kind}' if kind else ''}", _FIX, MOST_TEXT_BYTES)
     if times is None:
         return found
-    stamps = read(times, _parse_times, "a list of stamps", "give one number a line, in seconds", MOST_TEXT)
+    stamps = read(times, _parse_times, "a list of stamps", "give one number a line, in seconds", MOST_TEXT_BYTES)
     if len(stamps) != len(found.poses):
         raise IcyMoonError(
             f"{times}: has {len(stamps)} stamps, and {path} has {len(found.poses)} poses; give a stamp for each."
@@ -92,14 +95,14 @@ def pose_text(pose: Array) -> str:
 
 
 def tum_text(stamps: Sequence[Decimal], poses: Sequence[Array], about: str) -> str:
-    """A file of TUM's format: poses (4, 4) by stamps in seconds. Its first line is ``about`` them."""
+    """A file in TUM's format: poses (4, 4) by stamps in seconds. Its first line is the comment ``about``."""
     lines = [f"{stamp:.9f} {pose_text(pose)}\n" for stamp, pose in zip(stamps, poses, strict=True)]
     return "".join([f"# {about}\n# timestamp tx ty tz qx qy qz qw\n", *lines])
 
 
 def _rows(foreign: ForeignBytes, names: bool = False) -> Iterator[tuple[int, str]]:
-    """Number and text of each line that is neither empty nor a comment, which begins with #. With ``names`` the first
-    line is none of these, for EuRoC's names begin so too."""
+    """Number and text of each line that is neither empty nor a comment (#). With ``names`` the first line is always
+    returned, because EuRoC's names begin with #."""
     for number, line in foreign.lines():
         text = line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
         if text and (names or not text.startswith("#")):
@@ -119,14 +122,14 @@ def _kind_of(path: Path, first: str) -> str:
 
 
 def _parse_times(foreign: ForeignBytes) -> tuple[Decimal, ...]:
-    return tuple(_stamp(text, Decimal(1), number) for number, text in _rows(foreign))
+    return tuple(_parse_stamp_s(text, Decimal(1), number) for number, text in _rows(foreign))
 
 
-def _stamp(text: str, unit_s: Decimal, line: int) -> Decimal:
+def _parse_stamp_s(text: str, unit_s: Decimal, line: int) -> Decimal:
     """A stamp in seconds, rounded to nanoseconds."""
     try:
         seconds = Decimal(text) * unit_s
-        if seconds.is_finite() and abs(seconds) < _MOST_S:
+        if seconds.is_finite() and abs(seconds) < _LARGEST_STAMP_S:
             return seconds.quantize(_NANOSECOND)
     except InvalidOperation:
         pass
@@ -134,7 +137,7 @@ def _stamp(text: str, unit_s: Decimal, line: int) -> Decimal:
 
 
 class _Poses:
-    """The poses of a file, as they are read."""
+    """Parser of the poses of a file."""
 
     def __init__(self, kind: str, axes: Array) -> None:
         self._kind, self._axes = kind, axes
@@ -143,7 +146,7 @@ class _Poses:
         self._off, self._line_off, self._not_unit = 0.0, 0, 0
 
     def parse(self, first: tuple[int, str], rest: Iterator[tuple[int, str]]) -> Trajectory:
-        """All poses, of the first line and the rest."""
+        """The poses of the first line and of the rest."""
         rows: list[tuple[int, str]] = []
         if self._kind == "CSV":
             self._read_names(first[1])
@@ -175,18 +178,18 @@ class _Poses:
         """Find the columns by the first line of a CSV file."""
         names: dict[str, int] = {}
         for k, name in enumerate(map(_short_name, _cells(text))):
-            if name in names and name in (*_STAMPS, *_COLUMNS):
+            if name in names and name in (*_STAMP_COLUMNS, *_POSE_COLUMNS):
                 raise ValueError(f"its first line names {name} twice")
             names[name] = k
-        stamps = [name for name in _STAMPS if name in names]
+        stamps = [name for name in _STAMP_COLUMNS if name in names]
         if len(stamps) > 1:
             raise ValueError(f"its first line names the stamps {' and '.join(stamps)}, so leave one out")
         stamp = next(iter(stamps), None)
-        missing = [*([] if stamp else ["t"]), *(name for name in _COLUMNS if name not in names)]
+        missing = [*([] if stamp else ["t"]), *(name for name in _POSE_COLUMNS if name not in names)]
         if missing or stamp is None:
             raise ValueError(f"its first line names no column {', '.join(missing)}")
-        self._columns = {"t": names[stamp], **{name: names[name] for name in _COLUMNS}}
-        self._unit_s = Decimal(_STAMPS[stamp])
+        self._columns = {"t": names[stamp], **{name: names[name] for name in _POSE_COLUMNS}}
+        self._unit_s = Decimal(_STAMP_COLUMNS[stamp])
 
     def _read_pose(self, line: int, text: str, count: int) -> tuple[Decimal, Array, Array]:
         """Stamp, position and rotation of a line, the pose after ``count`` others."""
@@ -199,7 +202,7 @@ class _Poses:
                 raise ValueError(f"line {line} has {len(words)} columns, fewer than the line of names")
             words = [words[k] for k in self._columns.values()]
         numbers = np.array(_numbers(words, 8, line))
-        return _stamp(words[0], self._unit_s, line), numbers[1:4], self._turn(numbers[4:], line)
+        return _parse_stamp_s(words[0], self._unit_s, line), numbers[1:4], self._turn(numbers[4:], line)
 
     def _turn(self, xyzw: Array, line: int) -> Array:
         length = float(np.linalg.norm(xyzw))
@@ -213,12 +216,12 @@ class _Poses:
         return from_quaternion(quaternion(nearest_rotation(matrix)))
 
     def _note(self, off: float, line: int, what: str) -> None:
-        """Raise ValueError for what is too far off, and remember what is off by more than rounding."""
-        if not off <= _MOST_OFF:
+        """Remember a deviation above rounding. Raises ValueError if it is too large."""
+        if not off <= _LARGEST_DEVIATION:
             raise ValueError(f"line {line} has {what}")
-        if off > _ROUNDED:
+        if off > _MOST_ROUNDING:
             self._not_unit += 1
-        if off > max(self._off, _ROUNDED):
+        if off > max(self._off, _MOST_ROUNDING):
             self._off, self._line_off = off, line
 
 
@@ -239,12 +242,12 @@ def _cells(text: str) -> list[str]:
 
 
 def _short_name(name: str) -> str:
-    """A column's name in lower case, without the unit of EuRoC's names, except the unit of stamps."""
+    """A column's name in lower case. The unit of EuRoC's names is removed, except for stamps."""
     name = name.lstrip("#").strip().lower()
-    if name in _STAMPS:
+    if name in _STAMP_COLUMNS:
         return name
     name = name.partition("[")[0].strip()
-    for start, instead in _LONG_NAMES.items():
+    for start, instead in _EUROC_NAME_ENDS.items():
         if name.startswith(start):
             return instead + name.removeprefix(start)
     return name.removesuffix("_m")

@@ -1,8 +1,8 @@
-"""The part of YAML that calibrations are written in, read without building any object, and its numbers written.
+"""The subset of YAML in which calibrations are written: read without building any object, and numbers written.
 
-Mappings and sequences by indentation, lists and mappings in brackets over any number of lines, quoted and plain
-scalars, comments. The tags of OpenCV's matrices are skipped, since what follows them states the same. Other tags,
-anchors, aliases and texts over several lines are refused. Time and memory grow with the length of the text.
+Supported are mappings and sequences by indentation, lists and mappings in brackets over any number of lines, quoted and
+plain scalars, and comments. The tags of OpenCV's matrices are skipped, because the values after them state the same.
+Other tags, anchors, aliases and texts over several lines are refused. Time and memory grow with the length of the text.
 """
 
 from __future__ import annotations
@@ -12,24 +12,26 @@ from typing import Any
 
 from ..support.files import quote
 
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
-_SPECIAL = re.compile(r"([-+]?)\.(nan|inf)", re.IGNORECASE)
-_KEY = re.compile(r"""("[^"]*"|'[^']*'|[^\s"'\[\]{}#,:&*!|>%@`-][^:]*|-[^\s:][^:]*):(?:\s+|$)""")
-_QUOTED = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^']|'')*'""")
-_MARK = re.compile("[\"']")
-_PLAIN = re.compile(r"[^,\[\]{}:\s](?:[^,\[\]{}:]|:(?=\S))*")
+_NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_NAN_OR_INFINITY = re.compile(r"([-+]?)\.(nan|inf)", re.IGNORECASE)
+_KEY_PATTERN = re.compile(r"""("[^"]*"|'[^']*'|[^\s"'\[\]{}#,:&*!|>%@`-][^:]*|-[^\s:][^:]*):(?:\s+|$)""")
+_QUOTED_SCALAR = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^']|'')*'""")
+_QUOTE_MARK = re.compile("[\"']")
+_PLAIN_SCALAR = re.compile(r"[^,\[\]{}:\s](?:[^,\[\]{}:]|:(?=\S))*")
 _BLANKS = re.compile(r"\s*")
 #: Tags of OpenCV, which are skipped.
-_TAGS = ("!!opencv-matrix", "!!opencv-nd-matrix")
-_REFUSED = {
+_SKIPPED_TAGS = ("!!opencv-matrix", "!!opencv-nd-matrix")
+_REFUSED_MARKS = {
     "!": "a tag",
     "&": "an anchor",
     "*": "an alias",
     "|": "a text over several lines",
     ">": "a text over several lines",
 }
-#: Deepest nesting, and longest number.
-_DEEPEST, _LONGEST = 20, 60
+#: Deepest nesting.
+_DEEPEST_NESTING = 20
+#: Longest number in characters.
+_LONGEST_NUMBER = 60
 _CUT_OFF = "a bracket is not closed; the file is cut off"
 
 
@@ -63,14 +65,14 @@ def write_number(value: float) -> str:
 def _scalar(text: str) -> Any:
     """A number, a text, or None, as a plain or quoted scalar states it."""
     if text[:1] in ("'", '"'):
-        if not _QUOTED.fullmatch(text):
+        if not _QUOTED_SCALAR.fullmatch(text):
             raise ValueError(f"{quote(text)} has no closing quote")
         return text[1:-1]
-    if text[:1] in _REFUSED:
-        raise ValueError(f"{_REFUSED[text[0]]}, {quote(text)}, is not read; write the value itself")
-    if len(text) <= _LONGEST and _NUMBER.fullmatch(text):
+    if text[:1] in _REFUSED_MARKS:
+        raise ValueError(f"{_REFUSED_MARKS[text[0]]}, {quote(text)}, is not read; write the value itself")
+    if len(text) <= _LONGEST_NUMBER and _NUMBER_PATTERN.fullmatch(text):
         return float(text) if any(sign in text for sign in ".eE") else int(text)
-    if special := _SPECIAL.fullmatch(text):
+    if special := _NAN_OR_INFINITY.fullmatch(text):
         return float(special[1] + special[2])
     return None if text in ("", "~", "null") else text
 
@@ -82,7 +84,7 @@ class _Flow:
         self.text, self.at = text, 0
 
     def skip(self) -> int:
-        """Go to the next character that is no blank; gives its place."""
+        """Go to the next character that is no blank, and return its place."""
         self.at = _BLANKS.match(self.text, self.at).end()  # type: ignore[union-attr]
         return self.at
 
@@ -91,20 +93,20 @@ class _Flow:
         return self.text[self.at : self.at + 1]
 
     def _take(self, sign: str) -> bool:
-        """Whether the sign comes next; it is then taken."""
+        """Skip the sign if it comes next; returns whether it did."""
         there = self._next() == sign
         self.at += there
         return there
 
     def value(self, depth: int) -> Any:
         """The next value."""
-        if depth > _DEEPEST:
+        if depth > _DEEPEST_NESTING:
             raise ValueError("it is nested too deeply")
         if self._take("["):
             return self._list(depth)
         if self._take("{"):
             return self._mapping(depth)
-        match = _QUOTED.match(self.text, self.at) or _PLAIN.match(self.text, self.at)
+        match = _QUOTED_SCALAR.match(self.text, self.at) or _PLAIN_SCALAR.match(self.text, self.at)
         if match is None and self.at == len(self.text):
             raise ValueError(_CUT_OFF)
         if match is None:
@@ -162,7 +164,7 @@ class _Block:
         return found
 
     def _block(self, indent: int, depth: int) -> Any:
-        if depth > _DEEPEST:
+        if depth > _DEEPEST_NESTING:
             raise ValueError("it is nested too deeply")
         return self._sequence(indent, depth) if _is_item(self.lines[self.at][2]) else self._mapping(indent, depth)
 
@@ -174,7 +176,7 @@ class _Block:
         while self._more(indent) and _is_item(self.lines[self.at][2]):
             number, _, content = self.lines[self.at]
             rest = content[1:].lstrip(" ")
-            if rest and (_is_item(rest) or _KEY.match(rest)):  # a block begins in the line of its dash
+            if rest and (_is_item(rest) or _KEY_PATTERN.match(rest)):  # a block begins in the line of its dash
                 inner = indent + len(content) - len(rest)
                 self.lines[self.at] = number, inner, rest
                 found.append(self._block(inner, depth + 1))
@@ -187,7 +189,7 @@ class _Block:
         found: dict[str, Any] = {}
         while self._more(indent):
             number, _, content = self.lines[self.at]
-            match = _KEY.match(content)
+            match = _KEY_PATTERN.match(content)
             if match is None:
                 raise ValueError(f"line {number}: {quote(content)} is no key with a value")
             key = match[1].strip().strip("\"'")
@@ -198,15 +200,15 @@ class _Block:
         return found
 
     def _value(self, number: int, text: str, indent: int, depth: int, in_mapping: bool = False) -> Any:
-        """The value that ``text`` begins, in the line of this number, or what is nested below it."""
-        for tag in _TAGS:
+        """The value that begins with ``text`` in the line ``number``, or the lines nested below that line."""
+        for tag in _SKIPPED_TAGS:
             if text.split(" ", 1)[0] == tag:
                 text = text.removeprefix(tag).strip()
         if not text:
             if self.at == len(self.lines):
                 return None
             _, inner, content = self.lines[self.at]
-            # A sequence may stand as far to the left as its key.
+            # A sequence may have the same indentation as its key.
             if inner > indent or (in_mapping and inner == indent and _is_item(content)):
                 return self._block(inner, depth + 1)
             return None
@@ -216,7 +218,7 @@ class _Block:
             raise ValueError(f"line {number}: {error}") from None
 
     def _brackets(self, number: int, text: str) -> str:
-        """A value in brackets with the lines that it goes on in."""
+        """A value in brackets, joined from all its lines."""
         parts, is_open = [text], _opened(text)
         while is_open > 0:
             if self.at == len(self.lines):
@@ -232,13 +234,13 @@ def _is_item(content: str) -> bool:
 
 
 def _opened(text: str) -> int:
-    """How many brackets more a text opens than it closes."""
+    """Number of brackets that a text opens minus the number that it closes."""
     plain = _masked(text)
     return plain.count("[") + plain.count("{") - plain.count("]") - plain.count("}")
 
 
 def _without_comment(line: str) -> str:
-    """A line without the comment at its end: a # at its beginning or behind a blank, and not in quotes."""
+    """A line without the comment at its end. A comment is a # at the beginning or after a blank, outside quotes."""
     if "#" not in line:
         return line
     masked = _masked(line)
@@ -249,9 +251,9 @@ def _without_comment(line: str) -> str:
 def _masked(text: str) -> str:
     """A text of the same length with an x in place of each character in quotes."""
     parts, at = [], 0
-    while quote_mark := _MARK.search(text, at):
+    while quote_mark := _QUOTE_MARK.search(text, at):
         start = quote_mark.start()
-        match = _QUOTED.match(text, start)
+        match = _QUOTED_SCALAR.match(text, start)
         if match is None:  # an apostrophe; quotes are looked for no further, so that none is looked at twice
             break
         parts += [text[at:start], "x" * len(match[0])]

@@ -17,12 +17,12 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .rendered_pair import RenderedPair, read_response
 
-#: Finds the disparity in px, (H, W), NaN where it finds none, of rectified images, uint8 (H, W) each.
+#: A function from rectified images, uint8 (H, W) each, to disparity in px, (H, W), NaN without a match.
 Matcher = Callable[..., Array]
-#: What a function may ask for beside the images, by the names of its parameters.
-_ASKED = ("max_disparity_px", "camera")
-#: Columns of the table that an evaluation shows of itself, and their digits.
-_SHOWN = {"coverage": 3, "epe_px": 3, "bad_1": 3, "l1_m": 4}
+#: Optional parameters of a matcher function, besides the images.
+_OPTIONAL_ARGUMENTS = ("max_disparity_px", "camera")
+#: Metrics that the text of an evaluation shows, and their digits.
+_SHOWN_METRICS = {"coverage": 3, "epe_px": 3, "bad_1": 3, "l1_m": 4}
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Evaluation:
         return self.folder / "report.html"
 
     def __repr__(self) -> str:
-        heads = ["method", *_SHOWN]
+        heads = ["method", *_SHOWN_METRICS]
         lines = [
-            [name, *(_format_number(numbers.get(key), digits) for key, digits in _SHOWN.items())]
+            [name, *(_format_number(numbers.get(key), digits) for key, digits in _SHOWN_METRICS.items())]
             for name, numbers in self.summary.items()
         ]
         widths = [max(len(line[k]) for line in [heads, *lines]) for k in range(len(heads))]
@@ -149,7 +149,7 @@ def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response
     from ..stereo.matchers.search_range import MOST_SEARCHED_PX, find_rig_range
     from ..stereo.measure.prepare_pair import list_distinct_pairs, prepare_pair
 
-    asked = [key for key in _ASKED if key in inspect.signature(function).parameters]
+    asked = [key for key in _OPTIONAL_ARGUMENTS if key in inspect.signature(function).parameters]
     found = scratch / name
     for folder in list_distinct_pairs(folders):
         prepared = prepare_pair(folder, response)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..formats.tiff_write import encode_tiff
-from ..physics.rocks.rock_table import COLUMNS, TABLE, covered_share
+from ..physics.rocks.rock_table import ROCK_COLUMNS, TABLE, covered_share
 from ..render.pairs.dataset_file_names import INPUTS
 from ..settings.description import defaults
 from ..support.arrays import Array
@@ -27,7 +27,7 @@ from ..support.number_text import format_count
 #: A quantity over the patch: an array, or a function of arrays of east and north coordinates in metres.
 Field = Callable[[Array, Array], ArrayLike] | ArrayLike
 #: Most that a mean albedo may be, as ``surface.albedo``.
-_MOST_ALBEDO = 1.0
+_LARGEST_MEAN_ALBEDO = 1.0
 
 
 @dataclass(frozen=True)
@@ -138,11 +138,11 @@ def make_rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, 
         table = np.asarray(rocks, np.float64)
     except (TypeError, ValueError):
         raise IcyMoonError("The rocks are no array of numbers; give (n, 3): x_m, y_m, diameter_m.") from None
-    if table.ndim != 2 or table.shape[1] != len(COLUMNS) or not len(table):
+    if table.ndim != 2 or table.shape[1] != len(ROCK_COLUMNS) or not len(table):
         raise IcyMoonError(f"The rocks have the shape {table.shape}; give (n, 3): x_m, y_m, diameter_m.")
     if not np.isfinite(table).all() or (table[:, 2] <= 0).any():
         raise IcyMoonError("Some rocks have no finite place, or no diameter above 0; leave them out.")
-    lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in table.tolist()), ""]
+    lines = [",".join(ROCK_COLUMNS), *(",".join(map(repr, row)) for row in table.tolist()), ""]
     stated: dict[str, Any] = {"law": TABLE, "coverage": min(max(covered_share(table, size_m), 1e-6), 0.5)}
     if len(table) > defaults().rocks.most:
         stated["most"] = len(table)
@@ -162,7 +162,7 @@ def make_albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Inp
     values = sample_field(field, x_m, y_m, "albedos")
     if values.ndim > 3 or (values.ndim == 3 and values.shape[2] != 3):
         raise IcyMoonError(f"The albedos have the shape {values.shape}; give one for each place, or one for each band.")
-    if values.min() < 0 or values.max() > _MOST_ALBEDO:
+    if values.min() < 0 or values.max() > _LARGEST_MEAN_ALBEDO:
         raise IcyMoonError(f"The albedos are {values.min():.3g} to {values.max():.3g}; give 0 to 1.")
     image = encode_tiff(np.ascontiguousarray(values, np.float32), description="albedo")
     shape = " x ".join(map(str, values.shape[:2]))

@@ -23,13 +23,13 @@ from ..support.system import remove_folder
 from ..support.temporary_folders import make_scratch_folder
 
 #: Receives the messages of a render: ``progress`` (``fraction``, ``message``), ``pair``, ``warning``.
-Hear = Callable[[Message], None]
+MessageReceiver = Callable[[Message], None]
 
 
 class Renderer(Protocol):
     """Renders complete settings into the folder of a data set."""
 
-    def render(self, settings: Settings, dataset: Path, again: bool, hear: Hear) -> list[Path]:
+    def render(self, settings: Settings, dataset: Path, again: bool, hear: MessageReceiver) -> list[Path]:
         """Render the pairs of the settings and return their folders. Raises IcyMoonError if one fails."""
 
     def close(self) -> None:
@@ -40,8 +40,8 @@ def ignore_message(message: Message) -> None:
     """Take no notice of a message."""
 
 
-def issue_warnings(hear: Hear) -> Hear:
-    """The same, with warnings also issued as Python's."""
+def issue_warnings(hear: MessageReceiver) -> MessageReceiver:
+    """A receiver that passes messages on to ``hear`` and also issues warnings as Python's."""
 
     def hear_all(message: Message) -> None:
         if message["type"] == "warning":
@@ -76,7 +76,9 @@ class Worker:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def render(self, settings: Settings, dataset: Path, again: bool = False, hear: Hear = ignore_message) -> list[Path]:
+    def render(
+        self, settings: Settings, dataset: Path, again: bool = False, hear: MessageReceiver = ignore_message
+    ) -> list[Path]:
         """Render the pairs of complete settings and return their folders; ``hear`` receives every message.
 
         Raises IcyMoonError with the worker's own error if it fails.
@@ -166,7 +168,9 @@ class InProcess:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def render(self, settings: Settings, dataset: Path, again: bool = False, hear: Hear = ignore_message) -> list[Path]:
+    def render(
+        self, settings: Settings, dataset: Path, again: bool = False, hear: MessageReceiver = ignore_message
+    ) -> list[Path]:
         """Render the pairs of complete settings and return their folders; see ``Worker.render``."""
         return list(self._scenes.render(settings, dataset, again, hear))
 

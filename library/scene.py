@@ -17,10 +17,10 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from .inputs import Field, Input, make_albedo_input, make_heights_input, make_rocks_input
 from .rendered_pair import RenderedPair, read_settings
-from .renderers import Hear, Renderer, default_renderer, ignore_message, issue_warnings
+from .renderers import MessageReceiver, Renderer, default_renderer, ignore_message, issue_warnings
 
 #: Most settings that a scene shows of itself.
-_MOST_SHOWN = 8
+_MOST_SHOWN_SETTINGS = 8
 
 
 def _has_stated(changes: Mapping[str, Any], name: str) -> bool:
@@ -81,7 +81,7 @@ class Scene:
                 for key, value in values.items()
             ),
         ]
-        shown = names if len(names) <= _MOST_SHOWN else [*names[:_MOST_SHOWN], "…"]
+        shown = names if len(names) <= _MOST_SHOWN_SETTINGS else [*names[:_MOST_SHOWN_SETTINGS], "…"]
         return self._make_changed(stated, {}, ", ".join(shown))
 
     def with_heights(self, heights: Field, *, metres_per_pixel: float | None = None, detail: bool = False) -> Scene:
@@ -135,7 +135,7 @@ class Scene:
         *,
         renderer: Renderer | None = None,
         again: bool = False,
-        on_event: Hear = ignore_message,
+        on_event: MessageReceiver = ignore_message,
     ) -> RenderedPair:
         """Render this scene into the folder of a data set, or read its pair if the folder already contains it.
 
@@ -155,7 +155,7 @@ class Scene:
         *,
         renderer: Renderer | None = None,
         again: bool = False,
-        on_event: Hear = ignore_message,
+        on_event: MessageReceiver = ignore_message,
     ) -> list[RenderedPair]:
         """The pairs of this scene, one for each of ``dataset.headings``; see ``render``."""
         folder = (

@@ -11,11 +11,11 @@ from typing import Any
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .rendered_pair import RenderedPair
-from .renderers import Hear, Renderer, ignore_message
+from .renderers import MessageReceiver, Renderer, ignore_message
 from .scene import Scene
 
 #: What varies beside settings, and the scene's method that takes it.
-_ARRAYS: dict[str, Callable[[Scene, Any], Scene]] = {
+_ARRAY_METHODS: dict[str, Callable[[Scene, Any], Scene]] = {
     "heights": Scene.with_heights,
     "albedo": Scene.with_albedo,
     "rocks": Scene.with_rocks,
@@ -31,18 +31,18 @@ class SweepPoint:
     pair: RenderedPair
 
     def __repr__(self) -> str:
-        return f"<SweepPoint {_describe(self.values)}: {self.pair.id}>"
+        return f"<SweepPoint {_format_values(self.values)}: {self.pair.id}>"
 
 
 class Sweep:
-    """All combinations of what varies. Iterating renders the pairs that are not there yet and gives each in its turn.
+    """All combinations of varied values. Iterating renders the missing pairs and returns each in its turn.
 
-    ``vary`` has a sequence of values for each setting that varies, by its name, such as
-    ``{"light.sun_elevation_deg": [5, 20]}``. ``"heights"``, ``"albedo"`` and ``"rocks"`` have functions or arrays by
-    names of yours, such as ``{"heights": {"flat": f, "rough": g}}``, see ``Scene``. The first one varies slowest; put
-    there what takes longest to change, such as heights. Finished pairs are never rendered again: a second run of the
-    same program gives them at once and goes on where the first one was stopped. Raises IcyMoonError for settings that
-    are unknown, and for values that cannot be.
+    ``vary`` has a sequence of values for each varied setting, by its name, such as ``{"light.sun_elevation_deg": [5,
+    20]}``. ``"heights"``, ``"albedo"`` and ``"rocks"`` have functions or arrays by names of yours, such as
+    ``{"heights": {"flat": f, "rough": g}}``, see ``Scene``. The first entry varies slowest, so put values there whose
+    change takes longest, such as heights. Finished pairs are never rendered again: a second run of the same program
+    returns them immediately and continues where the first one stopped. Raises IcyMoonError for unknown settings and
+    impossible values.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Sweep:
         vary: Mapping[str, Sequence[Any] | Mapping[str, Any]],
         *,
         renderer: Renderer | None = None,
-        on_event: Hear = ignore_message,
+        on_event: MessageReceiver = ignore_message,
     ) -> None:
         self.scene, self.dataset = scene, Path(dataset).absolute()
         self._renderer, self._hear = renderer, on_event
@@ -63,8 +63,8 @@ class Sweep:
         values = {name: label for name, (label, _) in zip(self._axes, chosen, strict=True)}
         scene = self.scene
         for name, (_, value) in zip(self._axes, chosen, strict=True):
-            if name in _ARRAYS:
-                scene = _ARRAYS[name](scene, value)
+            if name in _ARRAY_METHODS:
+                scene = _ARRAY_METHODS[name](scene, value)
             else:
                 topic, _, key = name.partition(".")
                 changes: Any = {topic: {key: value}}  # whose names are known only when the program runs
@@ -84,13 +84,13 @@ class Sweep:
             try:
                 pair = scene.render(self.dataset, renderer=self._renderer, on_event=self._hear)
             except IcyMoonError as error:
-                raise IcyMoonError(f"Sweep at {_describe(values)}: {error}") from error
+                raise IcyMoonError(f"Sweep at {_format_values(values)}: {error}") from error
             yield SweepPoint(values, scene, pair)
 
 
 def _list_choices(name: str, values: Sequence[Any] | Mapping[str, Any]) -> list[tuple[Any, Any]]:
-    """(label, value) of each value of what varies."""
-    if name in _ARRAYS:
+    """(label, value) of each varied value."""
+    if name in _ARRAY_METHODS:
         if not isinstance(values, Mapping):
             raise IcyMoonError(f"The {name} of a sweep need names, such as {{{name!r}: {{'mine': f}}}}.")
         return list(values.items())
@@ -99,5 +99,5 @@ def _list_choices(name: str, values: Sequence[Any] | Mapping[str, Any]) -> list[
     return [(value, value) for value in values]
 
 
-def _describe(values: Mapping[str, Any]) -> str:
+def _format_values(values: Mapping[str, Any]) -> str:
     return ", ".join(f"{name}={value}" for name, value in values.items())

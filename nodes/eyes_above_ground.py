@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Vector
 
 from ..physics import scene_checks
-from ..physics.scene_checks import LOWEST_M, buried_sentence, in_rock_sentence
+from ..physics.scene_checks import LEAST_EYE_HEIGHT_M, buried_sentence, in_rock_sentence
 from ..support.arrays import Array
 from .built_scene import Built
 from .datablocks.fingerprint import TAG
@@ -76,7 +76,7 @@ def _find_eye_reason(
     if role and leaves:
         return buried_sentence(rig, eye, distance) if role == "terrain" else in_rock_sentence(rig, eye)
     role, distance, _ = _cast_ray(scene, depsgraph, position, -_UP)
-    return buried_sentence(rig, eye, -distance) if role == "terrain" and distance < LOWEST_M / 2 else ""
+    return buried_sentence(rig, eye, -distance) if role == "terrain" and distance < LEAST_EYE_HEIGHT_M / 2 else ""
 
 
 def _cast_ray(

@@ -13,7 +13,7 @@ from ..formats.calibrations.head_file import read_head
 from ..physics.camera.calibrated_camera import CalibratedCamera
 from ..physics.camera.head_camera import MOST_CAMERAS, HeadCamera, Orthographic, Projection
 from ..physics.camera.lens_models import Fisheye
-from ..physics.scene_checks import LOWEST_M
+from ..physics.scene_checks import LEAST_EYE_HEIGHT_M
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.blender import compat
@@ -47,7 +47,7 @@ def build_head_cameras(settings: Settings, rig: bpy.types.Object, terrain: bpy.t
     made = []
     for camera, (ground_m, world) in zip(cameras, places, strict=True):
         height_m = world[2, 3] - ground_m
-        if height_m < LOWEST_M:
+        if height_m < LEAST_EYE_HEIGHT_M:
             raise IcyMoonError(
                 f"{settings.rig.head_file}: the camera {camera.name} is {-height_m:.3g} m under the ground; raise its "
                 "position_m."

@@ -22,7 +22,7 @@ from ..physics.mesh import finer_in_view
 from ..physics.mesh.ground_interface import Surface
 from ..physics.mesh.height_map import HeightMap
 from ..physics.mesh.horizon import drop_m
-from ..physics.mesh.vertex_spacing import OF_THE_RIG
+from ..physics.mesh.vertex_spacing import GRADING_RIG_SETTINGS
 from ..physics.rocks.place_rocks import LEVEL_RANKS, Rocks, scatter_rocks
 from ..physics.rocks.rock_shapes import RockShape, make_rock_shapes
 from ..settings import rebuilt_parts
@@ -69,7 +69,7 @@ def read_notes(scene: bpy.types.Scene) -> list[str]:
     previewed = read_stored(collection, scenes.PREVIEW, Each(TABLE, TEXT))
     if not previewed or sentences:
         return sentences
-    turned = set(previewed) == {"rig"} and not set(previewed["rig"]).isdisjoint(finer_in_view.OF_THE_RIG)
+    turned = set(previewed) == {"rig"} and not set(previewed["rig"]).isdisjoint(finer_in_view.RELIEF_RIG_SETTINGS)
     # ``build_coarse`` digs, but the ground that follows a slider is too coarse for a trench.
     undug = previewed.get("excavation", {}).get("path", "NONE") != "NONE" and collection.get(
         scenes.REFINED
@@ -284,8 +284,8 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     if rebuilt_parts.describe_mesh_relief(shown) != rebuilt_parts.describe_mesh_relief(
         built.settings
     ):  # the mesh was made for other relief
-        preview["surface"] = {key: shown.surface[key] for key in finer_in_view.OF_THE_SURFACE}
-        shown = merged(shown, {"surface": {key: built.settings.surface[key] for key in finer_in_view.OF_THE_SURFACE}})
+        preview["surface"] = {key: shown.surface[key] for key in finer_in_view.RELIEF_SETTINGS}
+        shown = merged(shown, {"surface": {key: built.settings.surface[key] for key in finer_in_view.RELIEF_SETTINGS}})
     built.remember(shown, preview, *changed)
     return messages
 
@@ -366,7 +366,7 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
             of_relief = rebuilt_parts.describe_mesh_relief(settings) != rebuilt_parts.describe_mesh_relief(
                 built.settings
             )
-            keys = (*OF_THE_RIG, *(finer_in_view.OF_THE_RIG if of_relief else ()))
+            keys = (*GRADING_RIG_SETTINGS, *(finer_in_view.RELIEF_RIG_SETTINGS if of_relief else ()))
             other = {key: built_rig[key] for key in keys if built_rig[key] != rig[key]}
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}
             settings = merged(settings, {"rig": other})

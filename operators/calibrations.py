@@ -11,7 +11,7 @@ import bpy
 
 from ..commands.calibrated_eyes import complete_eyes
 from ..commands.camera import parse_sizes, read_eyes, read_rig
-from ..formats.calibrations.options import UNITS, Stated
+from ..formats.calibrations.options import UNITS_M, Stated
 from ..formats.calibrations.registry import FORMATS, write_calibration
 from ..physics.camera.rig_cameras import rig_of
 from ..settings.blender import scene_properties
@@ -63,7 +63,7 @@ class ICYMOON_OT_read_calibration(dialogs.FileDialog, bpy.types.Operator):
         description="Unit of lengths, where the files leave it open",
         items=[
             (_FILE, "As in the File", "The unit that the file states"),
-            *((unit, unit, f"Lengths are in {unit}") for unit in UNITS),
+            *((unit, unit, f"Lengths are in {unit}") for unit in UNITS_M),
         ],
     )
     size: bpy.props.StringProperty(

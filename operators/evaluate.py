@@ -13,7 +13,7 @@ from ..render.workers.process import Message
 from ..settings.blender import scene_properties
 from ..settings.table import list_all_settings
 from ..settings.topics.scene import Settings
-from ..settings.topics.trust_boundary import OWN
+from ..settings.topics.trust_boundary import OWN_PREFIX
 from ..stereo.matchers import get_matcher_needs, list_matcher_titles
 from ..stereo.matchers.methods import toggle_method
 from ..support.errors import IcyMoonError
@@ -205,10 +205,10 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon.dataset
         known = (*list_matcher_titles(), *list_plugin_matchers())
-        if not self.matcher.startswith(f"{OWN}:") and self.matcher not in known:
+        if not self.matcher.startswith(f"{OWN_PREFIX}:") and self.matcher not in known:
             self.report(
                 {"ERROR"},
-                show_controls(f"There is no matcher {self.matcher}; choose {', '.join(known)} or {OWN}:NAME."),
+                show_controls(f"There is no matcher {self.matcher}; choose {', '.join(known)} or {OWN_PREFIX}:NAME."),
             )
             return {"CANCELLED"}
         group.methods = toggle_method(group.methods, self.matcher)

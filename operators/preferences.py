@@ -195,7 +195,7 @@ def make_own_matcher_arguments(methods: str) -> list[str]:
     for name in trust_boundary.list_own_names(methods):
         if name not in known:
             raise IcyMoonError(
-                f"The matcher {trust_boundary.OWN}:{name} is not set up on this machine; add it under "
+                f"The matcher {trust_boundary.OWN_PREFIX}:{name} is not set up on this machine; add it under "
                 "Own Matchers in the preferences of Icy Moon, or leave it out."
             )
         arguments += [word for text in _make_matcher_texts(known[name]) for word in ("--own", text)]

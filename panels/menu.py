@@ -7,14 +7,14 @@ import bpy
 from ..operators.preferences import can_install_evaluator
 from ..operators.presets import list_preset_items
 from ..operators.session import session
-from ..settings.preset_files import KINDS
+from ..settings.preset_files import PRESET_KINDS
 
 #: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
 _BAR_UNITS = 15
 _ORIGINAL_DRAW = "_draw_orig"
 
 
-_KIND_TITLES = {"own": "Yours", **KINDS}
+_KIND_TITLES = {"own": "Yours", **PRESET_KINDS}
 
 
 def group_presets_by_kind() -> list[tuple[str, list[tuple[str, str]]]]:

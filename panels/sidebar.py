@@ -20,7 +20,7 @@ from ..operators import (
 from ..operators.preferences import list_own_matchers, list_plugin_matchers
 from ..operators.session import session
 from ..settings.blender import scene_properties
-from ..settings.topics.trust_boundary import OWN
+from ..settings.topics.trust_boundary import OWN_PREFIX
 from ..stereo.matchers import get_matcher_needs, list_matcher_titles
 from ..stereo.matchers.methods import names_method
 from ..stereo.report.table_columns import NOISE_DECIDES
@@ -172,7 +172,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         listed = {
             **list_matcher_titles(),
             **{name: name for name in list_plugin_matchers()},
-            **{f"{OWN}:{own}": own for own in list_own_matchers()},
+            **{f"{OWN_PREFIX}:{own}": own for own in list_own_matchers()},
         }
         for name, title in listed.items():
             row, chosen = column.row(align=True), names_method(methods, name)

@@ -21,21 +21,21 @@ from ..support.arrays import Array
 from ..support.cache_folder import FOLDER_VARIABLE, own_cache_folder
 from ..support.errors import DiskError, IcyMoonError
 from ..support.file_schemas import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
-from ..support.files import PART, explain_disk_errors, hash_file, write_atomically, write_json
+from ..support.files import PART_SUFFIX, explain_disk_errors, hash_file, write_atomically, write_json
 from ..support.system import remove
 from .reconstructions import reconstruct
-from .shown_items import RECIPE
+from .shown_items import RECIPE_NUMBER
 from .texture_maps import make_maps
 
-_RECORD = "made.json"
+_RECORD_FILE = "made.json"
 #: Shape of the record of a folder; ``height_m`` is the relief of a texture's height image in metres, 0 for a mesh.
-_SHAPE = {"recipe": COUNT, "height_m": NUMBER, "sha256": Each(SHA256, FILE_NAME)}
-_OLD_S = 3600.0  # after which a part is a leftover of a process that was killed
+_RECORD_SHAPE = {"recipe": COUNT, "height_m": NUMBER, "sha256": Each(SHA256, FILE_NAME)}
+_LEFTOVER_AGE_S = 3600.0  # after which a part is a leftover of a process that was killed
 
 
 def find_folder(item: TextureItem | MeshItem) -> Path:
     """Where the files of a stand-in are, or will be."""
-    return own_cache_folder() / "stand_ins" / str(RECIPE) / item.stem
+    return own_cache_folder() / "stand_ins" / str(RECIPE_NUMBER) / item.stem
 
 
 def find_texture_files(key: str) -> dict[str, Path]:
@@ -78,15 +78,15 @@ def make_files(item: TextureItem | MeshItem, folder: Path | None = None) -> Path
 
 def read_relief_m(folder: Path) -> float:
     """Height in metres of white above black in the height image of a folder of ``make_files``."""
-    return float(read_record(folder / _RECORD, _SHAPE, "delete it")["height_m"])
+    return float(read_record(folder / _RECORD_FILE, _RECORD_SHAPE, "delete it")["height_m"])
 
 
 def _is_whole(folder: Path, item: TextureItem | MeshItem) -> bool:
     suffixes = [f"_{kind}.png" for kind in item.kinds] if isinstance(item, TextureItem) else [".ply", ".png"]
     try:
-        record = read_record(folder / _RECORD, _SHAPE, "delete it")
+        record = read_record(folder / _RECORD_FILE, _RECORD_SHAPE, "delete it")
         return (
-            record["recipe"] == RECIPE
+            record["recipe"] == RECIPE_NUMBER
             and record["sha256"].keys() >= {item.stem + end for end in suffixes}
             and all(
                 _checksum(folder / name, (folder / name).stat().st_size, (folder / name).stat().st_mtime_ns) == known
@@ -106,16 +106,16 @@ def _checksum(path: Path, size: int, modified_ns: int) -> str:
 def _write_all(folder: Path, height_m: float, encoded: Mapping[str, bytes]) -> None:
     with explain_disk_errors("write to", folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for part in folder.glob(f"*{PART}"):
+        for part in folder.glob(f"*{PART_SUFFIX}"):
             with suppress(OSError):
-                if time.time() - part.stat().st_mtime > _OLD_S:
+                if time.time() - part.stat().st_mtime > _LEFTOVER_AGE_S:
                     remove(part)
-        remove(folder / _RECORD)  # it is about to become untrue
+        remove(folder / _RECORD_FILE)  # it is about to become untrue
     for name, data in encoded.items():
         write_atomically(folder / name, functools.partial(_write_part, data))
     write_json(
-        folder / _RECORD,
-        {"recipe": RECIPE, "height_m": height_m, "sha256": {name: hash_file(folder / name) for name in encoded}},
+        folder / _RECORD_FILE,
+        {"recipe": RECIPE_NUMBER, "height_m": height_m, "sha256": {name: hash_file(folder / name) for name in encoded}},
     )
 
 

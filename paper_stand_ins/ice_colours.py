@@ -13,14 +13,19 @@ from ..support.arrays import Array
 
 #: Absorption in 1/m: red, green, blue.
 ABSORPTION_PER_M = np.array([0.207, 0.0460, 0.00749])
-_DENSITY_KG_M3, _SHAPE, _ASYMMETRY = 917.0, 1.6, 0.845
+#: Density of ice.
+_ICE_KG_M3 = 917.0
+#: Factor on the absorption by the shape of grains.
+_ABSORPTION_ENHANCEMENT = 1.6
+#: Asymmetry of scattering.
+_ASYMMETRY = 0.845
 
 
 def snow_albedo(radius_m: float | Array) -> Array:
     """Albedo (..., 3) under light from all sides of deep snow whose grains have this optical radius."""
     radius = np.asarray(radius_m, float)[..., None]
-    surface = 3.0 / (_DENSITY_KG_M3 * radius)  # m² / kg
-    lost = 2.0 * _SHAPE * ABSORPTION_PER_M / (_DENSITY_KG_M3 * surface)
+    surface = 3.0 / (_ICE_KG_M3 * radius)  # m² / kg
+    lost = 2.0 * _ABSORPTION_ENHANCEMENT * ABSORPTION_PER_M / (_ICE_KG_M3 * surface)
     return np.asarray(np.exp(-np.sqrt(16.0 / 3.0 * lost / (1.0 - _ASYMMETRY))))
 
 

@@ -22,16 +22,22 @@ from ..support.arrays import Array
 from . import periodic_fields
 from .ice_colours import ice_albedo, snow_albedo
 from .periodic_fields import FieldGenerator
-from .shown_items import MESH_PIXELS
-from .texture_maps import DIRT, SEED, make_bend, mix_colours
+from .shown_items import MESH_IMAGE_SIDE_PX
+from .texture_maps import DIRT_COLOUR, STAND_IN_SEED, make_bend, mix_colours
 from .triangulation import triangulate
 
-#: Pixels along a side of the true ground; the mesh is made of every second of its points.
-_GROUND = 1024
-#: Shares of the width of a mesh: height of the doming, standard deviations of the warps; and of the noise in edges.
-_DOMING, _WARP, _NOISE = 0.004, 0.0015, 0.02
-#: Least distance of a hole from a site, in metres, and between the holes and from the rim, in radii of a hole.
-_CLEAR_M, _APART = 2.5, 3.0
+#: Pixels along a side of the true ground; the mesh has every second of its points.
+_GROUND_SIDE_PX = 1024
+#: Height of the doming, as a share of a mesh's width.
+_DOMING_SHARE = 0.004
+#: Standard deviation of the warps, as a share of the width.
+_WARP_SHARE = 0.0015
+#: Standard deviation of the noise, as a share of an edge.
+_NOISE_SHARE = 0.02
+#: Least distance of a hole from a site, in metres.
+_SITE_TO_HOLE_M = 2.5
+#: Least distance between holes and from the rim, in radii of a hole.
+_HOLE_DISTANCE = 3.0
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,7 @@ class Reconstruction:
 
 
 @dataclass(frozen=True)
-class _Ground:
+class _TrueGround:
     """A true ground: heights in metres and colour (n, n, 3), and the Sun in degrees (azimuth from east, elevation)."""
 
     height_m: Array
@@ -56,18 +62,18 @@ class _Ground:
     sun_deg: tuple[float, float]
 
 
-def reconstruct(key: str, seed: int = SEED) -> Reconstruction:
+def reconstruct(key: str, seed: int = STAND_IN_SEED) -> Reconstruction:
     """The stand-in mesh ``key``. Raises KeyError for another name."""
     item = find_mesh_item(key)
     random = make_generator(seed, "stand_ins", 1, item.number)
-    draw = FieldGenerator(random, _GROUND)
+    draw = FieldGenerator(random, _GROUND_SIDE_PX)
     ground = _RECIPES[key](draw, item)
-    pixel_m = item.size_m / _GROUND
+    pixel_m = item.size_m / _GROUND_SIDE_PX
     image = _photograph(draw, ground, pixel_m, surveyed=item.holes > 0)
     coarse = ground.height_m[::2, ::2] / (2 * pixel_m)
     places, faces = triangulate(random, np.pad(coarse, ((0, 1), (0, 1)), mode="wrap"), item.triangles, 0.03)
-    edge_m = 2 * pixel_m * (_GROUND / 2) / math.sqrt(len(places))
-    uv = places / (_GROUND / 2)
+    edge_m = 2 * pixel_m * (_GROUND_SIDE_PX / 2) / math.sqrt(len(places))
+    uv = places / (_GROUND_SIDE_PX / 2)
     xy = (uv - 0.5) * item.size_m
     height = periodic_fields.sample_wrapped(periodic_fields.blur(coarse, 0.7), places[:, 1], places[:, 0]) * 2 * pixel_m
     keep = _find_within_rim(random, xy[faces].mean(axis=1), item)
@@ -80,7 +86,7 @@ def reconstruct(key: str, seed: int = SEED) -> Reconstruction:
     positions: Array = np.column_stack([xy, height])
     if item.holes:
         positions += _make_drift(random, xy, item.size_m)
-        positions[:, 2] += _NOISE * edge_m * random.standard_normal(len(positions))
+        positions[:, 2] += _NOISE_SHARE * edge_m * random.standard_normal(len(positions))
     used, faces = np.unique(faces[keep], return_inverse=True)
     positions, uv, faces = positions[used], uv[used], faces.reshape(-1, 3)
     low, high = positions.min(axis=0), positions.max(axis=0)
@@ -92,12 +98,12 @@ def _make_drift(random: np.random.Generator, xy: Array, size_m: float) -> Array:
     """The doming and the slow warps (k, 3) at places (k, 2), in metres."""
     at = xy / size_m
     moved = np.zeros((len(xy), 3))
-    moved[:, 2] = _DOMING * size_m * (1.0 - 8.0 * (at**2).sum(axis=1))
+    moved[:, 2] = _DOMING_SHARE * size_m * (1.0 - 8.0 * (at**2).sum(axis=1))
     for _ in range(6):
         wave = random.standard_normal(2) * 1.2
         phase = 2 * math.pi * (at @ wave + random.random())
         way = random.standard_normal(3) * [1.0, 1.0, 2.0]
-        moved += _WARP * size_m * math.sqrt(2 / 6) * np.sin(phase)[:, None] * way
+        moved += _WARP_SHARE * size_m * math.sqrt(2 / 6) * np.sin(phase)[:, None] * way
     return moved
 
 
@@ -163,9 +169,9 @@ def _cut_holes(
             break
         radius = item.size_m * (0.008 + 0.014 * random.random() ** 2)
         at = middle[k]
-        near_site = min(math.dist(at, site) for site in item.sites) < _CLEAR_M + 2 * radius
-        near_hole = any(math.dist(at, other) < _APART * (radius + more) for other, more in made)
-        near_rim = np.hypot(*(rim - at).T).min() < _APART * radius
+        near_site = min(math.dist(at, site) for site in item.sites) < _SITE_TO_HOLE_M + 2 * radius
+        near_hole = any(math.dist(at, other) < _HOLE_DISTANCE * (radius + more) for other, more in made)
+        near_rim = np.hypot(*(rim - at).T).min() < _HOLE_DISTANCE * radius
         if not keep[k] or near_site or near_hole or near_rim:
             continue
         turn = np.arctan2(middle[:, 1] - at[1], middle[:, 0] - at[0])
@@ -183,7 +189,7 @@ def _add_zero_heights(xy: Array) -> Array:
     return np.column_stack([xy, np.zeros(len(xy))])
 
 
-def _photograph(draw: FieldGenerator, ground: _Ground, pixel_m: float, surveyed: bool) -> Array:
+def _photograph(draw: FieldGenerator, ground: _TrueGround, pixel_m: float, surveyed: bool) -> Array:
     """The image of a mesh: the colour in the light of its day, put together from photographs."""
     n = len(ground.height_m)
     lit = periodic_fields.light_relief(ground.height_m / pixel_m, ground.sun_deg, sky=0.5)
@@ -193,9 +199,9 @@ def _photograph(draw: FieldGenerator, ground: _Ground, pixel_m: float, surveyed:
         cells = draw.cells(4, shift, 0.4)
         exposure = np.exp(0.05 * draw.draw_normal_per_cell(cells))
         picture = picture * periodic_fields.blur(exposure, 4.0)[..., None]
-    large = np.repeat(np.repeat(picture, MESH_PIXELS // n, axis=0), MESH_PIXELS // n, axis=1)
+    large = np.repeat(np.repeat(picture, MESH_IMAGE_SIDE_PX // n, axis=0), MESH_IMAGE_SIDE_PX // n, axis=1)
     large = np.stack([periodic_fields.blur(large[..., k], 0.9) for k in range(3)], axis=-1)
-    fine = FieldGenerator(draw.random, MESH_PIXELS).waves(1.6, 2.5 / MESH_PIXELS, 1 / 60)
+    fine = FieldGenerator(draw.random, MESH_IMAGE_SIDE_PX).waves(1.6, 2.5 / MESH_IMAGE_SIDE_PX, 1 / 60)
     large = large * np.exp(0.06 * fine)[..., None]
     return np.asarray(np.clip(large * (0.5 / large[..., 1].mean()), 0.0, 1.0))
 
@@ -230,7 +236,7 @@ def _make_boulders(draw: FieldGenerator, across: int, share: float, there: Array
     return np.where((chance < share) & (cells.first < 0.6), np.maximum(shape, 0.0), 0.0) / across
 
 
-def _make_channels(draw: FieldGenerator, count: int, turns: int, width_px: float) -> Array:
+def _draw_channel_shares(draw: FieldGenerator, count: int, turns: int, width_px: float) -> Array:
     """Share, 0 to 1, of each point in meandering channels with smooth banks; a column of pixels crosses ``count`` of
     them, a row ``turns``."""
     n = draw.n
@@ -242,12 +248,12 @@ def _make_channels(draw: FieldGenerator, count: int, turns: int, width_px: float
     )
 
 
-def _make_athabasca(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_athabasca(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     n = draw.n
     # Melting glacier surface: foliation, little channels, cryoconite holes, dust.
     w = item.size_m
     foliation = draw.waves(2.8, 1 / 120, 1 / 4, 8.0, 0.35)
-    runnel = _make_channels(draw, 3, 1, 34.0)
+    runnel = _draw_channel_shares(draw, 3, 1, 34.0)
     holes = draw.discs(260, 3.0, 14.0)
     bumps = draw.waves(3.2, 1 / 200, 1 / 6)
     height = (
@@ -259,11 +265,11 @@ def _make_athabasca(draw: FieldGenerator, item: MeshItem) -> _Ground:
     )
     share = 0.012 * np.exp(0.7 * foliation) * (1.0 - 0.6 * runnel)
     dust = np.clip(0.20 + 0.14 * bumps + 0.08 * foliation + 0.1 * draw.waves(1.8, 1 / 300, 1 / 10), 0, 1)
-    colour = mix_colours(ice_albedo(share), _uniform_colour(1.6 * DIRT, n), np.maximum(dust, 0.9 * holes))
-    return _Ground(height, colour, (140.0, 38.0))
+    colour = mix_colours(ice_albedo(share), _uniform_colour(1.6 * DIRT_COLOUR, n), np.maximum(dust, 0.9 * holes))
+    return _TrueGround(height, colour, (140.0, 38.0))
 
 
-def _make_glacier_42m(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_glacier_42m(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     n = draw.n
     # Crevasses across the flow, some open, with snow bridges, on swelling ice.
     w = item.size_m
@@ -280,10 +286,10 @@ def _make_glacier_42m(draw: FieldGenerator, item: MeshItem) -> _Ground:
     snow = periodic_fields.smooth_step(draw.waves(3.2, 1 / 60, 1 / 3), -0.7, 0.9) * (1.0 - wall)
     colour = mix_colours(ice_albedo(0.006 * np.exp(0.6 * layer)), snow_albedo(draw.make_uniform(0.0006)), snow)
     dirt = np.clip(0.12 + 0.12 * layer + 0.10 * bumps, 0.0, 0.8) * (1.0 - snow)
-    return _Ground(height, mix_colours(colour, _uniform_colour(1.5 * DIRT, n), dirt), (60.0, 40.0))
+    return _TrueGround(height, mix_colours(colour, _uniform_colour(1.5 * DIRT_COLOUR, n), dirt), (60.0, 40.0))
 
 
-def _make_bloodfalls(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_bloodfalls(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     n = draw.n
     # The front of a glacier, a cliff with flutes, from which iron stains run over an apron of ice and moraine.
     across, along = np.broadcast_to(np.arange(n)[:, None] / n, (n, n)), np.arange(n)[None, :] / n
@@ -311,13 +317,13 @@ def _make_bloodfalls(draw: FieldGenerator, item: MeshItem) -> _Ground:
         * (1.0 - periodic_fields.smooth_step(below, 0.15, 0.5))
     )
     ice = ice_albedo(0.02 * np.exp(0.5 * draw.waves(2.6, 1 / 120, 1 / 6, 5.0, 0.0)))
-    soil = 1.9 * DIRT * np.exp(0.3 * draw.waves(1.6, 1 / 300, 1 / 10))[..., None]
+    soil = 1.9 * DIRT_COLOUR * np.exp(0.3 * draw.waves(1.6, 1 / 300, 1 / 10))[..., None]
     bare = low * periodic_fields.smooth_step(draw.waves(3.0, 1 / 40, 1 / 3) + 60 * stones, -0.4, 0.6)
     colour = mix_colours(mix_colours(ice, soil, bare), _uniform_colour(np.array([0.36, 0.15, 0.06]), n), stain)
-    return _Ground(height, colour, (250.0, 34.0))
+    return _TrueGround(height, colour, (250.0, 34.0))
 
 
-def _make_seaice(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_seaice(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     # Floes pressed together: ridges of blocks along their edges, snow dunes with the wind, frozen ponds.
     w = item.size_m
     cells = draw.cells(4, make_bend(draw, 0.16))
@@ -337,10 +343,10 @@ def _make_seaice(draw: FieldGenerator, item: MeshItem) -> _Ground:
     colour = mix_colours(
         colour, ice_albedo(draw.make_uniform(0.006)), np.clip(pressed * 60 * blocks, 0, 1) * (1 - 0.5 * snow)
     )
-    return _Ground(height * (1 - pond) + pond * (level - 0.05), colour, (200.0, 24.0))
+    return _TrueGround(height * (1 - pond) + pond * (level - 0.05), colour, (200.0, 24.0))
 
 
-def _make_matanuska_a1(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_matanuska_a1(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     n = draw.n
     # Hummocks of ice under debris, bare on their steep sides.
     w = item.size_m
@@ -354,12 +360,14 @@ def _make_matanuska_a1(draw: FieldGenerator, item: MeshItem) -> _Ground:
     tint = np.exp(0.3 * fine + 0.3 * draw.waves(1.6, 1 / 400, 1 / 60))
     layer = draw.waves(2.6, 1 / 160, 1 / 8, 7.0, 1.1)
     ice = mix_colours(
-        ice_albedo(0.008 * np.exp(0.6 * layer)), _uniform_colour(1.4 * DIRT, n), np.clip(0.25 + 0.2 * layer, 0, 0.8)
+        ice_albedo(0.008 * np.exp(0.6 * layer)),
+        _uniform_colour(1.4 * DIRT_COLOUR, n),
+        np.clip(0.25 + 0.2 * layer, 0, 0.8),
     )
-    return _Ground(height, mix_colours(2.0 * DIRT * tint[..., None], ice, bare), (150.0, 42.0))
+    return _TrueGround(height, mix_colours(2.0 * DIRT_COLOUR * tint[..., None], ice, bare), (150.0, 42.0))
 
 
-def _make_matanuska_c1(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_matanuska_c1(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     n = draw.n
     # White ice, weathered to a crust, with boulders, bands of debris, and a crevasse.
     w = item.size_m
@@ -376,18 +384,20 @@ def _make_matanuska_c1(draw: FieldGenerator, item: MeshItem) -> _Ground:
         + w * stones
     )
     grit = np.clip(periodic_fields.smooth_step(layer + 0.4 * draw.waves(1.6, 1 / 300, 1 / 30), 0.7, 1.9), 0, 0.9)
-    ice = mix_colours(ice_albedo(0.03 * np.exp(0.5 * crust)), _uniform_colour(1.4 * DIRT, n), np.maximum(grit, 0.06))
+    ice = mix_colours(
+        ice_albedo(0.03 * np.exp(0.5 * crust)), _uniform_colour(1.4 * DIRT_COLOUR, n), np.maximum(grit, 0.06)
+    )
     rock = periodic_fields.smooth_step(stones * w, 0.0, 0.02)
     tint = np.exp(0.25 * draw.waves(1.8, 1 / 400, 1 / 20))
-    return _Ground(height, mix_colours(ice, 1.7 * DIRT * tint[..., None], rock), (120.0, 40.0))
+    return _TrueGround(height, mix_colours(ice, 1.7 * DIRT_COLOUR * tint[..., None], rock), (120.0, 40.0))
 
 
-def _make_svalbard(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_svalbard(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     n = draw.n
     # Old snow in the lee of moraine ridges, cut by streams of meltwater.
     w = item.size_m
     ridge = -np.abs(draw.waves(4.2, 1 / 12, 1.0, 2.2, 0.6))
-    stream = _make_channels(draw, 2, 1, 44.0)
+    stream = _draw_channel_shares(draw, 2, 1, 44.0)
     stones = np.maximum(_make_boulders(draw, 70, 0.45), _make_boulders(draw, 120, 0.5))
     soil = 2.2 * ridge + 0.03 * draw.waves(2.8, 1 / 250, 1 / 20) + w * 0.6 * stones - 0.5 * stream
     cover = periodic_fields.blur(soil, 26.0) + 0.28 + 0.3 * draw.waves(4.0, 1 / 16, 1 / 2) - 0.6 * stream
@@ -399,16 +409,16 @@ def _make_svalbard(draw: FieldGenerator, item: MeshItem) -> _Ground:
     white = snow_albedo(draw.make_uniform(0.0008)) * (1.0 - pink[..., None] * np.array([0.0, 0.9, 0.6]))
     water = stream * (1.0 - snow)
     wet = 0.8 * periodic_fields.smooth_step(water, 0.5, 0.9)
-    ground = mix_colours(2.1 * DIRT * tint[..., None], _uniform_colour(np.array([0.09, 0.16, 0.19]), n), wet)
-    return _Ground(height, mix_colours(ground, white, snow), (220.0, 28.0))
+    ground = mix_colours(2.1 * DIRT_COLOUR * tint[..., None], _uniform_colour(np.array([0.09, 0.16, 0.19]), n), wet)
+    return _TrueGround(height, mix_colours(ground, white, snow), (220.0, 28.0))
 
 
-def _make_gaea(draw: FieldGenerator, height: Array, rock: Array) -> _Ground:
+def _make_gaea(draw: FieldGenerator, height: Array, rock: Array) -> _TrueGround:
     grey = mix_colours(snow_albedo(draw.make_uniform(0.0004)), ice_albedo(draw.make_uniform(0.02)) * 0.85, rock)
-    return _Ground(height, grey, (180.0, 60.0))
+    return _TrueGround(height, grey, (180.0, 60.0))
 
 
-def _make_gaea_ridgy(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_gaea_ridgy(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     n = draw.n
     ridges = sum(0.4**k * (1.0 - np.abs(draw.waves(5.0, 1 / (6 * 2**k), 1 / (2 * 2**k), 1.7, 0.8))) for k in range(4))
     fine = draw.waves(2.8, 1 / 200, 1 / 24)
@@ -420,14 +430,14 @@ def _make_gaea_ridgy(draw: FieldGenerator, item: MeshItem) -> _Ground:
     )
 
 
-def _make_gaea_rocky_perlin(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_gaea_rocky_perlin(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     swell = 1.0 * draw.waves(4.0, 1 / 20, 1 / 2)
     stones = np.maximum(_make_boulders(draw, 24, 0.3), _make_boulders(draw, 60, 0.4))
     height = swell + 0.03 * draw.waves(2.8, 1 / 200, 1 / 20) + 0.8 * item.size_m * stones
     return _make_gaea(draw, height, periodic_fields.smooth_step(item.size_m * stones, 0.0, 0.03))
 
 
-def _make_gaea_rocky(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_gaea_rocky(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     n = draw.n
     height = 0.5 * draw.waves(4.4, 1 / 8, 1.0) + 0.012 * draw.waves(2.8, 1 / 200, 1 / 20)
     for across, rise in ((6, 0.8), (15, 0.35), (34, 0.12)):  # slabs, each tilted
@@ -444,10 +454,10 @@ def _make_gaea_rocky(draw: FieldGenerator, item: MeshItem) -> _Ground:
     )
 
 
-def _make_matanuska_playground(draw: FieldGenerator, item: MeshItem) -> _Ground:
+def _make_matanuska_playground(draw: FieldGenerator, item: MeshItem) -> _TrueGround:
     n = draw.n
     # Smooth white ice, cut by deep blue channels of meltwater, with potholes.
-    channel = _make_channels(draw, 2, 0, 46.0)
+    channel = _draw_channel_shares(draw, 2, 0, 46.0)
     pots = draw.discs(60, 6.0, 30.0)
     crust = draw.waves(2.9, 1 / 250, 1 / 14)
     layer = draw.waves(2.8, 1 / 120, 1 / 5, 6.0, 1.4)
@@ -461,10 +471,10 @@ def _make_matanuska_playground(draw: FieldGenerator, item: MeshItem) -> _Ground:
     blue = np.clip(channel + pots, 0.0, 1.0)
     ice = mix_colours(ice_albedo(0.04 * np.exp(0.4 * crust)), ice_albedo(draw.make_uniform(0.004)), blue)
     dust = np.clip(0.10 + 0.14 * layer, 0, 0.6) * (1 - blue)
-    return _Ground(height, mix_colours(ice, _uniform_colour(1.4 * DIRT, n), dust), (80.0, 38.0))
+    return _TrueGround(height, mix_colours(ice, _uniform_colour(1.4 * DIRT_COLOUR, n), dust), (80.0, 38.0))
 
 
-_RECIPES: dict[str, Callable[[FieldGenerator, MeshItem], _Ground]] = {
+_RECIPES: dict[str, Callable[[FieldGenerator, MeshItem], _TrueGround]] = {
     "ATHABASCA": _make_athabasca,
     "GLACIER_42M": _make_glacier_42m,
     "BLOODFALLS": _make_bloodfalls,

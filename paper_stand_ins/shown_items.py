@@ -5,10 +5,12 @@ from __future__ import annotations
 from ..settings.topics.scene import Settings
 from ..settings.topics.stand_ins import MeshItem, TextureItem, find_mesh_item, find_texture_item
 
-#: Pixels along a side of every stand-in texture, and of the image of every stand-in mesh.
-PIXELS, MESH_PIXELS = 1024, 2048
-#: Changed whenever a stand-in is made in another way, so that pairs with it get other ids and files are made again.
-RECIPE = 1
+#: Side in pixels of every stand-in texture.
+TEXTURE_SIDE_PX = 1024
+#: Side in pixels of the image of every stand-in mesh.
+MESH_IMAGE_SIDE_PX = 2048
+#: Number that changes with the recipe of any stand-in, so that its pairs get other ids and its files are made again.
+RECIPE_NUMBER = 1
 
 
 def list_items(settings: Settings) -> list[TextureItem | MeshItem]:

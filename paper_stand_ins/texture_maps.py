@@ -19,11 +19,11 @@ from ..support.arrays import Array
 from . import periodic_fields
 from .ice_colours import ice_albedo, snow_albedo
 from .periodic_fields import FieldGenerator
-from .shown_items import PIXELS
+from .shown_items import TEXTURE_SIDE_PX
 
 #: The stand-ins are the same in every data set, so that their pairs can be compared.
-SEED = 0
-DIRT = np.array([0.10, 0.085, 0.065])  # a guess: dark silt; only its ratio to the ice matters
+STAND_IN_SEED = 0
+DIRT_COLOUR = np.array([0.10, 0.085, 0.065])  # a guess: dark silt; only its ratio to the ice matters
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Maps:
 
 
 @dataclass(frozen=True)
-class _Made:
+class _RecipeResult:
     """A recipe's result: relief in metres, colour (n, n, 3), roughness, transmission, and the Sun of a photograph
     (azimuth and elevation in degrees)."""
 
@@ -55,7 +55,7 @@ class _Made:
     scatter_m: float = 0.004  # a guess: how far light spreads in fresh snow
 
 
-def make_maps(key: str, seed: int = SEED, size: int = PIXELS) -> Maps:
+def make_maps(key: str, seed: int = STAND_IN_SEED, size: int = TEXTURE_SIDE_PX) -> Maps:
     """The maps of the stand-in texture ``key``. Raises KeyError for another name."""
     item = find_texture_item(key)
     random = make_generator(seed, "stand_ins", 0, item.number)
@@ -103,7 +103,7 @@ def make_bend(draw: FieldGenerator, cells: float) -> tuple[Array, Array]:
     return cells * draw.waves(5.0, 1 / 16, 1 / 2), cells * draw.waves(5.0, 1 / 16, 1 / 2)
 
 
-def _make_snow_crystals(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_snow_crystals(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Loose plates and columns of old crystals, a few millimetres wide, lying on each other.
     plates = np.maximum(draw.facets(40, 1.0), 0.7 * draw.facets(64, 1.2) + 0.15)
@@ -113,7 +113,7 @@ def _make_snow_crystals(draw: FieldGenerator, item: TextureItem) -> _Made:
     # A facet mirrors the Sun where it is tilted right: some crystals in a hundred are bright as a whole.
     glint = 1.1 * np.exp(-((x + 0.42) ** 2 + (y - 0.15) ** 2) / 0.006)
     tone = snow_albedo(0.0004 * np.exp(0.4 * draw.waves(2.0, 1 / 64, 1 / 3)))
-    return _Made(
+    return _RecipeResult(
         height,
         tone,
         0.45 - 0.12 * np.clip(plates, 0, 1),
@@ -123,7 +123,7 @@ def _make_snow_crystals(draw: FieldGenerator, item: TextureItem) -> _Made:
     )
 
 
-def _make_hoar_frost(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_hoar_frost(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Feathers of hoar: barbs slant away from a quill on both sides, the direction changing from feather to feather.
     across = 7
@@ -144,10 +144,12 @@ def _make_hoar_frost(draw: FieldGenerator, item: TextureItem) -> _Made:
     height = 0.0019 * body + 0.0016 * tip + 0.004 * draw.waves(3.8, 1 / 12, 1 / 2) + 0.00005 * _make_grain(draw)
     thick = periodic_fields.smooth_step(0.9 * body + 0.6 * tip + 0.5 * draw.waves(3.2, 1 / 30, 1 / 2), -0.3, 1.2)
     colour = mix_colours(0.7 * ice_albedo(draw.make_uniform(0.006)), snow_albedo(draw.make_uniform(0.0002)), thick)
-    return _Made(periodic_fields.blur(height, 0.8), colour, 0.75 - 0.2 * body, sun_deg=(35.0, 34.0), scatter_m=0.001)
+    return _RecipeResult(
+        periodic_fields.blur(height, 0.8), colour, 0.75 - 0.2 * body, sun_deg=(35.0, 34.0), scatter_m=0.001
+    )
 
 
-def _make_snow_drift(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_snow_drift(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Wind ripples, gentle to the wind and steep to the lee, that fork and fade, on low drifts.
     drift = draw.waves(4.4, 1 / 6, 1.0)
@@ -161,12 +163,12 @@ def _make_snow_drift(draw: FieldGenerator, item: TextureItem) -> _Made:
     height = (
         0.07 * drift + 0.016 * strength * periodic_fields.blur(ripple, 4.0) + 0.0008 * fine + 0.0003 * _make_grain(draw)
     )
-    return _Made(
+    return _RecipeResult(
         height, snow_albedo(draw.make_uniform(0.0002)), draw.make_uniform(0.7), sun_deg=(180.0, 22.0), scatter_m=0.006
     )
 
 
-def _make_crusted_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_crusted_snow(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # A wind crust, broken: smooth plates at several levels over a rough layer of lumps.
     cells = draw.cells(7, make_bend(draw, 0.22))
@@ -184,10 +186,12 @@ def _make_crusted_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
         + 0.00022 * _make_grain(draw)
     )
     tone = snow_albedo(np.where(whole > 0.5, 0.0003, 0.0008))
-    return _Made(periodic_fields.blur(height, 1.0), tone, 0.7 - 0.25 * whole, sun_deg=(120.0, 28.0), scatter_m=0.005)
+    return _RecipeResult(
+        periodic_fields.blur(height, 1.0), tone, 0.7 - 0.25 * whole, sun_deg=(120.0, 28.0), scatter_m=0.005
+    )
 
 
-def _make_cracked_ice(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_cracked_ice(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Dark clear ice of a lake: white cracks, some seen aslant as sheets, strings of bubbles, and blown snow.
     long = draw.lines(7, 0.9, 3.6, 0.35, 3)
@@ -213,7 +217,7 @@ def _make_cracked_ice(draw: FieldGenerator, item: TextureItem) -> _Made:
     )
     height = -0.0012 * lines + 0.0012 * draw.waves(4.4, 1 / 20, 1.0) + 0.0006 * dust
     dark = 0.45 * ice_albedo(share) + 0.02  # clear ice over dark water
-    return _Made(
+    return _RecipeResult(
         height,
         mix_colours(dark, snow_albedo(draw.make_uniform(0.0003)), white),
         0.12 + 0.4 * white,
@@ -221,7 +225,7 @@ def _make_cracked_ice(draw: FieldGenerator, item: TextureItem) -> _Made:
     )
 
 
-def _make_powder_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_powder_snow(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Powder that has just fallen: soft swells, small clots that fell off a branch, and grain.
     swells = draw.waves(4.4, 1 / 40, 1.0)
@@ -233,12 +237,12 @@ def _make_powder_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
         + 0.0016 * clots * scattered
         + 0.00016 * _make_grain(draw)
     )
-    return _Made(
+    return _RecipeResult(
         height, snow_albedo(draw.make_uniform(0.0001)), draw.make_uniform(0.85), sun_deg=(140.0, 26.0), scatter_m=0.004
     )
 
 
-def _make_ground_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_ground_snow(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Thin snow that leaves stones and silt bare on raised ground.
     cells = draw.cells(24, make_bend(draw, 0.15))
@@ -249,15 +253,15 @@ def _make_ground_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
     snow = periodic_fields.smooth_step(cover - soil, -0.0015, 0.0015)
     height = np.maximum(soil, cover + 0.0006 * draw.waves(2.4, 4 / n, 1 / 30))
     tint = np.exp(0.35 * draw.waves(1.6, 3 / n, 1 / 8) + 0.6 * (draw.draw_per_cell(cells) - 0.5))
-    return _Made(
+    return _RecipeResult(
         periodic_fields.blur(height, 0.7),
-        mix_colours(1.6 * DIRT * tint[..., None], snow_albedo(draw.make_uniform(0.0003)), snow),
+        mix_colours(1.6 * DIRT_COLOUR * tint[..., None], snow_albedo(draw.make_uniform(0.0003)), snow),
         0.85 - 0.2 * snow,
         0.25 * snow,
     )
 
 
-def _make_lumpy_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_lumpy_snow(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Snow that fell in clumps, from a roof or a slope: round lumps of all sizes, half sunk.
     height = 0.020 * draw.waves(4.4, 1 / 12, 1.0)
@@ -267,10 +271,10 @@ def _make_lumpy_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
         lump = np.sqrt(np.clip((0.6 * size) ** 2 - cells.first**2, 0.0, None))
         height = height + share * item.width_m / across * lump
     height = periodic_fields.blur(height, 2.5) + 0.0007 * draw.waves(2.8, 5 / n, 1 / 20) + 0.0002 * _make_grain(draw)
-    return _Made(height, snow_albedo(draw.make_uniform(0.0003)), draw.make_uniform(0.75))
+    return _RecipeResult(height, snow_albedo(draw.make_uniform(0.0003)), draw.make_uniform(0.75))
 
 
-def _make_firn(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_firn(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     # Coarse round grains that froze together, and pits where they melted out.
     cells = draw.cells(64)
     small = draw.cells(128).first
@@ -281,12 +285,12 @@ def _make_firn(draw: FieldGenerator, item: TextureItem) -> _Made:
     )
     radius = 0.0012 * np.exp(0.5 * (draw.draw_per_cell(cells) - 0.5))
     wet = periodic_fields.smooth_step(cells.second - cells.first, 0.0, 0.2)
-    return _Made(
+    return _RecipeResult(
         periodic_fields.blur(height, 1.0), snow_albedo(radius) * (0.88 + 0.12 * wet)[..., None], 0.5 - 0.2 * wet
     )
 
 
-def _make_glacier_ice(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_glacier_ice(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Bare glacier ice, scalloped by melt: crystals the size of a hand, foliation of bubbles, healed cracks, grit.
     cells = draw.cells(15, make_bend(draw, 0.2))
@@ -308,11 +312,11 @@ def _make_glacier_ice(draw: FieldGenerator, item: TextureItem) -> _Made:
     colour = mix_colours(ice_albedo(share), snow_albedo(draw.make_uniform(0.0005)), white)
     low = periodic_fields.smooth_step(0.35 - scallop, 0.0, 0.35)  # grit gathers in the bowls
     grit = low * periodic_fields.smooth_step(draw.waves(1.2, 4 / n, 1 / 60), 1.2, 2.2)
-    colour = mix_colours(colour, np.broadcast_to(DIRT, colour.shape), 0.8 * grit)
-    return _Made(periodic_fields.blur(height, 1.0), colour, 0.22 + 0.35 * white + 0.2 * band)
+    colour = mix_colours(colour, np.broadcast_to(DIRT_COLOUR, colour.shape), 0.8 * grit)
+    return _RecipeResult(periodic_fields.blur(height, 1.0), colour, 0.22 + 0.35 * white + 0.2 * band)
 
 
-def _make_mixed_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_mixed_snow(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Snow with chips of ice and grit in it, as where it was dug or has fallen off a wall.
     height = 0.022 * draw.waves(4.0, 1 / 30, 1.0) + 0.0012 * draw.waves(2.8, 5 / n, 1 / 12) + 0.0003 * _make_grain(draw)
@@ -338,15 +342,15 @@ def _make_mixed_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
     grit = periodic_fields.smooth_step(draw.waves(1.0, 4 / n, 1 / 90), 2.2, 2.8) * periodic_fields.smooth_step(
         draw.waves(3.0, 1 / 20, 1 / 2), -0.5, 1.0
     )
-    return _Made(
+    return _RecipeResult(
         periodic_fields.blur(height, 0.7) + 0.0005 * grit,
-        mix_colours(colour, np.broadcast_to(1.3 * DIRT, colour.shape), 0.85 * grit),
+        mix_colours(colour, np.broadcast_to(1.3 * DIRT_COLOUR, colour.shape), 0.85 * grit),
         rough,
         clear,
     )
 
 
-def _make_settled_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_settled_snow(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Windless settled snow: one smooth surface, dimpled where it sank.
     cells = draw.cells(5, make_bend(draw, 0.2))
@@ -357,10 +361,10 @@ def _make_settled_snow(draw: FieldGenerator, item: TextureItem) -> _Made:
         + 0.0005 * draw.waves(3.4, 6 / n, 1 / 16)
         + 0.00006 * _make_grain(draw)
     )
-    return _Made(height, snow_albedo(draw.make_uniform(0.0002)), draw.make_uniform(0.8), draw.make_uniform(0.3))
+    return _RecipeResult(height, snow_albedo(draw.make_uniform(0.0002)), draw.make_uniform(0.8), draw.make_uniform(0.3))
 
 
-def _make_suncups(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_suncups(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Bowls side by side with sharp rims between them; dust gathers on the rims.
     cells = draw.cells(8, make_bend(draw, 0.1), 0.3)
@@ -373,11 +377,13 @@ def _make_suncups(draw: FieldGenerator, item: TextureItem) -> _Made:
     )
     rim = 1.0 - periodic_fields.smooth_step(cells.second - cells.first, 0.0, 0.16)
     dust = rim * periodic_fields.smooth_step(draw.waves(2.0, 4 / n, 1 / 12), -0.6, 1.6)
-    colour = mix_colours(snow_albedo(draw.make_uniform(0.0007)), np.broadcast_to(3.5 * DIRT, (n, n, 3)), 0.12 * dust)
-    return _Made(height, colour, 0.65 + 0.1 * rim, 0.3 - 0.1 * rim)
+    colour = mix_colours(
+        snow_albedo(draw.make_uniform(0.0007)), np.broadcast_to(3.5 * DIRT_COLOUR, (n, n, 3)), 0.12 * dust
+    )
+    return _RecipeResult(height, colour, 0.65 + 0.1 * rim, 0.3 - 0.1 * rim)
 
 
-def _make_sastrugi(draw: FieldGenerator, item: TextureItem) -> _Made:
+def _make_sastrugi(draw: FieldGenerator, item: TextureItem) -> _RecipeResult:
     n = draw.n
     # Tongues that the wind cut: long along it, steep toward it, at a few levels.
     shape = draw.waves(3.6, 1 / 30, 1 / 2, 3.0, 0.15)
@@ -388,7 +394,7 @@ def _make_sastrugi(draw: FieldGenerator, item: TextureItem) -> _Made:
         edge = periodic_fields.warp_field(shape + 0.12 * fine, 0.0 * shape, 4.0 * fine)
         layers += (1.0 + 0.3 * (k % 2)) * periodic_fields.smooth_step(edge, threshold, threshold + 0.6)
     height = 0.016 * layers + 0.020 * shape + 0.0008 * fine + 0.0002 * _make_grain(draw)
-    return _Made(
+    return _RecipeResult(
         periodic_fields.blur(height, 1.2),
         snow_albedo(draw.make_uniform(0.0002)),
         draw.make_uniform(0.72),
@@ -396,7 +402,7 @@ def _make_sastrugi(draw: FieldGenerator, item: TextureItem) -> _Made:
     )
 
 
-_RECIPES: dict[str, Callable[[FieldGenerator, TextureItem], _Made]] = {
+_RECIPES: dict[str, Callable[[FieldGenerator, TextureItem], _RecipeResult]] = {
     "SNOW_CRYSTALS": _make_snow_crystals,
     "HOAR_FROST": _make_hoar_frost,
     "SNOW_DRIFT": _make_snow_drift,

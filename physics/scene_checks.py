@@ -1,9 +1,8 @@
-"""Whether a scene can be rendered as its settings mean it: one check for plans, renders and the window.
+"""Whether a scene can be rendered as its settings describe it: one check for plans, renders and the window.
 
 A refused scene would render wrong images without an error: an eye in the ground or in a rock, which sees black; ice
-that reflects more light than it gets; ground on which no rock fits; a date outside the years for which the
-sky is known.
-``settings`` are complete. Every reason is a sentence that names the settings, their values and the fix.
+that reflects more light than it receives; ground on which no rock fits; a date outside the years for which the sky is
+known. ``settings`` are complete. Every reason is a sentence with the settings, their values and the fix.
 """
 
 from __future__ import annotations
@@ -37,17 +36,19 @@ from .surfaces.photometry import hemispherical_albedo
 from .terrain.standing_places import RockyGround, make_rocky_ground
 
 #: Least height of an eye above the ground in metres: ten times the distance at which the lens clips.
-LOWEST_M = 1e-3
-#: Cosines of the incidence, to 88.9 degrees, at which the light that ice returns is compared with the light it gets.
-_COSINES = np.array([1.0, 0.7, 0.4, 0.2, 0.1, 0.05, 0.02])
-#: What Hapke's law may return too much: grains of w 1 that scatter evenly return 1.040 of the light with the H function
-#: of 1981 and 0.993 with the others, so this is the fault of the approximation and not of parameters. The set published
-#: for Enceladus in 1994 gives 1.016.
+LEAST_EYE_HEIGHT_M = 1e-3
+#: Cosines of the incidence, to 88.9 degrees, at which light returned by ice is compared with the light that it
+#: receives.
+_INCIDENCE_COSINES = np.array([1.0, 0.7, 0.4, 0.2, 0.1, 0.05, 0.02])
+#: Largest share of light that Hapke's law may return, by H function. The excess is a fault of the approximation and not
+#: of parameters: grains of w 1 that scatter evenly return 1.040 of the light with the H function of 1981 and 0.993 with
+#: the others. The set published for Enceladus in 1994 returns 1.016.
 _MOST_RETURNED = {"1981": 1.045, "1993": 1.01, "2002": 1.01}
 
-#: Settings that put a camera beside the ground. A plan refuses that; a render shows the ground from there, and says so.
-OUTSIDE = ("rig.x_m", "rig.y_m", "terrain.size_m")
-_POSE = ("rig.x_m", "rig.y_m", "rig.height_m", "rig.heading_deg", "rig.baseline_m")
+#: Settings that may put a camera beside the ground. A plan refuses such a camera; a render shows the ground from there,
+#: with a warning.
+OUTSIDE_SETTINGS = ("rig.x_m", "rig.y_m", "terrain.size_m")
+_POSE_SETTINGS = ("rig.x_m", "rig.y_m", "rig.height_m", "rig.heading_deg", "rig.baseline_m")
 
 
 class Reason(str):
@@ -62,19 +63,19 @@ class Reason(str):
 
 
 def find_reasons(settings: Settings) -> list[Reason]:
-    """Why a description is not rendered: all reasons; none if it is."""
+    """All reasons why a scene cannot be rendered; empty if it can."""
     said = find_reasons_in_settings(settings)
     if settings.source.kind == "PROCEDURAL":
         try:
             (found,) = find_eye_reasons(make_rocky_ground(settings), [settings.rig])
         except IcyMoonError as error:
             found = Reason(str(error))
-        said += [found] if found and found.names != OUTSIDE and found not in said else []
+        said += [found] if found and found.names != OUTSIDE_SETTINGS and found not in said else []
     return said
 
 
 def refuse_scene(settings: Settings) -> None:
-    """Raise IcyMoonError with all reasons for which a description is not rendered."""
+    """Raise IcyMoonError with all reasons why a scene cannot be rendered."""
     if said := find_reasons(settings):
         raise IcyMoonError(" ".join(said))
 
@@ -111,16 +112,18 @@ def advise_on_scene(settings: Settings) -> list[str]:
 
 
 def find_returned_share(parameters: HapkeParameters) -> tuple[float, float]:
-    """The largest share of a beam that ice of Hapke's law returns, and the incidence in degrees of that beam."""
-    share = hemispherical_albedo(partial(bidirectional_reflectance, parameters=parameters), np.arccos(_COSINES))
+    """The largest share of a beam that ice with Hapke's law returns, and the incidence in degrees of that beam."""
+    share = hemispherical_albedo(
+        partial(bidirectional_reflectance, parameters=parameters), np.arccos(_INCIDENCE_COSINES)
+    )
     k = int(share.argmax())
-    return float(share[k]), math.degrees(math.acos(_COSINES[k]))
+    return float(share[k]), math.degrees(math.acos(_INCIDENCE_COSINES[k]))
 
 
 @lru_cache(maxsize=64)
 def _find_excess_light(parameters: HapkeParameters) -> tuple[float, float, float] | None:
-    """The share of light that ice returns, the incidence in degrees and the largest allowed w of two digits, if ice
-    returns too much; else None."""
+    """If ice returns too much light: the returned share, its incidence in degrees, and the largest allowed w with two
+    digits; else None."""
     most = _MOST_RETURNED[parameters.h_function]
     share, incidence = find_returned_share(parameters)
     if share <= most:
@@ -143,7 +146,7 @@ def _find_ice_reasons(settings: Settings) -> Iterator[Reason]:
     except IcyMoonError as error:
         yield Reason(str(error), "hapke.filling_factor", "hapke.c")
         return
-    # The smoother, the brighter. An image goes to half the range under its mean, if it is one of even greys.
+    # Smoother ice is brighter. The darkest values of an image of even greys are half its range below the mean.
     varies = math.radians(abs(hapke.theta_bar_range_deg)) / 2 if settings.textures.set != "NONE" else 0.0
     gain = _find_excess_light(replace(parameters, theta_bar=max(float(parameters.theta_bar) - varies, 0.0)))
     if gain is not None:
@@ -170,8 +173,8 @@ def _find_rock_reasons(settings: Settings) -> Iterator[Reason]:
 
 
 def refuse_no_rocks(rocks: RocksSettings, size_m: float, size_is: str) -> None:
-    """Raise IcyMoonError if ``rocks`` settings contradict each other, or give no rock on a square patch of this side,
-    whose setting is called ``size_is``."""
+    """Raise IcyMoonError if ``rocks`` settings contradict each other, or give no rock on a square patch of side
+    ``size_m``; ``size_is`` names the setting of that side."""
     if rocks.law == TABLE:
         return
     number = make_size_law(rocks).total_per_m2 * size_m**2
@@ -193,7 +196,7 @@ def _find_sky_reasons(settings: Settings) -> Iterator[Reason]:
 
 
 def _find_lamp_reasons(settings: Settings) -> Iterator[Reason]:
-    """A lamp near the ground has one place, and sends light in another direction to each point."""
+    """Reasons against a lamp near the ground: it has one place, and sends light in another direction to each point."""
     light, key = settings.light, "light.sun_distance_m"
     if light.sun_distance_m <= 0:
         return
@@ -220,7 +223,7 @@ def _has_law_in_osl(settings: Settings) -> bool:
 
 
 def _veil_reasons(settings: Settings) -> Iterator[Reason]:
-    """A veil needs light and truth that Cycles traces apart."""
+    """Reasons against a veil, which needs light and truth traced separately by Cycles."""
     depth, key = settings.veil.optical_depth, "veil.optical_depth"
     if depth <= 0:
         return
@@ -250,7 +253,7 @@ def _make_limit_reason(joint: Joint, value: float) -> Reason:
 
 
 def find_lander_reasons(settings: Settings) -> Iterator[Reason]:
-    """Joints beyond their limits, and an arm around an eye, which would see only black."""
+    """Reasons against a lander: joints beyond their limits, and an arm around an eye, which would see only black."""
     if settings.lander.kind == "NONE":
         return
     try:
@@ -282,18 +285,16 @@ def find_lander_reasons(settings: Settings) -> Iterator[Reason]:
 
 
 def find_eye_reasons(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[Reason | None]:
-    """For each ``rig`` on a ground that is made up, why its camera cannot stand there; None if it can.
-
-    Raises IcyMoonError if the settings of ground or rocks contradict each other.
-    """
+    """For each ``rig`` on procedural ground, the reason why its camera cannot stand there; None if it can. Raises
+    IcyMoonError if the settings of ground or rocks contradict each other."""
     x, y, height, z = (np.array([rig[key] for rig in rigs], float) for key in ("x_m", "y_m", "height_m", "z_m"))
     stated = np.array([rig.height_from == "ZERO" for rig in rigs])
     height = np.where(stated, z - ground.heights(x, y), height)
     aside = [rig.baseline_m * camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)[:, 0] for rig in rigs]
     eyes = ground.eyes(x, y, height, np.array(aside))
     return [
-        Reason(buried_sentence(rig, "left", -float(left)), "rig.z_m", *_POSE)
-        if left < LOWEST_M
+        Reason(buried_sentence(rig, "left", -float(left)), "rig.z_m", *_POSE_SETTINGS)
+        if left < LEAST_EYE_HEIGHT_M
         else _eye_reason(rig, float(above), bool(inside))
         for rig, left, above, inside in zip(rigs, height, eyes.above_m, eyes.in_rock, strict=True)
     ]
@@ -302,11 +303,12 @@ def find_eye_reasons(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[R
 def _eye_reason(rig: RigSettings, above_m: float, in_rock: bool) -> Reason | None:
     if not math.isfinite(above_m):
         return Reason(
-            f"{_camera_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.", *OUTSIDE
+            f"{_camera_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.",
+            *OUTSIDE_SETTINGS,
         )
-    if above_m < LOWEST_M:
-        return Reason(buried_sentence(rig, "right", -above_m), *_POSE)
-    return Reason(in_rock_sentence(rig, "right"), *_POSE) if in_rock else None
+    if above_m < LEAST_EYE_HEIGHT_M:
+        return Reason(buried_sentence(rig, "right", -above_m), *_POSE_SETTINGS)
+    return Reason(in_rock_sentence(rig, "right"), *_POSE_SETTINGS) if in_rock else None
 
 
 def _camera_place(rig: RigSettings) -> str:
@@ -314,9 +316,10 @@ def _camera_place(rig: RigSettings) -> str:
 
 
 def buried_sentence(rig: RigSettings, eye: str, depth_m: float) -> str:
-    """The sentence about an eye so far under the ground, or (below 0) less than ``LOWEST_M`` above it."""
+    """The sentence about an eye ``depth_m`` under the ground, or (negative) less than
+    ``LEAST_EYE_HEIGHT_M`` above it."""
     where = f"{depth_m:.3g} m under the ground" if depth_m >= 0 else f"{-depth_m:.2g} m above the ground"
-    least = "" if depth_m >= 0 else f", less than {LOWEST_M:g} m"
+    least = "" if depth_m >= 0 else f", less than {LEAST_EYE_HEIGHT_M:g} m"
     height = "rig.z_m" if rig.height_from == "ZERO" else "rig.height_m"
     return (
         f"{_camera_place(rig)}, has its {eye} eye {where}{least}; raise {height} ({rig[height[4:]]:g} m), or "

@@ -1,4 +1,4 @@
-"""What a scene requires of the renderer, and what a render omits because it would not be visible.
+"""Requirements of a scene on the renderer, and parts that a render omits because they would be invisible.
 
 All functions take complete ``settings``.
 """
@@ -16,21 +16,21 @@ from .mesh.finer_in_view import nearest_ground_m
 from .rig.focal_length import focal_px
 from .surfaces.principled import lets_light_through
 
-#: Samples of a bake below which its noise makes matchers look better than they are: in ``python benchmarks
-#: bake_noise``, with the Sun 24° high, JPLV has 1.4 points less wrong or missing with 64 samples than with 256, and 3.1
+#: Samples of a bake below which its noise makes matchers look better than they are. In ``python benchmarks bake_noise``
+#: with the Sun 24° high, JPLV has 1.4 points less wrong or missing with 64 samples than with 256, and 3.1 points less
 #: with 16.
 FEWEST_BAKE_SAMPLES = 64
 #: Topics that describe a surface.
-SURFACES = ("surface", "rock_surface")
+SURFACE_TOPICS = ("surface", "rock_surface")
 
 
 def surface_topics(settings: Settings) -> tuple[str, ...]:
     """The topics of the surfaces in the scene: rocks may have their own surface."""
-    return SURFACES if settings.rocks.coverage > 0 and settings.rocks.own_surface else SURFACES[:1]
+    return SURFACE_TOPICS if settings.rocks.coverage > 0 and settings.rocks.own_surface else SURFACE_TOPICS[:1]
 
 
 def are_rocks_clear(settings: Settings) -> bool:
-    """Whether rocks let light through."""
+    """Whether rocks transmit light."""
     topic = "rock_surface" if settings.rocks.own_surface else "surface"
     return settings.rocks.coverage > 0 and lets_light_through(settings[topic])
 
@@ -56,11 +56,9 @@ def simplify_surface(settings: Settings, topic: str) -> SurfaceSettings:
 
 
 def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings) -> bool:
-    """Whether a surface reflects light onto other ground as if it were smooth, see ``quality.fine_relief``.
-
-    ``surface`` is as ``simplify_surface`` returns it. A surface with subsurface scattering always keeps its relief,
-    since camera rays too see the light that leaves at the end of a random walk.
-    """
+    """Whether a surface reflects light onto other ground as if it were smooth, see ``quality.fine_relief``. ``surface``
+    is from ``simplify_surface``. A surface with subsurface scattering always keeps its relief, because camera rays also
+    see light that leaves it after a random walk."""
     law = surface.model
     return quality.fine_relief == "CAMERA" and (
         law == "LAMBERT" or (law == "PRINCIPLED" and surface.subsurface_weight == 0)
@@ -75,32 +73,30 @@ def is_relief_for_camera_alone(settings: Settings, topic: str) -> bool:
 
 
 def emits(surface: SurfaceSettings) -> bool:
-    """Whether a surface gives light by itself."""
+    """Whether a surface emits light."""
     return surface.model in ("PRINCIPLED", "LAMBERT") and surface.emitted_w_m2_sr > 0.0
 
 
 def why_not_baked(settings: Settings) -> str:
-    """Why indirect light cannot be baked to the ground, as a clause; empty if it can.
-
-    Baked light assumes a diffuse surface, which looks the same from everywhere. The visible planet, rings and stars
-    give no light; only the planet's lamp does.
-    """
+    """A clause on why indirect light cannot be baked to the ground; empty if it can. Baked light assumes a diffuse
+    surface, which looks the same from all directions. Only the planet's lamp gives light; the visible planet, rings and
+    stars give none."""
     if settings.surface.model != "LAMBERT":
         return "the ground is not Lambert's (surface.model)"
     if settings.rocks.coverage > 0 and settings.rocks.own_surface and settings.rock_surface.model != "LAMBERT":
         return "the rocks are not Lambert's (rock_surface.model)"
     for topic in surface_topics(settings):
         if emits(settings[topic]):
-            return f"light that the ground gives by itself is not baked ({topic}.emitted_w_m2_sr)"
+            return f"emitted light of the ground is not baked ({topic}.emitted_w_m2_sr)"
     if settings.veil.optical_depth > 0:
-        return "what a veil scatters and takes is not baked (veil.optical_depth)"
+        return "light that a veil scatters or absorbs is not baked (veil.optical_depth)"
     if settings.lander.kind != "NONE":
         return "there is a lander, which is no part of the ground (lander.kind)"
     return ""
 
 
 def traced_sentence(why: str) -> str:
-    """The sentence for the user that light is traced although it was to be baked; ``why`` is a clause."""
+    """The sentence for the user that light is traced although the settings ask for baked light; ``why`` is a clause."""
     return f"light: indirect light is traced although quality.indirect is BAKED, because {why}."
 
 
@@ -110,12 +106,12 @@ def can_be_baked(settings: Settings) -> bool:
 
 
 def is_baked(settings: Settings) -> bool:
-    """Whether the images of a pair have baked light. ``quality.indirect`` of a planned pair is never AUTO."""
+    """Whether the images of a pair have baked light. For a planned pair ``quality.indirect`` is never AUTO."""
     return settings.quality.indirect == "BAKED" and not why_not_baked(settings)
 
 
 def advise_on_bake(settings: Settings) -> list[str]:
-    """A sentence on light that is baked with too few samples for evaluation; none if it is not."""
+    """A sentence on light that is baked with too few samples for evaluation; else an empty list."""
     few = settings.quality.bake_samples
     if not can_be_baked(settings) or few >= FEWEST_BAKE_SAMPLES:
         return []
@@ -127,12 +123,13 @@ def advise_on_bake(settings: Settings) -> list[str]:
 
 
 def count_images_per_bake(settings: Settings, images: int) -> int:
-    """Number of the ``images`` of a ground under one Sun that share a bake: all, or one if only its view is baked."""
+    """Number of the ``images`` of one ground under one Sun that share a bake: all, or 1 if only the view of each is
+    baked."""
     return images if settings.quality.bake_area == "GROUND" else 1
 
 
 def choose_image_quality(settings: Settings) -> QualitySettings:
-    """The quality of a pair's images: of direct light alone if the rest is baked."""
+    """The quality settings of a pair's images; for direct light alone if indirect light is baked."""
     return make_direct_quality(settings.quality) if is_baked(settings) else settings.quality
 
 
@@ -147,7 +144,7 @@ def make_direct_quality(quality: QualitySettings) -> QualitySettings:
 
 
 def planet_gives_light(settings: Settings, sky: Sky) -> bool:
-    """Whether the planet is to light the ground, see ``light.planet_least``."""
+    """Whether the planet lights the ground, see ``light.planet_least``."""
     return sky.planet_over_sun > 0 and sky.planet_over_sun >= settings.light.planet_least
 
 

@@ -16,18 +16,27 @@ import numpy as np
 from ..support.arrays import Array
 from .shapes import Hits, World
 
-#: Names of the library on Linux, Windows and macOS. Packages from PyPI add a mark to it.
-_NAMES = ("libembree4.so.4", "embree4.dll", "libembree4.4.dylib", "libembree4.dylib")
-_PATTERNS = ("libembree4*.so*", "embree4*.dll", "libembree4*.dylib")
-_TRIANGLES, _INSTANCE = 0, 121  # RTC_GEOMETRY_TYPE_…
-_INDEX, _VERTEX = 0, 1  # RTC_BUFFER_TYPE_…
+#: Names of the library on Linux, Windows and macOS.
+_LIBRARY_NAMES = ("libembree4.so.4", "embree4.dll", "libembree4.4.dylib", "libembree4.dylib")
+#: Patterns of its names in packages from PyPI, which add a mark.
+_WHEEL_PATTERNS = ("libembree4*.so*", "embree4*.dll", "libembree4*.dylib")
+#: RTC_GEOMETRY_TYPE_TRIANGLE
+_TRIANGLE_GEOMETRY = 0
+#: RTC_GEOMETRY_TYPE_INSTANCE
+_INSTANCE_GEOMETRY = 121
+#: RTC_BUFFER_TYPE_INDEX
+_INDEX_BUFFER = 0
+#: RTC_BUFFER_TYPE_VERTEX
+_VERTEX_BUFFER = 1
 _UINT3, _FLOAT3, _FLOAT3X4_COLUMNS = 0x5003, 0x9003, 0x9234  # RTC_FORMAT_…
 _ROBUST = 1 << 2  # RTC_SCENE_FLAG_ROBUST: no ray slips between two triangles that share an edge
 _COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
 _ALL_FEATURES = 0xFFFFFFFF
-_NONE = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID
-#: Rays in a packet, and numbers of each in a RTCRayHit16. Their last row exists in newer versions only.
-PACKET, _ROWS = 16, 21
+_NO_GEOMETRY = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID
+#: Number of rays in a packet.
+RAYS_PER_PACKET = 16
+#: Number of rows of a RTCRayHit16; the last row exists in newer versions only.
+_PACKET_ROWS = 21
 _ORIGIN, _NEAR, _DIRECTION, _FAR, _MASK, _U, _V, _TRIANGLE, _SHAPE, _PLACE = 0, 3, 4, 8, 9, 15, 16, 17, 18, 19
 #: Least size of a direction's components. Embree divides by them, and packets with a smaller one may meet nothing.
 _LEAST = 1e-12
@@ -78,13 +87,13 @@ def _find_files(folders: Sequence[Path]) -> Iterator[str]:
         package = Path(spec.origin).parent
         folders = [*folders, package.with_name("embreex.libs"), package / ".dylibs", package]
     for folder in folders:
-        for pattern in _PATTERNS:
+        for pattern in _WHEEL_PATTERNS:
             yield from map(str, sorted(folder.glob(pattern)))
-    yield from _NAMES
+    yield from _LIBRARY_NAMES
 
 
 def load_library(folders: Sequence[Path] = ()) -> ctypes.CDLL | None:
-    """Embree, from one of ``folders``, else from the package embreex or the system; None if none of them has it."""
+    """Embree, from one of ``folders``, else from the package embreex or the system; None if it is nowhere."""
     for file in _find_files(folders):
         try:
             library = ctypes.CDLL(file)
@@ -98,7 +107,7 @@ def load_library(folders: Sequence[Path] = ()) -> ctypes.CDLL | None:
 
 
 class EmbreeTracer:
-    """Traces rays through a world. Trees of shapes are built once; ``place`` again where only places have changed."""
+    """Traces rays through a world. Trees of shapes are built once; call ``place`` if only places have changed."""
 
     name = "Embree"
 
@@ -119,10 +128,10 @@ class EmbreeTracer:
         padded[:-1], padded[-1] = vertices, 0.0
         corners = np.ascontiguousarray(triangles, np.uint32)
         self._kept += [padded, corners]
-        geometry = library.rtcNewGeometry(self._device, _TRIANGLES)
+        geometry = library.rtcNewGeometry(self._device, _TRIANGLE_GEOMETRY)
         for kind, form, values, count in (
-            (_VERTEX, _FLOAT3, padded, len(vertices)),
-            (_INDEX, _UINT3, corners, len(corners)),
+            (_VERTEX_BUFFER, _FLOAT3, padded, len(vertices)),
+            (_INDEX_BUFFER, _UINT3, corners, len(corners)),
         ):
             library.rtcSetSharedGeometryBuffer(geometry, kind, 0, form, values.ctypes.data, 0, 12, count)
         return self._commit([geometry])
@@ -142,13 +151,13 @@ class EmbreeTracer:
         return scene
 
     def place(self, world: World) -> None:
-        """Let the shapes stand where they do in another world with the same shapes."""
+        """Move the shapes to their places in another world with the same shapes."""
         library, geometries = self._library, []
         self._counts = np.concatenate([[0], np.cumsum([len(each.places) for each in world.placed])])
         for scene, each in zip(self._read_shapes, world.placed, strict=True):
             columns = np.ascontiguousarray(each.places[:, :3].swapaxes(1, 2), np.float32)
             for matrix in columns:
-                geometry = library.rtcNewGeometry(self._device, _INSTANCE)
+                geometry = library.rtcNewGeometry(self._device, _INSTANCE_GEOMETRY)
                 library.rtcSetGeometryInstancedScene(geometry, scene)
                 library.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4_COLUMNS, matrix.ctypes.data)
                 geometries.append(geometry)
@@ -166,17 +175,15 @@ class EmbreeTracer:
 
     def intersect(self, origin: Array, direction: Array, near: float, far: float) -> Hits:
         """The first hits of rays (n, 3) at ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
-
-        It is fastest if sixteen rays in a row go about the same way. Distances are of single precision.
-        """
+        Tracing is fastest if sixteen consecutive rays have similar directions. Distances are in single precision."""
         count = len(direction)
         along, place, triangle = np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32)
         u, v = np.empty(count, np.float32), np.empty(count, np.float32)
         for part, packets in self._make_ray_packets(origin, direction, near, np.array(far, np.float32)):
             self._trace(self._library.rtcIntersect16, packets)
             own = packets.view(np.uint32)
-            met = _flatten_packets(own[:, _SHAPE], part) != _NONE
-            place[part] = np.where(met, _flatten_packets(own[:, _PLACE], part), np.uint32(_NONE)).view(np.int32)
+            met = _flatten_packets(own[:, _SHAPE], part) != _NO_GEOMETRY
+            place[part] = np.where(met, _flatten_packets(own[:, _PLACE], part), np.uint32(_NO_GEOMETRY)).view(np.int32)
             triangle[part] = _flatten_packets(own[:, _TRIANGLE], part).view(np.int32)
             along[part] = np.where(met, _flatten_packets(packets[:, _FAR], part), np.inf)
             u[part], v[part] = _flatten_packets(packets[:, _U], part), _flatten_packets(packets[:, _V], part)
@@ -194,12 +201,12 @@ class EmbreeTracer:
     def _make_ray_packets(
         self, origin: Array, direction: Array, near: float, far: Array
     ) -> Iterator[tuple[slice, Array]]:
-        """Records (k, _ROWS, PACKET) of rays, and which of the rays they are."""
+        """Records (k, _PACKET_ROWS, RAYS_PER_PACKET) of rays, each with the slice of its rays."""
         count = len(direction)
-        for first in range(0, count, _MOST_PACKETS * PACKET):
-            part = slice(first, min(count, first + _MOST_PACKETS * PACKET))
+        for first in range(0, count, _MOST_PACKETS * RAYS_PER_PACKET):
+            part = slice(first, min(count, first + _MOST_PACKETS * RAYS_PER_PACKET))
             number = part.stop - part.start
-            packets = _make_packets(-(-number // PACKET))
+            packets = _make_packets(-(-number // RAYS_PER_PACKET))
             for k in range(3):
                 _fill_packets(packets[:, _ORIGIN + k], origin[k] if origin.ndim == 1 else origin[part, k])
                 along = direction[part, k]
@@ -207,7 +214,7 @@ class EmbreeTracer:
             _fill_packets(packets[:, _FAR], np.broadcast_to(far if far.ndim == 0 else far[part], number))
             packets[:, _NEAR] = near
             whole = packets.view(np.uint32)
-            whole[:, _MASK], whole[:, _SHAPE:] = _NONE, _NONE
+            whole[:, _MASK], whole[:, _SHAPE:] = _NO_GEOMETRY, _NO_GEOMETRY
             yield part, packets
 
     def _trace(self, call: ctypes._NamedFuncPointer, packets: Array) -> None:
@@ -222,20 +229,21 @@ class EmbreeTracer:
 
 
 def _make_packets(count: int) -> Array:
-    """Memory for records (count, _ROWS, PACKET) at a multiple of 64 bytes, float32, all 0."""
-    memory = np.zeros(count * _ROWS * PACKET + PACKET, np.float32)
+    """Memory for records (count, _PACKET_ROWS, RAYS_PER_PACKET) at a multiple of 64 bytes, float32, all 0."""
+    memory = np.zeros(count * _PACKET_ROWS * RAYS_PER_PACKET + RAYS_PER_PACKET, np.float32)
     skip = -memory.ctypes.data % 64 // 4
-    return memory[skip : skip + count * _ROWS * PACKET].reshape(count, _ROWS, PACKET)
+    return memory[skip : skip + count * _PACKET_ROWS * RAYS_PER_PACKET].reshape(count, _PACKET_ROWS, RAYS_PER_PACKET)
 
 
 def _fill_packets(target: Array, values: Array) -> None:
-    """Write values of rays, one (no axis) or (n,), to (k, PACKET) of packets; the last may have room for more rays."""
+    """Write values of rays, one for all or (n,), to (k, RAYS_PER_PACKET) of packets; the last packet may have spare
+    room."""
     if values.ndim == 0:
         target[:] = values
         return
-    whole = len(values) // PACKET
-    target[:whole] = values[: whole * PACKET].reshape(whole, PACKET)
-    if rest := len(values) - whole * PACKET:
+    whole = len(values) // RAYS_PER_PACKET
+    target[:whole] = values[: whole * RAYS_PER_PACKET].reshape(whole, RAYS_PER_PACKET)
+    if rest := len(values) - whole * RAYS_PER_PACKET:
         target[whole, :rest], target[whole, rest:] = values[-rest:], values[-1]
 
 

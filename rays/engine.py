@@ -1,4 +1,4 @@
-"""Which engine traces rays in this process."""
+"""The choice of the engine that traces rays in this process."""
 
 from __future__ import annotations
 
@@ -21,12 +21,9 @@ def _load_library(folders: tuple[Path, ...]) -> Library | None:
 def open_tracer(
     world: World, folders: Sequence[Path] = (), without_embree: Callable[[World], Tracer] | None = None
 ) -> Tracer:
-    """A tracer of a world: by Embree, if it is in one of ``folders``, in embreex or in the system, else the one that
-    ``without_embree`` makes.
-
-    Raises IcyMoonError if there is no Embree and nothing that would do without, MemoryError if trees need more memory
-    than there is.
-    """
+    """A tracer of a world: Embree, if it is in one of ``folders``, in embreex or in the system; else the tracer that
+    ``without_embree`` makes. Raises IcyMoonError if both are missing, MemoryError if trees need more memory than there
+    is."""
     library = _load_library(tuple(folders))
     if library is not None:
         return EmbreeTracer(library, world)

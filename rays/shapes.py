@@ -59,7 +59,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class World:
-    """All that rays may meet."""
+    """All objects that rays can meet."""
 
     placed: Sequence[Placed]
     #: Of each place of all shapes, one shape after the other: its shape, matrix (4, 4), and number.
@@ -78,8 +78,8 @@ class World:
         )
 
     def move_planes(self, number: int, place: Array, triangle: Array) -> tuple[Array, Array]:
-        """The planes of triangles (n,) of a shape, by its number, in the world, each as at its ``place`` (n,): normals
-        (n, 3) of any length, and their dot products (n,) with the points of the planes."""
+        """The planes of triangles (n,) of the shape ``number`` in the world, each at its ``place`` (n,): normals (n, 3)
+        of any length, and their dot products (n,) with points of the planes."""
         planes = self.placed[number].shape.planes(triangle)
         normal = self.turn_normals(number, place, planes[:, :3])
         if len(self.placed[number].places) == 1:
@@ -88,11 +88,9 @@ class World:
         return normal, planes[:, 3] * self._determinants[place] + dot_products(normal, self.places[place, :3, 3])
 
     def turn_normals(self, number: int, place: Array, normals: Array) -> Array:
-        """Normals (n, 3) of a shape, by its number, in the world, of any length, each as at its ``place`` (n,).
-
-        They turn by the cofactors of the matrix, which are its inverse transposed times its determinant. A cross
-        product of two sides so stays the one of the turned sides.
-        """
+        """Normals (n, 3), of any length, of the shape ``number`` in the world, each at its ``place`` (n,). They turn by
+        the cofactors of the matrix (its inverse transposed times its determinant), so that a cross product of two sides
+        stays the cross product of the turned sides."""
         if len(self.placed[number].places) == 1:
             return np.asarray(normals @ self._cofactors[self._first_place(number)].T)
         return np.asarray(np.einsum("nij,nj->ni", self._cofactors[place], normals))
@@ -111,7 +109,7 @@ class World:
         return dot_products(self.places[:, 0, :3], self._cofactors[:, 0])
 
     def highest_m(self) -> float:
-        """A height that no vertex is above, the least of boxes around shapes where they stand; 0 without any."""
+        """A height in metres that no vertex exceeds, from boxes around the placed shapes; 0 without shapes."""
         tops = [0.0] if not len(self.places) else []
         for each in self.placed:
             low, high = each.shape.vertices.min(axis=0), each.shape.vertices.max(axis=0)

@@ -1,4 +1,4 @@
-"""The truth of a stereo pair at the centres of pixels: depth, normals, labels, and points hidden from the other eye."""
+"""The truth of a stereo pair at pixel centres: depth, normals, labels, and points hidden from the other eye."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from ..support.arrays import Array
 from .shapes import World
 from .surface import Surface, Tracer, find_surface, intersect_opaque
 
-#: Disparity, px, by which an occluder must be nearer than the point that it hides. ``docs/theory/metrics.md`` has why.
-NEARER_PX = 0.25
-#: Pixels along a side of a square whose rays are traced in a row, since they meet about the same.
-_TILE = 4
-#: Pixels at a time: 500 MB for all that is known of them.
-_MOST_PIXELS = 2**19
+#: Disparity in px by which an occluder must be nearer than the point that it hides; ``docs/theory/metrics.md`` explains
+#: it.
+LEAST_GAP_PX = 0.25
+#: Side in pixels of a square whose rays are traced in a row, because they meet similar places.
+_TILE_SIDE_PX = 4
+#: Number of pixels traced at a time: 500 MB for all their data.
+_PIXELS_AT_ONCE = 2**19
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Eye:
         return np.asarray(away[:, 2])
 
     def own_depth(self, direction: Array, depth_m: Array) -> Array:
-        """Depths (n,) along the eye's own axis from those along rays (n, 3): the same."""
+        """Depths (n,) along the eye's own axis, which equal ``depth_m`` along rays (n, 3) of the rig."""
         return depth_m
 
 
@@ -113,7 +114,7 @@ class CalibratedEye:
             return np.where(ahead > 0, distance_m * ahead, np.nan)
 
 
-#: A point in the first or last row of an eye is in that row of the other, but for rounding.
+#: Rounding, in rows: a point in the first or last row of an eye is in the same row of the other.
 _ROW_SLACK = 1e-6
 
 
@@ -122,9 +123,9 @@ AnyEye = Eye | CalibratedEye
 
 @dataclass(frozen=True)
 class EyeTruth:
-    """The truth of an eye, arrays (rows, columns): ``depth_m`` along its axis, float32, infinite for the sky; the
-    ``normal`` (…, 3) float32 of the facet; ``label`` uint8 and ``number`` int64, see ``rays.shapes``; and whether the
-    point is ``hidden`` from the other eye although it is in that one's frame."""
+    """The truth of an eye, arrays (rows, columns). ``depth_m`` float32 is along its axis, infinite for the sky.
+    ``normal`` (..., 3) float32 belongs to the facet. ``label`` uint8 and ``number`` int64 are as in ``rays.shapes``.
+    ``hidden`` is true for points in the other eye's frame that it does not see."""
 
     depth_m: Array
     normal: Array
@@ -135,7 +136,8 @@ class EyeTruth:
 
 @dataclass(frozen=True)
 class Stage:
-    """The ground with everything on it, and the far sky, which hides nothing; each with its tracer."""
+    """The traced scene: the ground with all objects on it, and the far sky, which hides nothing,
+    each with its tracer."""
 
     ground: World
     ground_tracer: Tracer
@@ -146,8 +148,8 @@ class Stage:
 def trace_eyes(
     stage: Stage, eyes: Mapping[str, AnyEye], baseline_m: float, near_m: float, far_m: float
 ) -> dict[str, EyeTruth]:
-    """The truth of two eyes that are ``baseline_m`` apart, by their names. They see nothing nearer than ``near_m``
-    or further away than ``far_m``."""
+    """The truth of two eyes ``baseline_m`` apart, by their names. They see nothing nearer than ``near_m`` or farther
+    than ``far_m``."""
     left, right = eyes
     return {
         eye: _trace_eye(stage, eyes[eye], eyes[other], baseline_m, near_m, far_m)
@@ -185,13 +187,13 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
 
 
 def list_squares(rows: int, columns: int) -> Iterator[Array]:
-    """Pixels, counted along rows, in parts: square by square, so that rays in a row meet about the same. Some come
-    twice at the borders."""
-    step = max(_TILE, _MOST_PIXELS // max(1, columns) // _TILE * _TILE)
+    """Pixels in groups, counted along rows: square by square, so that consecutive rays meet similar places. Some pixels
+    come twice at the borders."""
+    step = max(_TILE_SIDE_PX, _PIXELS_AT_ONCE // max(1, columns) // _TILE_SIDE_PX * _TILE_SIDE_PX)
     for first in range(0, rows, step):
         part = np.arange(first * columns, min(rows, first + step) * columns).reshape(-1, columns)
-        part = np.pad(part, [(0, -part.shape[0] % _TILE), (0, -columns % _TILE)], mode="edge")
-        yield part.reshape(part.shape[0] // _TILE, _TILE, -1, _TILE).swapaxes(1, 2).reshape(-1)
+        part = np.pad(part, [(0, -part.shape[0] % _TILE_SIDE_PX), (0, -columns % _TILE_SIDE_PX)], mode="edge")
+        yield part.reshape(part.shape[0] // _TILE_SIDE_PX, _TILE_SIDE_PX, -1, _TILE_SIDE_PX).swapaxes(1, 2).reshape(-1)
 
 
 def find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: float, far_m: float) -> Surface:
@@ -216,12 +218,12 @@ def _find_hidden(
     tracer: Tracer, eye: AnyEye, other: AnyEye, direction: Array, along_m: Array, baseline_m: float, near_m: float
 ) -> Array:
     """Whether (n,) the other eye sees something nearer in front of a point that is ``along_m`` (n,) along a ray, by at
-    least ``NEARER_PX`` of disparity."""
+    least ``LEAST_GAP_PX`` of disparity."""
     hidden = np.zeros(len(along_m), bool)
     away = direction * np.where(np.isinf(along_m), 0.0, along_m)[:, None] + (eye.position - other.position)
     right, down, ahead = other.axes.T @ away.T
     asked = np.flatnonzero(np.isfinite(along_m) & other.is_seen(right, down, ahead))
     reach = other.measure((other.axes.T @ away[asked].T).T)
-    end = 1.0 / (1.0 / reach + NEARER_PX / (eye.focal_px * baseline_m))
+    end = 1.0 / (1.0 / reach + LEAST_GAP_PX / (eye.focal_px * baseline_m))
     hidden[asked] = tracer.is_blocked(other.position, away[asked] / reach[:, None], near_m, end)
     return hidden

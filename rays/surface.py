@@ -11,15 +11,15 @@ import numpy as np
 from ..support.arrays import Array
 from .shapes import Hits, World, dot_products, normalize
 
-#: From a surface that a ray passes to where it goes on, relative to the distance.
-_BEYOND = 1e-6
-#: Surfaces that a ray passes before it is taken to end at nothing.
-_MOST_PASSED = 64
-#: Share of the light above which a ray passes, as with Cycles' own alpha threshold of the pass of depth.
-_PASSES = 0.5
-#: How far the plane of a triangle may be from where single precision met it, relative to the distance. Further away the
-#: ray grazes it.
-_GRAZING = 1e-4
+#: Distance from a surface that a ray passes to the ray's new start, relative to the distance travelled.
+_STEP_BEYOND = 1e-6
+#: Maximum number of surfaces that a ray passes before it counts as ending nowhere.
+_MOST_PASSED_SURFACES = 64
+#: A ray passes a surface that transmits more than this share of light, as in Cycles' alpha threshold of depth.
+_PASSING_SHARE = 0.5
+#: Largest distance of a triangle's plane from the hit in single precision, relative to the ray's length. Above it the
+#: ray grazes the triangle.
+_MOST_PLANE_ERROR = 1e-4
 
 
 class Tracer(Protocol):
@@ -34,7 +34,7 @@ class Tracer(Protocol):
         """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction."""
 
     def place(self, world: World) -> None:
-        """Let the shapes stand where they do in another world with the same shapes."""
+        """Move the shapes to their places in another world with the same shapes."""
 
     def close(self) -> None:
         """Free its memory."""
@@ -42,12 +42,10 @@ class Tracer(Protocol):
 
 @dataclass(frozen=True)
 class Surface:
-    """Where n rays meet the world.
-
-    ``along`` (n,), float64, is the length of a ray in units of its direction's length, infinite where it meets nothing.
-    ``normal`` (n, 3), float64, is the triangle's, on the side that the ray comes from; ``label`` (n,) uint8 is the
-    triangle's and ``number`` (n,) int64 the place's. These three are 0 where a ray meets nothing.
-    """
+    """The places where n rays meet the world. ``along`` (n,), float64, is the length of a ray in units of its
+    direction's length, infinite without a hit. ``normal`` (n, 3), float64, belongs to the triangle, on the side of the
+    ray's origin; ``label`` (n,) uint8 to the triangle, and ``number`` (n,) int64 to the place. These three are 0
+    without a hit."""
 
     along: Array
     normal: Array
@@ -56,10 +54,8 @@ class Surface:
 
 
 def find_surface(world: World, hits: Hits, origin: Array, direction: Array) -> Surface:
-    """The surfaces that rays (n, 3) from ``origin``, (3,) or (n, 3), have met.
-
-    Distances are found again from the planes of the triangles, to double precision; Embree's are good to 2.4e-7.
-    """
+    """The surfaces that rays (n, 3) from ``origin``, (3,) or (n, 3), have met. Distances are computed again in double
+    precision from the planes of the triangles; Embree's are right to 2.4e-7."""
     count = len(direction)
     found = Surface(np.full(count, np.inf), np.zeros((count, 3)), np.zeros(count, np.uint8), np.zeros(count, np.int64))
     for number, rays in _group_by_shape(world, hits):
@@ -69,7 +65,7 @@ def find_surface(world: World, hits: Hits, origin: Array, direction: Array) -> S
         with np.errstate(divide="ignore", invalid="ignore"):
             before = normal @ origin if origin.ndim == 1 else dot_products(normal, origin[rays])
             exact = (height - before) / toward
-            near = np.abs(exact - hits.along[rays]) <= _GRAZING * hits.along[rays]
+            near = np.abs(exact - hits.along[rays]) <= _MOST_PLANE_ERROR * hits.along[rays]
         found.along[rays] = np.where(near, exact, hits.along[rays])
         found.normal[rays] = normalize(normal) * np.where(toward > 0, -1.0, 1.0)[:, None]
         found.label[rays] = world.placed[number].shape.label[triangle]
@@ -78,10 +74,8 @@ def find_surface(world: World, hits: Hits, origin: Array, direction: Array) -> S
 
 
 def find_shading_normals(world: World, hits: Hits, surface: Surface) -> Array:
-    """The normals (n, 3) that the surface is shaded with where rays have met it, on the side of ``surface.normal``.
-
-    Bump of a material is not in them.
-    """
+    """The shading normals (n, 3) at the hits of rays, on the side of ``surface.normal``, without
+    the bump of materials."""
     found = surface.normal.copy()
     for number, rays in _group_by_shape(world, hits):
         shape = world.placed[number].shape
@@ -121,13 +115,13 @@ def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Arr
     if all(each.shape.passing is None for each in world.placed):
         return hits
     going = np.flatnonzero(_lets_pass(world, hits))
-    for _ in range(_MOST_PASSED):
+    for _ in range(_MOST_PASSED_SURFACES):
         if not len(going):
             break
         first = origin if origin.ndim == 1 else origin[going]
-        start = first + direction[going] * (hits.along[going, None] * (1 + _BEYOND))
+        start = first + direction[going] * (hits.along[going, None] * (1 + _STEP_BEYOND))
         beyond = tracer.intersect(start, direction[going], 0.0, far)
-        passed = hits.along[going] * (1 + _BEYOND)
+        passed = hits.along[going] * (1 + _STEP_BEYOND)
         for name in ("place", "triangle", "u", "v"):
             getattr(hits, name)[going] = getattr(beyond, name)
         hits.along[going] = beyond.along + passed
@@ -137,11 +131,11 @@ def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Arr
 
 
 def _lets_pass(world: World, hits: Hits) -> Array:
-    """Whether (n,) rays meet something that lets them pass."""
+    """Whether (n,) rays meet a surface that transmits them."""
     found = np.zeros(len(hits.place), bool)
     for number, rays in _group_by_shape(world, hits):
         shape = world.placed[number].shape
         if shape.passing is not None:
             corners = shape.triangles[hits.triangle[rays]]
-            found[rays] = _interpolate(shape.passing, corners, hits, rays) >= _PASSES
+            found[rays] = _interpolate(shape.passing, corners, hits, rays) >= _PASSING_SHARE
     return found

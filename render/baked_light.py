@@ -26,7 +26,7 @@ from ..nodes.datablocks.fingerprint import find_added_objects
 from ..nodes.rig import turn_about_eye
 from ..physics.light import baked_texels
 from ..physics.light.baked_noise import count_samples_needed, find_largest_share, measure_bake_noise
-from ..physics.light.baked_rocks import TERMS, fit_terms
+from ..physics.light.baked_rocks import TERM_COUNT, fit_terms
 from ..physics.random_numbers.seeds import make_generator, seed_stream
 from ..physics.rig.seen_points import find_seen_facets, find_sides_passed
 from ..physics.scene_requirements import why_not_baked
@@ -62,7 +62,7 @@ _DIRECT_LIGHT_SAMPLES = 2
 _OPEN_SKY_SAMPLES = 8
 #: Most samples of each of the three texels of a rock's point.
 _MOST_ROCK_SAMPLES = 16
-_LIGHT_OF_NO_ROCKS = np.zeros((0, TERMS, 3), np.float32)
+_LIGHT_OF_NO_ROCKS = np.zeros((0, TERM_COUNT, 3), np.float32)
 #: By light group: parts of names and seeds that tell its bakes from the Sun's.
 _KEY_PARTS_BY_GROUP: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
 
@@ -144,7 +144,7 @@ def provide_baked_light(
         _write_attribute(mesh, BAKED_ERROR_ATTRIBUTES[group], np.zeros(len(mesh.vertices), np.float32))
         if built.rocks is not None:
             baked_rocks.write_rock_light(
-                built.rocks, group, np.zeros((len(built.rocks.data.vertices), TERMS, 3), np.float32)
+                built.rocks, group, np.zeros((len(built.rocks.data.vertices), TERM_COUNT, 3), np.float32)
             )
     for group, dark in shining.items():
         lights[group], seconds = _find_or_bake(built, scene, settings, shared, group, dark, seen)

@@ -41,7 +41,7 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> RockPoi
     drawn = []
     for number, of in enumerate(shapes):
         vertices, triangles = _read_triangles(of.data)
-        for some, points in enumerate(baked_rocks.POINTS):
+        for some, points in enumerate(baked_rocks.POINTS_BY_DETAIL):
             these = np.flatnonzero((shape == number) & (level == some))
             if len(these):
                 drawn.append(
@@ -88,7 +88,7 @@ def add_point_object(points: RockPoints, scene: bpy.types.Scene) -> Iterator[bpy
 def write_rock_light(rocks: bpy.types.Object, group: str, numbers: Array) -> None:
     """Give rocks the terms (rocks, terms, 3) of a light group as attributes. Equal values stay untouched."""
     mesh, changed = rocks.data, False
-    for term in range(baked_rocks.TERMS):
+    for term in range(baked_rocks.TERM_COUNT):
         name = f"{BAKED_ATTRIBUTES[group]}_{term}"
         there = mesh.attributes.get(name)
         if there is None:

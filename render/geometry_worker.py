@@ -31,7 +31,7 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_json
-from ..support.labels import PLANET, SEMANTIC
+from ..support.labels import PLANET, SEMANTIC_NAMES
 from ..support.printer import emit
 from .displaced_vertices import is_moved, open_rendered_mesh
 from .ground_files import make_frame_facts, refuse_too_many, write_map, write_meshes
@@ -171,7 +171,7 @@ def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> 
         if mesh.name_full not in counted:
             label = _find_label(mesh)
             counted[mesh.name_full] = _FoundMesh(
-                SEMANTIC.get(label, "other") if label else "other",
+                SEMANTIC_NAMES.get(label, "other") if label else "other",
                 len(mesh.vertices),
                 len(mesh.loops) - 2 * len(mesh.polygons),
                 [],

@@ -17,12 +17,12 @@ from ..paper_stand_ins.shown_items import describe_item, list_items
 from ..physics import scene_checks
 from ..physics.camera.blur import find_blur
 from ..physics.camera.eyes import camera_of, eyes_json
-from ..physics.light.sky import compare_lights
+from ..physics.light.sky import planet_to_sun_ratio
 from ..physics.scene_requirements import find_left_out, traced_sentence
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.blender import compat
-from ..support.labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
+from ..support.labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC_NAMES, TERRAIN_INSTANCE
 from ..support.system import measure_peak_memory_mib
 from ..support.version import version
 from .graphics_cards import list_selected_cards
@@ -39,7 +39,7 @@ def make_light_json(built: Built, source: str) -> dict[str, Any]:
     sun = read_scene_sun(built.sun, facts["sun"], source)
     facts["sun"] = sun.to_json()
     if planet := facts["planet"]:
-        over_sun = compare_lights(
+        over_sun = planet_to_sun_ratio(
             planet["irradiance_wm2"], planet["ground_irradiance_wm2"], sun.irradiance_wm2, sun.ground_irradiance_wm2
         )
         planet["over_sun"] = None if math.isinf(over_sun) else over_sun
@@ -71,7 +71,7 @@ def _describe_channels(truth: str, files: str) -> dict[str, Any]:
     }
     if truth == "DEPTH":
         return light
-    light["semantic"] = {str(k): v for k, v in SEMANTIC.items()}
+    light["semantic"] = {str(k): v for k, v in SEMANTIC_NAMES.items()}
     return (
         light
         if truth == "SEMANTIC"

@@ -1,7 +1,7 @@
-"""Changes of settings, told to those who listen.
+"""Announces changes of settings to listeners.
 
-Knows no Blender, on purpose: Blender as a module keeps the update functions of properties to the end. If they led to
-``bpy`` in any way, it could not be freed, and Blender 4.2 would crash when Python ends.
+This module must not use Blender: Blender as a module keeps the update functions of properties to the end. If they led
+to ``bpy`` in any way, it could not be freed, and Blender 4.2 would crash when Python ends.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-#: The effect of a change of the colours by which errors are shown. No setting has it.
+#: The effect of a change of the colours by which errors are shown; no setting has it.
 COLOURS = "colours"
 #: Called with a scene and the effects of the settings that changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []
@@ -57,8 +57,8 @@ def batch_changes() -> Iterator[None]:
                 listener(scene, frozenset(effects))
 
 
-def make_update(effect: str) -> Callable[[Any, Any], None]:
-    """An update function for a property of a scene, which announces its changes."""
+def make_update_callback(effect: str) -> Callable[[Any, Any], None]:
+    """The ``update`` function of a Blender property of a scene, which announces its changes."""
 
     def update(group: Any, context: object) -> None:
         announce(group.id_data, effect)

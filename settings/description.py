@@ -33,15 +33,15 @@ from .topics.scene import Settings, typed, typed_table
 
 #: Similarity from which an error suggests a known word for an unknown one, see ``suggestions.suggest_nearest``.
 MIN_SIMILARITY = 0.4
-#: Single precision rounds to infinity from here on: its largest number and half a step.
-_INFINITE = 2.0**128 - 2.0**103
-#: Tables that are remembered at the most while many descriptions are read.
-_MOST_KNOWN = 2000
+#: Magnitude from which on single precision rounds to infinity: its largest number and half a step.
+_ROUNDS_TO_INFINITY = 2.0**128 - 2.0**103
+#: Maximum number of tables that are cached while many descriptions are read.
+_MOST_CACHED_TABLES = 2000
 #: Tables by topic, in which the settings of a description are collected.
 Tables = dict[str, dict[str, Any]]
 Made = TypeVar("Made")
-#: How an error names the values of a kind of setting, and their types. Python's bool is also an int.
-_TYPES: dict[str, tuple[str, tuple[type, ...]]] = {
+#: By kind of setting: the name of its values in errors, and their types. Python's bool is also an int.
+_TYPES_BY_KIND: dict[str, tuple[str, tuple[type, ...]]] = {
     "float": ("a number", (int, float)),
     "int": ("a whole number", (int,)),
     "bool": ("true or false", (bool,)),
@@ -72,9 +72,9 @@ def _to_single(value: float | str) -> float:
 
 @lru_cache(maxsize=4096)
 def _to_single_cached(number: float) -> float:
-    """``_to_single`` of a number other than 0; kept, since the window reads all settings at every redraw."""
+    """``_to_single`` of a number other than 0, cached, because the window reads all settings at every redraw."""
     # numpy would warn of infinity, and np.errstate takes longer than everything else here.
-    return math.copysign(math.inf, number) if abs(number) >= _INFINITE else float(str(np.float32(number)))
+    return math.copysign(math.inf, number) if abs(number) >= _ROUNDS_TO_INFINITY else float(str(np.float32(number)))
 
 
 def to_canonical(setting: Setting, value: Value) -> Value:
@@ -111,7 +111,7 @@ def _check_value(setting: Setting, value: Any, name: str, where: str, stored: bo
         return _check_list(setting, value, name, where, stored)
     if setting.trust == "mark" and isinstance(value, (int, float)) and not isinstance(value, bool):
         value = repr(value)
-    expected, types = _TYPES[setting.kind]
+    expected, types = _TYPES_BY_KIND[setting.kind]
     right_type = isinstance(value, types) and isinstance(value, bool) == (bool in types)
     if not right_type:
         raise IcyMoonError(f"{where}: {name} must be {expected}, not {quote(value)}.")
@@ -185,7 +185,7 @@ def _check_table(topic: str, values: object, where: str, stored: bool) -> Tables
 
 def _was_renamed_topic(topic: str) -> bool:
     """Whether settings that were renamed were of this topic."""
-    return any(name.startswith(f"{topic}.") for name in pair_ids.RENAMED)
+    return any(name.startswith(f"{topic}.") for name in pair_ids.RENAMED_SETTINGS)
 
 
 def suggest_topic(topic: str, known: Iterable[str], cutoff: float = 0.5) -> str:
@@ -220,11 +220,8 @@ def restore_settings(data: Mapping[str, Any], where: str, written_by: str = "") 
 
 
 class Restorer:
-    """``restore_settings`` for many descriptions: a table that several have is checked once, and is one for all of
-    them.
-
-    So these must not be changed.
-    """
+    """``restore_settings`` for many descriptions. Equal tables are checked once and are one object in all results, so
+    they must not be changed."""
 
     def __init__(self) -> None:
         self._before = _make_older_defaults()
@@ -251,10 +248,10 @@ class Restorer:
 
 
 def _make_once(known: dict[tuple[str, str], Made], topic: str, values: object, make: Callable[[], Made]) -> Made:
-    """What ``make`` makes of a table, or has made of another of the same content."""
+    """The result of ``make`` for a table; equal tables get the same cached result."""
     content = repr(values)  # tells 1 from 1.0 and from true, and 0.0 from -0.0
     if (topic, content) not in known:
-        if len(known) >= _MOST_KNOWN:
+        if len(known) >= _MOST_CACHED_TABLES:
             known.clear()
         known[topic, content] = make()
     return known[topic, content]
@@ -291,7 +288,8 @@ def merged(*parts: Parts) -> Settings:
 
 
 def overlaid(base: Settings, part: Parts) -> Settings:
-    """``merged`` of a description and a part that overrides it. The result shares the other tables with ``base``."""
+    """As ``merged`` for a description and a part that overrides it; the result shares unchanged
+    tables with ``base``."""
     return Settings({**base, **merged({topic: base.get(topic, {}) for topic in part}, part)})
 
 

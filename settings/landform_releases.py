@@ -1,8 +1,8 @@
-"""Which release of a plug-in's package made a landform: stated in every description whose ground has it.
+"""The release of a plug-in's package that made a landform, which every description of such ground states.
 
-The table of such a landform, ``[landform_NAME]``, has the setting ``made_by``. It is filled in where the landform is
-on, and empty where it is off. It is part of the pair's id, as are all settings of the table then: another release may
-make other ground.
+The table of such a landform, ``[landform_NAME]``, has the setting ``made_by``. It is filled in if the landform is on,
+and empty if it is off. The pair's id contains it with all settings of the table, because another release may make other
+ground.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from .table import TOPICS
 from .topics.declaration import Table
 from .topics.scene import Settings
 
-#: Longest release that is read from a file.
-_LONGEST = 200
+#: Longest name of a release that is read from a file, in characters.
+_LONGEST_RELEASE = 200
 
 
 def fill_in_releases(settings: Settings) -> Settings:
@@ -55,7 +55,7 @@ def keep_missing_table(topic: str, values: Mapping[str, Any], where: str) -> dic
         return {}
     if (
         not isinstance(release, str)
-        or len(release) > _LONGEST
+        or len(release) > _LONGEST_RELEASE
         or not all(
             isinstance(key, str) and (isinstance(value, bool) or is_number(value))
             for key, value in values.items()

@@ -1,6 +1,6 @@
-"""The settings from which ids of pairs are made. No later version may change the id of a pair.
+"""The settings from which ids of pairs are made; no later version may change the id of a pair.
 
-An id is made from the settings of the first release, in the order of their declaration: this list is closed. A newer
+An id is made from the settings of the first release, in the order of their declaration; this list is closed. A newer
 setting, whose declaration states ``since``, counts only if it differs from the value with the effect of releases
 without it (``Setting.old_value``). Imports no Blender.
 """
@@ -21,12 +21,12 @@ from .topics.declaration import Setting, Value
 from .topics.scene import Settings, typed
 
 #: Present names of settings that were renamed, by their old names (``topic.key``), as ids contain the old ones.
-RENAMED: dict[str, str] = {}
+RENAMED_SETTINGS: dict[str, str] = {}
 
 
 def find_present_name(name: str) -> str:
     """The present name of a setting (``topic.key``)."""
-    return RENAMED.get(name, name)
+    return RENAMED_SETTINGS.get(name, name)
 
 
 def affects_pixels(setting: Setting) -> bool:
@@ -36,7 +36,7 @@ def affects_pixels(setting: Setting) -> bool:
 
 def list_first_settings() -> list[str]:
     """The names of the settings of the first release that count, as it called them, in the order of an id."""
-    old = {new: name for name, new in RENAMED.items()}
+    old = {new: name for name, new in RENAMED_SETTINGS.items()}
     return [
         old.get(name, name)
         for name in (
@@ -73,7 +73,7 @@ def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[str]]:
     special = {name for name, topic, key in columns if key == "relief"}
     runs = [
         (topic, TableCache(partial(_make_text, [(name, key) for name, _, key in run])) if topic else run[0][0])
-        for topic, run in _split_columns(columns, special)
+        for topic, run in _group_names_by_topic(columns, special)
     ]
     newer = {topic: TableCache(partial(_find_newer, *those)) for topic, those in _list_newer_settings().items()}
 
@@ -93,7 +93,7 @@ def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[str]]:
     return count
 
 
-def _split_columns(
+def _group_names_by_topic(
     columns: Sequence[tuple[str, str, str]],
     special: Collection[str],
 ) -> list[tuple[str, list[tuple[str, str, str]]]]:
@@ -125,7 +125,8 @@ def _list_newer_settings() -> dict[str, tuple[list[tuple[str, str, Any]], list[t
 def _find_newer(
     values: Sequence[tuple[str, str, Any]], parts: Sequence[tuple[str, str, str, Any]], table: Mapping[str, Any]
 ) -> list[Any]:
-    """[name, value] of the newer settings of a table that differ from before."""
+    """[name, value] of each newer setting of a topic's ``table`` whose value differs from its ``old_value``. ``values``
+    and ``parts`` are from ``_list_newer_settings``."""
     found = [[name, _drop_newer_parts(name, table[key])] for name, key, old in values if table[key] != old]
     return found + [
         [f"{name} {k}", entry[part]]
@@ -139,12 +140,16 @@ def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Value:
     """The value of a setting (``topic.key``) from which a pair's id is made."""
     topic, _, key = find_present_name(name).partition(".")
     value = settings[topic][key]
-    if key == "relief" and value == "REAL" and (topic != "surface" or not describe_mesh_relief(_to_typed(settings))):
+    if (
+        key == "relief"
+        and value == "REAL"
+        and (topic != "surface" or not describe_mesh_relief(_make_typed_settings(settings)))
+    ):
         return "BUMP"  # real relief that is not in the mesh renders the same pixels, and was called so before
     return value
 
 
-def _to_typed(settings: Mapping[str, Mapping[str, Any]]) -> Settings:
+def _make_typed_settings(settings: Mapping[str, Mapping[str, Any]]) -> Settings:
     return settings if isinstance(settings, Settings) else typed(settings)
 
 

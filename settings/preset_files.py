@@ -18,9 +18,9 @@ from .table import TOPICS
 from .toml_text import read_toml, to_toml, to_toml_value
 from .topics.scene import Settings
 
-PRESETS = Path(__file__).resolve().parents[1] / "presets"
+PRESETS_FOLDER = Path(__file__).resolve().parents[1] / "presets"
 #: Folders of presets, whole scenes first, and the titles of their kinds.
-KINDS = {
+PRESET_KINDS = {
     "scenes": "Scenes",
     "gallery": "Gallery",
     "bodies": "Moons",
@@ -33,12 +33,12 @@ KINDS = {
     "qualities": "Qualities",
 }
 #: Kinds of presets that describe a whole scene. Others describe a part of one.
-WHOLE = ("scenes", "gallery", "own")
-_HEADER = ("title", "description", "include", "made_with")
+WHOLE_SCENE_KINDS = ("scenes", "gallery", "own")
+_HEADER_KEYS = ("title", "description", "include", "made_with")
 #: Shipped plans of data sets, which ``render.plans`` reads.
-PLANS = PRESETS / "datasets"
+PLANS_FOLDER = PRESETS_FOLDER / "datasets"
 #: Shipped heads of cameras, which ``formats.calibrations.head_file`` reads.
-HEADS = PRESETS / "heads"
+HEADS = PRESETS_FOLDER / "heads"
 
 
 def load(path: Path) -> Settings:
@@ -85,10 +85,10 @@ def _check_header(header: object, path: Path) -> list[str]:
     """The names of the presets that the ``[preset]`` table of a file includes."""
     if not isinstance(header, Mapping):
         raise IcyMoonError(f"{path}: [preset] must be a table, not {quote(header)}.")
-    unknown = sorted(set(header) - set(_HEADER))
+    unknown = sorted(set(header) - set(_HEADER_KEYS))
     if unknown:
         raise IcyMoonError(
-            f"{path}: unknown key preset.{unknown[0]}, {suggest_nearest(unknown[0], _HEADER, MIN_SIMILARITY)}"
+            f"{path}: unknown key preset.{unknown[0]}, {suggest_nearest(unknown[0], _HEADER_KEYS, MIN_SIMILARITY)}"
         )
     included = header.get("include", [])
     if not isinstance(included, list) or not all(isinstance(name, str) for name in included):
@@ -108,20 +108,20 @@ def make_paths_relative_to(folder: Path, settings: Settings) -> Settings:
 def preset_names(kind: str = "") -> list[str]:
     """Names of the shipped presets, all or of one kind, such as ``scenes/europa_rough_ice``."""
     return sorted(
-        p.relative_to(PRESETS).with_suffix("").as_posix()
-        for p in (PRESETS / kind).rglob("*.toml")
-        if p.parent not in (PLANS, HEADS)
+        p.relative_to(PRESETS_FOLDER).with_suffix("").as_posix()
+        for p in (PRESETS_FOLDER / kind).rglob("*.toml")
+        if p.parent not in (PLANS_FOLDER, HEADS)
     )
 
 
 def is_whole_scene(name: str) -> bool:
     """Whether a preset such as ``scenes/europa_rough_ice`` describes a whole scene."""
-    return name.split("/")[0] in WHOLE
+    return name.split("/")[0] in WHOLE_SCENE_KINDS
 
 
 def plan_names() -> list[str]:
     """Names of the shipped plans, such as ``datasets/guiss_rocks``."""
-    return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in PLANS.glob("*.toml"))
+    return sorted(p.relative_to(PRESETS_FOLDER).with_suffix("").as_posix() for p in PLANS_FOLDER.glob("*.toml"))
 
 
 def find_preset(name: str) -> Path:
@@ -129,7 +129,7 @@ def find_preset(name: str) -> Path:
 
     Raises IcyMoonError if the preset does not exist.
     """
-    for candidate in (PRESETS / f"{name}.toml", PRESETS / "scenes" / f"{name}.toml"):
+    for candidate in (PRESETS_FOLDER / f"{name}.toml", PRESETS_FOLDER / "scenes" / f"{name}.toml"):
         if ".." not in name and is_file(candidate):
             return candidate
     raise IcyMoonError(
@@ -144,7 +144,7 @@ def find_preview(name: str) -> Path:
     Pictures of presets of a part are in a folder of their kind.
     """
     kind, _, stem = name.rpartition("/")
-    return PRESETS / "previews" / ("" if not kind or is_whole_scene(name) else kind) / f"{stem}.jpg"
+    return PRESETS_FOLDER / "previews" / ("" if not kind or is_whole_scene(name) else kind) / f"{stem}.jpg"
 
 
 def read_preset_header(name: str) -> tuple[str, str]:

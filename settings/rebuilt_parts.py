@@ -1,4 +1,4 @@
-"""Which parts of a built scene must be made again after a change of settings. Imports no Blender.
+"""The parts of a built scene that must be made again after a change of settings. Imports no Blender.
 
 Each part is kept as long as possible: the scene (ground, rocks and their attributes), its surfaces, its lights, its
 camera.
@@ -13,14 +13,14 @@ from typing import Any
 from ..physics.mesh import finer_in_view
 from ..physics.mesh.break_walls import breaks_walls
 from ..physics.mesh.finer_in_view import is_carried_by_grid
-from ..physics.mesh.vertex_spacing import OF_THE_RIG, find_fine_relief
-from ..physics.scene_requirements import SURFACES, traces_random_walk
+from ..physics.mesh.vertex_spacing import GRADING_RIG_SETTINGS, find_fine_relief
+from ..physics.scene_requirements import SURFACE_TOPICS, traces_random_walk
 from .table import TOPICS
 from .topics.declaration import Parts
 from .topics.scene import Settings
 
-_SITE = {("rig", "x_m"), ("rig", "y_m")}
-_PIXEL = {("rig", "focal_length_mm"), ("rig", "sensor_width_mm"), ("rig", "width_px")}
+_SITE_SETTINGS = {("rig", "x_m"), ("rig", "y_m")}
+_PIXEL_SIZE_SETTINGS = {("rig", "focal_length_mm"), ("rig", "sensor_width_mm"), ("rig", "width_px")}
 
 
 def _select_by_effect(effect: str) -> set[tuple[str, str]]:
@@ -31,14 +31,14 @@ _SHAPE, _LOOK, _LIGHT, _LANDER, _CAMERA, _SAMPLING, _RESPONSE = map(
     _select_by_effect, ("geometry", "material", "light", "lander", "camera", "sampling", "response")
 )
 #: Settings of the rig that the lander uses, because its mast carries the rig.
-_MAST = {
+_MAST_SETTINGS = {
     ("rig", key)
     for key in ("x_m", "y_m", "height_m", "height_from", "z_m", "heading_deg", "pitch_deg", "roll_deg", "baseline_m")
 }
 
 
 #: Settings that determine the path of a scoop if the arm's joints move it: the arm's sizes and where it stands.
-_DIGS = (
+_DIGGING_SETTINGS = (
     {("rig", key) for key in ("x_m", "y_m", "heading_deg", "baseline_m")}
     | {("lander", key) for key in ("kind", "file", "turn_deg")}
     | {(topic, key) for topic, key in _LANDER if topic == "arm" and key.endswith("_m")}
@@ -60,7 +60,9 @@ def select_geometry(settings: Settings) -> Parts:
 def _select_geometry_cached(settings: Settings) -> dict[str, dict[str, Any]]:
     joints = settings.excavation.path == "JOINTS"
     around = settings.rocks.coverage > 0 and settings.rocks.clear_radius_m > 0
-    return _select_settings(settings, _SHAPE | (_SITE if around else set()) | (_DIGS if joints else set()))
+    return _select_settings(
+        settings, _SHAPE | (_SITE_SETTINGS if around else set()) | (_DIGGING_SETTINGS if joints else set())
+    )
 
 
 def select_scene(settings: Settings) -> Parts:
@@ -73,9 +75,9 @@ def select_scene(settings: Settings) -> Parts:
     """
     procedural = settings.source.kind == "PROCEDURAL"
     placed = procedural or settings.rig.height_from == "ZERO"
-    keys = {("quality", "device"), ("rig", "height_from")} | (set() if placed else _SITE)
+    keys = {("quality", "device"), ("rig", "height_from")} | (set() if placed else _SITE_SETTINGS)
     if procedural and settings.mesh.kind == "GRADED":
-        keys |= {("rig", key) for key in OF_THE_RIG}
+        keys |= {("rig", key) for key in GRADING_RIG_SETTINGS}
     found = _select_geometry_cached(settings)
     for topic, values in _select_settings(settings, keys).items():
         found.setdefault(topic, {}).update(values)
@@ -100,7 +102,7 @@ def describe_mesh_relief(settings: Settings) -> str:
         for value in (
             *(astuple(relief) if relief else ()),
             *((-1.0,) if walls else ()),
-            *(settings.rig[key] for key in finer_in_view.OF_THE_RIG),
+            *(settings.rig[key] for key in finer_in_view.RELIEF_RIG_SETTINGS),
         )
     )
 
@@ -111,23 +113,23 @@ def select_materials(settings: Settings) -> Parts:
 
 
 def select_look(settings: Settings) -> Parts:
-    """``select_materials``, whether subsurface light is traced through each surface, and how far a lamp near them
-    is."""
+    """``select_materials``, and for each surface whether subsurface light is traced, and the distance of a lamp near
+    it."""
     return {
         **select_materials(settings),
-        "walks": {topic: traces_random_walk(settings, topic) for topic in SURFACES},
+        "walks": {topic: traces_random_walk(settings, topic) for topic in SURFACE_TOPICS},
         "lamp": {"distance_m": settings.light.sun_distance_m},
     }
 
 
 def select_light(settings: Settings) -> Parts:
     """The settings on which lights depend. Stars also depend on the size of a pixel."""
-    return _select_settings(settings, _LIGHT | (_PIXEL if settings.light.stars else set()))
+    return _select_settings(settings, _LIGHT | (_PIXEL_SIZE_SETTINGS if settings.light.stars else set()))
 
 
 def select_lander(settings: Settings) -> Parts:
     """The settings on which the lander and its arm depend, with the rig that its mast carries."""
-    return _select_settings(settings, _LANDER | (_MAST if settings.lander.kind != "NONE" else set()))
+    return _select_settings(settings, _LANDER | (_MAST_SETTINGS if settings.lander.kind != "NONE" else set()))
 
 
 def select_camera(settings: Settings) -> Parts:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..formats import mesh_file, mesh_images
 from ..formats.calibrations.head_file import list_head_files
-from ..paper_stand_ins.shown_items import RECIPE, list_items
+from ..paper_stand_ins.shown_items import RECIPE_NUMBER, list_items
 from ..physics.arm.own_arm import arm_files
 from ..physics.light.kernels import list_kernel_files
 from ..support.errors import IcyMoonError
@@ -65,8 +65,8 @@ def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
             raise IcyMoonError(
                 f"{error.filename or path}: cannot be read ({describe_reason(error)}); check {name}."
             ) from None
-    # Stand-ins are made where they are needed. Their recipe counts, not how this machine has rounded them.
-    marks += [f"{item.key} {RECIPE}" for item in list_items(settings)]
+    # Stand-ins are made on each machine. Their recipe counts, not their bytes, which rounding may change.
+    marks += [f"{item.key} {RECIPE_NUMBER}" for item in list_items(settings)]
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
 
 

@@ -1,1 +1,1 @@
-"""What all floors use. Imports no Blender."""
+"""Code that all layers use: errors, files, foreign bytes, the operating system, terminal output. Imports no Blender."""

@@ -16,11 +16,12 @@ from pathlib import Path
 from .system import find_pythons, is_python, run
 from .version import ROOT
 
-#: Tells processes of ours Blender's Python, by its prefix, and the folder of the wheels, with os.pathsep between them.
-VARIABLE = "ICYMOON_WHEELS"
-#: Prints what tells a Python from others, if it has numpy.
-_TRIAL = "import sys, numpy; print(*sys.version_info[:2], sys.prefix)"
-_TRIAL_S = 60.0
+#: Environment variable that gives our processes the prefix of Blender's Python and the folder of the wheels, separated
+#: by os.pathsep.
+WHEELS_VARIABLE = "ICYMOON_WHEELS"
+#: Code that prints a Python's version and prefix, if it has numpy.
+_TRIAL_CODE = "import sys, numpy; print(*sys.version_info[:2], sys.prefix)"
+_TRIAL_TIMEOUT_S = 60.0
 
 
 def has_bundled_wheels(root: Path = ROOT) -> bool:
@@ -29,33 +30,28 @@ def has_bundled_wheels(root: Path = ROOT) -> bool:
 
 
 def announce_folder(extensions: Path) -> None:
-    """Tell the processes that are started from here where Blender has unpacked the wheels.
-
-    ``extensions`` is the folder of the user's extensions. Does nothing if this is no store build.
-    """
+    """Give our child processes the folder in which Blender has unpacked the wheels. ``extensions`` is the folder of the
+    user's extensions. Does nothing in other builds than store builds."""
     version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     folder = extensions / ".local" / "lib" / version / "site-packages"
     if has_bundled_wheels():
-        os.environ[VARIABLE] = f"{sys.prefix}{os.pathsep}{folder}"
+        os.environ[WHEELS_VARIABLE] = f"{sys.prefix}{os.pathsep}{folder}"
 
 
 def withdraw_folder() -> None:
     """Undo ``announce_folder``."""
-    os.environ.pop(VARIABLE, None)
+    os.environ.pop(WHEELS_VARIABLE, None)
 
 
 def find_folder() -> str:
-    """The folder of the wheels if this is Blender's Python, as a program; empty if it is another one, or Blender."""
-    prefix, _, folder = os.environ.get(VARIABLE, "").rpartition(os.pathsep)
+    """The folder of the wheels if this is Blender's Python run as a program; else empty."""
+    prefix, _, folder = os.environ.get(WHEELS_VARIABLE, "").rpartition(os.pathsep)
     ours = prefix and os.path.realpath(prefix) == os.path.realpath(sys.prefix)
     return folder if ours and "bpy" not in sys.modules and os.path.isdir(folder) else ""
 
 
 def use_wheels() -> None:
-    """Let this process find the wheels before installed packages, as Blender does.
-
-    In another Python it does nothing.
-    """
+    """Make this process prefer the wheels to installed packages, as Blender does. Does nothing in another Python."""
     folder = find_folder()
     if folder and folder not in sys.path:
         installed = {*site.getsitepackages(), site.getusersitepackages()}
@@ -78,7 +74,7 @@ def find_python() -> str | None:
 def _is_python_of_blender(python: Path) -> bool:
     outside = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     try:
-        done = run([str(python), "-I", "-c", _TRIAL], outside, _TRIAL_S)
+        done = run([str(python), "-I", "-c", _TRIAL_CODE], outside, _TRIAL_TIMEOUT_S)
     except OSError:  # TimeoutError is one
         return False
     major, minor, prefix = ([*done.stdout.strip().split(" ", 2), "", "", ""])[:3]

@@ -1,4 +1,4 @@
-"""The folder of what Icy Moon can make or measure again: speeds of this machine, marks of reports, stand-ins."""
+"""The folder of data that Icy Moon can make or measure again: speeds of this machine, marks of reports, stand-ins."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from .files import parse_path
 from .system import find_cache_folder
 
-#: Names another cache folder, for tests and for users who keep theirs elsewhere.
+#: Environment variable that states another cache folder, for tests and for users.
 FOLDER_VARIABLE = "ICYMOON_CACHE"
 
 
@@ -19,7 +19,7 @@ class _Choice:
 
 
 def choose_folder(path: str) -> None:
-    """Keep the cache in another folder than the user's cache; empty for that cache."""
+    """Move the cache to another folder; empty for the user's cache."""
     _Choice.path = path
 
 

@@ -1,4 +1,4 @@
-"""The one exception that the user is meant to read, and errors as sentences."""
+"""Errors whose sentences are meant for the user."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class IcyMoonError(Exception):
 
 
 def describe_error(error: Exception, where: object) -> str:
-    """A sentence about any error that stops one of many tasks, so that the others can go on."""
+    """A sentence about any error that stops one of many tasks, so that the others can continue."""
     if isinstance(error, IcyMoonError):
         return str(error)
     if isinstance(error, MemoryError):

@@ -1,8 +1,8 @@
 """Required shapes of files that are read back: the keys, and the kind of each value.
 
-A file may be of another version, cut off by a full disk or changed by hand. So nothing in it is used before it was
-compared with a shape: a kind of value, a table of shapes by key (``Maybe`` where a key may be absent), or ``Each`` for
-tables and lists that hold any number of one shape. Imports no Blender.
+A file may be of another version, cut off by a full disk or changed by hand. So its content is compared with a shape
+before use. A shape is a kind of value, a table of shapes by key (``Maybe`` for an optional key), or ``Each`` for tables
+and lists with any number of one shape. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from typing import Any, TypeGuard
 
 from .errors import IcyMoonError
 from .files import quote, read_text
-from .foreign_bytes import MOST_TEXT, ForeignBytes, RefusedError, decode_text, describe_reason, parse_json, read
+from .foreign_bytes import MOST_TEXT_BYTES, ForeignBytes, RefusedError, decode_text, describe_reason, parse_json, read
 from .suggestions import suggest_nearest
 from .system import find_name_fault
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of value: its name in words, and whether a value is of it."""
+    """A kind of value: its name in words, and a test for it."""
 
     name: str
     fits: Callable[[Any], bool]
@@ -32,10 +32,8 @@ class Kind:
 
 @dataclass(frozen=True)
 class Each:
-    """A table whose keys are all of one kind, or a list (``keys`` is None), with values of one shape.
-
-    ``needed`` are keys that must be there.
-    """
+    """A table whose keys have one kind, or a list (``keys`` is None), with values of one shape. ``needed`` are required
+    keys."""
 
     shape: Shape
     keys: Kind | None = None
@@ -44,7 +42,7 @@ class Each:
 
 @dataclass(frozen=True)
 class Maybe:
-    """A shape that may be absent, or also null."""
+    """A shape of an optional value; ``null`` also allows null."""
 
     shape: Shape
     null: bool = False
@@ -71,7 +69,7 @@ def _is_matrix(value: object) -> bool:
 
 
 def _is_text(value: object) -> TypeGuard[str]:
-    """Whether a value is a text that can be written to a file and a terminal: JSON may hold halves of characters."""
+    """Whether a value is a text that can be written to files and terminals; JSON may contain lone surrogates."""
     return isinstance(value, str) and value == value.encode("utf-8", "replace").decode("utf-8")
 
 
@@ -99,7 +97,7 @@ SHA256 = Kind(
 
 
 def find_fault(data: object, shape: Shape, name: str = "it") -> str:
-    """The first thing that is wrong with ``data``, which is called ``name``; empty if nothing is."""
+    """The first fault of ``data``, which is called ``name``; empty if it has the shape."""
     if isinstance(shape, Maybe):
         return "" if data is None and shape.null else find_fault(data, shape.shape, name)
     if isinstance(shape, Kind):
@@ -158,8 +156,10 @@ def read_record(path: Path, shape: Shape, fix: str) -> Any:
     return check_record(data, shape, path, fix)
 
 
-#: Bytes of memory of a line of numbers and of each of them.
-_OF_A_LINE, _OF_A_NUMBER = 160, 32
+#: Bytes of memory of a line of numbers.
+_MEMORY_PER_LINE = 160
+#: Bytes of memory of each number.
+_MEMORY_PER_NUMBER = 32
 
 
 def read_number_lines(
@@ -176,7 +176,7 @@ def read_number_lines(
         lambda foreign: _parse_number_lines(foreign, columns, most),
         "a table of numbers",
         f"check {setting}",
-        most=MOST_TEXT,
+        most=MOST_TEXT_BYTES,
     )
 
 
@@ -201,7 +201,7 @@ def _parse_number_lines(
             raise RefusedError(
                 f"has more than {most} lines of numbers; leave out those that lie evenly between their neighbours."
             )
-        foreign.budget.charge(_OF_A_LINE + _OF_A_NUMBER * len(places), "numbers")
+        foreign.budget.charge(_MEMORY_PER_LINE + _MEMORY_PER_NUMBER * len(places), "numbers")
         found.append((number, _read_numbers_at(_refuse_nul(number, line).split(b","), places)))
     return found
 

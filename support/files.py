@@ -1,4 +1,4 @@
-"""Writing files so that a crash leaves the old one, the new one, or none, never half of one."""
+"""Atomic writing of files: a crash leaves the old file or the new one, never a part of it."""
 
 from __future__ import annotations
 
@@ -17,17 +17,21 @@ from pathlib import Path
 
 from . import system
 from .errors import DiskError, IcyMoonError
-from .foreign_bytes import MOST_TEXT, decode_text, read_regular
+from .foreign_bytes import MOST_TEXT_BYTES, decode_text, read_regular
 from .printer import show_controls
 
-PART = ".part"
-#: Bytes of a file that its checksum is made of at a time.
-_PART_BYTES = 2**18
-#: A whole number from which on its digits are counted in a sentence, and values of a list that are quoted.
-_LONGEST_WHOLE, _MOST_QUOTED = 10**20, 8
-#: What usual file systems take: bytes of a name, characters of a path.
-_LONGEST_NAME, _LONGEST_PATH = 255, 4095
-_FIXES = {
+PART_SUFFIX = ".part"
+#: Bytes of a file that are read at a time for its checksum.
+_CHECKSUM_STEP_BYTES = 2**18
+#: Whole numbers above this are quoted as a number of digits.
+_LARGEST_QUOTED_NUMBER = 10**20
+#: Maximum number of values of a list that are quoted.
+_MOST_QUOTED_VALUES = 8
+#: Longest name in bytes of usual file systems.
+_LONGEST_NAME_BYTES = 255
+#: Longest path in characters.
+_LONGEST_PATH_CHARACTERS = 4095
+_FIX_BY_ERROR = {
     errno.ENOSPC: "the disk is full; free some space or choose another folder",
     errno.EDQUOT: "your disk quota is used up; free some space or choose another folder",
     errno.EROFS: "the disk is read-only; choose another folder",
@@ -36,18 +40,18 @@ _FIXES = {
     errno.ENOTDIR: "a part of this path is a file, not a folder; choose another folder",
     errno.EEXIST: "a file of this name is in the way; move it or choose another folder",
 }
-_OPEN = "another program has it open, or it may not be written to; close it there or choose another folder"
+_FIX_OF_OPEN_FILE = "another program has it open, or it may not be written to; close it there or choose another folder"
 #: macOS' attributes of a file on other disks and its views of folders, and Windows' pictures and views of folders.
-_OF_FILE_MANAGERS = re.compile(r"\._.+|\.DS_Store|Thumbs\.db|desktop\.ini")
-_numbers = itertools.count(1)
+_FILE_MANAGER_NAMES = re.compile(r"\._.+|\.DS_Store|Thumbs\.db|desktop\.ini")
+_part_numbers = itertools.count(1)
 
 
 def make_part_path(path: Path) -> Path:
     """Path of the half-written file that will be renamed to ``path``.
 
-    Its name ends in ``PART``, and no other process on any machine uses it.
+    Its name ends in ``PART_SUFFIX``, and no other process on any machine uses it.
     """
-    return path.with_name(f"{path.name}.{system.computer_name()}-{os.getpid()}-{next(_numbers)}{PART}")
+    return path.with_name(f"{path.name}.{system.computer_name()}-{os.getpid()}-{next(_part_numbers)}{PART_SUFFIX}")
 
 
 @contextmanager
@@ -58,16 +62,16 @@ def explain_disk_errors(what: str, where: Path) -> Iterator[None]:
         yield
     except OSError as error:
         fix = (
-            _OPEN if system.may_be_open_elsewhere(error) else _FIXES.get(error.errno or 0, f"{error.strerror or error}")
+            _FIX_OF_OPEN_FILE
+            if system.may_be_open_elsewhere(error)
+            else _FIX_BY_ERROR.get(error.errno or 0, f"{error.strerror or error}")
         )
         raise DiskError(f"Cannot {what} {where}: {fix}.") from error
 
 
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
-    """Let ``write`` fill a file beside ``path``, see ``make_part_path``, then flush and rename it to ``path``.
-
-    Makes the parent folders. Raises IcyMoonError when the disk refuses; the part is removed.
-    """
+    """Let ``write`` fill a file beside ``path``, see ``make_part_path``, then flush it and rename it to ``path``. Makes
+    the parent folders. Raises IcyMoonError if the disk refuses; the part is then removed."""
     part = make_part_path(path)
     system.check_path(path, part)
     with explain_disk_errors("write", path):
@@ -82,21 +86,18 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The content of a text file of ours, see ``foreign_bytes.decode_text``.
-
-    Raises OSError as opening it does, ValueError where it is no text, or more than ``MOST_TEXT`` bytes.
-    """
-    return decode_text(read_regular(path, MOST_TEXT))
+    """The content of a text file of ours, see ``foreign_bytes.decode_text``. Raises OSError as opening does, ValueError
+    for other content than text, or more than ``MOST_TEXT`` bytes."""
+    return decode_text(read_regular(path, MOST_TEXT_BYTES))
 
 
 def is_of_file_manager(name: str) -> bool:
-    """Whether a name is one that file managers give to files which they leave in any folder."""
-    return bool(_OF_FILE_MANAGERS.fullmatch(name))
+    """Whether file managers leave files of this name in folders."""
+    return bool(_FILE_MANAGER_NAMES.fullmatch(name))
 
 
 def list_put_there(folder: Path, pattern: str = "*") -> list[Path]:
-    """The paths in a folder that fit a pattern, sorted, without files that file managers left there or in folders
-    within."""
+    """The sorted paths in a folder that fit a pattern, without the files of file managers in any folder of the path."""
     return [
         path
         for path in sorted(folder.glob(pattern))
@@ -105,13 +106,11 @@ def list_put_there(folder: Path, pattern: str = "*") -> list[Path]:
 
 
 def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
-    """The half-written files in a folder that were left by processes of this computer that have certainly ended.
-
-    ``pattern`` is the name of the whole file.
-    """
+    """Half-written files in a folder whose processes, on this computer, have certainly ended. ``pattern`` is the name
+    of the whole file."""
     scope = system.find_process_scope()
-    for part in folder.glob(f"{pattern}.{glob.escape(system.computer_name())}-*-*{PART}"):
-        writer = part.name.removesuffix(PART).rsplit("-", 2)[1]
+    for part in folder.glob(f"{pattern}.{glob.escape(system.computer_name())}-*-*{PART_SUFFIX}"):
+        writer = part.name.removesuffix(PART_SUFFIX).rsplit("-", 2)[1]
         if writer.isdecimal() and system.is_gone(int(writer), scope) and part.is_file() and not part.is_symlink():
             yield part
 
@@ -133,27 +132,24 @@ def _write_text(part: Path, text: str) -> None:
 
 
 def to_json_text(data: object) -> str:
-    """The content of a JSON file; NaN is refused, since JSON has none."""
+    """The content of a JSON file. Raises ValueError for NaN, which JSON lacks."""
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
 def escape_cell(text: str) -> str:
-    """A text for a table: control characters are shown, and what a spreadsheet would take for a formula gets an
-    apostrophe before it."""
+    """A text for a table: control characters are made visible, and an apostrophe precedes a text that a spreadsheet
+    would take for a formula."""
     return show_controls(f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text)
 
 
 def write_json(path: Path, data: object) -> None:
-    """Write a JSON file atomically; NaN is refused."""
+    """Write a JSON file atomically. Raises ValueError for NaN."""
     write_text(path, to_json_text(data))
 
 
 def replace_if_unchanged(path: Path, before: str, text: str) -> bool:
-    """Replace a text file whose content is ``before`` by ``text``, atomically; False if its content is another.
-
-    This is safe if another process moves the file's folder away at any moment and puts another in its place: the part
-    is then in the folder that was moved.
-    """
+    """Replace a text file whose content is ``before`` by ``text``, atomically; False if its content differs. Safe even
+    if another process moves the folder away and puts another in its place: the part is then in the moved folder."""
 
     def write(part: Path) -> None:
         _write_text(part, text)
@@ -177,7 +173,7 @@ def hash_file(path: Path) -> str:
     """Checksum of a regular file's content. Raises OSError for any other, such as a pipe that never ends."""
     found = hashlib.sha256()
     with system.open_regular(path) as stream:
-        while part := stream.read(_PART_BYTES):
+        while part := stream.read(_CHECKSUM_STEP_BYTES):
             found.update(part)
     return found.hexdigest()
 
@@ -193,10 +189,8 @@ def read_checksum(path: Path, most: float = math.inf) -> str:
 
 def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path:
     """The file or folder that the setting ``name`` states: ``~`` is the home folder, ``//`` the .blend's folder.
-
-    ``blend_folder`` is empty or None where there is no saved .blend. Raises IcyMoonError if the
-    path is empty, none that a system could have, or begins with // without one.
-    """
+    ``blend_folder`` is empty or None without a saved .blend. Raises IcyMoonError for an empty or impossible path, and
+    for // without a saved .blend."""
     if text.startswith("//"):
         if not blend_folder:
             raise IcyMoonError(
@@ -208,10 +202,8 @@ def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path
 
 
 def parse_path(text: str, name: str) -> Path:
-    """The path that the user wrote for ``name``, which may begin with ``~``, a home folder.
-
-    Raises IcyMoonError if it is empty or no path that a system could have.
-    """
+    """The path that the user wrote for ``name``; ``~`` at its begin is a home folder. Raises IcyMoonError for an empty
+    or impossible path."""
     if not text.strip():
         raise IcyMoonError(f"{name} is empty; choose a path.")
     path = os.path.expanduser(text)
@@ -226,10 +218,10 @@ def parse_path(text: str, name: str) -> Path:
         longest = 0
     if longest == 0 or "\0" in path:
         raise IcyMoonError(f"{name} is {shorten(text)!r}, with characters that no path can have; write another.")
-    if longest > _LONGEST_NAME or len(path) > _LONGEST_PATH:
+    if longest > _LONGEST_NAME_BYTES or len(path) > _LONGEST_PATH_CHARACTERS:
         raise IcyMoonError(
-            f"{name} is {shorten(text)!r}, longer than file systems take ({_LONGEST_NAME} bytes for a "
-            f"name, {_LONGEST_PATH} for a path); choose a shorter one."
+            f"{name} is {shorten(text)!r}, longer than file systems take ({_LONGEST_NAME_BYTES} bytes for a "
+            f"name, {_LONGEST_PATH_CHARACTERS} for a path); choose a shorter one."
         )
     return Path(path)
 
@@ -246,20 +238,22 @@ def quote(value: object) -> str:
         return "true" if value else "false"
     if value is None:
         return "null"
-    if isinstance(value, int) and abs(value) >= _LONGEST_WHOLE:
+    if isinstance(value, int) and abs(value) >= _LARGEST_QUOTED_NUMBER:
         return f"a whole number of {int(math.log10(abs(value))) + 1} digits"
     if isinstance(value, datetime.date | datetime.time):  # a datetime is a date
         return value.isoformat()
     if isinstance(value, Mapping):
         return "a table"
     if isinstance(value, list | tuple):
-        plain = len(value) <= _MOST_QUOTED and not any(isinstance(each, Mapping | list | tuple) for each in value)
+        plain = len(value) <= _MOST_QUOTED_VALUES and not any(
+            isinstance(each, Mapping | list | tuple) for each in value
+        )
         return shorten(f"[{', '.join(map(quote, value))}]") if plain else f"a list of {len(value)}"
     return shorten(repr(value))
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file; False also if the system cannot have such a path."""
+    """Whether a file exists; False also for a path that the system cannot have."""
     try:
         return path.is_file()
     except (OSError, ValueError):

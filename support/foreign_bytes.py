@@ -36,28 +36,46 @@ if TYPE_CHECKING:
     from .arrays import Array
 
 Parsed = TypeVar("Parsed")
-#: Default limits of one reading: bytes of the file, and bytes that its content may take in memory.
-MOST_BYTES, MOST_MEMORY = 2**30, 2**28
-#: Largest text file: a plan of 100,000 pairs has 40 MB. Longest line of a text that is read line by line.
-MOST_TEXT, LONGEST_LINE = 2**26, 2**16
-#: Longest TOML text, which takes 4 s and 500 MB at most; most parts of one of its keys, and of all of them, each of
-#: which may be a table.
-MOST_TOML, _MOST_PARTS, _MOST_TABLES = 4_000_000, 10, 400_000
-#: Lists and tables, and values, of one JSON text: some 100 bytes each once they are read, and 40.
-_MOST_LISTS, _MOST_VALUES = 1_000_000, 5_000_000
-#: How many times each byte of a file may be read; formats whose tables lead to their data need two.
+#: Default limit of the bytes of a file.
+MOST_BYTES = 2**30
+#: Default limit of the memory in bytes of its content.
+MOST_MEMORY = 2**28
+#: Largest text file in bytes: a plan of 100,000 pairs has 40 MB.
+MOST_TEXT_BYTES = 2**26
+#: Longest line in bytes of a text that is read line by line.
+LONGEST_LINE_BYTES = 2**16
+#: Longest TOML text in characters; it takes at most 4 s and 500 MB.
+MOST_TOML_CHARACTERS = 4_000_000
+#: Maximum number of parts of a key.
+_MOST_KEY_PARTS = 10
+#: Maximum number of parts of all keys together; each may be a table.
+_MOST_TOML_TABLES = 400_000
+#: Maximum number of lists and tables of a JSON text; each takes about 100 bytes of memory.
+_MOST_JSON_LISTS = 1_000_000
+#: Maximum number of its values; each takes about 40 bytes.
+_MOST_JSON_VALUES = 5_000_000
+#: Maximum number of readings of each byte of a file; formats whose tables lead to their data need two.
 _MOST_READINGS = 4
-#: Digits and bits of the largest whole number of a TOML file, which a float can hold; a line with a larger hexadecimal
-#: number has more characters than the last number here.
-_MOST_DIGITS, _MOST_BITS, _LEAST_DIGITS = 308, 1023, 255
-#: Bytes that are split into lines at a time, at least.
-_LEAST_PART = 2**16
-#: Members of an archive, bytes of an array's header.
-_MOST_MEMBERS, _MOST_HEADER = 1000, 10_000
-#: Bytes that an element, an attribute or a reference of an XML text takes at most once it is read, in round numbers.
-_XML_PART = 256
-#: Bytes of the list of an archive's members, of the least record at its end, and that are unpacked at a time.
-_MOST_DIRECTORY, _ARCHIVE_END, _UNPACKED_STEP = 2**20, 22, 2**18
+#: Digits of the largest whole number of a TOML file, which a float can hold.
+_MOST_DIGITS = 308
+#: Bits of this number.
+_MOST_BITS = 1023
+#: A line with a larger hexadecimal number has more characters than this.
+_HEX_LINE_CHARACTERS = 255
+#: Least number of bytes that are split into lines at a time.
+_LINES_STEP_BYTES = 2**16
+#: Maximum number of members of an archive.
+_MOST_MEMBERS = 1000
+#: Largest header of an array in bytes.
+_MOST_HEADER_BYTES = 10_000
+#: Memory in bytes, rounded up, of an element, an attribute or a reference of an XML text.
+_XML_PART_BYTES = 256
+#: Largest list of an archive's members in bytes.
+_MOST_DIRECTORY_BYTES = 2**20
+#: Bytes of the smallest record at its end.
+_ARCHIVE_END_BYTES = 22
+#: Bytes that are unpacked at a time.
+_UNPACKED_STEP_BYTES = 2**18
 _TEXT_MARKS = {
     codecs.BOM_UTF32_LE: "utf-32",
     codecs.BOM_UTF32_BE: "utf-32",
@@ -68,11 +86,11 @@ _TEXT_MARKS = {
 
 
 class RefusedError(Exception):
-    """A file that is whole but cannot be used: the end of a sentence about it, with the fix and a full stop."""
+    """A valid file that cannot be used: the end of a sentence about it, with the fix and a full stop."""
 
 
 class OverBudgetError(Exception):
-    """A file asks for more memory or time than its reader grants, as the end of a sentence about it."""
+    """A file that needs more memory or time than its reader allows: the end of a sentence about it."""
 
 
 class Budget:
@@ -82,10 +100,8 @@ class Budget:
         self.most = self.left = most
 
     def charge(self, count: int, what: str = "content") -> int:
-        """Take ``count`` bytes before room is made for them; gives ``count``.
-
-        Raises ValueError for a negative count, OverBudgetError if fewer bytes are left.
-        """
+        """Reserve ``count`` bytes before they are allocated, and return ``count``. Raises ValueError for a negative
+        count, OverBudgetError if too few bytes are left."""
         if count < 0:
             raise ValueError(f"{what} of {count} bytes")
         if count > self.left:
@@ -117,7 +133,7 @@ class Cursor:
         return len(self._data) - self._at
 
     def take(self, count: int) -> bytes:
-        """The next bytes. Raises ValueError if there are fewer, or the count is negative."""
+        """The next ``count`` bytes. Raises ValueError for a negative count, and if fewer bytes are left."""
         at, end = self._at, self._at + count
         if not at <= end <= len(self._data):
             raise ValueError(
@@ -133,7 +149,7 @@ class Cursor:
         self._at += count
 
     def skip_to(self, place: int) -> None:
-        """Go on at a place of the file. Raises ValueError if it is behind, or beyond the end."""
+        """Go to a place of the file. Raises ValueError for a place behind the cursor or beyond the end."""
         self.skip(place - self.at)
 
     def unpack(self, layout: str) -> tuple[Any, ...]:
@@ -145,7 +161,8 @@ class Cursor:
         return int(self.unpack(layout)[0])
 
     def take_until(self, mark: bytes, most: int) -> bytes:
-        """The bytes before ``mark``, which is left out. Raises ValueError if it does not follow within ``most``."""
+        """The bytes before ``mark``, which is skipped. Raises ValueError if it does not follow
+        within ``most`` bytes."""
         at, data = self._at, self._data
         if not isinstance(data, bytes):
             data, at = bytes(data[at : at + most + len(mark)]), 0
@@ -169,15 +186,15 @@ class Cursor:
 
 
 class ForeignBytes:
-    """A file, or bytes from within one, and what reading it may take. ``name`` is the file's, for commands on it."""
+    """A file, or bytes from one, and its reading budget. ``name`` is the file's name, for commands on it."""
 
     def __init__(self, source: bytes | IO[bytes], size: int, budget: Budget, name: str = "in.tif") -> None:
         self._find_position_source, self.size, self.budget, self.name = source, size, budget, name
         self._readable = _MOST_READINGS * size + 2**16
 
     def part(self, start: int, count: int) -> bytes:
-        """Bytes at any place. Raises ValueError for bytes that the file does not have, OverBudgetError if the same
-        bytes are asked for again and again."""
+        """Bytes at any place. Raises ValueError for bytes outside the file, OverBudgetError if the same bytes are
+        requested too often."""
         if start < 0 or count < 0 or start + count > self.size:
             raise ValueError(f"{count} bytes at byte {start}, but it has {self.size}")
         if count > self._readable:
@@ -192,7 +209,7 @@ class ForeignBytes:
         return data
 
     def cursor(self, start: int = 0, count: int | None = None) -> Cursor:
-        """A cursor over ``count`` bytes from ``start`` on, or all that follow."""
+        """A cursor over ``count`` bytes from ``start`` on; over all that follow without ``count``."""
         return Cursor(self.part(start, self.size - start if count is None else count), self.budget, start)
 
     def content(self) -> bytes:
@@ -203,12 +220,10 @@ class ForeignBytes:
         """The content as text, see ``decode_text``."""
         return decode_text(self.content())
 
-    def lines(self, start: int = 0, longest: int = LONGEST_LINE) -> Iterator[tuple[int, bytes]]:
-        """The lines from byte ``start`` on, see the function ``split_lines``, without having all in memory.
-
-        How they end is told from the first ones.
-        """
-        step = max(longest, _LEAST_PART)
+    def lines(self, start: int = 0, longest: int = LONGEST_LINE_BYTES) -> Iterator[tuple[int, bytes]]:
+        """The lines from byte ``start`` on, see the function ``split_lines``, without holding all in memory. The first
+        lines show how lines end."""
+        step = max(longest, _LINES_STEP_BYTES)
         first = self.part(start, min(step, self.size - start))
         rest = (self.part(at, min(step, self.size - at)) for at in range(start + len(first), self.size, step))
         return _split_parts(chain([first], rest), b"\r" if b"\n" not in first else b"\n", longest)
@@ -254,7 +269,7 @@ def parse_part(
 
 @contextmanager
 def explain_errors(where: object, kind: str, fix: str) -> Iterator[None]:
-    """Turn whatever a parser raises into one sentence."""
+    """Convert any error of a parser into one sentence."""
     try:
         yield
     except IcyMoonError:
@@ -281,7 +296,7 @@ def describe_reason(error: Exception) -> str:
     if isinstance(error, KeyError):
         return f"{str(error)[:80]} is missing"
     if isinstance(error, IndexError):
-        return "it refers to what it has not"
+        return "it refers to content that it lacks"
     if isinstance(error, TypeError | AttributeError):
         return "it has a value of another kind than it must have there"
     if isinstance(error, OverflowError):
@@ -313,10 +328,8 @@ def read_end(path: Path, most: int) -> bytes:
 
 
 def decode_text(data: bytes) -> str:
-    """A text in UTF-8, or in the encoding of its first bytes, as PowerShell and Notepad write; lines end in \\n.
-
-    Raises ValueError where it is no such text.
-    """
+    r"""A text in UTF-8, or in the encoding of its first bytes, as PowerShell and Notepad write; lines end in \ . Raises
+    ValueError for other content."""
     encoding = next((name for mark, name in _TEXT_MARKS.items() if data.startswith(mark)), "utf-8")
     try:
         text = data.decode(encoding)
@@ -325,18 +338,18 @@ def decode_text(data: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def split_lines(data: bytes, longest: int = LONGEST_LINE) -> Iterator[tuple[int, bytes]]:
+def split_lines(data: bytes, longest: int = LONGEST_LINE_BYTES) -> Iterator[tuple[int, bytes]]:
     """Number, from 1, and bytes of each line, which ends in \\n, \\r\\n or \\r, without its end.
 
     Raises ValueError for a line of more than ``longest`` bytes.
     """
     end = b"\r" if b"\n" not in data else b"\n"
-    step = max(longest, _LEAST_PART)
+    step = max(longest, _LINES_STEP_BYTES)
     return _split_parts((data[at : at + step] for at in range(0, len(data), step)), end, longest)
 
 
 def _split_parts(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[tuple[int, bytes]]:
-    """The lines of a text that comes in parts, each but the last of ``longest`` bytes or more."""
+    """The lines of a text that comes in parts; each part but the last has ``longest`` bytes or more."""
     number, rest = 0, b""
     for part in parts:
         *whole, rest = (rest + part).split(end)
@@ -352,18 +365,15 @@ def _split_parts(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[t
 
 
 def parse_json(text: str | bytes) -> Any:
-    """The content of a JSON text.
-
-    Raises ValueError for a text that is not JSON, has a number that is not finite, or more than ``_MOST_VALUES``
-    values.
-    """
-    # Each bracket and comma is one more value at the most. Brackets and commas in texts count too; files have few.
+    """The content of a JSON text. Raises ValueError for other texts, for a number that is not finite, and for more than
+    ``_MOST_JSON_VALUES`` values."""
+    # Each bracket and comma adds at most one value. Brackets and commas within texts count too; files have few.
     if isinstance(text, bytes):
         lists, commas = text.count(b"[") + text.count(b"{"), text.count(b",")
     else:
         lists, commas = text.count("[") + text.count("{"), text.count(",")
-    if lists > _MOST_LISTS or commas > _MOST_VALUES:
-        raise ValueError(f"it has more than {_MOST_LISTS} lists and tables, or {_MOST_VALUES} values")
+    if lists > _MOST_JSON_LISTS or commas > _MOST_JSON_VALUES:
+        raise ValueError(f"it has more than {_MOST_JSON_LISTS} lists and tables, or {_MOST_JSON_VALUES} values")
     try:
         return json.loads(text, parse_float=_parse_finite, parse_constant=_parse_finite)
     except RecursionError:
@@ -382,36 +392,40 @@ def _parse_finite(text: str) -> float:
 
 
 def note_on_backslashes(path: object) -> str:
-    """What may be wrong with the path of a file that is not there, in parentheses: only Windows divides folders by a
-    backslash, which other systems take for a part of a name."""
+    """A remark in parentheses on the path of a missing file: only Windows separates folders by a backslash, which is
+    part of a name on other systems."""
     there = "\\" in str(path) and not system.is_windows()
     return " (a \\ is a part of a name here; write / between folders)" if there else ""
 
 
 def hint_on_paths(error: ValueError) -> str:
-    """What may be wrong with a text that ``parse_toml`` refuses, as the end of a clause: in double quotes a backslash
+    """The end of a clause on the likely fault of a text that ``parse_toml`` refuses: in double quotes a backslash
     begins an escape, also in paths of Windows."""
     escape = "Unescaped" in str(error) or "hex value" in str(error)
     return "; write paths with / or in single quotes" if escape else ""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The content of a TOML text. Raises tomllib.TOMLDecodeError, a ValueError with line and column, for another, and
-    for one of more than ``MOST_TOML`` characters or with keys of more than ten parts."""
-    if len(text) > MOST_TOML:
-        raise tomllib.TOMLDecodeError(f"it has {len(text) / 1e6:.0f} million characters, more than {MOST_TOML / 1e6:g}")
+    """The content of a TOML text. Raises tomllib.TOMLDecodeError, a ValueError with line and column, for other texts,
+    for more than ``MOST_TOML_CHARACTERS`` characters, and for keys of more than ten parts."""
+    if len(text) > MOST_TOML_CHARACTERS:
+        raise tomllib.TOMLDecodeError(
+            f"it has {len(text) / 1e6:.0f} million characters, more than {MOST_TOML_CHARACTERS / 1e6:g}"
+        )
     tables, long_lines = 0, False
     for number, line in enumerate(text.split("\n"), 1):  # tomllib looks at each beginning of a key
-        long_lines = long_lines or len(line) > _LEAST_DIGITS
+        long_lines = long_lines or len(line) > _HEX_LINE_CHARACTERS
         if "." not in line:
             continue
         head = line.partition("=")[0] if "=" in line else line if line.lstrip().startswith("[") else ""
         parts = head.partition(",")[0].count(".")
         tables += parts
-        if parts > _MOST_PARTS:
-            raise tomllib.TOMLDecodeError(f"line {number} has a key of more than {_MOST_PARTS} parts")
-        if tables > _MOST_TABLES:
-            raise tomllib.TOMLDecodeError(f"up to line {number} it has more than {_MOST_TABLES} tables in its keys")
+        if parts > _MOST_KEY_PARTS:
+            raise tomllib.TOMLDecodeError(f"line {number} has a key of more than {_MOST_KEY_PARTS} parts")
+        if tables > _MOST_TOML_TABLES:
+            raise tomllib.TOMLDecodeError(
+                f"up to line {number} it has more than {_MOST_TOML_TABLES} tables in its keys"
+            )
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
@@ -447,7 +461,7 @@ def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
     if "<!DOCTYPE" in text.upper() or "<!ENTITY" in text.upper():
         raise ValueError("it has a document type, whose entities may grow without end")
     if budget is not None:
-        budget.charge(_XML_PART * sum(map(text.count, "<=&")), "elements and attributes")
+        budget.charge(_XML_PART_BYTES * sum(map(text.count, "<=&")), "elements and attributes")
     try:
         return ElementTree.fromstring(text.encode())
     except ElementTree.ParseError as error:
@@ -455,8 +469,8 @@ def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
 
 
 def parse_whole_numbers(text: bytes) -> Array:
-    """The numbers (n,) int64 of a text of digits and blanks; those beyond 2^63 - 1 become it. Raises ValueError for
-    another text."""
+    """The numbers (n,) int64 of a text of digits and blanks; numbers beyond 2^63 - 1 become 2^63 - 1. Raises ValueError
+    for another text."""
     import numpy as np
 
     if text.translate(None, b"0123456789 \t\r\n"):
@@ -479,10 +493,8 @@ def inflate(data: bytes, size: int, budget: Budget | None = None) -> bytes:
 
 
 def parse_npy(foreign: ForeignBytes, kinds: str = "fiub") -> Array:
-    """The array of a file in numpy's format, of numbers of these ``kinds``, read-only.
-
-    Raises ValueError for another type, and for a shape that the file does not hold.
-    """
+    """The read-only array of a file in numpy's format, with numbers of these ``kinds``. Raises ValueError for another
+    type, and for a shape larger than the file."""
     return _read_array(foreign.cursor(), kinds)
 
 
@@ -495,7 +507,7 @@ def _read_array(cursor: Cursor, kinds: str) -> Array:
     if major not in (1, 2, 3):
         raise ValueError(f"version {major} of an array")
     length = cursor.number("<H" if major == 1 else "<I")
-    if length > _MOST_HEADER:
+    if length > _MOST_HEADER_BYTES:
         raise ValueError(f"a header of {length} bytes")
     stated = io.BytesIO(struct.pack("<I", length) + cursor.take(length))
     try:
@@ -533,12 +545,12 @@ def parse_npz(foreign: ForeignBytes, wanted: Collection[str] | None = None, kind
 
 
 def _check_directory(data: bytes) -> None:
-    """Refuse an archive whose list of members would take long to read: it is read whole before anything else."""
-    end = data.rfind(b"PK\x05\x06", max(0, len(data) - 2**16 - _ARCHIVE_END))
-    if end < 0 or end + _ARCHIVE_END > len(data):
+    """Refuse an archive whose list of members would take long to read; the list is read as a whole before all else."""
+    end = data.rfind(b"PK\x05\x06", max(0, len(data) - 2**16 - _ARCHIVE_END_BYTES))
+    if end < 0 or end + _ARCHIVE_END_BYTES > len(data):
         raise ValueError("it has no list of members")
     count, size = struct.unpack_from("<HI", data, end + 10)
-    if count > _MOST_MEMBERS or size > _MOST_DIRECTORY or data.rfind(b"PK\x06\x07", max(0, end - 20), end) >= 0:
+    if count > _MOST_MEMBERS or size > _MOST_DIRECTORY_BYTES or data.rfind(b"PK\x06\x07", max(0, end - 20), end) >= 0:
         raise ValueError(f"it has more than {_MOST_MEMBERS} members")
     if data.count(b"PK\x01\x02", max(0, end - size), end) > _MOST_MEMBERS:
         raise ValueError(f"it has more than {_MOST_MEMBERS} members")
@@ -548,7 +560,7 @@ def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, size: int) -> mem
     """The content of a member of an archive, of ``size`` bytes at most, in steps that stay in the processor's cache."""
     content, at = bytearray(size), 0
     with archive.open(member) as stream:
-        while at < size and (part := stream.read(min(_UNPACKED_STEP, size - at))):
+        while at < size and (part := stream.read(min(_UNPACKED_STEP_BYTES, size - at))):
             content[at : at + len(part)] = part
             at += len(part)
     return memoryview(content)[:at].toreadonly()

@@ -1,4 +1,4 @@
-"""Names and numbers that the truth in the images is labelled with, and of layers of data. Imports nothing."""
+"""Names and numbers of labels in the truth of images, and names of data layers. Imports nothing."""
 
 BEAUTY, TRUTH = "Beauty", "Truth"  # the view layers, and so the layers of each EXR
 HIDDEN = "Hidden"  # pass of the layer TRUTH: 1 where the point is hidden from the other eye, else 0
@@ -16,7 +16,7 @@ BAKED_ATTRIBUTES = {"Sun": "icymoon_baked_light", "Planet": "icymoon_baked_light
 BAKED_ERROR_AOVS = {"Sun": "BakedError", "Planet": "BakedErrorPlanet"}
 #: Attributes of the ground's vertices, by light group: the same error of this irradiance, the mean of the bands.
 BAKED_ERROR_ATTRIBUTES = {group: f"{name}_error" for group, name in BAKED_ATTRIBUTES.items()}
-#: Value of BAKED_ATTRIBUTES where no light was baked, so that a pixel that shows such ground is found.
+#: Value of BAKED_ATTRIBUTES without baked light, which marks the pixels that show such ground.
 NOT_BAKED = -1.0e30
 
 #: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.
@@ -27,19 +27,22 @@ NORMAL_PASS = f"{TRUTH}.{NORMAL_AOV}"
 BAKED_ERROR_PASSES = {group: f"{BEAUTY}.{name}" for group, name in BAKED_ERROR_AOVS.items()}
 _RADIANCE = {IMAGE_PASS, *GROUP_PASSES, *BAKED_ERROR_PASSES.values()}
 #: Passes (``LAYER.PASS``) that a pair's files store as 16-bit floats, by ``quality.half_floats``.
-ROUNDED = {"NONE": set[str](), "RADIANCE": _RADIANCE, "RADIANCE_NORMALS": _RADIANCE | {f"{TRUTH}.Normal", NORMAL_PASS}}
+HALF_FLOAT_PASSES = {
+    "NONE": set[str](),
+    "RADIANCE": _RADIANCE,
+    "RADIANCE_NORMALS": _RADIANCE | {f"{TRUTH}.Normal", NORMAL_PASS},
+}
 
 
 def rounded_passes(files: str, half_floats: str) -> set[str]:
     """Passes that are stored as 16-bit floats with this ``quality.files`` and ``quality.half_floats``."""
-    return ROUNDED["RADIANCE_NORMALS" if files == "COMPACT" else half_floats]
+    return HALF_FLOAT_PASSES["RADIANCE_NORMALS" if files == "COMPACT" else half_floats]
 
 
-#: Values of the semantic channel (material index).
-SEMANTIC = {0: "sky", 1: "terrain", 2: "rock", 3: "lander", 4: "planet"}
+#: Names of the values of the semantic channel (material index).
+SEMANTIC_NAMES = {0: "sky", 1: "terrain", 2: "rock", 3: "lander", 4: "planet"}
 TERRAIN, ROCK, LANDER, PLANET = 1, 2, 3, 4
-#: Semantic value of a pixel that a turned sensor does not see, which is neither sky nor anything else. Only data that
-#: is read and exported has it, never a pair.
+#: Semantic value of a pixel that a turned sensor does not see. Only read and exported data has it, never a pair.
 NOT_SEEN = 255
 #: Labels of instances. Objects have theirs in the object-index pass, at most 32767 in Blender: the
 #: terrain, then the user's objects, each its own pass index or else the next free number. Rocks are

@@ -1,8 +1,8 @@
-"""The one printer: what this program prints to a terminal, a pipe or a log goes through here.
+r"""Printing to a terminal, a pipe or a log: all output of this program goes through this module.
 
-Texts contain what others wrote: names of files, ids, errors of programs. They are printed as plain text, without
-markup, and what would steer a terminal is shown, as in ``\\x1b``. A stream that is absent, closed or knows few
-characters stops nothing. Imports no Blender, and rich only for tables and bars.
+Texts contain foreign words: names of files, ids, errors of programs. They are printed as plain text, without markup,
+and control characters are made visible, as in ``\x1b``. A stream that is absent, closed or knows few characters causes
+no error. Imports no Blender, and rich only for tables and bars.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
-#: What steers a terminal, ends a line or turns the direction of writing, and halves of characters.
-_CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-_SHORT = {"\n": "\\n", "\r": "\\r", "\t": "\\t"}
+#: Characters that steer a terminal, end a line or change the direction of writing, and lone surrogates.
+_CONTROL_CHARACTERS = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+_SHORT_ESCAPES = {"\n": "\\n", "\r": "\\r", "\t": "\\t"}
 
 
 def show_controls(text: str) -> str:
     """The text in one line, in which each control character is visible, as in ``\\x1b`` or ``\\u202e``."""
-    return text if text.isprintable() else _CONTROLS.sub(_show_control, text)
+    return text if text.isprintable() else _CONTROL_CHARACTERS.sub(_show_control, text)
 
 
 def show_lines(text: str) -> str:
@@ -40,14 +40,12 @@ def show_lines(text: str) -> str:
 
 def _show_control(found: re.Match[str]) -> str:
     number = ord(found[0])
-    return _SHORT.get(found[0]) or (f"\\x{number:02x}" if number < 0x100 else f"\\u{number:04x}")
+    return _SHORT_ESCAPES.get(found[0]) or (f"\\x{number:02x}" if number < 0x100 else f"\\u{number:04x}")
 
 
 def open_streams() -> None:
-    """Have a standard stream for each that is absent, and none that fails at a character.
-
-    A stream that was closed leaves its number to the next file that is opened, into which a library would then print.
-    """
+    """Open a standard stream for each absent one, and make all of them accept any character. Without this, the next
+    opened file would get the number of the absent stream, and a library would print into that file."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -123,7 +121,7 @@ def flush() -> None:
 
 
 def drop_output() -> None:
-    """Print nothing more: nobody reads the standard output, and Python would complain at its end."""
+    """Discard all further output: the standard output has no reader, and Python would complain at its end."""
     with suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -195,7 +193,7 @@ def _write(stream: IO[str] | None, text: str, at_once: bool = True) -> None:
 
 
 class _Stream:
-    """A standard stream for rich, whichever it is at the time. It fails as ``say`` does, or as ``warn``, never."""
+    """The current standard stream, for rich. It fails as ``say`` does, or, as ``warn`` does, never."""
 
     def __init__(self, name: str) -> None:
         self._name = name

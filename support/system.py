@@ -1,7 +1,7 @@
-"""Every difference between Windows, macOS and Linux, and nothing else. Imports no Blender.
+"""All differences between Windows, macOS and Linux. Imports no Blender.
 
-Files: flushing, replacing and removing what other programs have open, locks, names and lengths of paths. Processes:
-starting one without a window, stopping it, ending with the one that started us.
+Files: flushing, replacing and removing files that other programs have open, locks, names and lengths of paths.
+Processes: starting a process without a window, stopping it, ending with the process that started this one.
 """
 
 from __future__ import annotations
@@ -27,18 +27,22 @@ from typing import IO, Any, TypeVar
 from .errors import IcyMoonError
 
 PLATFORM = sys.platform
-#: Errors that pass by themselves: of a network share, or of a call that a signal has interrupted.
-_PASSING = {errno.EIO, errno.ESTALE, errno.EAGAIN, errno.ETIMEDOUT, errno.EINTR}
-#: Waits before another attempt, 13 s in all: a share that is away for longer is a failure. What another program has
-#: open is waited for as often as stated, 1.4 s in all: Windows tells it by the error of what may not be written to.
-_WAITS_S, _BUSY_WAITS = (0.02, 0.08, 0.3, 1.0, 3.0, 8.6), 4
-#: Flags of Windows' CreateProcess, which Python names on Windows only.
-_NEW_GROUP, _NO_WINDOW = 0x200, 0x08000000
+#: Errors that pass without action: of a network share, or of a call that a signal has interrupted.
+_TEMPORARY_ERRORS = {errno.EIO, errno.ESTALE, errno.EAGAIN, errno.ETIMEDOUT, errno.EINTR}
+#: Waits in seconds before another attempt, 13 s in all; a share that is away for longer is a failure.
+_RETRY_WAITS_S = (0.02, 0.08, 0.3, 1.0, 3.0, 8.6)
+#: Number of these waits for a file that another program has open, 1.4 s in all. Windows has the same error for a file
+#: that may not be written to.
+_BUSY_RETRIES = 4
+#: Flag of Windows' CreateProcess, which Python names on Windows only: a new group of processes.
+_WINDOWS_NEW_GROUP = 0x200
+#: Flag: no console window.
+_WINDOWS_NO_WINDOW = 0x08000000
 #: Windows' error of OpenProcess for a number that no process has.
 _NO_SUCH_PROCESS = 87
-#: Longest path that Windows takes from programs that were not made for longer ones.
-LONGEST_PATH = 259
-_DEVICES = {
+#: Longest path that Windows accepts from programs without support for long paths.
+LONGEST_WINDOWS_PATH = 259
+_DEVICE_NAMES = {
     "CON",
     "PRN",
     "AUX",
@@ -47,16 +51,22 @@ _DEVICES = {
     "CONOUT$",
     *(f"{device}{n}" for device in ("COM", "LPT") for n in "123456789¹²³"),
 }
-#: Tells a process of ours when to stop: at the end of its standard input (-), or when there is a file of this name.
-_STOP = "ICYMOON_STOP"
-#: Environment of a process that computes with images: glibc gives the memory of each array back to Linux and asks for
-#: it again, which takes a tenth of the processor's time. These values make it keep the memory of arrays below 32 MiB.
+#: Environment variable that states when a process of ours must stop: at the end of its standard input (-), or as soon
+#: as a file of this name exists.
+_STOP_VARIABLE = "ICYMOON_STOP"
+#: Environment of a process that computes with images. By default glibc returns the memory of each array to Linux and
+#: requests it again, which takes a tenth of the processor time. These values keep the memory of arrays below 32 MiB.
 KEEPS_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**29)}
-#: Address space in bytes that a thread may take: its stack, and a part of the heap that glibc keeps for it.
-_OF_A_THREAD = 2**27 + 2**26
-#: Increase of niceness of a program of low priority, and the class of Windows for the same.
-_NICER, _BELOW_NORMAL = 10, 0x4000
-_LOOK_S, _GRACE_S = 0.25, 3.0
+#: Address space of a thread in bytes: its stack, and the part of the heap that glibc keeps for it.
+_BYTES_PER_THREAD = 2**27 + 2**26
+#: Increase of niceness of a program of low priority.
+_NICENESS_STEP = 10
+#: Class of Windows for the same priority.
+_WINDOWS_BELOW_NORMAL = 0x4000
+#: Seconds between looks at another process or file.
+_POLL_S = 0.25
+#: Seconds in which a process may end by itself.
+_GRACE_S = 3.0
 _Result = TypeVar("_Result")
 
 
@@ -84,7 +94,7 @@ def flush(path: Path) -> None:
 
 
 def flush_handle(handle: int) -> None:
-    """Flush an open file to the disk, on macOS through the disk's own cache, which fsync leaves alone there."""
+    """Flush an open file to the disk. On macOS also empties the cache of the disk, which fsync does not."""
     if PLATFORM == "darwin":
         import fcntl
 
@@ -95,10 +105,8 @@ def flush_handle(handle: int) -> None:
 
 
 def open_regular(path: Path) -> IO[bytes]:
-    """Open a file for reading, if it is a regular one: a pipe or a device could hold up its reader for ever.
-
-    Raises OSError for any other.
-    """
+    """Open a regular file for reading. Raises OSError for any other, such as a pipe or a device, which could block its
+    reader."""
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
     irregular = OSError(errno.EINVAL, "it is no regular file", str(path))
     try:
@@ -112,12 +120,12 @@ def open_regular(path: Path) -> IO[bytes]:
 
 
 def retry(act: Callable[[], _Result]) -> _Result:
-    """What ``act`` returns; it is tried again for some seconds after errors that pass by themselves."""
-    for n, wait_s in enumerate(_WAITS_S):
+    """The result of ``act``, which is tried again for some seconds after temporary errors."""
+    for n, wait_s in enumerate(_RETRY_WAITS_S):
         try:
             return act()
         except OSError as error:
-            if error.errno not in _PASSING and not (may_be_open_elsewhere(error) and n < _BUSY_WAITS):
+            if error.errno not in _TEMPORARY_ERRORS and not (may_be_open_elsewhere(error) and n < _BUSY_RETRIES):
                 raise
         time.sleep(wait_s)
     return act()
@@ -137,17 +145,17 @@ def rename(source: Path, target: Path) -> None:
 
 
 def replace(source: Path, target: Path) -> None:
-    """Rename a file to ``target``, in place of a file that is there."""
+    """Rename a file to ``target``, in place of an existing file."""
     retry(lambda: os.replace(source, target))
 
 
 def remove(path: Path) -> None:
-    """Remove a file, if it is there."""
+    """Remove a file, if it exists."""
     retry(lambda: path.unlink(missing_ok=True))
 
 
 def remove_folder(path: Path) -> None:
-    """Remove a folder and all in it, if it is there; what cannot be removed stays."""
+    """Remove a folder with its content, if it exists; files that cannot be removed stay."""
     with suppress(OSError):
         retry(lambda: shutil.rmtree(path))
         return
@@ -155,14 +163,15 @@ def remove_folder(path: Path) -> None:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Whether nobody reads the printed output any more; Windows reports an invalid argument."""
+    """Whether the printed output has no reader any more; Windows reports an invalid argument."""
     return isinstance(error, BrokenPipeError) or (
         is_windows() and error.errno == errno.EINVAL and error.filename is None
     )
 
 
 def lock(path: Path) -> IO[bytes] | None:
-    """The file, made if need be, opened and locked for this process; None if another has it locked."""
+    """The file, opened and locked for this process, and made if it is missing; None if another
+    process has locked it."""
     stream = path.open("a+b")
     try:
         if is_windows():
@@ -208,7 +217,8 @@ def is_lock_held(path: Path) -> bool:
 
 
 def check_path(path: Path, deepest: Path | None = None) -> None:
-    """Raise IcyMoonError if Windows, where this is Windows, takes no such path, or not the ``deepest`` in it."""
+    """On Windows, raise IcyMoonError for a path that it does not accept, or whose longest part
+    ``deepest`` it does not."""
     if not is_windows():
         return
     whole = PureWindowsPath(os.path.abspath(path))
@@ -216,20 +226,20 @@ def check_path(path: Path, deepest: Path | None = None) -> None:
         if fault := find_name_fault(name):
             raise IcyMoonError(f"{path}: Windows takes no name such as {name!r} ({fault}); choose another one.")
     length = len(os.path.abspath(deepest or path))
-    if length > LONGEST_PATH and not _allows_long_paths():
+    if length > LONGEST_WINDOWS_PATH and not _allows_long_paths():
         raise IcyMoonError(
-            f"{path}: the path to write has {length} characters, and Windows takes {LONGEST_PATH}; "
+            f"{path}: the path to write has {length} characters, and Windows takes {LONGEST_WINDOWS_PATH}; "
             "choose a folder with a shorter path."
         )
 
 
 def find_name_fault(name: str) -> str:
-    """Why Windows takes no file of this name; empty if it does."""
+    """The reason why Windows accepts no file of this name; empty if it does."""
     if wrong := [c for c in name if c in '<>:"/\\|?*' or ord(c) < 32]:
         return f"with {wrong[0]!r}"
     if name.endswith((".", " ")) and name.strip("."):
         return "that ends in a full stop or a space"
-    if name.split(".")[0].rstrip().upper() in _DEVICES:
+    if name.split(".")[0].rstrip().upper() in _DEVICE_NAMES:
         return "of a device"
     return ""
 
@@ -250,17 +260,17 @@ def computer_name() -> str:
 
 
 def find_user_key() -> str:
-    """What tells the users of this computer apart in a folder that they share."""
+    """A text that separates the users of this computer in a shared folder."""
     return str(os.getuid()) if hasattr(os, "getuid") else "user"
 
 
 def belongs_to_user(path: Path) -> bool:
-    """Whether a file or folder is this user's; on Windows folders of other users are not seen anyway."""
+    """Whether a file or folder belongs to this user; Windows hides folders of other users anyway."""
     return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()
 
 
 def find_cache_folder() -> Path:
-    """The folder where the user's programs keep data that they can make again."""
+    """The folder for data that the user's programs can make again."""
     home = Path.home()
     usual = {"win32": ("LOCALAPPDATA", home / "AppData" / "Local"), "darwin": ("", home / "Library" / "Caches")}
     variable, otherwise = usual.get(PLATFORM, ("XDG_CACHE_HOME", home / ".cache"))
@@ -280,7 +290,8 @@ _MISSING_LIBRARY = re.compile(r"(\S+?\.so[.\d]*): cannot open shared object file
 
 
 def explain_missing_library(error: str) -> str:
-    """What Blender as a module lacks of the system and how to get it, as a sentence; empty for another error."""
+    """A sentence on a missing system library that Blender as a module needs, and how to get it; empty for another
+    error."""
     if "DLL load failed" in error:
         return (
             "Windows lacks a library that Blender needs; install Microsoft Visual C++ Redistributable 2015-2022 "
@@ -308,7 +319,7 @@ def find_venv_python(folder: Path) -> Path:
 
 
 def find_pythons(prefix: Path) -> list[Path]:
-    """Where there may be a Python outside Blender: of an installation, and on the search path."""
+    """Possible Pythons outside Blender: of the installation at ``prefix``, and on the search path."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     names = ("python", "py") if is_windows() else ("python3",)
     found = [Path(path) for name in names if (path := shutil.which(name))]
@@ -325,7 +336,7 @@ def is_python(executable: str) -> bool:
 
 
 def split_command(text: str) -> list[str]:
-    """A command as one would type it, as its arguments. Raises ValueError for quotes that are not closed."""
+    """The arguments of a command as typed. Raises ValueError for an unclosed quote."""
     words = shlex.shlex(text, posix=True)
     words.whitespace_split, words.commenters = True, ""
     if is_windows():
@@ -342,7 +353,7 @@ def count_processors() -> int:
 
 
 def measure_peak_memory_mib() -> float | None:
-    """Most memory that this process has had; None on Windows, where Python does not tell."""
+    """Peak memory of this process in MiB; None on Windows, where Python cannot measure it."""
     try:
         import resource
     except ImportError:
@@ -352,7 +363,7 @@ def measure_peak_memory_mib() -> float | None:
 
 
 def measure_peak_memory_mib_of(pid: int) -> float | None:
-    """Most memory that another process has had; None where there is no Linux to tell it."""
+    """Peak memory in MiB of another process; None except on Linux."""
     try:
         with open(f"/proc/{pid}/status", encoding="ascii", errors="replace") as stream:
             return next((int(line.split()[1]) / 1024 for line in stream if line.startswith("VmHWM:")), None)
@@ -373,7 +384,7 @@ def bound_memory_and_time(memory: int, cpu_s: float | None = None) -> Iterator[N
     import resource
 
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    most_bytes = pages * resource.getpagesize() + memory + _OF_A_THREAD * count_processors()
+    most_bytes = pages * resource.getpagesize() + memory + _BYTES_PER_THREAD * count_processors()
     limits = {resource.RLIMIT_AS: most_bytes, resource.RLIMIT_CORE: 0}
     if cpu_s is not None:
         used_s = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
@@ -408,7 +419,7 @@ def run(
     try:
         while True:  # Windows interrupts nobody who waits
             with suppress(subprocess.TimeoutExpired):
-                said = [text.decode("utf-8", "replace") for text in process.communicate(timeout=_LOOK_S)]
+                said = [text.decode("utf-8", "replace") for text in process.communicate(timeout=_POLL_S)]
                 return subprocess.CompletedProcess(list(command), process.returncode, *said)
             if timeout_s is not None and time.monotonic() - begun > timeout_s:
                 raise TimeoutError(f"{command[0]} took more than {timeout_s:g} s")
@@ -419,22 +430,23 @@ def run(
 
 #: Products of matrices in programs of ours are short. The other threads of numpy's OpenBLAS would only wait, busily: a
 #: quarter of the processor time of a pair's truth. Who states the variable is obeyed.
-_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
+_ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
 
 
 def start(
     command: Sequence[str], environment: Mapping[str, str] | None = None, **streams: Any
 ) -> subprocess.Popen[bytes]:
-    """Start a program that no Ctrl-C of ours reaches, without a window; ``streams`` as of subprocess.Popen.
-
-    Raises OSError if it cannot start.
-    """
-    apart: dict[str, Any] = {"creationflags": _NEW_GROUP | _NO_WINDOW} if is_windows() else {"start_new_session": True}
+    """Start a program without a window that our Ctrl-C does not reach; ``streams`` are as for subprocess.Popen. Raises
+    OSError if it cannot start."""
+    apart: dict[str, Any] = (
+        {"creationflags": _WINDOWS_NEW_GROUP | _WINDOWS_NO_WINDOW} if is_windows() else {"start_new_session": True}
+    )
     return subprocess.Popen(list(command), env=environment, **{"stdin": subprocess.DEVNULL, **streams, **apart})
 
 
 def start_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
-    """As ``start``, of a program that ``obey_starter``: it ends when we do. Its errors go to its output."""
+    """As ``start``, for a program that calls ``obey_starter`` and so ends when this process does. Its errors go to its
+    output."""
     return start(
         command,
         _stop_environment(environment, "-"),
@@ -447,17 +459,15 @@ def start_ours(command: Sequence[str], environment: Mapping[str, str] | None = N
 def start_detached(
     command: Sequence[str], environment: Mapping[str, str] | None, held: IO[bytes], log: IO[bytes], stop: Path
 ) -> subprocess.Popen[bytes]:
-    """As ``start``, of a program that may outlive us. It holds a lock of ``lock_for_child`` and writes to ``log``.
-
-    ``stop`` names a file that is for ``interrupt_other``.
-    """
+    """As ``start``, for a program that may outlive this process. It holds the lock ``held`` of ``lock_for_child`` and
+    writes to ``log``. ``stop`` names the file by which ``interrupt_other`` stops it."""
     remove(stop)
     told = _stop_environment(environment, str(stop)) if is_windows() else environment
     return start(command, told, stdin=held, stdout=log, stderr=subprocess.STDOUT)
 
 
 def call_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> int:
-    """Run a program that ``obey_starter`` to its end, with our own output; its exit status."""
+    """Run a program that calls ``obey_starter`` to its end, with our own output, and return its exit status."""
     with subprocess.Popen(list(command), stdin=subprocess.PIPE, env=_stop_environment(environment, "-")) as process:
         try:
             return process.wait()
@@ -467,7 +477,7 @@ def call_ours(command: Sequence[str], environment: Mapping[str, str] | None = No
 
 
 def _stop_environment(environment: Mapping[str, str] | None, how: str) -> dict[str, str]:
-    return {**_ONE_THREAD, **(os.environ if environment is None else environment), _STOP: how}
+    return {**_ONE_BLAS_THREAD, **(os.environ if environment is None else environment), _STOP_VARIABLE: how}
 
 
 def interrupt(process: subprocess.Popen[bytes]) -> None:
@@ -507,7 +517,7 @@ def kill_all(process: subprocess.Popen[bytes]) -> None:
                 [str(taskkill), "/T", "/F", "/PID", str(process.pid)],
                 capture_output=True,
                 check=False,
-                creationflags=_NO_WINDOW,
+                creationflags=_WINDOWS_NO_WINDOW,
             )
             process.kill()
         else:
@@ -516,23 +526,21 @@ def kill_all(process: subprocess.Popen[bytes]) -> None:
 
 
 def lower_priority() -> None:
-    """Let other programs have the processors first."""
+    """Give other programs priority on the processors."""
     if is_windows():
         import ctypes
 
         kernel = ctypes.WinDLL("kernel32")
-        kernel.SetPriorityClass(kernel.GetCurrentProcess(), _BELOW_NORMAL)
+        kernel.SetPriorityClass(kernel.GetCurrentProcess(), _WINDOWS_BELOW_NORMAL)
         return
     with suppress(OSError):  # a system that refuses it is slower, no more
-        os.nice(_NICER)
+        os.nice(_NICENESS_STEP)
 
 
 def obey_starter(at_once: bool = False) -> None:
-    """Stop when the process that started this one by ``start_ours`` ends, or when it asks for it.
-
-    As by Ctrl-C, and after 3 s anyway; or ``at_once``.
-    """
-    how = os.environ.pop(_STOP, "")
+    """Stop when the process that started this one by ``start_ours`` ends or requests it: as by Ctrl-C, and 3 s later in
+    any case; immediately with ``at_once``."""
+    how = os.environ.pop(_STOP_VARIABLE, "")
     if how:
         threading.Thread(target=_end_as_told, args=(how, at_once), daemon=True).start()
 
@@ -543,7 +551,7 @@ def _end_as_told(how: str, at_once: bool) -> None:
             _wait_for_input_end()
         else:
             while not os.path.exists(how):
-                time.sleep(_LOOK_S)
+                time.sleep(_POLL_S)
     except OSError:  # there is no such input
         return
     if not at_once:
@@ -568,11 +576,11 @@ def _wait_for_input_end() -> None:
     with suppress(BrokenPipeError):
         while True:
             _winapi.PeekNamedPipe(msvcrt.get_osfhandle(0), 0)
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
 
 
 def set_stop_handler(handler: Callable[[int, Any], None]) -> None:
-    """Have ``handler`` called at Ctrl-C and when a scheduler or the system asks us to stop."""
+    """Call ``handler`` at Ctrl-C, and when a scheduler or the system stops this process."""
     # A shell that starts a program in the background lets it ignore SIGINT; a scheduler sends SIGTERM.
     for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
@@ -580,12 +588,12 @@ def set_stop_handler(handler: Callable[[int, Any], None]) -> None:
 
 
 def raise_at_interrupt() -> None:
-    """Have Ctrl-C raise KeyboardInterrupt, also in Blender, which keeps it for itself."""
+    """Make Ctrl-C raise KeyboardInterrupt, also in Blender, which otherwise handles it."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def end_at_interrupt() -> None:
-    """Have Ctrl-C end this process at once."""
+    """Make Ctrl-C end this process immediately."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
@@ -602,7 +610,7 @@ def silence_interrupts() -> Iterator[None]:
 
 
 def find_process_scope() -> str:
-    """What names the processes among which a process number means one process; empty if unknown."""
+    """The name of the scope in which a process number is unique; empty if unknown."""
     if PLATFORM == "linux":
         try:
             boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
@@ -613,7 +621,7 @@ def find_process_scope() -> str:
 
 
 def is_gone(pid: int, where: str) -> bool:
-    """Whether a process of a ``find_process_scope`` has certainly ended."""
+    """Whether a process of the scope ``where``, see ``find_process_scope``, has certainly ended."""
     if not where or where != find_process_scope() or not 0 < pid < 2**31:
         return False
     if is_windows():
@@ -645,7 +653,7 @@ def _is_gone_on_windows(pid: int) -> bool:
 
 
 def set_utf8_output() -> None:
-    """Have what this program prints be UTF-8, also into a file or a pipe on Windows, so that nothing fails there."""
+    """Print in UTF-8, also into a file or a pipe on Windows, so that every character can be printed."""
     for stream in (sys.stdout, sys.stderr):
         if is_windows() and stream is not None and not stream.isatty() and hasattr(stream, "reconfigure"):
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")

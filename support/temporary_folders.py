@@ -16,19 +16,19 @@ from .errors import IcyMoonError
 from .file_schemas import PROCESS, TEXT, read_record
 from .files import explain_disk_errors
 
-_PREFIX = "icymoon-"
-_OWNER = ".icymoon.json"
-#: What such a folder states about the process that made it.
-_SHAPE = {"pid": PROCESS, "place": TEXT, "computer": TEXT}
+_FOLDER_PREFIX = "icymoon-"
+_OWNER_FILE = ".icymoon.json"
+#: Shape of the record of the process that made a scratch folder.
+_OWNER_SHAPE = {"pid": PROCESS, "place": TEXT, "computer": TEXT}
 
 
 def make_scratch_folder() -> Path:
     """A new temporary folder, after sweeping what killed processes of ours have left. Raises IcyMoonError."""
     _remove_abandoned()
     with explain_disk_errors("write to", Path(tempfile.gettempdir())):
-        folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+        folder = Path(tempfile.mkdtemp(prefix=_FOLDER_PREFIX))
         owner = {"pid": os.getpid(), "place": system.find_process_scope(), "computer": system.computer_name()}
-        (folder / _OWNER).write_text(json.dumps(owner), encoding="utf-8")
+        (folder / _OWNER_FILE).write_text(json.dumps(owner), encoding="utf-8")
     return folder
 
 
@@ -44,18 +44,18 @@ def open_scratch_folder() -> Iterator[Path]:
 
 @functools.cache
 def _remove_abandoned() -> None:
-    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+    for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDER_PREFIX}*"):
         with suppress(OSError, IcyMoonError):  # another user's, or not one of these
-            if _is_ours(folder) and _is_abandoned(read_record(folder / _OWNER, _SHAPE, "delete it")):
+            if _is_ours(folder) and _is_abandoned(read_record(folder / _OWNER_FILE, _OWNER_SHAPE, "delete it")):
                 system.remove_folder(folder)
 
 
 def _is_ours(folder: Path) -> bool:
-    """Whether a folder, and no link to one, is this user's."""
+    """Whether a folder, not a link to one, belongs to this user."""
     return (
         not folder.is_symlink()
         and folder.is_dir()
-        and not (folder / _OWNER).is_symlink()
+        and not (folder / _OWNER_FILE).is_symlink()
         and system.belongs_to_user(folder)
     )
 

@@ -1,4 +1,4 @@
-"""How a command begins, shows its progress and ends at a terminal. Imports no Blender."""
+"""The start, progress and end of a command at a terminal. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 #: Seconds between lines of progress where there is no terminal.
-_LINE_S = 15.0
+_PROGRESS_LINE_S = 15.0
 
-#: The word for what an option takes if it is not given, where help prints that word.
-ALL = "all"
+#: The word that help prints as the default of an option that takes all.
+ALL_WORD = "all"
 
 
 class Parser(argparse.ArgumentParser):
@@ -46,7 +46,7 @@ def as_path(text: str) -> Path:
 
 
 def add_list(parser: argparse.ArgumentParser, flag: str, metavar: str | None, words: str, **more: Any) -> None:
-    """Add an option that may be given several times; its value is the list of what was given."""
+    """Add an option that may be given several times; its value is the list of all given values."""
     parser.add_argument(flag, action="append", default=[], metavar=metavar, help=words, **more)
 
 
@@ -70,8 +70,8 @@ def check_least(options: argparse.Namespace, least: int, *names: str) -> None:
 
 
 def list_named(names: Sequence[str]) -> list[str]:
-    """The names that an option states, which are none for ``ALL``."""
-    return [] if list(names) == [ALL] else list(names)
+    """The names that an option states; an empty list for ``ALL_WORD``."""
+    return [] if list(names) == [ALL_WORD] else list(names)
 
 
 def run_verb(
@@ -81,11 +81,8 @@ def run_verb(
     stopped: str,
     tell: Callable[[argparse.Namespace, IcyMoonError], None] = lambda options, error: None,
 ) -> int:
-    """Run the verb that the arguments name and return its exit status: its own, 1 after an error that is told, 130 when
-    stopped.
-
-    ``tell`` is called with an error before it is printed. Raises SystemExit for wrong usage.
-    """
+    """Run the verb that the arguments name and return its exit status: the verb's own, 1 after a reported error, 130 if
+    stopped. ``tell`` is called with an error before it is printed. Raises SystemExit for wrong usage."""
     options = parser.parse_args(arguments)
     try:
         try:
@@ -100,10 +97,8 @@ def run_verb(
 
 
 def report_end(error: BaseException, program: str, stopped: str) -> int:
-    """Print on standard error why a command has ended, and return its exit status.
-
-    An error that neither the user nor the system can cause is a defect of ours, and is raised again.
-    """
+    """Print on standard error why a command has ended, and return its exit status. An error that neither the user nor
+    the system can cause is a defect and is raised again."""
     if isinstance(error, OSError) and is_broken_pipe(error):
         printer.drop_output()
         return 1
@@ -124,14 +119,14 @@ def report_end(error: BaseException, program: str, stopped: str) -> int:
 
 @contextmanager
 def _lines_without_terminal(console: Console, describe: Callable[[], str]) -> Iterator[None]:
-    """Where there is no terminal, and so no bar, print how far the work is every ``_LINE_S``."""
+    """Where there is no terminal, and so no bar, print how far the work is every ``_PROGRESS_LINE_S``."""
     if console.is_terminal:
         yield
         return
     ended = threading.Event()
 
     def tick() -> None:
-        while not ended.wait(_LINE_S):
+        while not ended.wait(_PROGRESS_LINE_S):
             printer.print_line(console, describe())
 
     ticking = threading.Thread(target=tick, daemon=True)
@@ -187,7 +182,7 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 
 
 def keep_progress(show: Callable[[dict[str, Any]], None]) -> Callable[[dict[str, Any]], None]:
-    """A function of messages that shows only those of progress."""
+    """A function of messages that passes on only those of progress."""
     return lambda message: show(message) if message["type"] == "progress" else None
 
 
@@ -213,7 +208,7 @@ def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], Non
     """Show a bar on standard error that counts finished items; gives the function that takes the events.
 
     Standard output stays free for results. Where standard error is no terminal there is no bar, but a line every
-    ``_LINE_S``, and warnings and errors are printed all the same.
+    ``_PROGRESS_LINE_S``, and warnings and errors are printed all the same.
     """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

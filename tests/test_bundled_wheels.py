@@ -24,7 +24,7 @@ def store(monkeypatch, tmp_path):
     """A store build, in a Blender whose Python is this one; the folder of its wheels."""
     folder = tmp_path / "extensions" / ".local" / "lib" / HERE / "site-packages"
     folder.mkdir(parents=True)
-    monkeypatch.setenv(bundled_wheels.VARIABLE, "")
+    monkeypatch.setenv(bundled_wheels.WHEELS_VARIABLE, "")
     monkeypatch.setattr(bundled_wheels, "has_bundled_wheels", lambda: True)
     monkeypatch.setattr(bpy, "app", SimpleNamespace(binary_path="/blender", background=True))
     monkeypatch.delenv("ICYMOON_EVALUATOR", raising=False)
@@ -35,10 +35,10 @@ def store(monkeypatch, tmp_path):
 
 
 def test_a_plain_extension_has_none_and_announces_none(monkeypatch, tmp_path):
-    monkeypatch.delenv(bundled_wheels.VARIABLE, raising=False)
+    monkeypatch.delenv(bundled_wheels.WHEELS_VARIABLE, raising=False)
     assert not bundled_wheels.has_bundled_wheels()
     bundled_wheels.announce_folder(tmp_path)
-    assert bundled_wheels.VARIABLE not in os.environ
+    assert bundled_wheels.WHEELS_VARIABLE not in os.environ
     (tmp_path / "wheels").mkdir()
     assert not bundled_wheels.has_bundled_wheels(tmp_path)
     (tmp_path / "wheels" / "a.whl").touch()
@@ -68,7 +68,7 @@ def check(environment):
 
 
 def test_another_python_and_blender_itself_leave_them_alone(store, monkeypatch):
-    monkeypatch.setenv(bundled_wheels.VARIABLE, f"{sys.prefix}{os.pathsep}{store}")
+    monkeypatch.setenv(bundled_wheels.WHEELS_VARIABLE, f"{sys.prefix}{os.pathsep}{store}")
     assert bundled_wheels.find_folder() == ""  # this process has bpy
     monkeypatch.delitem(sys.modules, "bpy")
     assert bundled_wheels.find_folder() == str(store)

@@ -33,7 +33,7 @@ def until(found: Callable[[], bool]) -> None:
     ],
 )
 def test_a_line_comes_without_a_message(monkeypatch, capsys, show, message, line):
-    monkeypatch.setattr(terminal, "_LINE_S", 0.01)
+    monkeypatch.setattr(terminal, "_PROGRESS_LINE_S", 0.01)
     printed = ""
 
     def there() -> bool:

@@ -105,7 +105,7 @@ def test_a_file_that_is_open_for_a_moment_is_waited_for(drive):
 
 
 def test_a_file_that_stays_open_is_named_and_keeps_its_content(drive, monkeypatch):
-    monkeypatch.setattr(system, "_WAITS_S", (0.0,) * 5)
+    monkeypatch.setattr(system, "_RETRY_WAITS_S", (0.0,) * 5)
     files.write_text(drive / "report.csv", "old")
     with (drive / "report.csv").open("rb"), pytest.raises(IcyMoonError, match=r"report\.csv: .*open.*close it"):
         files.write_text(drive / "report.csv", "new")
@@ -136,7 +136,7 @@ def test_a_folder_too_deep_is_said_before_a_pair_is_rendered(drive, monkeypatch)
     """One character more than what is written there may have; with that many a pair can be written."""
     pair = PAIRS[0].id
     name = files.make_part_path(files.make_part_path(drive / "x" / "pairs" / pair) / "pair.json")
-    room = system.LONGEST_PATH - len(str(name)) - 20  # the numbers of parts may grow meanwhile
+    room = system.LONGEST_WINDOWS_PATH - len(str(name)) - 20  # the numbers of parts may grow meanwhile
     deep = drive / ("x" * (room + 22))
     with pytest.raises(IcyMoonError, match=r"26\d characters.*shorter path"):
         Claims(deep).take(pair)
@@ -493,7 +493,7 @@ def test_a_pair_is_published_over_one_that_is_looked_at_once_it_is_closed(drive,
     publish_pair(unfinished(dataset, b"new"), folder, lambda: False, again=True)
     thread.join()
     assert (folder / "left.exr").read_bytes() == b"new"
-    monkeypatch.setattr(system, "_WAITS_S", (0.0,) * 5)
+    monkeypatch.setattr(system, "_RETRY_WAITS_S", (0.0,) * 5)
     with (folder / "left.exr").open("rb"), pytest.raises(IcyMoonError, match=r"has it open.*close it there"):
         publish_pair(unfinished(dataset, b"newer"), folder, lambda: False, again=True)
     assert (folder / "left.exr").read_bytes() == b"new"
@@ -503,7 +503,7 @@ def test_a_pair_is_published_over_one_that_is_looked_at_once_it_is_closed(drive,
 
 
 def test_what_is_broken_and_open_stays_and_is_named(drive, monkeypatch):
-    monkeypatch.setattr(system, "_WAITS_S", (0.0,) * 5)
+    monkeypatch.setattr(system, "_RETRY_WAITS_S", (0.0,) * 5)
     dataset = drive / "set"
     datasets.freeze_plan(dataset, PAIRS, "")
     publish_pair(unfinished(dataset, b"old"), PAIRS[0].folder(dataset), lambda: False)

@@ -21,13 +21,13 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from .comparison import Bench
 
-#: Height of camera and Sun; both must be above the horizon, which hides the Sun from all ground.
-_HEIGHT_DEG = 2.0
-_WIDTH_M = 2.2
-_RINGS = 180
+#: Elevation of camera and Sun; both must be above the horizon, which hides the Sun from all ground.
+_ELEVATION_DEG = 2.0
+_VIEW_WIDTH_M = 2.2
+_BALL_RINGS = 180
 
 
-def ball_mesh(rings: int = _RINGS) -> tuple[Array, Array]:
+def ball_mesh(rings: int = _BALL_RINGS) -> tuple[Array, Array]:
     """Positions (n, 3) and triangles (m, 3) of a sphere of radius 1, outward, with ``2 * rings`` meridians."""
     latitude = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)[1:-1, None]
     longitude = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)[None]
@@ -97,8 +97,8 @@ def render_ball(
 def _describe_ball(
     surface: Settings, mesh: Path, phase_deg: float, distance: float, pixels: int, samples: int
 ) -> Settings:
-    height, phase = math.radians(_HEIGHT_DEG), math.radians(phase_deg)
-    focal_mm = min(5000.0, 20.0 * distance / _WIDTH_M)  # a sensor of 20 mm, or the longest lens
+    height, phase = math.radians(_ELEVATION_DEG), math.radians(phase_deg)
+    focal_mm = min(5000.0, 20.0 * distance / _VIEW_WIDTH_M)  # a sensor of 20 mm, or the longest lens
     cosine = (math.cos(phase) - math.sin(height) ** 2) / math.cos(height) ** 2
     return merged(
         defaults(),
@@ -109,16 +109,16 @@ def _describe_ball(
                 "rig": {
                     "y_m": -distance * math.cos(height),
                     "height_m": distance * math.sin(height),
-                    "pitch_deg": _HEIGHT_DEG,
+                    "pitch_deg": _ELEVATION_DEG,
                     "heading_deg": 0.0,
                     "focal_length_mm": focal_mm,
-                    "sensor_width_mm": _WIDTH_M / distance * focal_mm,
+                    "sensor_width_mm": _VIEW_WIDTH_M / distance * focal_mm,
                     "width_px": pixels,
                     "height_px": pixels,
                     "baseline_m": 0.001,
                 },
                 "light": {
-                    "sun_elevation_deg": _HEIGHT_DEG,
+                    "sun_elevation_deg": _ELEVATION_DEG,
                     "sun_azimuth_deg": 180.0 - math.degrees(math.acos(min(max(cosine, -1.0), 1.0))),
                     "sun_angular_diameter_deg": 0.0,
                     "planet": False,
@@ -151,4 +151,4 @@ def _read_ball(pair: Pair, phase: float, distance: float) -> BallImage:
     i = np.arctan2(np.linalg.norm(across_sun, axis=-1), normal @ sun)
     e = np.arctan2(np.linalg.norm(across_eye, axis=-1), (eye * normal).sum(-1))
     azimuth = np.arctan2(np.linalg.norm(np.cross(across_sun, across_eye), axis=-1), (across_sun * across_eye).sum(-1))
-    return BallImage(phase, image, i, e, azimuth, (_WIDTH_M / size[1]) ** 2 / math.pi)
+    return BallImage(phase, image, i, e, azimuth, (_VIEW_WIDTH_M / size[1]) ** 2 / math.pi)

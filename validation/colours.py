@@ -12,10 +12,14 @@ from .comparison import Bench, Comparison, Row
 #: side.
 _TRAILING_GREEN = 0.62
 _COLOURS_NM = (400.0, 460.0, 620.0, 700.0)
-#: Largest error of the closed form for snow that counts as agreement, and of ratios of Enceladus.
-_SNOW, _ENCELADUS = 0.005, 0.03
-_COARSE = "Likely cause: for grains of millimetres the closed form for snow leaves out the smooth surface of firn"
-_SULPHUR = (
+#: Largest error of the closed form for snow that counts as agreement.
+_SNOW_TOLERANCE = 0.005
+#: Largest error of Enceladus' ratios that counts as agreement.
+_RATIO_TOLERANCE = 0.03
+_WHY_COARSE_SNOW = (
+    "Likely cause: for grains of millimetres the closed form for snow leaves out the smooth surface of firn"
+)
+_WHY_SULPHUR = (
     "Likely cause: the ratios of the plains are assumed, and sulphur stains plains of the trailing side too "
     "(Carlson et al. 1999, Science 286, 97)"
 )
@@ -30,24 +34,24 @@ def _snow_rows() -> list[Row]:
                 Row(
                     f"clean snow, grains of {radius * 1e6:g} µm: albedo at {wavelength:g} nm",
                     ours,
-                    albedos[published.WAVELENGTH_NM.index(wavelength)],
-                    _SNOW,
+                    albedos[published.WAVELENGTHS_NM.index(wavelength)],
+                    _SNOW_TOLERANCE,
                     published.SNOW_SOURCE,
-                    why=_COARSE,
+                    why=_WHY_COARSE_SNOW,
                 )
             )
     return rows
 
 
 def _enceladus_rows() -> list[Row]:
-    plains = MATERIALS["ENCELADUS_PLAINS"].reflectance(np.array(published.WAVELENGTH_NM))
-    ours, theirs = (spectrum / spectrum[published.GREEN] for spectrum in (plains, published.ENCELADUS))
+    plains = MATERIALS["ENCELADUS_PLAINS"].reflectance(np.array(published.WAVELENGTHS_NM))
+    ours, theirs = (spectrum / spectrum[published.GREEN_INDEX] for spectrum in (plains, published.ENCELADUS))
     return [
         Row(
             f"`ENCELADUS_PLAINS`, {wavelength:g} over 550 nm",
-            float(ours[published.WAVELENGTH_NM.index(wavelength)]),
-            float(theirs[published.WAVELENGTH_NM.index(wavelength)]),
-            _ENCELADUS,
+            float(ours[published.WAVELENGTHS_NM.index(wavelength)]),
+            float(theirs[published.WAVELENGTHS_NM.index(wavelength)]),
+            _RATIO_TOLERANCE,
             published.ENCELADUS_SOURCE,
         )
         for wavelength in _COLOURS_NM
@@ -72,7 +76,7 @@ def _europa_rows() -> list[Row]:
                 theirs,
                 error,
                 published.EUROPA_SOURCE,
-                why=_SULPHUR,
+                why=_WHY_SULPHUR,
             )
         )
     return rows

@@ -29,12 +29,16 @@ from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
 
-#: The verdicts of a row; there are no others.
-PASSES, FAILS, NOT_JUDGED = "passes", "fails", "not judged"
+#: Verdict of a row that agrees.
+PASSES = "passes"
+#: Verdict of a row that differs too much.
+FAILS = "fails"
+#: Verdict of a row that cannot be decided.
+NOT_JUDGED = "not judged"
 #: The options of the command that name a folder of data, which are fields of a bench too.
-DATA = ("polar", "frost")
+DATA_OPTIONS = ("polar", "frost")
 #: Why a number that ours was fitted to is not judged where both agree.
-_FITTED = "ours was fitted to it"
+_WHY_FITTED = "ours was fitted to it"
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ class Row:
     def note(self) -> str:
         """Beside a row that fails, the cause if known; beside one that is not judged, the reason; else empty."""
         if self.verdict == NOT_JUDGED:
-            return f"Not judged: {self.unjudged or _FITTED}"
+            return f"Not judged: {self.unjudged or _WHY_FITTED}"
         return self.why if self.verdict == FAILS else ""
 
     def to_json(self) -> dict[str, Any]:
@@ -219,9 +223,10 @@ def load_own_comparison(path: Path) -> Comparison:
     found = getattr(module, "COMPARISON", None)
     if not isinstance(found, Comparison):
         raise IcyMoonError(f"{path} has no comparison; {fix}.")
-    if found.needs not in ("", *DATA):
+    if found.needs not in ("", *DATA_OPTIONS):
         raise IcyMoonError(
-            f"{path}: no option gives the folder of needs={found.needs!r}; say {' or '.join(map(repr, DATA))}, or "
+            f"{path}: no option gives the folder of needs={found.needs!r}; say "
+            f"{' or '.join(map(repr, DATA_OPTIONS))}, or "
             "leave it out and let the file find its data."
         )
     return replace(found, compare=partial(_compare_by_file, path, found.compare))

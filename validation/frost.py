@@ -25,22 +25,29 @@ from .comparison import Bench, Comparison, Row
 
 #: Size in metres of a patch and spacing of the grid on which both grounds are measured; a quarter is a quadrant.
 SIZE_M, SPACING_M = 5.0, 0.02
-#: Sides in metres that a scan may have; another one means that it is not in metres.
-_LEAST_M, _MOST_M = 4.0, 12.0
-#: Largest share of cells without a point. They get the mean of their neighbours.
-_MOST_HOLES = 0.05
+#: Least side in metres of a scan; a smaller one is not in metres.
+_LEAST_SIDE_M = 4.0
+#: Largest side in metres of a scan.
+_MOST_SIDE_M = 12.0
+#: Largest share of cells without a point; these cells get the mean of their neighbours.
+_MOST_HOLES_SHARE = 0.05
 _MOST_TRIANGLES = 20_000_000
-#: Distances in metres: of the slope that chooses the preset, of the slope that is judged, and of the Hurst exponent;
-#: the wavelength of the spectrum.
-_CHOSEN_M, _JUDGED_M, _LAW_M, _WAVE_M = 0.5, 0.1, (0.06, 0.6), 0.2
+#: Distance in metres of the slope that chooses the preset.
+_CHOOSING_LAG_M = 0.5
+#: Distance of the slope that is judged.
+_JUDGED_LAG_M = 0.1
+#: Distances of the Hurst exponent.
+_HURST_LAGS_M = (0.06, 0.6)
+#: Wavelength of the spectrum.
+_SPECTRUM_WAVELENGTH_M = 0.2
 _SEED = 1
 #: Student's factor of a 95 % interval for two means of four quadrants each (6 degrees of freedom).
-_T = 2.45
+_STUDENT_FACTOR = 2.45
 _SOURCE = "FROST, Wong et al. 2019, NASA Ames Research Center: {name}"
-_PAGE = "ti.arc.nasa.gov/dataset/frost"
-_FIX = f"get the scan again ({_PAGE})"
+_DATA_PAGE = "ti.arc.nasa.gov/dataset/frost"
+_FIX = f"get the scan again ({_DATA_PAGE})"
 _SUFFIXES = (".ply", ".obj")
-_CHOSEN = "slope"
+_CHOOSING_STATISTIC = "slope"
 
 
 @dataclass(frozen=True)
@@ -66,9 +73,10 @@ def read_scan(path: Path) -> Array:
         points = found
     points = points[np.isfinite(points).all(axis=1)]
     sides = np.ptp(points[:, :2], axis=0) if len(points) else np.zeros(2)
-    if not (sides.min() >= _LEAST_M and sides.max() <= _MOST_M):
+    if not (sides.min() >= _LEAST_SIDE_M and sides.max() <= _MOST_SIDE_M):
         raise IcyMoonError(
-            f"{path}: is {sides[0]:.3g} x {sides[1]:.3g} wide; a scan has sides of {_LEAST_M:g} to {_MOST_M:g} m, in "
+            f"{path}: is {sides[0]:.3g} x {sides[1]:.3g} wide; a scan has sides of "
+            f"{_LEAST_SIDE_M:g} to {_MOST_SIDE_M:g} m, in "
             "metres with z up."
         )
     return _fill_holes(path, *_sum_into_cells(points, min(SIZE_M, float(sides.min()))))
@@ -88,9 +96,10 @@ def _sum_into_cells(points: Array, side_m: float) -> tuple[Array, Array]:
 def _fill_holes(path: Path, sums: Array, counts: Array) -> Array:
     """Mean heights of the cells; those without a point have the mean of their neighbours."""
     holes = float(np.mean(counts == 0))
-    if holes > _MOST_HOLES:
+    if holes > _MOST_HOLES_SHARE:
         raise IcyMoonError(
-            f"{path}: {holes:.0%} of the cells of {SPACING_M * 100:g} cm have no point, {_MOST_HOLES:.0%} are allowed; "
+            f"{path}: {holes:.0%} of the cells of {SPACING_M * 100:g} cm have no point, "
+            f"{_MOST_HOLES_SHARE:.0%} are allowed; "
             "give the scan at full resolution."
         )
     with np.errstate(invalid="ignore"):
@@ -115,15 +124,17 @@ def measure_statistics(heights_m: Array) -> dict[str, Statistic]:
 
 
 def _measure_numbers(heights_m: Array) -> dict[str, float]:
-    found = measure_roughness(heights_m, SPACING_M, _CHOSEN_M, _LAW_M)
+    found = measure_roughness(heights_m, SPACING_M, _CHOOSING_LAG_M, _HURST_LAGS_M)
     waves, density = power_spectrum(heights_m, SPACING_M)
     return {
-        _CHOSEN: found.slope_deg,
-        f"RMS slope at {_JUDGED_M:g} m": measure_roughness(heights_m, SPACING_M, _JUDGED_M, _LAW_M).slope_deg,
-        f"Hurst exponent from {_LAW_M[0]:g} to {_LAW_M[1]:g} m": found.hurst,
+        _CHOOSING_STATISTIC: found.slope_deg,
+        f"RMS slope at {_JUDGED_LAG_M:g} m": measure_roughness(
+            heights_m, SPACING_M, _JUDGED_LAG_M, _HURST_LAGS_M
+        ).slope_deg,
+        f"Hurst exponent from {_HURST_LAGS_M[0]:g} to {_HURST_LAGS_M[1]:g} m": found.hurst,
         "RMS height": found.height_m,
-        f"logarithm of the power spectrum at {_WAVE_M:g} m": float(
-            np.interp(-np.log10(_WAVE_M), np.log10(waves), np.log10(np.maximum(density, 1e-30)))
+        f"logarithm of the power spectrum at {_SPECTRUM_WAVELENGTH_M:g} m": float(
+            np.interp(-np.log10(_SPECTRUM_WAVELENGTH_M), np.log10(waves), np.log10(np.maximum(density, 1e-30)))
         ),
     }
 
@@ -140,17 +151,19 @@ def compare_scan(path: Path) -> list[Row]:
     """The rows of a scan: the slope that chooses the preset, and what that preset predicts."""
     theirs = measure_statistics(read_scan(path))
     presets = {name: measure_preset(name) for name in preset_names("terrains")}
-    name = min(presets, key=lambda each: abs(presets[each][_CHOSEN].value - theirs[_CHOSEN].value))
+    name = min(
+        presets, key=lambda each: abs(presets[each][_CHOOSING_STATISTIC].value - theirs[_CHOOSING_STATISTIC].value)
+    )
     return [
         Row(
             f"{path.stem} and `{name.split('/')[-1]}`: "
-            + (f"RMS slope at {_CHOSEN_M:g} m, which chooses the preset" if key == _CHOSEN else key),
+            + (f"RMS slope at {_CHOOSING_LAG_M:g} m, which chooses the preset" if key == _CHOOSING_STATISTIC else key),
             ours.value,
             theirs[key].value,
-            _T * float(np.hypot(ours.error, theirs[key].error)),
+            _STUDENT_FACTOR * float(np.hypot(ours.error, theirs[key].error)),
             _SOURCE.format(name=path.name),
             "°" if "slope" in key else "m" if "height" in key else "",
-            fitted=key == _CHOSEN,
+            fitted=key == _CHOOSING_STATISTIC,
         )
         for key, ours in presets[name].items()
     ]
@@ -159,11 +172,14 @@ def compare_scan(path: Path) -> list[Row]:
 def _compare_scans(bench: Bench) -> list[Row]:
     folder = bench.frost
     if folder is None:
-        raise IcyMoonError(f"No folder of the FROST scans is given; get them from {_PAGE}, and pass --frost FOLDER.")
+        raise IcyMoonError(
+            f"No folder of the FROST scans is given; get them from {_DATA_PAGE}, and pass --frost FOLDER."
+        )
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES) if folder.is_dir() else []
     if not paths:
         raise IcyMoonError(
-            f"--frost: {folder} has no scan ({' or '.join(_SUFFIXES)}); get them from {_PAGE}, or give their folder."
+            f"--frost: {folder} has no scan ({' or '.join(_SUFFIXES)}); get them from {_DATA_PAGE}, "
+            "or give their folder."
         )
     return [row for path in paths for row in compare_scan(path)]
 

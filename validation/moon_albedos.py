@@ -21,9 +21,9 @@ _BOLOMETRIC = (
     "function, which is a guess"
 )
 _BURATTI = "Buratti et al. 2022, Planetary Science Journal 3, 200, as the program TrueColorTools quotes it"
-_WIDER = "Likely cause: the preset meets the geometric albedo that was measured at the smallest phase angles"
-_EARLIER = "Likely cause: two publications of one team disagree; the preset meets the later one"
-_SPIKE = (
+_WHY_WIDER = "Likely cause: the preset meets the geometric albedo that was measured at the smallest phase angles"
+_WHY_EARLIER = "Likely cause: two publications of one team disagree; the preset meets the later one"
+_WHY_SPIKE = (
     "Likely cause: the measurement has only part of the narrow surge below 1° of phase, which Thompson and "
     "Lockwood 1992 (J. Geophys. Res. 97, abstract) call very strong. The preset has 0.75 with the surge and 0.62 "
     "without it. Another measurement, by its colour, is 0.79 at 0.55 µm. Zero point and radius are no cause: "
@@ -35,21 +35,21 @@ _SPIKE = (
 )
 _JPL = "JPL's table of satellites, V band, as Wikipedia quotes it"
 _GRUNDY = "Grundy et al. 2007 and Buratti, quoted: 0.62 to 0.68"
-_RATIO = "the measured Bond albedo over the geometric one, 0.65 over 0.67"
+_BOND_OVER_GEOMETRIC = "the measured Bond albedo over the geometric one, 0.65 over 0.67"
 _HELFENSTEIN = "Helfenstein et al. 1998, Icarus 135, 41, abstract"
-_FACTS = "an early edition of NASA's Moon Fact Sheet, as archives of it print it"
+_MOON_FACT_SHEET = "an early edition of NASA's Moon Fact Sheet, as archives of it print it"
 _MOON_CURVE = (
     "Allen 1976 in Krisciunas and Schaefer 1991, PASP 103, 1033; ROLO's curve (Kieffer and Stone 2005) is "
     "within 0.08 mag of it, by the web page amper.ped.muni.cz/light/luminance/moon_cal"
 )
 #: The same with a share of back-scattering, and an albedo of grains with which the geometric albedo stays.
-SHARPER = {"c": 0.6, "w": 0.2521}
-_SMOOTH = (
-    f"Cause: the phase function is typical and was not fitted to the curve. With c = {SHARPER['c']:g} and w = "
-    f"{SHARPER['w']:g}, which keep the geometric albedo, all are within 0.04 mag"
+SHARPER_LOBE = {"c": 0.6, "w": 0.2521}
+_WHY_SMOOTH = (
+    f"Cause: the phase function is typical and was not fitted to the curve. With c = {SHARPER_LOBE['c']:g} and w = "
+    f"{SHARPER_LOBE['w']:g}, which keep the geometric albedo, all are within 0.04 mag"
 )
 #: Share of Europa's area that is chaos, where it was mapped.
-_CHAOS = 0.3
+_CHAOS_SHARE = 0.3
 _WITHOUT_SURGE = (
     "Cause, by the row of the phase integral without the surge: the measured geometric albedo leaves "
     "the narrow surge out"
@@ -105,7 +105,7 @@ MEASURED = (
         0.03,
         "Filacchione et al. 2018, Geophys. Res. Lett. 45, 6400, 0.55 µm, as "
         "TrueColorTools quotes it; the error is as in 2022",
-        why=_EARLIER,
+        why=_WHY_EARLIER,
     ),
     Measured("dione", "equigonal", 0.65, 0.03, _FILACCHIONE, fitted=True),
     Measured("dione", "geometric", 0.998, 0.004, _VERBISCER, fitted=True),
@@ -117,22 +117,22 @@ MEASURED = (
         0.03,
         "Filacchione et al. 2018, Geophys. Res. Lett. 45, 2184, 0.55 µm, as "
         "TrueColorTools quotes it; the error is as in 2022",
-        why=_EARLIER,
+        why=_WHY_EARLIER,
     ),
     Measured("dione", "Bond", 0.63, 0.15, "Howett et al. 2010, as Howett and Royer 2021, arXiv 2102.02130, quote it"),
     Measured("dione", "Bond", 0.44, 0.13, "Howett et al. 2014, as Howett and Royer 2021 quote it", why=_BOLOMETRIC),
     Measured("rhea", "equigonal", 0.60, 0.05, _FILACCHIONE, fitted=True),
     Measured("rhea", "geometric", 0.949, 0.003, _VERBISCER, fitted=True),
     Measured("rhea", "geometric", 0.89, 0.01, _BURATTI),
-    Measured("rhea", "phase integral", 0.71, 0.01, _BURATTI, why=_WIDER),
+    Measured("rhea", "phase integral", 0.71, 0.01, _BURATTI, why=_WHY_WIDER),
     Measured("rhea", "Bond", 0.59, 0.11, "Howett et al. 2014, Icarus, abstract: leading hemisphere"),
     Measured("rhea", "Bond", 0.56, 0.13, "Howett et al. 2014, Icarus, abstract: trailing hemisphere"),
     Measured("europa_global", "Bond", 0.65, 0.03, _GRUNDY),
-    Measured("europa_global", "geometric", 0.67, 0.03, _JPL, why=_SPIKE),
-    Measured("europa_global", "phase integral", 0.97, 0.06, _RATIO, why=_WITHOUT_SURGE),
+    Measured("europa_global", "geometric", 0.67, 0.03, _JPL, why=_WHY_SPIKE),
+    Measured("europa_global", "phase integral", 0.97, 0.06, _BOND_OVER_GEOMETRIC, why=_WITHOUT_SURGE),
     Measured("europa_bright_plains", "Bond", 0.68, 0.003, f"{_GRUNDY}; the upper end", fitted=True),
-    Measured("lunar_like", "geometric", 0.12, 0.003, _FACTS, fitted=True),
-    Measured("lunar_like", "Bond", 0.067, 0.01, f"{_FACTS}; its error is a guess"),
+    Measured("lunar_like", "geometric", 0.12, 0.003, _MOON_FACT_SHEET, fitted=True),
+    Measured("lunar_like", "Bond", 0.067, 0.01, f"{_MOON_FACT_SHEET}; its error is a guess"),
 )
 
 _QUANTITIES: dict[str, Callable[[photometry.Law], float]] = {
@@ -255,7 +255,7 @@ def _surgeless_rows(whole: photometry.Law) -> list[Row]:
             photometry.bond_albedo(whole) / extrapolated,
             0.97,
             0.06,
-            _RATIO,
+            _BOND_OVER_GEOMETRIC,
         ),
         Row(
             f"`hapke_europa_global`, geometric albedo at 0.47 µm, by the colour {colour:.3f} of the trailing side",
@@ -323,7 +323,7 @@ def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometr
     """Rows of a terrain that is a mixture: the number that it was fitted to, and the nearest measured ones."""
     law, preset = read_preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
     mixed = (1 - share) * reflectance_at_five(plains) + share * reflectance_at_five(dark)
-    disc = (1 - _CHAOS) * photometry.bond_albedo(plains) + _CHAOS * photometry.bond_albedo(law)
+    disc = (1 - _CHAOS_SHARE) * photometry.bond_albedo(plains) + _CHAOS_SHARE * photometry.bond_albedo(law)
     return [
         Row(
             f"{preset}, I/F at emission and phase 5°",
@@ -343,7 +343,7 @@ def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometr
             f"{_HELFENSTEIN}: between bright icy terrains, 1, and the darkest spots, up to 4",
         ),
         Row(
-            f"{preset} on {_CHAOS:.0%} of a disc of `hapke_europa_bright_plains`: Bond albedo",
+            f"{preset} on {_CHAOS_SHARE:.0%} of a disc of `hapke_europa_bright_plains`: Bond albedo",
             disc,
             0.65,
             0.03,
@@ -368,7 +368,7 @@ def _lunar_rows() -> list[Row]:
             0.08,
             _MOON_CURVE,
             unit="mag",
-            why=_SMOOTH,
+            why=_WHY_SMOOTH,
         )
         for phase, here, there in zip(phases[1:], ours[1:], theirs[1:], strict=True)
     ]

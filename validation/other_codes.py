@@ -30,7 +30,7 @@ _DUST: dict[str, Any] = {
     "b_s0": 1.0,
 }
 #: Azimuth of ISIS' point with phase, incidence and emission of 60, 45 and 30 degrees.
-_AZIMUTH = math.degrees(
+_ISIS_AZIMUTH_DEG = math.degrees(
     math.acos(
         (0.5 - math.cos(math.radians(45)) * math.cos(math.radians(30)))
         / (math.sin(math.radians(45)) * math.sin(math.radians(30)))
@@ -38,24 +38,24 @@ _AZIMUTH = math.degrees(
 )
 
 #: (parameters, name of the set, incidence, emission, azimuth in degrees, whether over cos i, value, source).
-_POINTS = (
+_REFERENCE_POINTS = (
     (_DEFAULTS, "HapkeHen, defaults", 0.0, 0.0, 0.0, False, 0.0965097, _ISIS),
-    (_DEFAULTS, "HapkeHen, defaults", 45.0, 30.0, _AZIMUTH, False, 0.0832883, _ISIS),
+    (_DEFAULTS, "HapkeHen, defaults", 45.0, 30.0, _ISIS_AZIMUTH_DEG, False, 0.0832883, _ISIS),
     (_LOBE, "HapkeHen, one lobe, rough", 0.0, 0.0, 0.0, False, 0.286048, _ISIS),
-    (_LOBE, "HapkeHen, one lobe, rough", 45.0, 30.0, _AZIMUTH, False, 0.1342, _ISIS),
+    (_LOBE, "HapkeHen, one lobe, rough", 45.0, 30.0, _ISIS_AZIMUTH_DEG, False, 0.1342, _ISIS),
     (_LEVEL, "HapkeLeg, even, rough", 0.0, 0.0, 0.0, False, 0.16145, _ISIS),
-    (_LEVEL, "HapkeLeg, even, rough", 45.0, 30.0, _AZIMUTH, False, 0.111525, _ISIS),
+    (_LEVEL, "HapkeLeg, even, rough", 45.0, 30.0, _ISIS_AZIMUTH_DEG, False, 0.111525, _ISIS),
     (_DUST, "Pommerol", 30.0, 30.0, 0.0, True, 0.24746648, _ERADIATE),
     (_DUST, "Pommerol", 30.0, 80.0, 0.0, True, 0.19555340, _ERADIATE),
     (_DUST, "Pommerol", 30.0, 89.0, 180.0, True, 0.15426355, _ERADIATE),
 )
 #: Six printed digits, and single precision at grazing angles.
-_DIGITS = 5e-6
+_TOLERANCE = 5e-6
 
 
 def _compare_codes(bench: Bench) -> list[Row]:
     rows = []
-    for parameters, name, i, e, azimuth, over_cosine, value, source in _POINTS:
+    for parameters, name, i, e, azimuth, over_cosine, value, source in _REFERENCE_POINTS:
         r = float(
             bidirectional_reflectance(
                 math.radians(i), math.radians(e), math.radians(azimuth), HapkeParameters(**parameters)
@@ -68,7 +68,7 @@ def _compare_codes(bench: Bench) -> list[Row]:
                 f"{azimuth:.4g}°",
                 ours,
                 value,
-                _DIGITS * max(1.0, value),
+                _TOLERANCE * max(1.0, value),
                 source,
             )
         )

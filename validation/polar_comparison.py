@@ -16,13 +16,13 @@ from ..support.errors import IcyMoonError
 from .comparison import Bench, Row
 from .polar.camera import Calibration, fit_camera
 from .polar.data_set import (
+    DATA_ADVICE,
     EYES,
     GROUND,
     ROCK,
     SHADOW,
     SURVEYED_BASELINE_M,
     SURVEYED_LAMPS,
-    WHERE,
     Terrain,
     View,
     read_terrains,
@@ -35,22 +35,35 @@ from .polar.scene import Frame, Masks, describe_scene, find_frame, read_twin, wr
 from .polar_stereo import judge_stereo
 
 #: Columns of the renders.
-_COLUMNS, _QUICK_COLUMNS = 480, 320
-#: Least agreement of rocks and of shadows, and the largest error of a shadow's length as a share of it.
-_ROCKS, _SHADOWS, _TIP = 0.85, 0.75, 0.02
-_OUTLINE_PX, _BASELINE_M, _LAMP_M, _DISPARITY_PX = 1.0, 0.01, 0.3, 1.0
+_RENDER_COLUMNS = 480
+#: Columns of the renders of a quick run.
+_QUICK_COLUMNS = 320
+#: Least overlap of rocks.
+_LEAST_ROCK_OVERLAP = 0.85
+#: Least overlap of shadows.
+_LEAST_SHADOW_OVERLAP = 0.75
+#: Largest error of a shadow's length, as a share of it.
+_MOST_TIP_ERROR = 0.02
+#: Largest median distance of outlines in pixels.
+_MOST_OUTLINE_ERROR_PX = 1.0
+#: Largest error of the baseline in metres.
+_MOST_BASELINE_ERROR_M = 0.01
+#: Largest error of a lamp's place in metres.
+_MOST_LAMP_ERROR_M = 0.3
+#: Largest error of a rock's disparity in pixels.
+_MOST_DISPARITY_ERROR_PX = 1.0
 #: Least length in metres of a shadow whose tip is compared; shorter ones are lost between ripples of the sand.
 _LEAST_SHADOW_M = 0.15
 #: Largest share of the outlined rocks without a scan: twice what terrain 04 has, whose 28 numbered rocks were all
 #: scanned and have a share of 3.6 % each in the mean.
-_BARE = 0.02
+_MOST_UNSCANNED_SHARE = 0.02
 #: Largest share of a photograph that may be shadow of the sand alone.
-_OWN_SHADOW = 0.005
+_MOST_SAND_SHADOW_SHARE = 0.005
 _SOURCE = "POLAR-Sim's outlines by hand of NASA's photographs"
 _SURVEY = "POLAR-Sim's survey"
-_WHO = {"L": "left", "R": "right"}
+_EYE_NAMES = {"L": "left", "R": "right"}
 #: Colours of the pictures: rock, shadow, the rest.
-_COLOURS = np.array([[70, 70, 80], [235, 235, 225], [20, 30, 140]], np.uint8)
+_MASK_COLOURS = np.array([[70, 70, 80], [235, 235, 225], [20, 30, 140]], np.uint8)
 
 
 @dataclass(frozen=True)
@@ -69,7 +82,7 @@ class Rebuilt:
 def compare_terrains(bench: Bench) -> list[Row]:
     """The rows of every terrain of the folder. Raises IcyMoonError without a folder, or if it cannot be used."""
     if bench.polar is None:
-        raise IcyMoonError(f"No folder of the POLAR data is given; pass --polar FOLDER: {WHERE}.")
+        raise IcyMoonError(f"No folder of the POLAR data is given; pass --polar FOLDER: {DATA_ADVICE}.")
     terrains = read_terrains(bench.polar)
     rows = [_compare_terrain(bench, terrain) for terrain in terrains]
     if len(terrains) == 1:
@@ -115,7 +128,7 @@ def _render_masks(
     left_out: dict[tuple[View, int], LeftOut],
 ) -> tuple[dict[tuple[View, int], Masks], dict[str, Frame]]:
     """Masks of every photograph: for each position and azimuth a pair with the rocks and one without them."""
-    columns = _QUICK_COLUMNS if bench.quick else _COLUMNS
+    columns = _QUICK_COLUMNS if bench.quick else _RENDER_COLUMNS
     frames = {position: find_frame(terrain, camera, sand, position, columns) for position in terrain.positions}
     described, cases = [], []
     for position, frame in frames.items():
@@ -151,12 +164,12 @@ def _camera_rows(camera: Calibration) -> list[Row]:
             "camera: median distance of outlines from rocks",
             camera.median_px,
             0.0,
-            _OUTLINE_PX,
+            _MOST_OUTLINE_ERROR_PX,
             _SOURCE,
             "px",
             fitted=True,
         ),
-        Row("camera: baseline", camera.baseline_m, SURVEYED_BASELINE_M, _BASELINE_M, _SURVEY, "m"),
+        Row("camera: baseline", camera.baseline_m, SURVEYED_BASELINE_M, _MOST_BASELINE_ERROR_M, _SURVEY, "m"),
     ]
 
 
@@ -166,7 +179,7 @@ def _lamp_rows(lamps: dict[int, Array]) -> list[Row]:
             f"lamp at {azimuth}°: distance from the survey",
             float(np.linalg.norm((lamp - SURVEYED_LAMPS[azimuth])[:2])),
             0.0,
-            _LAMP_M,
+            _MOST_LAMP_ERROR_M,
             _SURVEY,
             "m",
             fitted=True,
@@ -182,7 +195,7 @@ def _left_out_rows(terrain: Terrain, left_out: dict[tuple[View, int], LeftOut]) 
             f"outlined rocks without a scan, position {position}: share of the area",
             float(np.mean([each.share for (view, _), each in left_out.items() if view.position == position])),
             0.0,
-            _BARE,
+            _MOST_UNSCANNED_SHARE,
             _SOURCE,
         )
         for position in terrain.positions
@@ -200,7 +213,7 @@ def _own_shadow_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> 
                 if view.position == position
             ),
             0.0,
-            _OWN_SHADOW,
+            _MOST_SAND_SHADOW_SHARE,
             "no shadow of the sand is outlined",
         )
         for position in terrain.positions
@@ -215,7 +228,7 @@ def _mask_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Lab
             position,
             masks,
             lambda each: compute_intersection_over_union(each.our_rock, each.rock),
-            _ROCKS,
+            _LEAST_ROCK_OVERLAP,
             _label_agreement_text(hand.rocks[position]),
         )
     for position in terrain.positions:
@@ -224,7 +237,7 @@ def _mask_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Lab
             position,
             masks,
             lambda each: compute_intersection_over_union(each.our_shadow, each.shadow),
-            _SHADOWS,
+            _LEAST_SHADOW_OVERLAP,
             "The left eye's outlines, projected into the right eye over the fitted sand, agree with the right eye's to "
             f"{hand.shadows[position]:.2f}",
         )
@@ -247,7 +260,7 @@ def _overlap_rows(
 ) -> list[Row]:
     return [
         Row(
-            f"{name}, position {position}, {_WHO[eye]} eye: intersection over union",
+            f"{name}, position {position}, {_EYE_NAMES[eye]} eye: intersection over union",
             float(np.mean([agreement(each) for (view, _), each in masks.items() if view == View(position, eye)])),
             1.0,
             1 - goal,
@@ -277,8 +290,8 @@ def _shadow_tip_rows(terrain: Terrain, camera: Calibration, sand: Sand, lamps: d
     quantity = f"tips of {len(errors)} shadows, right eyes: median"
     why = f"Half of the outlined tips differ {', and '.join(again)}" if again else ""
     return [
-        Row(f"{quantity} error of the length", float(np.median(errors)), 0.0, _TIP, _SOURCE, why=why),
-        Row(f"{quantity} size of the error", float(np.median(np.abs(errors))), 0.0, _TIP, _SOURCE, why=why),
+        Row(f"{quantity} error of the length", float(np.median(errors)), 0.0, _MOST_TIP_ERROR, _SOURCE, why=why),
+        Row(f"{quantity} size of the error", float(np.median(np.abs(errors))), 0.0, _MOST_TIP_ERROR, _SOURCE, why=why),
     ]
 
 
@@ -374,7 +387,7 @@ def _disparity_rows(terrain: Terrain, camera: Calibration, sand: Sand, frames: d
                     f"disparity of {len(apart)} rocks, position {position}: median size of the difference",
                     float(np.median(np.abs(apart))),
                     0.0,
-                    _DISPARITY_PX,
+                    _MOST_DISPARITY_ERROR_PX,
                     _SOURCE,
                     "px",
                 )
@@ -398,6 +411,12 @@ def _write_pictures(folder: Path, terrain: Terrain, masks: dict[tuple[View, int]
                 (np.clip(each.twin.light / white, 0, 1) ** 0.5 * 255).astype(np.uint8)[..., None], 3, axis=2
             )
             rows.append(
-                np.hstack([_COLOURS[each.rock + 2 * each.shadow], _COLOURS[each.our_rock + 2 * each.our_shadow], grey])
+                np.hstack(
+                    [
+                        _MASK_COLOURS[each.rock + 2 * each.shadow],
+                        _MASK_COLOURS[each.our_rock + 2 * each.our_shadow],
+                        grey,
+                    ]
+                )
             )
         write_png(folder / f"twins_{view.position}_{view.eye}.png", np.vstack(rows))

@@ -31,13 +31,15 @@ from .polar.scene import Frame, Masks
 
 METHODS = ("bm", "sgbm")
 #: Largest difference of the shares of wrong or missing pixels, of the twin and of the photograph.
-_ALLOWED = 0.1
-#: Pixels inside an outline from which on a pixel is judged, and the fewest pixels of a pair.
-_INSIDE_PX, _FEWEST_PX = 2, 100
+_MOST_SHARE_DIFFERENCE = 0.1
+#: A pixel is judged if it is at least this many pixels inside an outline.
+_INSET_PX = 2
+#: Least number of judged pixels of a pair.
+_FEWEST_JUDGED_PX = 100
 #: Points of a photograph for each pixel of our rig, along both axes.
-_FINER = 4
+_SAMPLES_PER_PIXEL_SIDE = 4
 _SOURCE = "NASA's photographs, matched; the truth is by POLAR-Sim's scans"
-_LACKING = "FOLDER has no photographs/TT_P_off_AZ_E.png of both eyes"
+_WHY_NO_PHOTOGRAPHS = "FOLDER has no photographs/TT_P_off_AZ_E.png of both eyes"
 
 
 def judge_stereo(
@@ -54,7 +56,16 @@ def judge_stereo(
             shares += [found] if found is not None else []
     if not shares:
         nothing = float("nan")
-        return [Row("matchers on the photographs", nothing, nothing, _ALLOWED, _SOURCE, unjudged=_LACKING)]
+        return [
+            Row(
+                "matchers on the photographs",
+                nothing,
+                nothing,
+                _MOST_SHARE_DIFFERENCE,
+                _SOURCE,
+                unjudged=_WHY_NO_PHOTOGRAPHS,
+            )
+        ]
     return _share_rows(np.array(shares))
 
 
@@ -68,12 +79,14 @@ def _share_rows(shares: Array) -> list[Row]:
         photographed, twin = (float(each) for each in shares[:, :, k].mean(axis=0))
         farthest = max(family.low[k], family.high[k], key=abs)
         rows += [
-            Row(f"{name}: mean of the twins and of the photographs", twin, photographed, _ALLOWED, _SOURCE),
+            Row(
+                f"{name}: mean of the twins and of the photographs", twin, photographed, _MOST_SHARE_DIFFERENCE, _SOURCE
+            ),
             Row(
                 f"{name}: farthest end of the 95 % interval of the typical difference",
                 float(farthest),
                 0.0,
-                _ALLOWED,
+                _MOST_SHARE_DIFFERENCE,
                 _SOURCE,
                 unjudged=few,
             ),
@@ -93,8 +106,8 @@ def _measure_shares(
     left, right = (masks[eye].twin.depth for eye in EYES)
     truth = rig.disparity(left)
     visible = find_visible_in_right(left, right, rig)
-    judged = erode(masks["L"].rock & masks["L"].our_rock, _INSIDE_PX) & visible & np.isfinite(truth)
-    if np.count_nonzero(judged) < _FEWEST_PX:
+    judged = erode(masks["L"].rock & masks["L"].our_rock, _INSET_PX) & visible & np.isfinite(truth)
+    if np.count_nonzero(judged) < _FEWEST_JUDGED_PX:
         return None
     photographed = [
         _to_grey(rectify_photograph(frame, camera, eye, _read_photograph(terrain, eyes[eye]))) for eye in EYES
@@ -133,10 +146,14 @@ def rectify_photograph(frame: Frame, camera: Calibration, eye: str, image: Array
     """A photograph (H, W) as our rig sees it, each pixel the mean of its part of the photograph."""
     rows, columns = frame.shape
     at = np.stack(
-        np.meshgrid((np.arange(columns * _FINER) + 0.5) / _FINER, (np.arange(rows * _FINER) + 0.5) / _FINER), axis=-1
+        np.meshgrid(
+            (np.arange(columns * _SAMPLES_PER_PIXEL_SIDE) + 0.5) / _SAMPLES_PER_PIXEL_SIDE,
+            (np.arange(rows * _SAMPLES_PER_PIXEL_SIDE) + 0.5) / _SAMPLES_PER_PIXEL_SIDE,
+        ),
+        axis=-1,
     )
     fine = sample_at_pixels(image, frame.unrectify(camera, eye, at.reshape(-1, 2)).reshape(at.shape))
-    return np.asarray(fine.reshape(rows, _FINER, columns, _FINER).mean(axis=(1, 3)))
+    return np.asarray(fine.reshape(rows, _SAMPLES_PER_PIXEL_SIDE, columns, _SAMPLES_PER_PIXEL_SIDE).mean(axis=(1, 3)))
 
 
 def _to_grey(image: Array) -> Array:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 #: Wavelengths in nm of the reflectances below.
-WAVELENGTH_NM = (400.0, 460.0, 470.0, 550.0, 620.0, 700.0)
-GREEN = WAVELENGTH_NM.index(550.0)
+WAVELENGTHS_NM = (400.0, 460.0, 470.0, 550.0, 620.0, 700.0)
+GREEN_INDEX = WAVELENGTHS_NM.index(550.0)
 
 #: Europa's trailing hemisphere: albedo from Spencer 1999 in Madden and Kaltenegger 2018, arXiv 1807.11442; and
 #: reflectance, relative to about 700 nm, from the archive of planetary spectra of the USGS.
@@ -37,6 +37,6 @@ SNOW_SOURCE = "Khuller et al. 2021, doi 10.1029/2021JE006910: another program, w
 
 def europa_over_green(wavelength_nm: float) -> tuple[float, float]:
     """Europa's trailing hemisphere over its reflectance at 550 nm: mean and half the difference of both spectra."""
-    column = WAVELENGTH_NM.index(wavelength_nm)
-    one, other = EUROPA_TRAILING[:, column] / EUROPA_TRAILING[:, GREEN]
+    column = WAVELENGTHS_NM.index(wavelength_nm)
+    one, other = EUROPA_TRAILING[:, column] / EUROPA_TRAILING[:, GREEN_INDEX]
     return float((one + other) / 2), float(abs(one - other) / 2)

@@ -23,11 +23,23 @@ from ..support.system import run
 from ..support.version import ROOT
 from .comparison import Bench, Comparison, Row
 
-_COLUMNS, _ROWS, _ACROSS = 160, 120, 8
-_DIRECT, _BOUNCED, _DEPTH, _EDGE_PX = 0.005, 0.01, 1e-5, 0.5
-#: Regions darker than this share of the mean are compared with it: their own light is noise.
-_FLOOR = 0.02
-_LIMIT_S = 1800.0
+#: Columns of the images.
+_COLUMNS = 160
+#: Rows of the images.
+_ROWS = 120
+#: Number of compared regions along each side of an image.
+_REGIONS_PER_SIDE = 8
+#: Largest relative difference of direct light.
+_DIRECT_TOLERANCE = 0.005
+#: Largest relative difference with bounces.
+_BOUNCED_TOLERANCE = 0.01
+#: Largest relative difference of depth.
+_DEPTH_TOLERANCE = 1e-5
+#: Largest shift of an edge in pixels.
+_EDGE_TOLERANCE_PX = 0.5
+#: Regions darker than this share of the mean are compared with the mean, because their own light is noise.
+_DARK_REGION_SHARE = 0.02
+_RENDER_TIMEOUT_S = 1800.0
 
 
 @dataclass(frozen=True)
@@ -77,7 +89,7 @@ _DEFAULT: Mapping[str, Mapping[str, Any]] = {
     **_LOW,
 }
 #: How a law that is no Lambert's is made in Cycles, and the name of that in scenes.
-_BACKENDS = {"OSL": "OSL", "NODES": "nodes"}
+_BACKEND_NAMES = {"OSL": "OSL", "NODES": "nodes"}
 SCENES = (
     Scene("low Sun", {"surface": _LAMBERT, "light": {"sun_elevation_deg": 8.0, "sun_azimuth_deg": 230.0}}),
     Scene("grazing view to the horizon", {"surface": _LAMBERT, **_HORIZON}, samples=256, why=_TURNED_AWAY),
@@ -90,7 +102,7 @@ SCENES = (
             why=_TURNED_FROM_SUN,
         )
         for law, surface in (("Hapke", _HAPKE), ("snow", _SNOW))
-        for backend, name in _BACKENDS.items()
+        for backend, name in _BACKEND_NAMES.items()
     ),
     Scene(
         "Saturn's light alone",
@@ -177,7 +189,9 @@ def _render_in_mitsuba(folder: Path, samples: int) -> tuple[Array, Array]:
         raise IcyMoonError('Mitsuba is not installed; run pip install "icymoon[validate]".')
     script = ROOT / "stereo" / "adapters" / "mitsuba_render.py"
     scene = folder / "scene_left.xml"
-    done = run([sys.executable, str(script), str(scene), str(samples)], clean_environment(), timeout_s=_LIMIT_S)
+    done = run(
+        [sys.executable, str(script), str(scene), str(samples)], clean_environment(), timeout_s=_RENDER_TIMEOUT_S
+    )
     if done.returncode:
         lines = [line for line in (done.stderr + done.stdout).splitlines() if "rror" in line]
         raise IcyMoonError(
@@ -191,7 +205,11 @@ def _render_in_mitsuba(folder: Path, samples: int) -> tuple[Array, Array]:
 def average_regions(image: Array) -> Array:
     """Means (8, 8) of an image whose sides are multiples of 8."""
     rows, columns = image.shape
-    return np.asarray(image.reshape(_ACROSS, rows // _ACROSS, _ACROSS, columns // _ACROSS).mean(axis=(1, 3)))
+    return np.asarray(
+        image.reshape(
+            _REGIONS_PER_SIDE, rows // _REGIONS_PER_SIDE, _REGIONS_PER_SIDE, columns // _REGIONS_PER_SIDE
+        ).mean(axis=(1, 3))
+    )
 
 
 def measure_edge_shift_px(one: Array, other: Array) -> float:
@@ -207,7 +225,7 @@ def draw_twins(ours: Array, theirs: Array) -> Array:
     """A picture (H, 3 W, 3), uint8: both images, and ours over theirs: grey where equal, red where 10 % more."""
     white = max(float(np.quantile(theirs, 0.99)), 1e-30)
     shown = [np.repeat(np.clip(image / white, 0, 1)[..., None] ** (1 / 2.2), 3, axis=-1) for image in (ours, theirs)]
-    apart = np.clip((ours - theirs) / np.maximum(theirs, _FLOOR * theirs.mean()) / 0.1, -1, 1)[..., None]
+    apart = np.clip((ours - theirs) / np.maximum(theirs, _DARK_REGION_SHARE * theirs.mean()) / 0.1, -1, 1)[..., None]
     colour = 0.5 + 0.5 * np.abs(apart) * np.where(apart > 0, (1.0, -1.0, -1.0), (-1.0, -1.0, 1.0))
     return np.asarray(np.round(255 * np.concatenate([*shown, colour], axis=1)), np.uint8)
 
@@ -215,7 +233,7 @@ def draw_twins(ours: Array, theirs: Array) -> Array:
 def _compare_regions(ours: Array, theirs: Array) -> tuple[float, float, str]:
     """Of the regions of two images: RMS and largest relative difference, and where it is."""
     here, there = average_regions(ours), average_regions(theirs)
-    difference = (here - there) / np.maximum(there, _FLOOR * there.mean())
+    difference = (here - there) / np.maximum(there, _DARK_REGION_SHARE * there.mean())
     worst = np.unravel_index(np.argmax(np.abs(difference)), difference.shape)
     return (
         float(np.sqrt(np.mean(difference**2))),
@@ -230,7 +248,7 @@ def _scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Ar
     both = ~np.isnan(seen) & ~np.isnan(depth)
     apart = np.abs(seen[both] / depth[both] - 1)
     dark = 0.25 * float(np.median(theirs[theirs > 0]))
-    allowed = _BOUNCED if scene.bounces else _DIRECT
+    allowed = _BOUNCED_TOLERANCE if scene.bounces else _DIRECT_TOLERANCE
     source = f"Mitsuba 3, {scene.samples} samples, the exported scene"
     found = [
         Row(
@@ -243,7 +261,13 @@ def _scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Ar
         ),
         Row(f"{scene.name}: RMS of 64 regions", rms, 0.0, allowed, source, why=scene.why),
         Row(f"{scene.name}: {where}", largest, 0.0, allowed, source, why=scene.why),
-        Row(f"{scene.name}: depth, relative, 99 % of the pixels", float(np.quantile(apart, 0.99)), 0.0, _DEPTH, source),
+        Row(
+            f"{scene.name}: depth, relative, 99 % of the pixels",
+            float(np.quantile(apart, 0.99)),
+            0.0,
+            _DEPTH_TOLERANCE,
+            source,
+        ),
     ]
     if not scene.bounces and "planet" not in scene.changes.get("light", {}):
         found.append(
@@ -251,7 +275,7 @@ def _scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Ar
                 f"{scene.name}: shadow edges",
                 measure_edge_shift_px(ours < dark, theirs < dark),
                 0.0,
-                _EDGE_PX,
+                _EDGE_TOLERANCE_PX,
                 source,
                 unit="px",
             )
@@ -265,7 +289,7 @@ def _backend_rows(radiance: Mapping[str, Array]) -> list[Row]:
     for name in radiance:
         if (twin := name.replace("by OSL", "by nodes")) != name:
             _, largest, where = _compare_regions(radiance[name], radiance[twin])
-            rows.append(Row(f"{name} beside nodes: {where}", largest, 0.0, _BOUNCED, "nodes, in Cycles too"))
+            rows.append(Row(f"{name} beside nodes: {where}", largest, 0.0, _BOUNCED_TOLERANCE, "nodes, in Cycles too"))
     return rows
 
 

@@ -15,12 +15,19 @@ from ..support.arrays import Array
 from .ball import BallImage, render_ball
 from .comparison import Bench, Comparison, Row
 
-_PHASES, _QUICK = (10.0, 25.0, 40.0, 55.0, 70.0, 85.0, 100.0, 115.0), (25.0, 70.0, 100.0)
-#: The formula's own range, and how far the azimuth must be from the plane of the Sun.
-_I, _E, _OFF_PLANE = math.radians(snow.LARGEST_INCIDENCE_DEG), math.radians(snow.LARGEST_EMISSION_DEG), math.radians(20)
-_DISTANCE = 100.0
+#: Phase angles in degrees.
+_PHASES_DEG = (10.0, 25.0, 40.0, 55.0, 70.0, 85.0, 100.0, 115.0)
+#: Phase angles in degrees of a quick run.
+_QUICK_PHASES_DEG = (25.0, 70.0, 100.0)
+#: Largest incidence in the range of the formula.
+_MOST_INCIDENCE_RAD = math.radians(snow.LARGEST_INCIDENCE_DEG)
+#: Largest emission angle in its range.
+_MOST_EMISSION_RAD = math.radians(snow.LARGEST_EMISSION_DEG)
+#: Least azimuth from the plane of the Sun.
+_LEAST_OFF_PLANE_RAD = math.radians(20)
+_CAMERA_DISTANCE_RADII = 100.0
 _SOURCE = "Kokhanovsky and Zege 2004, Applied Optics 43, 1589, itself within about 5 % of measurements"
-_CELL = math.radians(10.0)
+_CELL_RAD = math.radians(10.0)
 
 
 def _collect_samples(images: list[BallImage]) -> Iterator[tuple[Array, Array]]:
@@ -28,7 +35,11 @@ def _collect_samples(images: list[BallImage]) -> Iterator[tuple[Array, Array]]:
     for image in images:
         side = np.abs(np.sin(image.azimuth))
         with np.errstate(invalid="ignore"):
-            inside = (image.incidence <= _I) & (image.emission <= _E) & (side >= math.sin(_OFF_PLANE))
+            inside = (
+                (image.incidence <= _MOST_INCIDENCE_RAD)
+                & (image.emission <= _MOST_EMISSION_RAD)
+                & (side >= math.sin(_LEAST_OFF_PLANE_RAD))
+            )
         angles = np.stack([image.incidence[inside], image.emission[inside], image.azimuth[inside]])
         yield angles, image.radiance_factor[inside] / np.cos(angles[0])
 
@@ -37,11 +48,11 @@ def _measure_errors(images: list[BallImage], albedo: float) -> tuple[Array, Arra
     """Relative differences from the snow law, as means over cells of 10 degrees of each angle, and middles (3, n)."""
     angles, factors = (np.concatenate(parts, axis=-1) for parts in zip(*_collect_samples(images), strict=True))
     law = snow.reflectance_factor(angles[0], angles[1], angles[2], albedo)
-    cells, which = np.unique((angles // _CELL).astype(int), axis=1, return_inverse=True)
+    cells, which = np.unique((angles // _CELL_RAD).astype(int), axis=1, return_inverse=True)
     which, count = which.ravel(), np.bincount(which.ravel())
     ratio = np.bincount(which, factors) / np.bincount(which, law)
     whole = count >= 4  # fewer pixels are noise
-    return ratio[whole] - 1, (cells[:, whole] + 0.5) * _CELL
+    return ratio[whole] - 1, (cells[:, whole] + 0.5) * _CELL_RAD
 
 
 def _make_rows(name: str, error: Array, middles: Array, allowed: float, unjudged: str = "") -> list[Row]:
@@ -103,7 +114,12 @@ def _compare_snow(bench: Bench) -> list[Row]:
         ),
     }
     found = render_ball(
-        bench, list(surfaces.values()), _QUICK if bench.quick else _PHASES, _DISTANCE, pixels=120, samples=32
+        bench,
+        list(surfaces.values()),
+        _QUICK_PHASES_DEG if bench.quick else _PHASES_DEG,
+        _CAMERA_DISTANCE_RADII,
+        pixels=120,
+        samples=32,
     )
     rows = _make_rows(
         "Lambert's law, albedo 1, by the formula",

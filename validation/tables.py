@@ -10,8 +10,8 @@ from ..support.number_text import format_count
 from .comparison import FAILS, NOT_JUDGED, PASSES, Comparison, Result, Row
 
 #: The verdicts in the order in which a summary counts them, and its words.
-_COUNTED = ((PASSES, "pass"), (FAILS, "fail"), (NOT_JUDGED, "are not judged"))
-_HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdict", "notes")
+_VERDICT_WORDS = ((PASSES, "pass"), (FAILS, "fail"), (NOT_JUDGED, "are not judged"))
+_COLUMN_HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdict", "notes")
 
 
 def format_number(value: float) -> str:
@@ -47,7 +47,7 @@ def summarise_result(result: Result) -> str:
     if result.error:
         return f"{result.comparison.title}: not made. {result.error}"
     counted = [row.verdict for row in result.rows]
-    parts = [f"{counted.count(verdict)} {words}" for verdict, words in _COUNTED if verdict in counted]
+    parts = [f"{counted.count(verdict)} {words}" for verdict, words in _VERDICT_WORDS if verdict in counted]
     return (
         f"{result.comparison.title}: {'passes' if result.passes else 'FAILS'}; of "
         f"{format_count(len(counted), 'number')} "
@@ -71,7 +71,7 @@ def make_markdown_section(result: Result) -> str:
     ]
     table = [
         "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
-        for row in [_HEADS, ("---",) * len(_HEADS), *numbered]
+        for row in [_COLUMN_HEADS, ("---",) * len(_COLUMN_HEADS), *numbered]
     ]
     listed = [line for number, note in enumerate(notes, 1) for line in _wrap_text(f"{number}. {note}.")]
     return "\n".join([*lines, *table, "", *listed, ""])

@@ -15,12 +15,12 @@ from .comparison import Bench, Comparison, Row
 from .moon_albedos import read_preset_law
 
 PRESETS = ("hapke_enceladus_global", "hapke_europa_global", "hapke_lunar_like")
-_PHASES = (0.0, 1.0, 3.0, 10.0, 30.0, 50.0, 70.0, 90.0, 120.0, 150.0)
-#: Five of them still give a quadratic fit.
-_QUICK = (0.0, 10.0, 40.0, 80.0, 120.0)
+_PHASES_DEG = (0.0, 1.0, 3.0, 10.0, 30.0, 50.0, 70.0, 90.0, 120.0, 150.0)
+#: Phase angles in degrees of a quick run; five still give a quadratic fit.
+_QUICK_PHASES_DEG = (0.0, 10.0, 40.0, 80.0, 120.0)
 #: In radii: the disc then spans phase angles of 0.011 degrees.
-_DISTANCE = 10000.0
-_ALLOWED = 0.005
+_CAMERA_DISTANCE_RADII = 10000.0
+_TOLERANCE = 0.005
 _SOURCE = "integral of the formula in double precision"
 
 
@@ -57,7 +57,7 @@ def _ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
     of_formula = list(np.pi * law(half, half, np.full_like(half, np.pi)))
 
     def relative(quantity: str, ours: float, theirs: float) -> Row:
-        return Row(f"{name}: {quantity}", ours, theirs, _ALLOWED * theirs, _SOURCE)
+        return Row(f"{name}: {quantity}", ours, theirs, _TOLERANCE * theirs, _SOURCE)
 
     return [
         relative(
@@ -83,7 +83,10 @@ def describe_surface(preset: str, backend: str) -> Settings:
 def _compare_discs(bench: Bench) -> list[Row]:
     cases = list(product(PRESETS[:1] if bench.quick else PRESETS, ("NODES", "OSL")))
     images = render_ball(
-        bench, [describe_surface(*case) for case in cases], _QUICK if bench.quick else _PHASES, _DISTANCE
+        bench,
+        [describe_surface(*case) for case in cases],
+        _QUICK_PHASES_DEG if bench.quick else _PHASES_DEG,
+        _CAMERA_DISTANCE_RADII,
     )
     return [row for case, found in zip(cases, images, strict=True) for row in _ball_rows(*case, found)]
 

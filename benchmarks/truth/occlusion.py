@@ -107,7 +107,7 @@ def main(options: argparse.Namespace) -> None:
     line("to each point", "0.25", by_rays)
     line("both columns", "0.5", {eye: both_columns(own[eye], own[other], eye) for eye, other in _OTHERS.items()})
     for number, tolerance in product(rays, TOLERANCES_PX):
-        columns._NEARER_PX = tolerance
+        columns._LEAST_GAP_PX = tolerance
         line(
             str(number),
             f"{tolerance:g}",

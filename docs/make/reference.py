@@ -166,9 +166,9 @@ def _presets() -> str:
         "preset of a scene includes others. `--preset` may be given several times; the later preset wins. "
         "*Chosen* means that no measurement is known and that the value is a decision.\n",
     ]
-    kinds = sorted({name.split("/")[0] for name in preset_files.preset_names()}, key=[*preset_files.KINDS].index)
+    kinds = sorted({name.split("/")[0] for name in preset_files.preset_names()}, key=[*preset_files.PRESET_KINDS].index)
     for kind in kinds:
-        parts.append(f"## {preset_files.KINDS[kind]}\n")
+        parts.append(f"## {preset_files.PRESET_KINDS[kind]}\n")
         parts += [_preset(name) for name in preset_files.preset_names(kind)]
     return "\n".join(parts)
 

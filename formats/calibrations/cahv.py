@@ -16,7 +16,7 @@ from ..cahvor import Cahvor, make_cahvor_text, make_pds_text, model_from_pinhole
 from .options import Reading, Stated, as_cahvore, skew_of
 
 #: The coordinate system that labels name.
-_FRAME = "REFERENCE_AXES"
+_FRAME_NAME = "REFERENCE_AXES"
 
 
 def read_cahv(paths: Sequence[Path], _: Stated) -> Reading:
@@ -42,15 +42,17 @@ def _camera(model: Cahvor, name: str) -> CalibratedCamera:
 
 
 def why_not_cahv(camera: CalibratedCamera) -> str:
-    """What CAHVORE lacks for a camera; empty if it has all."""
+    """A phrase on what CAHVORE lacks for a camera; empty if it can store the camera."""
     return skew_of(camera) if as_cahvore(camera) else f"no lens equal to {camera.lens.name}"
 
 
 def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
-    """Write a file for each camera, a PDS3 label where its suffix is .lbl."""
+    """Write a file for each camera; a suffix .lbl makes a PDS3 label."""
     for camera, path in zip(rig.cameras, paths, strict=True):
         model = model_of(camera)
-        write_text(path, make_pds_text(model, _FRAME) if path.suffix.lower() == ".lbl" else make_cahvor_text(model))
+        write_text(
+            path, make_pds_text(model, _FRAME_NAME) if path.suffix.lower() == ".lbl" else make_cahvor_text(model)
+        )
 
 
 def nearest_model(camera: CalibratedCamera) -> Cahvor:

@@ -1,7 +1,7 @@
-"""Models of COLMAP: ``cameras`` and ``images`` in one folder, as text or binary. They are written as text.
+"""Models of COLMAP: ``cameras`` and ``images`` in one folder, read as text or binary, written as text.
 
-COLMAP counts pixels from the corner of the first one. Its lengths are in the unit of its own scale, metres where the
-positions of the images are known.
+COLMAP counts pixels from the corner of the first one. Lengths are in the unit of its own scale, which is the metre if
+the positions of the images are known.
 """
 
 from __future__ import annotations
@@ -22,17 +22,20 @@ from .options import Reading, Stated, numbers_of, opencv_lens, why_no_opencv_len
 
 _KIND = "a model of COLMAP"
 _FIX = "give the folder with cameras.txt and images.txt"
-_HALF = 0.5
-#: What a folder has: as text, which is written, or as bytes.
+_HALF_PIXEL = 0.5
+#: Text files of a COLMAP model. A model may also have them as .bin.
 COLMAP_FILES = ("cameras.txt", "images.txt", "points3D.txt")
-#: Largest files: of cameras, and of images, which state all of their points.
-_MOST_CAMERAS, _MOST_IMAGES = 2**22, 2**29
-#: Most images that are taken for a rig.
-_MOST = 1000
-#: Models by COLMAP's own numbers, and how many parameters each has.
+#: Largest file of cameras in bytes.
+_MOST_CAMERA_BYTES = 2**22
+#: Largest file of images in bytes; it also states all of their points.
+_MOST_IMAGE_BYTES = 2**29
+#: Maximum number of images that form a rig.
+_MOST_RIG_IMAGES = 1000
+#: Camera models in the order of COLMAP's numbers.
 _MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV")
-_COUNTS = (3, 4, 4, 5, 8, 8, 12)
-_ASSUMED = "COLMAP states no unit: one unit of its scale is taken for {} m."
+#: Number of parameters of each of these models.
+_PARAMETER_COUNTS = (3, 4, 4, 5, 8, 8, 12)
+_ASSUMED_UNIT = "COLMAP states no unit: one unit of its scale is assumed to be {} m."
 
 
 def read_colmap(paths: Sequence[Path], stated: Stated) -> Reading:
@@ -43,8 +46,8 @@ def read_colmap(paths: Sequence[Path], stated: Stated) -> Reading:
     if kind is None:
         raise IcyMoonError(f"{folder} has no cameras.txt or cameras.bin; {_FIX}.")
     parse = (_cameras_of_text, _images_of_text) if kind == ".txt" else (_cameras_of_bytes, _images_of_bytes)
-    cameras = read(folder / f"cameras{kind}", parse[0], _KIND, _FIX, _MOST_CAMERAS)
-    images = read(folder / f"images{kind}", parse[1], _KIND, _FIX, _MOST_IMAGES)
+    cameras = read(folder / f"cameras{kind}", parse[0], _KIND, _FIX, _MOST_CAMERA_BYTES)
+    images = read(folder / f"images{kind}", parse[1], _KIND, _FIX, _MOST_IMAGE_BYTES)
     unit_m = stated.unit_m()
     found = []
     with explain_errors(folder / f"images{kind}", _KIND, _FIX):
@@ -55,10 +58,10 @@ def read_colmap(paths: Sequence[Path], stated: Stated) -> Reading:
             found.append(
                 replace(cameras[number], rotation=rotation, translation_m=np.array(placed[4:]) * unit_m, name=name)
             )
-        return Reading(CalibratedRig(tuple(found)), (_ASSUMED.format(unit_m),))
+        return Reading(CalibratedRig(tuple(found)), (_ASSUMED_UNIT.format(unit_m),))
 
 
-#: Of an image: its number, w, x, y, z and the translation, the number of its camera, and its name.
+#: An image: its number; w, x, y, z and the translation; the number of its camera; its name.
 _Image = tuple[int, list[float], int, str]
 
 
@@ -66,7 +69,7 @@ def _camera(model: str, width: int, height: int, p: list[float]) -> CalibratedCa
     """A camera of COLMAP's model and parameters."""
     if model not in _MODELS:
         raise RefusedError(f"has the camera model {quote(model)}; run COLMAP with one of {', '.join(_MODELS)}.")
-    if len(p) != _COUNTS[_MODELS.index(model)]:
+    if len(p) != _PARAMETER_COUNTS[_MODELS.index(model)]:
         raise ValueError(f"{model} has {len(p)} parameters")
     if model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"):
         p = [p[0], *p]
@@ -75,7 +78,7 @@ def _camera(model: str, width: int, height: int, p: list[float]) -> CalibratedCa
         lens: Brown | Fisheye = Fisheye(tuple(k))
     else:
         lens = Brown((*k, *(0.0,) * ((8 if len(k) > 4 else 5) - len(k))))
-    return CalibratedCamera(width, height, fx, fy, cx - _HALF, cy - _HALF, lens)
+    return CalibratedCamera(width, height, fx, fy, cx - _HALF_PIXEL, cy - _HALF_PIXEL, lens)
 
 
 def _cameras_of_text(foreign: ForeignBytes) -> dict[int, CalibratedCamera]:
@@ -92,7 +95,7 @@ def _cameras_of_text(foreign: ForeignBytes) -> dict[int, CalibratedCamera]:
 
 
 def _images_of_text(foreign: ForeignBytes) -> list[_Image]:
-    """Every second line states the points of an image, and may be empty."""
+    """The images of a text. Every second line states the points of an image, and may be empty."""
     found: list[_Image] = []
     is_points = False
     for number, line in foreign.lines(longest=2**24):
@@ -100,8 +103,8 @@ def _images_of_text(foreign: ForeignBytes) -> list[_Image]:
             continue
         if not is_points:
             words = line.decode().split(maxsplit=9)
-            if len(words) != 10 or len(found) == _MOST:
-                raise ValueError(f"line {number} is no image with a pose, or there are more than {_MOST}")
+            if len(words) != 10 or len(found) == _MOST_RIG_IMAGES:
+                raise ValueError(f"line {number} is no image with a pose, or there are more than {_MOST_RIG_IMAGES}")
             placed = numbers_of(words[1:8], f"line {number}").tolist()
             found.append((int(words[0]), placed, int(words[8]), words[9].strip()))
         is_points = not is_points
@@ -115,15 +118,15 @@ def _cameras_of_bytes(foreign: ForeignBytes) -> dict[int, CalibratedCamera]:
         number, model, width, height = cursor.unpack("<iiQQ")
         if not 0 <= model < len(_MODELS):
             raise RefusedError(f"has a camera model of number {model}; run COLMAP with one of {', '.join(_MODELS)}.")
-        found[number] = _camera(_MODELS[model], width, height, list(cursor.unpack(f"<{_COUNTS[model]}d")))
+        found[number] = _camera(_MODELS[model], width, height, list(cursor.unpack(f"<{_PARAMETER_COUNTS[model]}d")))
     return found
 
 
 def _images_of_bytes(foreign: ForeignBytes) -> list[_Image]:
     cursor = foreign.cursor()
     count = cursor.number("<Q")
-    if count > _MOST:
-        raise ValueError(f"it has {count} images, more than {_MOST}")
+    if count > _MOST_RIG_IMAGES:
+        raise ValueError(f"it has {count} images, more than {_MOST_RIG_IMAGES}")
     found: list[_Image] = []
     for _ in range(count):
         number, *placed, camera = cursor.unpack("<I7dI")
@@ -134,7 +137,7 @@ def _images_of_bytes(foreign: ForeignBytes) -> list[_Image]:
 
 
 def why_not_colmap(camera: CalibratedCamera) -> str:
-    """What COLMAP lacks for a camera; empty if it has all."""
+    """A phrase on what COLMAP lacks for a camera; empty if it can store the camera."""
     return why_no_opencv_lens(camera, 8)
 
 
@@ -156,7 +159,7 @@ def write_colmap(rig: CalibratedRig, paths: Sequence[Path]) -> None:
 
 def _stated(camera: CalibratedCamera) -> tuple[str, list[float]]:
     same, lens = opencv_lens(camera)
-    common = [same.fx_px, same.fy_px, same.cx_px + _HALF, same.cy_px + _HALF]
+    common = [same.fx_px, same.fy_px, same.cx_px + _HALF_PIXEL, same.cy_px + _HALF_PIXEL]
     k = lens.coefficients
     if isinstance(lens, Fisheye):
         return "OPENCV_FISHEYE", [*common, *k]

@@ -32,7 +32,7 @@ from ...support.foreign_bytes import ForeignBytes, parse_toml, read
 from ...support.suggestions import suggest_nearest
 from ...support.system import find_name_fault
 from ..toml_lines import Place
-from .options import UNITS, Stated
+from .options import UNITS_M, Stated
 from .registry import read_calibration
 
 #: Bytes of the file at most.
@@ -160,7 +160,7 @@ class _Entry:
         file = self._place.file.parent / parse_path(self._text("calibration"), str(self._place.at("calibration")))
         self.files.append(file)
         sizes = (self._size(),) if self._table.keys() & {*_SIZE} else ()
-        unit = self._choice("unit", UNITS, "") or None
+        unit = self._choice("unit", UNITS_M, "") or None
         try:
             cameras = read_calibration([file], Stated(unit, sizes)).rig.from_first().cameras
         except IcyMoonError as error:

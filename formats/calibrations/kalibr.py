@@ -1,4 +1,5 @@
-"""Camchains of Kalibr: ``cam0``, ``cam1`` and more in one YAML file, each posed from the one before, in metres."""
+"""Camchains of Kalibr: ``cam0``, ``cam1`` and more in one YAML file, each with its pose from the previous one, in
+metres."""
 
 from __future__ import annotations
 
@@ -51,7 +52,7 @@ def _parse(foreign: ForeignBytes) -> Reading:
                 if "T_cn_cnm1" not in entry:
                     raise ValueError("T_cn_cnm1 is missing, the pose from the camera before")
                 rotation, shift = pose_of(numbers_of(entry["T_cn_cnm1"], "T_cn_cnm1", 4, 4))
-                # The camera checks the rotation before it is chained with others.
+                # Making the camera checks the rotation before it is chained with others.
                 step = _camera(entry, name).placed(rotation, shift)
                 pose = rigid_pose(step.rotation, step.translation_m) @ pose
             cameras.append(_camera(entry, name).placed(pose[:3, :3], pose[:3, 3]))
@@ -85,7 +86,7 @@ def _lens(entry: dict[str, Any], name: str) -> LensModel:
 
 
 def why_not_kalibr(camera: CalibratedCamera) -> str:
-    """What Kalibr lacks for a camera; empty if it has all."""
+    """A phrase on what Kalibr lacks for a camera; empty if it can store the camera."""
     return why_no_opencv_lens(camera, 4)
 
 

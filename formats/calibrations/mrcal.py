@@ -1,6 +1,6 @@
-"""Camera models of mrcal: a ``.cameramodel`` for each camera, a literal of Python with comments.
+"""Camera models of mrcal: a ``.cameramodel`` for each camera, a Python literal with comments.
 
-Extrinsics are the vector of rotation and the translation from reference axes to the camera's.
+Extrinsics are a rotation vector and a translation from reference axes to the camera's.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from .options import MOST_BYTES, Reading, Stated, as_brown, as_cahvore, brown_of
 
 _KIND = "a camera model of mrcal"
 _FIX = "give the file .cameramodel that mrcal-calibrate-cameras wrote"
-_CAHVORE = "LENSMODEL_CAHVORE_linearity="
-_COUNTS = {
+_CAHVORE_PREFIX = "LENSMODEL_CAHVORE_linearity="
+_PARAMETER_COUNTS = {
     "LENSMODEL_PINHOLE": 0,
     "LENSMODEL_OPENCV4": 4,
     "LENSMODEL_OPENCV5": 5,
@@ -30,8 +30,8 @@ _COUNTS = {
     "LENSMODEL_OPENCV12": 12,
     "LENSMODEL_CAHVOR": 5,
 }
-#: What the pose is called, by the version of mrcal.
-_POSES = ("extrinsics", "rt_cam_ref", "rt_fromref")
+#: Keys of the pose in the versions of mrcal.
+_POSE_KEYS = ("extrinsics", "rt_cam_ref", "rt_fromref")
 
 
 def read_mrcal(paths: Sequence[Path], _: Stated) -> Reading:
@@ -42,7 +42,7 @@ def read_mrcal(paths: Sequence[Path], _: Stated) -> Reading:
 
 def _parse(foreign: ForeignBytes) -> CalibratedCamera:
     lines = [line.strip() for line in foreign.text().split("\n")]
-    # The measurements are bytes, in one line.
+    # Drop the measurements, which are one line of bytes.
     kept = [line for line in lines if not line.startswith(("#", "'optimization_inputs'", '"optimization_inputs"'))]
     model = parse_flow("\n".join(kept))
     if not isinstance(model, dict):
@@ -50,7 +50,7 @@ def _parse(foreign: ForeignBytes) -> CalibratedCamera:
     name = str(model.get("lensmodel", model.get("lens_model")))
     fx, fy, cx, cy, *more = numbers_of(model["intrinsics"], "intrinsics").tolist()
     lens = _lens(name, more)
-    pose = next((model[key] for key in _POSES if key in model), None)
+    pose = next((model[key] for key in _POSE_KEYS if key in model), None)
     if pose is None:
         raise ValueError("extrinsics are missing")
     vector = numbers_of(pose, "extrinsics", 6)
@@ -71,31 +71,31 @@ def _parse(foreign: ForeignBytes) -> CalibratedCamera:
 
 
 def _lens(name: str, numbers: list[float]) -> LensModel:
-    """The lens of a model of mrcal and its numbers behind fx, fy, cx, cy."""
-    if name.startswith(_CAHVORE):
-        linearity = float(name.removeprefix(_CAHVORE)[:20])
+    """The lens of a model of mrcal; ``numbers`` follow fx, fy, cx, cy."""
+    if name.startswith(_CAHVORE_PREFIX):
+        linearity = float(name.removeprefix(_CAHVORE_PREFIX)[:20])
         if len(numbers) != 8:
             raise ValueError(f"{name} has {len(numbers) + 4} intrinsics, not 12")
         return Cahvore(_axis(*numbers[:2]), tuple(numbers[2:5]), tuple(numbers[5:]), linearity)
-    if name not in _COUNTS:
+    if name not in _PARAMETER_COUNTS:
         raise RefusedError(
             f"has the lens model {quote(name)}, which is not read; write it as another one by "
             "mrcal-convert-lensmodel LENSMODEL_OPENCV8."
         )
-    if len(numbers) != _COUNTS[name]:
-        raise ValueError(f"{name} has {len(numbers) + 4} intrinsics, not {_COUNTS[name] + 4}")
+    if len(numbers) != _PARAMETER_COUNTS[name]:
+        raise ValueError(f"{name} has {len(numbers) + 4} intrinsics, not {_PARAMETER_COUNTS[name] + 4}")
     if name == "LENSMODEL_CAHVOR":
         return Cahvore(_axis(*numbers[:2]), tuple(numbers[2:]))
     return brown_of(numbers) if numbers else Brown()
 
 
 def _axis(alpha: float, beta: float) -> tuple[float, ...]:
-    """The optical axis of two angles, rad."""
+    """The optical axis of two angles in rad."""
     return math.sin(alpha) * math.cos(beta), math.sin(beta), math.cos(alpha) * math.cos(beta)
 
 
 def why_not_mrcal(camera: CalibratedCamera) -> str:
-    """What mrcal lacks for a camera; empty if it has all."""
+    """A phrase on what mrcal lacks for a camera; empty if it can store the camera."""
     return skew_of(camera) if as_brown(camera) or as_cahvore(camera) else f"no lens like {camera.lens.name}"
 
 
@@ -111,7 +111,7 @@ def _text(camera: CalibratedCamera) -> str:
     if isinstance(lens, Cahvore):
         x, y, z = lens.axis
         numbers = [math.atan2(x, z), math.asin(max(-1.0, min(1.0, y))), *lens.radial, *(lens.pupil or ())]
-        name = "LENSMODEL_CAHVOR" if lens.pupil is None else f"{_CAHVORE}{lens.linearity!r}"
+        name = "LENSMODEL_CAHVOR" if lens.pupil is None else f"{_CAHVORE_PREFIX}{lens.linearity!r}"
     else:
         assert isinstance(lens, Brown)
         numbers = list(lens.shortened())

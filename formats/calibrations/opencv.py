@@ -1,8 +1,8 @@
 """Calibrations as programs with OpenCV write them: ``cv2.FileStorage`` in YAML, XML or JSON, and npz of numpy.
 
-The names of the matrices are those of OpenCV's sample stereo_calib (M1, D1, M2, D2, R, T, in one file or two), or what
-is common in their place. ``x2 = R x1 + T``. T is in the unit of the board's squares, which no file of OpenCV states.
-Ours do, by the key ``unit``, as they state the size of the images and the lens.
+The matrices have the names of OpenCV's sample stereo_calib (M1, D1, M2, D2, R, T, in one file or two), or other common
+names. ``x2 = R x1 + T``. T is in the unit of the board's squares, which no file of OpenCV states. Our files state it by
+the key ``unit``, and also the size of the images and the lens.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from ...support.arrays import Array
 from ...support.files import quote, write_atomically, write_text
 from ...support.foreign_bytes import ForeignBytes, RefusedError, explain_errors, parse_json, parse_npz, parse_xml, read
 from ..yaml_text import parse_yaml, write_number
-from .options import MOST_BYTES, UNITS, Reading, Stated, brown_of, numbers_of, opencv_lens, why_no_opencv_lens
+from .options import MOST_BYTES, UNITS_M, Reading, Stated, brown_of, numbers_of, opencv_lens, why_no_opencv_lens
 
 _KIND = "a calibration of OpenCV"
 _FIX = "give a file with M1, D1, M2, D2, R and T, as OpenCV's stereo_calib writes them"
-_WRONG = "correct that value, or calibrate again"
-#: What matrices are called, in small letters without underscores; with 1, 2, L, R, left or right before or behind.
-_NAMES = {
+_WRONG_VALUE_FIX = "correct that value, or calibrate again"
+#: Names of the matrices, in lower case without underscores; with 1, 2, L, R, left or right before or after them.
+_MATRIX_NAMES = {
     "K": ("m", "k", "mtx", "cameramatrix", "intrinsics", "intrinsic", "cammatrix"),
     "D": ("d", "dist", "distcoeffs", "distcoeff", "distortioncoefficients", "distortion", "distortioncoeffs"),
     "size": ("imagesize", "imgsize", "size", "imageshape"),
@@ -35,18 +35,18 @@ _NAMES = {
     "height": ("imageheight", "height"),
     "lens": ("lensmodel", "distortionmodel"),
 }
-_OF_BOTH = {
+_PAIR_NAMES = {
     "R": ("r", "rotation", "rotationmatrix", "rot"),
     "T": ("t", "translation", "translationvector", "trans"),
     "unit": ("unit", "units"),
 }
-_SIDES = (("1", "l", "left"), ("2", "r", "right"))
-#: What lenses are called by the key ``lens_model``.
-_LENSES = {"brown": Brown, "fisheye": Fisheye}
+_SIDE_NAMES = (("1", "l", "left"), ("2", "r", "right"))
+#: Lenses by the value of the key ``lens_model``.
+_LENS_MODELS = {"brown": Brown, "fisheye": Fisheye}
 
 
 def read_opencv(paths: Sequence[Path], stated: Stated) -> Reading:
-    """Read a calibration of one camera or of two from one file, or from two, of intrinsics and of extrinsics."""
+    """Read a calibration of one camera or of two, from one file, or from one of intrinsics and one of extrinsics."""
     found: dict[str, Any] = {}
     for path in paths:
         content = read(path, _parse, _KIND, _FIX, MOST_BYTES)
@@ -54,12 +54,12 @@ def read_opencv(paths: Sequence[Path], stated: Stated) -> Reading:
             if twice := found.keys() & content.keys():
                 raise ValueError(f"it states {quote(min(twice))} as {paths[0].name} does")
         found |= content
-    with explain_errors(" with ".join(map(str, paths)), _KIND, _WRONG):
+    with explain_errors(" with ".join(map(str, paths)), _KIND, _WRONG_VALUE_FIX):
         return _rig_of(found, stated)
 
 
 def _parse(foreign: ForeignBytes) -> dict[str, Any]:
-    """The keys of a file, without those that are no calibration."""
+    """The keys and values of a file that belong to a calibration."""
     if foreign.part(0, min(4, foreign.size)) == b"PK\x03\x04":
         arrays = parse_npz(foreign, kinds="fiubU")
         return {key: value.tolist() for key, value in arrays.items() if value.size <= 10_000}
@@ -72,7 +72,7 @@ def _parse(foreign: ForeignBytes) -> dict[str, Any]:
 
 
 def _of_element(element: Element) -> Any:
-    """The value of an element of a FileStorage: a mapping of its children, a number, numbers, or a text."""
+    """The value of a FileStorage element: a mapping of its children, a number, several numbers, or a text."""
     if len(element):
         return {each.tag: each.text or "" for each in element}
     words = (element.text or "").split()
@@ -84,7 +84,7 @@ def _of_element(element: Element) -> Any:
 
 
 def _array(value: Any, name: str) -> Array:
-    """The array of a matrix of FileStorage, or of lists of numbers, flat."""
+    """The flat array of a FileStorage matrix, or of lists of numbers."""
     if not isinstance(value, dict):
         return numbers_of(value, name)
     data = value.get("data")
@@ -98,13 +98,15 @@ def _array(value: Any, name: str) -> Array:
 
 
 def _find(found: Mapping[str, Any], key: str, side: int | None) -> tuple[str, Any]:
-    """The name and the value of a key, for a side, or without one; an empty name if there is none."""
+    """The name and the value of a key, for a ``side`` or without one; an empty name if the key is absent."""
     for name, value in found.items():
         plain = name.replace("_", "").replace(".", "").lower()
         if side is None:
-            fits = plain in (_OF_BOTH.get(key) or _NAMES[key])
+            fits = plain in (_PAIR_NAMES.get(key) or _MATRIX_NAMES[key])
         else:
-            fits = any(plain in (f"{word}{mark}", f"{mark}{word}") for word in _NAMES[key] for mark in _SIDES[side])
+            fits = any(
+                plain in (f"{word}{mark}", f"{mark}{word}") for word in _MATRIX_NAMES[key] for mark in _SIDE_NAMES[side]
+            )
         if fits:
             return name, value
     return "", None
@@ -123,21 +125,23 @@ def _rig_of(found: Mapping[str, Any], stated: Stated) -> Reading:
         raise RefusedError(f"has no {lacks}, the pose of the second camera; give the file of extrinsics too.")
     rotation, translation = _array(r_value, r_name), _array(t_value, t_name)
     if len(rotation) == 3:
-        raise RefusedError(f"has a vector of 3 as {r_name}; write the matrix that cv2.Rodrigues makes of it.")
+        raise RefusedError(f"has a rotation vector as {r_name}; convert it to a matrix with cv2.Rodrigues.")
     if len(rotation) != 9 or len(translation) != 3:
-        raise ValueError(f"{r_name} has not 9 numbers, or {t_name} not 3")
+        raise ValueError(f"{r_name} must have 9 numbers, and {t_name} 3")
     unit_name, own = _find(found, "unit", None)
     unit = own if unit_name else stated.unit
-    if unit not in UNITS:
+    if unit not in UNITS_M:
         told = f"{unit_name} is {quote(own)}" if unit_name else "which the file does not state"
-        fix = f"write one of {', '.join(UNITS)} there" if unit_name else f"add --unit with one of {', '.join(UNITS)}"
+        fix = (
+            f"write one of {', '.join(UNITS_M)} there" if unit_name else f"add --unit with one of {', '.join(UNITS_M)}"
+        )
         raise RefusedError(
             f"has a {t_name} that is {np.linalg.norm(translation):.6g} long in the unit of the board's squares, "
             f"{told}; {fix}."
         )
     if stated.unit not in (None, unit):
         raise RefusedError(f"states lengths in {unit}; leave out --unit {stated.unit}.")
-    right = cameras[1].placed(rotation.reshape(3, 3), translation * UNITS[unit])
+    right = cameras[1].placed(rotation.reshape(3, 3), translation * UNITS_M[unit])
     return Reading(CalibratedRig((cameras[0], right)), (f"The baseline is in {unit}, as stated.",))
 
 
@@ -174,9 +178,9 @@ def _lens(found: Mapping[str, Any], side: int | None, stated: Stated) -> LensMod
             f"has 4 coefficients in {name}, which may be k1, k2, p1, p2 or those of a fisheye; add --lens brown or "
             "--lens fisheye."
         )
-    if kind not in (None, *_LENSES):
+    if kind not in (None, *_LENS_MODELS):
         raise RefusedError(
-            f"has the lens model {quote(kind)}, and {' and '.join(_LENSES)} alone are read; calibrate with one of them."
+            f"has the lens model {quote(kind)}, and {' and '.join(_LENS_MODELS)} alone are read; calibrate with one."
         )
     if stated.lens not in (None, kind):
         raise RefusedError(f"states the lens {kind}; leave out --lens {stated.lens}.")
@@ -203,7 +207,7 @@ def _size(found: Mapping[str, Any], side: int | None, stated: Stated) -> tuple[i
 
 
 def why_not_opencv(camera: CalibratedCamera) -> str:
-    """What OpenCV lacks for a camera; empty if it has all. Its fisheye has skew."""
+    """A phrase on what OpenCV lacks for a camera; empty if it can store the camera. OpenCV's fisheye has skew."""
     lacks = why_no_opencv_lens(camera, 12)
     return "" if isinstance(camera.lens, Fisheye) else lacks
 

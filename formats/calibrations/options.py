@@ -1,4 +1,4 @@
-"""What the readers of calibrations are told, give back, and share."""
+"""Code that readers and writers of calibrations share: options of the user, results, and conversions of lenses."""
 
 from __future__ import annotations
 
@@ -16,44 +16,44 @@ from ...support.arrays import Array
 from ...support.files import quote
 from ..yaml_text import write_number
 
-#: Metres of the units that a translation may be in.
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
-#: Bytes of a calibration at most: one with all of its measurements has a few megabytes.
+#: Metres per unit that a translation may have.
+UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+#: Largest calibration file in bytes; one with all measurements has a few megabytes.
 MOST_BYTES = 2**22
 #: The coefficients of Brown and Conrady's lens in OpenCV's order.
 BROWN_NAMES = (*COEFFICIENTS, "k4", "k5", "k6", "s1", "s2", "s3", "s4")
-#: Largest cosine or coefficient that rounding leaves where zero is meant.
-_ZERO = 1e-12
+#: Largest cosine or coefficient that counts as a rounded zero.
+_MOST_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class Stated:
-    """What the user states where a file leaves it open: the ``unit`` of lengths, the ``sizes`` of the images of each
-    camera, or one for all, and the ``lens``, brown or fisheye."""
+    """Options of the user for facts that a file may leave open: the ``unit`` of lengths, the ``sizes`` of the images of
+    each camera (or one for all), and the ``lens``, brown or fisheye."""
 
     unit: str | None = None
     sizes: tuple[tuple[int, int], ...] = ()
     lens: str | None = None
 
     def unit_m(self, default: str = "m") -> float:
-        """Metres of the unit of lengths."""
-        return UNITS[self.unit or default]
+        """Metres per unit of lengths; ``default`` names the unit if the user stated none."""
+        return UNITS_M[self.unit or default]
 
     def size(self, number: int) -> tuple[int, int] | None:
-        """Columns and rows of the images of a camera, if they are stated."""
+        """Stated columns and rows of the images of a camera; None if the user stated none."""
         return self.sizes[min(number, len(self.sizes) - 1)] if self.sizes else None
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A rig as it was read, and sentences on what was assumed."""
+    """The rig of a calibration, and sentences on assumptions."""
 
     rig: CalibratedRig
     notes: tuple[str, ...] = ()
 
 
 def as_brown(camera: CalibratedCamera) -> CalibratedCamera | None:
-    """The same camera with a lens of Brown and Conrady, if there is an equal one."""
+    """The same camera with an equal lens of Brown and Conrady; None if there is no equal lens."""
     lens = camera.lens
     if isinstance(lens, Brown):
         return camera
@@ -67,7 +67,7 @@ def as_brown(camera: CalibratedCamera) -> CalibratedCamera | None:
 
 
 def as_fisheye(camera: CalibratedCamera) -> CalibratedCamera | None:
-    """The same camera with a fisheye of Kannala and Brandt, if there is an equal one."""
+    """The same camera with an equal fisheye lens of Kannala and Brandt; None if there is no equal lens."""
     lens = camera.lens
     if isinstance(lens, Fisheye):
         return camera
@@ -79,7 +79,7 @@ def as_fisheye(camera: CalibratedCamera) -> CalibratedCamera | None:
 
 
 def as_cahvore(camera: CalibratedCamera) -> CalibratedCamera | None:
-    """The same camera with a lens of CAHVOR or CAHVORE, or as a pinhole, if there is an equal one."""
+    """The same camera with an equal lens of CAHVOR or CAHVORE, or as a pinhole; None if there is no equal lens."""
     lens = camera.lens
     if isinstance(lens, Cahvore):
         return camera
@@ -95,11 +95,11 @@ def as_cahvore(camera: CalibratedCamera) -> CalibratedCamera | None:
 
 def _is_along(lens: Cahvore) -> bool:
     """Whether the optical axis of the distortion is the camera's."""
-    return abs(lens.axis[0]) < _ZERO and abs(lens.axis[1]) < _ZERO
+    return abs(lens.axis[0]) < _MOST_ROUNDING and abs(lens.axis[1]) < _MOST_ROUNDING
 
 
 def opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | Fisheye]:
-    """The same camera with a lens that OpenCV has, and the lens. Raises ValueError if there is no equal one."""
+    """The same camera with an equal lens of OpenCV, and that lens. Raises ValueError if there is no equal lens."""
     same = as_brown(camera) or as_fisheye(camera)
     if same is None or isinstance(same.lens, Cahvore):
         raise ValueError(f"no lens like {camera.lens.name}")
@@ -107,8 +107,8 @@ def opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | Fis
 
 
 def why_no_opencv_lens(camera: CalibratedCamera, most: int) -> str:
-    """Why a format with OpenCV's lenses, of Brown and Conrady's the ``most`` first coefficients, and without skew
-    cannot hold a camera; empty if it can."""
+    """A phrase on why a format without skew, with OpenCV's lenses, cannot store a camera; empty if it can. ``most`` is
+    the number of Brown and Conrady's coefficients in the format."""
     try:
         _, lens = opencv_lens(camera)
     except ValueError as error:
@@ -119,7 +119,7 @@ def why_no_opencv_lens(camera: CalibratedCamera, most: int) -> str:
 
 
 def skew_of(camera: CalibratedCamera) -> str:
-    """Why a format without skew cannot hold a camera; empty if it can."""
+    """A phrase on why a format without skew cannot store a camera; empty if it can."""
     return f"no skew, which is {camera.skew_px:g} px" if camera.skew_px else ""
 
 
@@ -138,10 +138,8 @@ def brown_of(numbers: Sequence[float]) -> Brown:
 
 
 def numbers_of(value: Any, name: str, *shape: int) -> Array:
-    """Finite numbers of a list, or of lists of one length, as an array of this shape, or flat without one.
-
-    Raises ValueError.
-    """
+    """Finite numbers of a list, or of lists of equal length, as an array of this shape; flat without a shape. Raises
+    ValueError for other values."""
     try:
         found = np.array(value, np.float64)
     except (TypeError, ValueError):
@@ -161,5 +159,5 @@ def pose_of(matrix: Array) -> tuple[Array, Array]:
 
 
 def words_of(numbers: Any) -> str:
-    """Numbers with all of their digits, and commas between them."""
+    """A text of numbers with all digits, separated by commas."""
     return ", ".join(map(write_number, np.ravel(numbers)))

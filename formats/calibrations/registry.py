@@ -19,10 +19,10 @@ from .options import Reading, Stated
 from .ros import read_ros, why_not_ros, write_ros
 from .transforms import read_transforms, why_not_transforms, write_transforms
 
-#: Bytes at the beginning of a file by which its format is told.
-_HEAD = 2**16
-_KALIBR = re.compile(r"^cam0:", re.MULTILINE)
-_ROS = re.compile(
+#: Bytes at the beginning of a file from which its format is detected.
+_HEAD_BYTES = 2**16
+_KALIBR_PATTERN = re.compile(r"^cam0:", re.MULTILINE)
+_ROS_PATTERN = re.compile(
     r"\b(?:image_width|image_height|camera_name|camera_matrix|distortion_\w+|rectification_matrix|projection_matrix)"
     r"[\"']?\s*:|^[dkrpDKRP]\s*:",
     re.MULTILINE,
@@ -31,12 +31,9 @@ _ROS = re.compile(
 
 @dataclass(frozen=True)
 class Format:
-    """A format of calibrations.
-
-    ``read`` takes the files and what the user stated, ``write`` a rig and the files: one for each camera where
-    ``each``, else one for all, a folder if ``suffix`` is empty. ``why_not`` is what the format lacks for a camera.
-    ``in_metres`` is whether its lengths are metres, so that no other unit can be stated.
-    """
+    """A format of calibrations. ``read`` takes the files and the user's options; ``write`` takes a rig and the files:
+    one for each camera if ``each``, else one for all, or a folder if ``suffix`` is empty. ``why_not`` returns what the
+    format lacks for a camera. ``in_metres`` is true if its lengths are always metres."""
 
     title: str
     each: bool
@@ -61,10 +58,8 @@ FORMATS = {
 
 
 def format_of(path: Path) -> str:
-    """The name of the format that a file or folder seems to have; files of no other format may be of JPL.
-
-    Raises IcyMoonError for a file that is empty, and for one in YAML that is of no format.
-    """
+    """The name of the format that a file or folder seems to have; an unknown text counts as JPL's. Raises IcyMoonError
+    for an empty file, and for YAML of no known format."""
     suffix = path.suffix.lower()
     if path.is_dir() or path.name in ("cameras.txt", "images.txt", "cameras.bin", "images.bin"):
         return "colmap"
@@ -81,9 +76,9 @@ def format_of(path: Path) -> str:
         return "transforms" if '"frames"' in head else "opencv"
     if head.startswith("%YAML:1.0") or "opencv-matrix" in head:
         return "opencv"
-    if _KALIBR.search(head):
+    if _KALIBR_PATTERN.search(head):
         return "kalibr"
-    if _ROS.search(head):
+    if _ROS_PATTERN.search(head):
         return "ros"
     raise IcyMoonError(
         f"{path}: is no calibration that is known: it has no %YAML:1.0 (OpenCV), no camera_matrix (ROS) and no cam0 "
@@ -92,14 +87,12 @@ def format_of(path: Path) -> str:
 
 
 def _head(foreign: ForeignBytes) -> str:
-    return foreign.part(0, min(foreign.size, _HEAD)).decode("utf-8", "replace").lstrip("\ufeff")
+    return foreign.part(0, min(foreign.size, _HEAD_BYTES)).decode("utf-8", "replace").lstrip("\ufeff")
 
 
 def read_calibration(paths: Sequence[Path], stated: Stated = Stated(), name: str | None = None) -> Reading:  # noqa: B008
-    """The cameras of a calibration, from one file or several of one format, and what was assumed.
-
-    ``name`` is that of a format; it is told from the files without one. Raises IcyMoonError.
-    """
+    """The cameras of a calibration, from one file or several of one format, and sentences on assumptions. ``name`` is a
+    format's name; without it the format is detected. Raises IcyMoonError."""
     kinds = [name or format_of(path) for path in paths]
     where = " and ".join(map(str, paths))
     if len(set(kinds)) > 1:
@@ -144,7 +137,7 @@ def _are(count: int) -> str:
 
 
 def _doubts(rig: CalibratedRig) -> list[str]:
-    """Sentences on what a calibration may have wrong."""
+    """Sentences on likely faults of a calibration."""
     found = []
     for camera in rig.cameras:
         if not (0 <= camera.cx_px < camera.width_px and 0 <= camera.cy_px < camera.height_px):
@@ -161,7 +154,7 @@ def _doubts(rig: CalibratedRig) -> list[str]:
 
 
 def write_calibration(rig: CalibratedRig, paths: Sequence[Path], name: str) -> None:
-    """Write the cameras of a rig in a format. Raises IcyMoonError if it cannot hold them; nothing is written then."""
+    """Write the cameras of a rig in a format. Raises IcyMoonError, without writing, if the format cannot store them."""
     kind = FORMATS[name]
     for camera in rig.cameras:
         if lacks := kind.why_not(camera):
@@ -179,7 +172,7 @@ def write_calibration(rig: CalibratedRig, paths: Sequence[Path], name: str) -> N
 
 
 def _others(rig: CalibratedRig) -> str:
-    """The fix for a format that lacks something."""
+    """A clause with other formats that can store the rig."""
     able = [
         name
         for name, kind in FORMATS.items()

@@ -21,8 +21,8 @@ from ..ros_camera import RosCamera, read_ros_camera
 from .options import Reading, Stated, as_brown, as_fisheye, brown_of, why_no_opencv_lens, words_of
 
 _KIND = "a calibration of ROS"
-#: How far R times its transpose may be from 1 without a word; camera_calibration writes five digits.
-_ROUNDED = 1e-6
+#: Largest deviation of R times its transpose from 1 without a note; camera_calibration writes five digits.
+_MOST_ROUNDING = 1e-6
 
 
 def read_ros(paths: Sequence[Path], _: Stated) -> Reading:
@@ -34,13 +34,13 @@ def read_ros(paths: Sequence[Path], _: Stated) -> Reading:
     for path, ros in zip(paths, found, strict=True):
         turn = nearest_rotation(ros.rectification)
         off = rotation_error(ros.rectification)
-        if off > _ROUNDED:
+        if off > _MOST_ROUNDING:
             notes.append(
                 f"{path.name}: rectification_matrix was rounded, off by {off:.2g}; the nearest rotation is taken."
             )
         with explain_errors(path, _KIND, "calibrate both eyes as a stereo pair"):
             camera, place = _camera(ros, path.stem), place_of(ros)
-            # Into the camera's axes from the rectified ones, whose origin is the left eye.
+            # From the rectified axes, whose origin is the left eye, to the camera's.
             cameras.append(camera.placed(turn.T, -turn.T @ place) if len(found) > 1 else camera)
     if len(found) == 2 and not np.linalg.norm(cameras[1].centre_m - cameras[0].centre_m) > 0:
         raise IcyMoonError(
@@ -53,7 +53,7 @@ def read_ros(paths: Sequence[Path], _: Stated) -> Reading:
 
 
 def place_of(camera: RosCamera) -> Array:
-    """Where a camera is (3,), in the axes of the rectified pair and in metres."""
+    """Position (3,) of a camera in the axes of the rectified pair, in metres."""
     return np.array([*(-camera.projection[row, 3] / camera.projection[row, row] for row in range(2)), 0.0])
 
 
@@ -66,17 +66,17 @@ def _camera(ros: RosCamera, name: str) -> CalibratedCamera:
 
 
 def ros_pair_of(rig: CalibratedRig) -> tuple[RosCamera, RosCamera]:
-    """The first two cameras as ROS states them, rectified as Bouguet and OpenCV do.
+    """The first two cameras in ROS' form, rectified by the method of Bouguet and OpenCV.
 
-    The rectified images have the mean focal length and principal point of both. The name of the lens model is another
-    one, without coefficients, for a lens that ROS lacks. Raises ValueError for eyes that are not side by side.
+    The rectified images have the mean focal length and principal point of both. A lens that ROS lacks keeps its own
+    model name and has no coefficients. Raises ValueError for eyes that are not side by side.
     """
     eyes = rig.cameras[:2]
     turns = rectifying_rotations(rig)
     same = [as_brown(camera) or as_fisheye(camera) or camera for camera in eyes]
     focal = float(np.mean([[camera.fx_px, camera.fy_px] for camera in same]))
     cx, cy = np.mean([[camera.cx_px, camera.cy_px] for camera in same], axis=0).tolist()
-    # The right eye in the axes of the rectified pair, along x.
+    # Position of the right eye along x of the rectified axes.
     along = float((turns[1] @ rig.relative_pose()[1])[0])
     found = []
     for camera, turn, shift in zip(same, turns, (0.0, along), strict=True):
@@ -97,7 +97,7 @@ def _stated(lens: LensModel) -> tuple[str, tuple[float, ...]]:
 
 
 def why_not_ros(camera: CalibratedCamera) -> str:
-    """What ROS lacks for a camera; empty if it has all."""
+    """A phrase on what ROS lacks for a camera; empty if it can store the camera."""
     return why_no_opencv_lens(camera, 12)
 
 

@@ -1,6 +1,6 @@
 """``transforms.json`` of nerfstudio and instant-ngp: a frame for each camera, in OpenGL's axes.
 
-Pixels are counted from the corner of the first one. A frame's own numbers go before those of the whole file.
+Pixels are counted from the corner of the first one. Values of a frame replace those of the whole file.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from .options import Reading, Stated, numbers_of, opencv_lens, pose_of, why_no_o
 
 _KIND = "a transforms.json"
 _FIX = "give a file with frames, fl_x, fl_y, cx, cy, w, h and a transform_matrix of each frame"
-_HALF = 0.5
-_MOST = 2**24
-#: From OpenGL's axes, y up and z backward, to ours.
-_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+_HALF_PIXEL = 0.5
+_MOST_BYTES = 2**24
+#: Axes of OpenGL, y up and z backward, to ours.
+_OPENGL_TO_OURS = np.diag([1.0, -1.0, -1.0, 1.0])
 _MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "OPENCV_FISHEYE")
-_ASSUMED = "A transforms.json states no unit: one unit of its scale is taken for {} m."
+_ASSUMED_UNIT = "A transforms.json states no unit: one unit of its scale is assumed to be {} m."
 
 
 def read_transforms(paths: Sequence[Path], stated: Stated) -> Reading:
     """Read a camera for each frame, in world axes."""
     (path,) = paths
-    return read(path, lambda foreign: _parse(foreign, stated), _KIND, _FIX, _MOST)
+    return read(path, lambda foreign: _parse(foreign, stated), _KIND, _FIX, _MOST_BYTES)
 
 
 def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:
@@ -45,7 +45,7 @@ def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:
             cameras.append(_camera({**whole, **frame}, stated.unit_m()))
         except (ValueError, KeyError) as error:
             raise ValueError(f"frames[{number}]: {describe_reason(error)}") from None
-    return Reading(CalibratedRig(tuple(cameras)), (_ASSUMED.format(stated.unit_m()),))
+    return Reading(CalibratedRig(tuple(cameras)), (_ASSUMED_UNIT.format(stated.unit_m()),))
 
 
 def _camera(frame: dict[str, Any], unit_m: float) -> CalibratedCamera:
@@ -64,16 +64,16 @@ def _camera(frame: dict[str, Any], unit_m: float) -> CalibratedCamera:
     if not fisheye and k4:
         raise ValueError("k4 is not 0, which nerfstudio takes for a power that OpenCV's lens has not; set it to 0")
     lens = Fisheye((k1, k2, k3, k4)) if fisheye else Brown((k1, k2, p1, p2, k3))
-    rotation, centre = pose_of(numbers_of(frame["transform_matrix"], "transform_matrix", 4, 4) @ _FLIP)
+    rotation, centre = pose_of(numbers_of(frame["transform_matrix"], "transform_matrix", 4, 4) @ _OPENGL_TO_OURS)
     name = str(frame.get("file_path", ""))
     own = CalibratedCamera(
-        int(width), int(height), fx, fy, cx - _HALF, cy - _HALF, lens, name=name, rotation=rotation.T
+        int(width), int(height), fx, fy, cx - _HALF_PIXEL, cy - _HALF_PIXEL, lens, name=name, rotation=rotation.T
     )
     return own.placed(own.rotation, -own.rotation @ centre * unit_m)
 
 
 def why_not_transforms(camera: CalibratedCamera) -> str:
-    """What a transforms.json lacks for a camera; empty if it has all."""
+    """A phrase on what a transforms.json lacks for a camera; empty if it can store the camera."""
     return why_no_opencv_lens(camera, 5)
 
 
@@ -89,13 +89,13 @@ def _frame(camera: CalibratedCamera, number: int) -> dict[str, Any]:
     names = ("k1", "k2", "k3", "k4") if is_fisheye else ("k1", "k2", "p1", "p2", "k3")
     return {
         "file_path": camera.name or f"camera{number}",
-        "transform_matrix": (rigid_transform(camera.rotation.T, camera.centre_m) @ _FLIP).tolist(),
+        "transform_matrix": (rigid_transform(camera.rotation.T, camera.centre_m) @ _OPENGL_TO_OURS).tolist(),
         "camera_model": "OPENCV_FISHEYE" if is_fisheye else "OPENCV",
         "w": camera.width_px,
         "h": camera.height_px,
         "fl_x": same.fx_px,
         "fl_y": same.fy_px,
-        "cx": same.cx_px + _HALF,
-        "cy": same.cy_px + _HALF,
+        "cx": same.cx_px + _HALF_PIXEL,
+        "cy": same.cy_px + _HALF_PIXEL,
         **dict(zip(names, lens.coefficients, strict=False)),
     }

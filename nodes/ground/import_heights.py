@@ -54,7 +54,7 @@ class Heights:
     values: Array
     pixel_m: tuple[float, float] | None = None
     corner_m: tuple[float, float] | None = None
-    unplaced: str = sidecar_files.NO_SIZE
+    unplaced: str = sidecar_files.NO_PIXEL_SIZE
     report: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     file_shape: tuple[int, int] | None = None

@@ -100,8 +100,8 @@ def _find_image_files(settings: Settings) -> dict[str, Path | MeshImage]:
     found = mesh_images.choose_images(path)
     if not found:
         reason = (
-            f"Icy Moon finds images only in {', '.join(mesh_images.KINDS)} files"
-            if path.suffix.lower() not in mesh_images.KINDS
+            f"Icy Moon finds images only in {', '.join(mesh_images.MESH_SUFFIXES)} files"
+            if path.suffix.lower() not in mesh_images.MESH_SUFFIXES
             else "its materials name no image that exists"
         )
         raise IcyMoonError(

@@ -20,7 +20,7 @@ from ...formats.map_image import read_map_image
 from ...formats.mesh_images import MeshImage
 from ...formats.tiff import stores_floats
 from ...physics.mesh import texture_coordinates
-from ...physics.surfaces.textures import SIZE, make_maps
+from ...physics.surfaces.textures import MAP_SIDE_PX, make_maps
 from ...settings.topics.surfaces import TexturesSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -166,8 +166,8 @@ def _make_map(name: str, kind: str) -> Map:
     if found is not None:
         return found
     values = getattr(make_maps(name), kind)
-    image = bpy.data.images.new(f"Icy Moon {key.title()}", SIZE, SIZE, float_buffer=True, is_data=True)
-    pixels = np.ones((SIZE, SIZE, 4), np.float32)
+    image = bpy.data.images.new(f"Icy Moon {key.title()}", MAP_SIDE_PX, MAP_SIDE_PX, float_buffer=True, is_data=True)
+    pixels = np.ones((MAP_SIDE_PX, MAP_SIDE_PX, 4), np.float32)
     pixels[..., :3] = values[..., None]
     image.pixels.foreach_set(pixels.ravel())
     image.pack()  # otherwise it would not be saved with the file

@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...physics.mesh.finer_in_view import CARRIED, OCTAVES
+from ...physics.mesh.finer_in_view import CARRIED_SPACING, OCTAVES
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE
@@ -102,7 +102,7 @@ def add_grain_by_fineness(
     first = _find_partly_carried(surface, spacing)
     part_scale = Number(tree, 2.0).power(first).named("Scale of the Octave in Part")
     waves = spacing * part_scale * (1.0 / surface.grain_size_m)
-    share = Number(tree, tree.ramp("Carried of It", waves.value, 1.0, CARRIED))
+    share = Number(tree, tree.ramp("Carried of It", waves.value, 1.0, CARRIED_SPACING))
     partly = _add_octaves(tree, "Octave in Part", askew, part_scale, 0.0)
     shorter = _add_octaves(tree, "Shorter Octaves", askew, part_scale * 2.0, OCTAVES - 2.0 - first)
     longer = _add_octaves(tree, "Longer Octaves", askew, 1.0, first - 1.0)
@@ -118,7 +118,7 @@ def add_grain_by_fineness(
 
 def _find_partly_carried(surface: SurfaceSettings, spacing: Number) -> Number:
     """The longest octave, from 0, that vertices do not carry whole; the last one if they carry all."""
-    whole = 1.0 - (spacing.at_least(1e-9) / (CARRIED * surface.grain_size_m)).log() * (1.0 / math.log(2.0))
+    whole = 1.0 - (spacing.at_least(1e-9) / (CARRIED_SPACING * surface.grain_size_m)).log() * (1.0 / math.log(2.0))
     carried = Number(spacing.tree, spacing.tree.math("FLOOR", "Octaves Carried", whole.value))
     return carried.at_least(0.0).at_most(OCTAVES - 1.0)
 

@@ -203,10 +203,10 @@ def add_snow(ground: Ground, albedo: float, sun: Sun) -> Socket:
     """Shader socket of ``physics.surfaces.snow``. Light of ground in shadow gets the albedo of the emission angle."""
     n, toward_sun, eye = _add_sight(ground, sun)
     mu0, mu = n.dot(toward_sun).at_least(0.0).named("µ0"), n.dot(eye).at_least(0.0).named("µ")
-    both = (mu0 + mu).at_least(snow.LEAST_COSINES)
+    both = (mu0 + mu).at_least(snow.LEAST_COSINE_SUM)
     half_phase = toward_sun.distance(eye).arctan2((toward_sun + eye).length()).named("g/2")
     white = both * snow.LINEAR + snow.LEVEL + mu0 * mu * snow.PRODUCT
-    for amplitude, decay in snow.PHASE:
+    for amplitude, decay in snow.PHASE_TERMS:
         white = (half_phase * math.degrees(2 * decay)).exp() * (amplitude * math.exp(-180.0 * decay)) + white
     white = (white / (both * 4.0)).named("R0")
     left = (Number(ground.tree, ground.grey) * albedo).at_least(1e-6).log().named("ln albedo")

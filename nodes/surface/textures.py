@@ -109,7 +109,7 @@ class Mean(Sampler):
 class ByUV(Sampler):
     """One piece, by the UV coordinates of the mesh."""
 
-    _TANGENT: ClassVar[dict[str, Any]] = {"space": "TANGENT", "uv_map": UV_LAYER, **compat.NORMAL_MAP}
+    _TANGENT: ClassVar[dict[str, Any]] = {"space": "TANGENT", "uv_map": UV_LAYER, **compat.NORMAL_MAP_PROPERTIES}
 
     def __init__(self, tree: Tree, geometry: Node) -> None:
         super().__init__(tree)

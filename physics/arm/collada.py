@@ -28,12 +28,15 @@ from ...support.number_text import format_count
 from .kinematics import rigid_transform, rotation_about
 
 Number = TypeVar("Number", int, float)
-#: Maximum number of nodes and their parts, each as often as the scene shows it; maximum number of inputs of a corner.
-_MOST_STEPS, _MOST_INPUTS = 100_000, 100
-#: Characters that are split into words together.
-_TOGETHER = 2**18
-#: Largest number of a transform, and metres of the unit.
-_LARGEST = 1e9
+#: Maximum number of nodes and their parts, each as often as the scene shows it.
+_MOST_NODES = 100_000
+#: Maximum number of inputs of a corner.
+_MOST_INPUTS = 100
+#: Number of characters that are split into words at once.
+_CHARACTERS_AT_ONCE = 2**18
+#: Largest number in a transform, and largest unit in metres.
+_LARGEST_NUMBER = 1e9
+#: Elements that contain triangles or polygons.
 _PRIMITIVES = ("triangles", "polylist", "polygons", "trifans", "tristrips")
 #: Vertices (n, 3) and triangles (m, 3).
 Mesh = tuple[Array, Array]
@@ -45,12 +48,14 @@ def parse_triangles(foreign: ForeignBytes, most: int) -> Mesh:
     Raises ValueError if the file has no mesh, RefusedError for more than ``most`` triangles, or three times as many
     vertices, and for unsupported content: skins, holes in polygons, transforms that shear or look at a place.
     """
-    # The parser would make a text of each line.
+    # The parser would call its handler of text for each line.
     root = parse_xml(foreign.text().replace("\n", " ").replace("\t", " "), foreign.budget)
     return _ColladaDocument(root, foreign.budget, most).read()
 
 
 class _ColladaDocument:
+    """A parsed file: its elements by id, and the limits that hold while it is read."""
+
     def __init__(self, root: ElementTree.Element, budget: Budget, most: int) -> None:
         self.root, self.budget, self.most = root, budget, most
         self.by_id: dict[tuple[str, str], list[ElementTree.Element]] = {}
@@ -67,11 +72,12 @@ class _ColladaDocument:
         self.mesh_of, self.pose_of = cache(self._read_geometry), cache(self._compose_transforms)
 
     def read(self) -> Mesh:
+        """The mesh of all shown geometries, in metres."""
         if self.root.tag != "COLLADA":
             raise ValueError(f"it begins with <{shorten(self.root.tag)}> and not with <COLLADA>")
         unit = self.root.find("asset/unit")
         metres = _parse_number(unit.get("meter", "1") if unit is not None else "1", "the unit")
-        if not 0 < metres <= _LARGEST:
+        if not 0 < metres <= _LARGEST_NUMBER:
             raise ValueError(f"its unit is {metres:g} m")
         shown: list[Mesh] = []
         triangles = vertices = 0
@@ -89,7 +95,7 @@ class _ColladaDocument:
         return np.concatenate([each for each, _ in shown]) * metres, np.concatenate([each for _, each in shown])
 
     def _find(self, tag: str, url: str | None) -> ElementTree.Element:
-        """The element of a reference such as ``#name``."""
+        """The element with this tag that a reference such as ``#name`` means."""
         kind, _, name = (url or "").rpartition("#")
         if kind:
             raise RefusedError(f"refers to {shorten(url or '')!r}, which is in another file; export all into one file.")
@@ -101,6 +107,7 @@ class _ColladaDocument:
     # The scene
 
     def _find_scene(self) -> ElementTree.Element:
+        """The visual scene that the file names as shown; else its only one."""
         named = self.root.find("scene/instance_visual_scene")
         if named is not None:
             return self._find("visual_scene", named.get("url"))
@@ -116,15 +123,15 @@ class _ColladaDocument:
         while left:
             node, above = left.pop()
             steps += 1 + len(node)
-            if steps > _MOST_STEPS:  # nodes may show each other without end
-                raise RefusedError(f"shows more than {_MOST_STEPS} nodes and parts of nodes; join its objects.")
+            if steps > _MOST_NODES:  # nodes may show each other without end
+                raise RefusedError(f"shows more than {_MOST_NODES} nodes and parts of nodes; join its objects.")
             if node.find("instance_controller") is not None:
                 raise RefusedError(
                     "has a skin or a morph (instance_controller), which is not read; apply it and export a plain mesh."
                 )
             place = above @ self.pose_of(node)
-            if not np.abs(place).max() <= _LARGEST:
-                raise ValueError("a node is at no place")
+            if not np.abs(place).max() <= _LARGEST_NUMBER:
+                raise ValueError("a node has a place that is not finite")
             for each in node.findall("instance_geometry"):
                 yield self._find("geometry", each.get("url")), place
             inner = [
@@ -148,12 +155,13 @@ class _ColladaDocument:
         return made
 
     def _parse_transform(self, item: ElementTree.Element) -> Array:
+        """The pose (4, 4) of one transform element."""
         values = self._parse_numbers(item.text, float, _TRANSFORMS[item.tag], f"a <{item.tag}>")
-        if not np.abs(values).max() <= _LARGEST:
-            raise ValueError(f"a <{item.tag}> has a number that is none")
+        if not np.abs(values).max() <= _LARGEST_NUMBER:
+            raise ValueError(f"a <{item.tag}> contains a value that is no number")
         if item.tag == "matrix":
             if not np.allclose(values[12:], [0.0, 0.0, 0.0, 1.0], atol=1e-6):
-                raise ValueError("a <matrix> has another last row than 0 0 0 1")
+                raise ValueError("a <matrix> must have the last row 0 0 0 1")
             return values.reshape(4, 4)
         if item.tag == "scale":
             return np.diag([*values, 1.0])
@@ -166,6 +174,7 @@ class _ColladaDocument:
     # Geometries
 
     def _read_geometry(self, geometry: ElementTree.Element) -> Mesh:
+        """Vertices and triangles of a geometry, in the file's unit."""
         mesh = geometry.find("mesh")
         found = [self._read_primitive(item) for item in mesh if item.tag in _PRIMITIVES] if mesh is not None else []
         starts, points, count = dict[ElementTree.Element, int](), [np.empty((0, 3))], 0
@@ -183,13 +192,14 @@ class _ColladaDocument:
         )
 
     def _read_float_array(self, numbers: ElementTree.Element) -> Array:
+        """The numbers (n,) of a ``<float_array>``."""
         found = self._parse_numbers(numbers.text, float, _read_count(numbers, "count"), "an array")
         if not np.isfinite(found).all():
-            raise ValueError("an array has a number that is none")
+            raise ValueError("an array contains a value that is no number")
         return found
 
     def _read_positions(self, source: ElementTree.Element) -> Array:
-        """The places (n, 3) that a source of positions has."""
+        """The positions (n, 3) that a source contains."""
         accessor = source.find("technique_common/accessor")
         if accessor is None:
             raise ValueError("a source has no accessor")
@@ -202,7 +212,7 @@ class _ColladaDocument:
         # A parameter without a name is left out.
         columns = [k for k, each in enumerate(accessor.findall("param")) if each.get("name")]
         if len(columns) != 3 or columns[-1] >= stride:
-            raise ValueError("an accessor of places has not three named parameters")
+            raise ValueError("an accessor of positions must have three named parameters")
         if count and start + (count - 1) * stride + columns[-1] >= len(values):
             raise ValueError(f"an accessor of {count} places needs more than the {len(values)} numbers of its array")
         _check_counts(0, count, self.most)
@@ -213,7 +223,7 @@ class _ColladaDocument:
         """The source of the positions of a ``<vertices>``."""
         urls = [each.get("source") for each in vertices.findall("input") if each.get("semantic") == "POSITION"]
         if len(urls) != 1:
-            raise ValueError("a <vertices> has not one input POSITION")
+            raise ValueError("a <vertices> must have exactly one input POSITION")
         return self._find("source", urls[0])
 
     def _read_primitive(self, item: ElementTree.Element) -> tuple[ElementTree.Element, Array]:
@@ -239,7 +249,7 @@ class _ColladaDocument:
         return source, corners.reshape(-1, width)[:, vertex[0][1]][triangles]
 
     def _read_corners(self, item: ElementTree.Element, width: int) -> tuple[Array, Array]:
-        """Number of corners of each polygon, fan or strip, and ``width`` numbers of each corner, in a row."""
+        """Corner counts of the polygons, fans or strips, and ``width`` numbers of each corner in one row."""
         lists = [each.text for each in item.findall("p")]
         if item.tag in ("triangles", "polylist"):
             count = _read_count(item, "count")
@@ -269,7 +279,9 @@ class _ColladaDocument:
         return np.array([(end - start) // width for start, end in pairwise(ends)], int), np.array(numbers, np.int64)
 
     def _parse_numbers(self, text: str | None, kind: type[Number], count: int, where: str) -> Array:
-        """The ``count`` numbers of a text. Raises ValueError if it has another count."""
+        """The numbers of a text. Raises ValueError if there are not ``count`` of them; ``where`` names the place in
+        errors.
+        """
         self.budget.charge(8 * count, "numbers")
         found, at = np.empty(count, np.int64 if kind is int else np.float64), 0
         for part in _split_words(text):
@@ -281,11 +293,12 @@ class _ColladaDocument:
         return found
 
 
-#: Numbers of the transforms that are read.
+#: Count of numbers in each kind of transform that is read.
 _TRANSFORMS = {"matrix": 16, "translate": 3, "rotate": 4, "scale": 3}
 
 
 def _check_counts(triangles: int, vertices: int, most: int) -> None:
+    """Raise RefusedError for more than ``most`` triangles or three times as many vertices."""
     if triangles > most:
         raise RefusedError(f"has more than {most} triangles; make it coarser.")
     if vertices > 3 * most:
@@ -293,16 +306,17 @@ def _check_counts(triangles: int, vertices: int, most: int) -> None:
 
 
 def _split_words(text: str | None) -> Iterator[list[str]]:
-    """The words of a text, a part of them at a time."""
+    """The words of a text, in lists of a part of the text each."""
     at, text = 0, text or ""
     while at < len(text):
-        end = text.find(" ", at + _TOGETHER)
+        end = text.find(" ", at + _CHARACTERS_AT_ONCE)
         end = len(text) if end < 0 else end
         yield text[at:end].split()
         at = end
 
 
 def _parse_words(words: list[str], kind: type[Number], where: str) -> list[Number]:
+    """Numbers of this ``kind`` (int or float) from words. Raises ValueError for a word that is no number."""
     try:
         return list(map(kind, words))
     except ValueError:
@@ -310,6 +324,7 @@ def _parse_words(words: list[str], kind: type[Number], where: str) -> list[Numbe
 
 
 def _parse_number(text: str, where: str) -> float:
+    """A finite number of at most _LARGEST_NUMBER. Raises ValueError for any other text."""
     return _parse_words([text], float, where)[0]
 
 

@@ -10,10 +10,11 @@ import numpy as np
 from ...support.arrays import Array
 from .kinematics import Arm, Capsule, forward_kinematics
 
+#: Ground heights (n,) in metres at coordinates x (n,) and y (n,).
 Heights = Callable[[Array, Array], Array]
 
-#: Distance in metres between the points on a capsule at which the ground under it is asked.
-_STEP_M = 0.02
+#: Distance in metres between points on a capsule at which the ground height is compared.
+_GROUND_STEP_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class WorldCapsule:
 
 
 def place_capsules(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...] = ()) -> list[WorldCapsule]:
-    """The capsules of an arm in the world, and ``others`` that are still, in the frame of the arm's base."""
+    """All capsules in the world. ``others`` are still capsules in the frame of the arm's base."""
     poses = forward_kinematics(arm, joints_rad)
     found = []
     for capsule in (*arm.capsules, *others):
@@ -42,7 +43,7 @@ def segment_distance(a: Array, b: Array, c: Array, d: Array) -> float:
     u, v, w = b - a, d - c, a - c
     uu, uv, vv, uw, vw = u @ u, u @ v, v @ v, u @ w, v @ w
     denominator = uu * vv - uv * uv
-    # Of parallel segments any point of the first is as good as another, until it is clamped below.
+    # On parallel segments any point of the first will do; the clamping below corrects it.
     s = np.clip((uv * vw - vv * uw) / denominator, 0.0, 1.0) if denominator > 1e-15 else 0.0
     t = np.clip((uv * s + vw) / vv, 0.0, 1.0) if vv > 0 else 0.0
     s = np.clip((uv * t - uw) / uu, 0.0, 1.0) if uu > 0 else 0.0
@@ -55,7 +56,9 @@ def capsule_clearance_m(one: WorldCapsule, other: WorldCapsule) -> float:
 
 
 def find_self_collisions(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...] = ()) -> list[tuple[str, str]]:
-    """Pairs of names of the links that overlap, "lander" for the base. Links that share a joint always meet there."""
+    """Pairs of link names whose capsules overlap; "lander" is the base. Links that share a joint always touch there, so
+    they are left out.
+    """
     names = (*arm.links, "lander")  # -1 is the last
     lines, found = place_capsules(arm, joints_rad, others), []
     for k, one in enumerate(lines):
@@ -66,7 +69,7 @@ def find_self_collisions(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...
 
 
 def _are_joined(arm: Arm, one: int, other: int) -> bool:
-    """Whether two links are one, or share a joint, or are both still."""
+    """Whether two links are the same link, share a joint, or both belong to the base."""
     return (
         one == other
         or (one >= 0 and arm.joints[one].parent == other)
@@ -75,13 +78,12 @@ def _are_joined(arm: Arm, one: int, other: int) -> bool:
 
 
 def ground_clearances_m(arm: Arm, joints_rad: Array, heights: Heights) -> dict[str, float]:
-    """Least height of each moving link above the ground in metres, negative inside it, NaN beside it.
-
-    ``heights`` returns the height in metres of the ground at coordinates (n,).
+    """Least height in metres of each moving link above the ground, by name; negative below the ground, NaN outside the
+    ground. ``heights`` returns the ground height in metres at coordinates (n,).
     """
     found: dict[str, float] = {}
     for line in place_capsules(arm, joints_rad):
-        count = 2 + int(np.linalg.norm(line.end - line.start) / _STEP_M)
+        count = 2 + int(np.linalg.norm(line.end - line.start) / _GROUND_STEP_M)
         points = line.start + np.linspace(0.0, 1.0, count)[:, None] * (line.end - line.start)
         above = points[:, 2] - line.radius_m - np.asarray(heights(points[:, 0], points[:, 1]))
         name = arm.links[line.link]

@@ -1,4 +1,4 @@
-"""Where points of the lander are in the images of both eyes, and whether they are seen."""
+"""Pixels and visibility of the lander's points in the images of both eyes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def describe_keypoints(
 
 
 def _project(world: Array, pose: Array, matrix: Array) -> tuple[list[float] | None, float]:
-    """Pixel (x, y) and depth of a point of the world; no pixel behind the eye."""
+    """Pixel (x, y) and planar depth in metres of a world point (3,); the pixel is None behind the eye."""
     x, y, z = pose[:3, :3].T @ (world - pose[:3, 3])
     if z <= 0:
         return None, float(z)
@@ -48,6 +48,7 @@ def _project(world: Array, pose: Array, matrix: Array) -> tuple[list[float] | No
 
 
 def _is_seen(pixel: list[float] | None, depth: float, radius: float, depths: Array) -> bool:
+    """Whether a point within ``radius`` metres of the surface at ``depth`` is visible at its pixel."""
     if pixel is None:
         return False
     column, row = int(np.floor(pixel[0])), int(np.floor(pixel[1]))

@@ -17,7 +17,7 @@ from ...support.arrays import Array
 class Joint:
     """A joint and the link that it moves.
 
-    ``parent`` is the number of the joint before it, -1 for the base. ``origin`` (4, 4) is the pose of the link at angle
+    ``parent`` is the index of the joint before it, -1 for the base. ``origin`` (4, 4) is the pose of the link at angle
     0 in the frame of the link before it, ``axis`` (3,) the unit vector in the link's own frame about which it turns, or
     along which it slides. Limits are radians or metres.
     """
@@ -67,10 +67,12 @@ class Arm:
 
     @property
     def low(self) -> Array:
+        """Lower limits (joints,) in radians, or metres for joints that slide."""
         return np.array([joint.low for joint in self.joints])
 
     @property
     def high(self) -> Array:
+        """Upper limits (joints,) in radians, or metres for joints that slide."""
         return np.array([joint.high for joint in self.joints])
 
 
@@ -87,7 +89,7 @@ def rotation_about(axis: Array, angle: float) -> Array:
 
 
 def rigid_transform(rotation: Array | None = None, place: tuple[float, ...] | Array = (0.0, 0.0, 0.0)) -> Array:
-    """A rigid transformation (4, 4) from a rotation (3, 3) and a place (3,) in metres."""
+    """A rigid transformation (4, 4) from a rotation (3, 3) and a translation (3,) in metres."""
     made = np.eye(4)
     made[:3, :3] = np.eye(3) if rotation is None else rotation
     made[:3, 3] = place
@@ -103,7 +105,9 @@ def _zero_poses(arm: Arm) -> list[Array]:
 
 
 def _joint_motion(joint: Joint, zero: Array, angle: float) -> Array:
-    """The motion (4, 4) in the base's frame that a joint makes, from its axis at zero angles."""
+    """The motion (4, 4) of a joint in the base's frame. ``zero`` (4, 4) is the link's pose at zero angles; ``angle`` is
+    in radians, or metres for a joint that slides.
+    """
     axis = zero[:3, :3] @ joint.axis
     if joint.slides:
         return rigid_transform(place=axis * angle)
@@ -125,13 +129,13 @@ def forward_kinematics(arm: Arm, joints_rad: Array) -> Array:
 
 
 def find_tip(arm: Arm, joints_rad: Array) -> Array:
-    """Place (3,) in the world of the tool's point."""
+    """Position (3,) of the tool's point in the world, in metres."""
     last = forward_kinematics(arm, joints_rad)[-1]
     return np.asarray(last[:3, :3] @ arm.tip + last[:3, 3])
 
 
 def find_joints_beyond_limits(arm: Arm, joints_rad: Array) -> list[int]:
-    """Numbers of the joints whose angle is outside their limits, by more than rounding."""
+    """Indices of the joints whose angle exceeds its limits by more than rounding."""
     # Settings are stored in single precision: an angle at its limit may be 1e-7 of itself beyond it.
     angles, slack = np.asarray(joints_rad, np.float64), 1e-6
     return [int(k) for k in np.flatnonzero((angles < arm.low - slack) | (angles > arm.high + slack))]

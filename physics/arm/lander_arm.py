@@ -1,4 +1,4 @@
-"""The lander's arm, parametric or the user's own: one way to ask for its kinematics, its joints and its solids."""
+"""The lander's arm, parametric or from the user's file: kinematics, joint values, solids and keypoints of either."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def make_arm(settings: Settings, site_m: float = 0.0) -> Arm:
 
 
 def joint_values(settings: Settings) -> Array:
-    """Values of all joints of ``make_arm`` in radians, or metres of joints that slide, faults included."""
+    """Actual values of all joints of ``make_arm``, faults included, in radians, or metres for joints that slide."""
     if not is_users_arm(settings):
         return find_real_angles_rad(settings.arm)
     own = load_users_arm(settings)
@@ -46,8 +46,9 @@ def joint_values(settings: Settings) -> Array:
 
 
 def describe_joints(settings: Settings) -> dict[str, list[object]]:
-    """Names of the joints that move, their real and commanded angles in degrees (metres of those that slide), and
-    of another arm than ours the unit of each."""
+    """Names of the moving joints, and their actual and commanded values in degrees (metres for joints that slide). A
+    user's arm also has the unit of each joint.
+    """
     if not is_users_arm(settings):
         return {
             "joints": list(JOINTS),
@@ -67,9 +68,9 @@ def describe_joints(settings: Settings) -> dict[str, list[object]]:
 
 
 def make_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
-    """The solid of each link by name, in its own frame: first the still links, without the cameras' head, then the arm.
-
-    ``pads_m`` are the heights of the ground under the left and the right pad over the level of the lander's frame.
+    """The solid of each link by name, in the link's frame: first the links that do not move, then the arm. The camera
+    housing is left out. ``pads_m`` are the ground heights in metres under the left and the right pad, above the level
+    of the lander's frame.
     """
     return {
         **make_still_solids(settings, pads_m),
@@ -78,7 +79,7 @@ def make_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dic
 
 
 def list_keypoints(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> list[Keypoint]:
-    """The points whose pixels are recorded. Of the user's own arm: the origin of each joint whose link is seen."""
+    """The points whose pixels are recorded. For a user's arm: the origin of each joint whose link is visible."""
     if not is_users_arm(settings):
         return [*list_arm_keypoints(settings.arm), *list_still_keypoints(settings.lander, pads_m)]
     own = load_users_arm(settings)

@@ -1,8 +1,8 @@
-"""The lander and its arm as solids, by link, in the frame of each link.
+"""Solids of the lander and its arm, one for each link, in the frame of the link.
 
-A design of our own with the parts of published landers: a deck over a body in foil, legs with a shock absorber and two
-struts, round pads, a mast, an arm of painted tubes between metal joints, cables, a bucket with a blade. Sizes are
-settings; all other dimensions follow from them.
+The design is our own, with the parts of published landers: a deck over a body in foil, legs with a shock absorber and
+two struts, round pads, a mast, an arm of painted tubes between metal joints, cables, and a bucket with a blade.
+Settings give the main sizes, from which the other dimensions follow.
 """
 
 from __future__ import annotations
@@ -22,19 +22,30 @@ from .solids import Solid, join_solids, make_ball, make_box, make_lathe, make_pr
 
 #: Materials of the lander.
 METAL, BLACK, FOIL, WHITE, STEEL, TUBE = "metal", "black", "foil", "white", "steel", "tube"
-#: The parts that do not move.
-BODY, MAST, LEGS = "body", "mast", ("leg_left", "leg_right")
+#: Names of the parts that do not move: the body,
+BODY = "body"
+#: the mast under the cameras,
+MAST = "mast"
+#: and the legs.
+LEGS = ("leg_left", "leg_right")
 #: The housing of the cameras, which turns with the rig.
 HEAD = "head"
-#: Thickness of the deck, and depth of the body under it, in metres.
-_PLATE_M, _BODY_M = 0.03, 0.3
-_ABOUT_Y = rigid_transform(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
-_ABOUT_Z = rigid_transform(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0]))
+#: Thickness of the deck in metres.
+_DECK_M = 0.03
+#: Depth of the body under the deck, in metres.
+_BODY_DEPTH_M = 0.3
+#: Pose whose x axis is the y axis: turns a solid of revolution about x into one about y.
+_AXIS_X_TO_Y = rigid_transform(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+#: Pose that turns a solid of revolution about x into one about z.
+_AXIS_X_TO_Z = rigid_transform(
+    np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0])
+)
 
 
 def make_still_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
-    """The solids that do not move, by name, in the lander's frame: the body, the mast if the cameras are over the deck,
-    and the legs. ``pads_m`` are the heights of the ground under the left and the right pad over that frame's level."""
+    """The solids that do not move, by name, in the lander's frame: body, legs, and the mast if the cameras are above
+    the deck. ``pads_m`` are the ground heights in metres under the left and the right pad, above that frame's level.
+    """
     lander, top = settings.lander, settings.lander.deck_height_m
     mast = _make_mast(settings, top)
     return {
@@ -66,12 +77,12 @@ def find_pad_centres(lander: LanderSettings) -> tuple[tuple[float, float], tuple
 def _make_upright(
     material: str, outline: Sequence[tuple[float, float]], at: tuple[float, ...] | Array, sides: int = 40
 ) -> Solid:
-    """A solid of revolution about the upright axis through a place, from (height, radius) of its outline."""
-    return transform_solid(make_lathe(material, outline, sides), rigid_transform(_ABOUT_Z[:3, :3], at))
+    """A solid of revolution about a vertical axis through ``at``, from an outline of (height, radius)."""
+    return transform_solid(make_lathe(material, outline, sides), rigid_transform(_AXIS_X_TO_Z[:3, :3], at))
 
 
 def _make_drum(material: str, radius: float, width: float, bevel: float = 0.012) -> Solid:
-    """The motor of a pitch joint: a drum about y."""
+    """The motor of a pitch joint: a drum about the y axis."""
     half = width / 2
     outline = [
         (-half, 0.0),
@@ -81,7 +92,7 @@ def _make_drum(material: str, radius: float, width: float, bevel: float = 0.012)
         (half, radius - bevel),
         (half, 0.0),
     ]
-    return transform_solid(make_lathe(material, outline), _ABOUT_Y)
+    return transform_solid(make_lathe(material, outline), _AXIS_X_TO_Y)
 
 
 def _make_joint(radius: float, width: float) -> list[Solid]:
@@ -107,6 +118,7 @@ def _make_joint(radius: float, width: float) -> list[Solid]:
 
 
 def _make_turret(arm: ArmSettings) -> Solid:
+    """The link that turns with the yaw joint and carries the shoulder."""
     offset = max(arm.offset_m, 1e-3)
     below = min(0.22, arm.shoulder_z_m - 0.05)
     outline = [
@@ -118,8 +130,10 @@ def _make_turret(arm: ArmSettings) -> Solid:
         (-0.06, 0.065),
         (-0.05, 0.0),
     ]
-    drum = transform_solid(make_lathe(METAL, outline), _ABOUT_Z)
-    band = transform_solid(make_lathe(BLACK, [(-0.16, 0.0), (-0.16, 0.083), (-0.13, 0.083), (-0.13, 0.0)]), _ABOUT_Z)
+    drum = transform_solid(make_lathe(METAL, outline), _AXIS_X_TO_Z)
+    band = transform_solid(
+        make_lathe(BLACK, [(-0.16, 0.0), (-0.16, 0.083), (-0.13, 0.083), (-0.13, 0.0)]), _AXIS_X_TO_Z
+    )
     cheeks = [
         make_box(METAL, (offset + 0.09, 0.014, 0.12), (offset / 2 + 0.005, side * 0.062, -0.005), 0.006)
         for side in (-1, 1)
@@ -167,6 +181,7 @@ def _make_segment(length: float, radius: float, joint: float, side: int) -> Soli
 
 
 def _make_hand(arm: ArmSettings) -> Solid:
+    """The link between the wrist and the scoop."""
     length = arm.hand_m
     parts = [
         *_make_joint(0.042, 0.075),
@@ -216,7 +231,7 @@ def _make_scoop(arm: ArmSettings) -> Solid:
 
 
 def _make_wall(start: tuple[float, float], end: tuple[float, float], width: float, thick: float) -> Solid:
-    """A plate across y between two points (x, z), inward of the line between them by its thickness."""
+    """A plate across y between two points (x, z); its thickness lies inward of the line between them."""
     along = math.hypot(end[0] - start[0], end[1] - start[1])
     angle = math.atan2(end[1] - start[1], end[0] - start[0])
     c, s = math.cos(angle), math.sin(angle)
@@ -225,12 +240,13 @@ def _make_wall(start: tuple[float, float], end: tuple[float, float], width: floa
 
 
 def _find_deck_extent(lander: LanderSettings) -> tuple[float, float, float, float]:
-    """The deck's front, half its width, its top, and the floor of the body under it, in the lander's frame."""
+    """Front, half width and top of the deck, and the floor of the body, in metres in the lander's frame."""
     top = lander.deck_height_m
-    return lander.deck_front_m, lander.deck_width_m / 2, top, max(top - _PLATE_M - _BODY_M, 0.3 * top)
+    return lander.deck_front_m, lander.deck_width_m / 2, top, max(top - _DECK_M - _BODY_DEPTH_M, 0.3 * top)
 
 
 def _make_body(settings: Settings) -> Solid:
+    """The deck, the body under it in foil, and the equipment on it."""
     front, half, top, floor = _find_deck_extent(settings.lander)
     corner = 0.3 * half
     outline = [
@@ -243,7 +259,7 @@ def _make_body(settings: Settings) -> Solid:
         (front - 1.1, -half),
         (front - corner, -half),
     ]
-    under = top - _PLATE_M
+    under = top - _DECK_M
     parts = [
         make_prism(WHITE, outline, under, top, 0.008),
         make_prism(FOIL, [(x * 0.93 - 0.01, y * 0.9) for x, y in outline], floor, under - 0.002, 0.0, 0.86),
@@ -253,7 +269,7 @@ def _make_body(settings: Settings) -> Solid:
 
 
 def _make_deck_parts(front: float, half: float, corner: float, top: float) -> list[Solid]:
-    """What stands on the deck: a rail, cables, boxes, a funnel for samples and a target for colours."""
+    """The parts on the deck: a rail, cables, boxes, a sample funnel and a colour target."""
     y = half - corner - 0.02
     rail = [make_rod(METAL, (front - 0.03, -y, top + 0.045), (front - 0.03, y, top + 0.045), 0.009, sides=16)]
     rail += [
@@ -278,7 +294,9 @@ def _make_deck_parts(front: float, half: float, corner: float, top: float) -> li
 
 
 def _make_boom(settings: Settings, front: float, top: float) -> list[Solid]:
-    """What carries the arm in front of the deck: two beams and a plate, under our turret or a link of the user's."""
+    """The support of the arm in front of the deck: two beams and a plate, under our turret or the first link of the
+    user's arm.
+    """
     arm = settings.arm
     below = 0.0 if settings.lander.kind == "OWN" else min(0.22, arm.shoulder_z_m - 0.05)
     x, y, low = arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m - below
@@ -328,7 +346,7 @@ def _make_mast(settings: Settings, top: float) -> list[Solid]:
 def _make_leg(
     lander: LanderSettings, foot: tuple[float, float, float], deck: tuple[float, float, float, float]
 ) -> list[Solid]:
-    """A main leg with a shock absorber, two struts, and a round pad on a ball, with its sole at ``foot``."""
+    """A main leg with a shock absorber, two struts, and a round pad on a ball. The sole of the pad is at ``foot``."""
     (x, y, z), (front, half, top, floor), side = foot, deck, math.copysign(1.0, foot[1])
     r = lander.pad_diameter_m / 2
     ankle = np.array([x, y, z + 0.45 * r + 0.02])
@@ -360,7 +378,7 @@ def _make_leg(
 
 
 def make_head(settings: Settings) -> Solid:
-    """The housing of the cameras, in the axes of the left eye (x right, y down, z forward). It is behind both eyes."""
+    """The housing of the cameras, behind both eyes, in the axes of the left eye (x right, y down, z forward)."""
     baseline = settings.rig.baseline_m
     width = baseline + 0.14
     parts = [
@@ -372,7 +390,7 @@ def make_head(settings: Settings) -> Solid:
 
 
 def make_body_capsules(settings: Settings) -> tuple[Capsule, ...]:
-    """Capsules around deck, legs and mast, in the frame of the arm's base, which the arm must not touch."""
+    """Capsules around deck, legs and mast, which the arm must not touch, in the frame of the arm's base."""
     lander, arm = settings.lander, settings.arm
     front, half, top = lander.deck_front_m, lander.deck_width_m / 2, lander.deck_height_m
     shoulder = np.array([arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m])
@@ -393,8 +411,9 @@ def make_body_capsules(settings: Settings) -> tuple[Capsule, ...]:
     return tuple(Capsule(-1, local(start), local(end), radius) for start, end, radius in found)
 
 
-#: A point on a link: its name, the link, a place (3,) in the link's frame, and how far in metres the surface may be in
-#: front of it. Joints are the middle of their drum, whose surface is up to the radius in front of it.
+#: A point on a link: its name, the link's name, its position (3,) in the link's frame, and the largest distance in
+#: metres by which the surface may lie in front of the point. A joint's point is the middle of its drum, one radius
+#: behind the surface.
 Keypoint = tuple[str, str, Array, float]
 
 
@@ -414,7 +433,7 @@ def list_arm_keypoints(arm: ArmSettings) -> list[Keypoint]:
 
 
 def list_still_keypoints(lander: LanderSettings, pads_m: Sequence[float] = (0.0, 0.0)) -> list[Keypoint]:
-    """The points of deck and pads; ``pads_m`` as in ``make_still_solids``."""
+    """The points of deck and pads. ``pads_m`` are the ground heights in metres under the left and the right pad."""
     points = [
         (f"pad_{side}", leg, (x, y, z - lander.pad_sink_m + 0.42 * lander.pad_diameter_m / 2), 0.06)
         for side, leg, (x, y), z in zip(("left", "right"), LEGS, find_pad_centres(lander), pads_m, strict=True)

@@ -1,6 +1,6 @@
-"""Triangles of a robot's link from STL (binary and ASCII), Wavefront OBJ and Collada, which need no library.
+"""Triangles of a robot's link from STL (binary and ASCII), Wavefront OBJ and Collada, read without other libraries.
 
-The file comes from a stranger: sizes are bounded, indices are checked, and nothing else that it names is opened.
+The file comes from a stranger: its size is bounded, its indices are checked, and no other file that it names is opened.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ...support.foreign_bytes import RefusedError, read
 from ..mesh import obj, stl
 from . import collada
 
-#: Reader, name and largest file in bytes of a format by its suffix; XML takes several times its bytes of memory.
+#: By suffix: reader, name and largest file in bytes of a format. XML takes several times its bytes of memory.
 _FORMATS = {
     ".stl": (stl.parse_triangles, "an STL mesh", 200_000_000),
     ".obj": (obj.parse_triangles, "an OBJ mesh", 200_000_000),
@@ -44,8 +44,9 @@ def read_link_mesh(path: Path) -> tuple[Array, Array]:
 
 
 def _check_mesh(vertices: Array, triangles: Array) -> tuple[Array, Array]:
+    """Raise RefusedError for a mesh without triangles or with coordinates that are not finite."""
     if not len(triangles):
         raise RefusedError("has no triangle; export it again.")
     if not np.isfinite(vertices).all() or np.abs(vertices).max() > 1e9:
-        raise RefusedError("has vertices that are no place; export it again.")
+        raise RefusedError("has vertices that are not finite numbers; export it again.")
     return vertices, triangles

@@ -12,18 +12,22 @@ from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, parse_xml, read
 
 _MANIFEST = "package.xml"
-#: Number of folders above the URDF's folder that are searched, and the largest package.xml in bytes.
-_MOST_UP, _MOST_BYTES = 8, 1_000_000
-#: A folder, and a file that counts if it is there and in that folder.
+#: Number of folders above the URDF's folder that are searched.
+_MOST_PARENTS = 8
+#: Largest package.xml in bytes.
+_MOST_MANIFEST_BYTES = 1_000_000
+#: A folder, and a file that is used if it exists and lies in that folder.
 Place = tuple[Path, Path]
 
 
 class MeshFolders:
-    """The folders around a URDF file, with links resolved. ``package`` is its package's folder, or else its own."""
+    """The folders around a URDF file, with links resolved. ``package`` is the folder of its ROS package, or its own
+    folder if it is in no package.
+    """
 
     def __init__(self, urdf: Path) -> None:
         self.own = urdf.resolve().parent
-        self._packages = [each for each in (self.own, *self.own.parents)[: _MOST_UP + 1] if _is_package(each)]
+        self._packages = [each for each in (self.own, *self.own.parents)[: _MOST_PARENTS + 1] if _is_package(each)]
         self.package = self._packages[0] if self._packages else self.own
 
     def find_relative_places(self, path: str) -> list[Place]:
@@ -31,11 +35,12 @@ class MeshFolders:
         return [(self.package, self.own / path)]
 
     def find_package_places(self, package: str, path: str) -> list[Place]:
-        """Where a mesh of a path in a package may be: in a package of that name above the URDF or beside one, else in
-        the URDF's own, whose folder may have been renamed."""
+        """Where a mesh of a package may be: in a package of that name above the URDF or beside such a package; else in
+        the URDF's own package, because its folder may have been renamed.
+        """
         named = [each for each in self._packages if package in (each.name, _read_package_name(each))]
         beside = [each.parent / package for each in self._packages]
-        # A name such as .. is not a package's, and a link could lead anywhere.
+        # Names such as .. leave the folder, and a link could lead anywhere.
         named += [each for each in beside if each.resolve() == each and _is_package(each)]
         return [
             *((each, each / path) for each in named),
@@ -58,7 +63,8 @@ def _read_package_name(folder: Path) -> str:
 
     try:
         return (
-            read(folder / _MANIFEST, parse, "a package.xml", "correct it", most=_MOST_BYTES).findtext("name") or ""
+            read(folder / _MANIFEST, parse, "a package.xml", "correct it", most=_MOST_MANIFEST_BYTES).findtext("name")
+            or ""
         ).strip()
     except IcyMoonError:
         return ""

@@ -1,6 +1,6 @@
-"""The user's own arm from a URDF file, in the terms of ``kinematics`` and ``solids``.
+"""The user's own arm from a URDF file, as an ``Arm`` and its solids.
 
-Its first link stands where the shoulder of the parametric arm would, x forward, y left, z up. A joint that does not
+Its first link stands where the shoulder of the parametric arm would be, x forward, y left, z up. Joints that do not
 move, and the first link, have limits of 0.
 """
 
@@ -26,18 +26,25 @@ from .link_mesh import read_link_mesh
 from .solids import Solid, join_solids, make_ball, make_box, make_lathe, transform_solid
 from .urdf import FIXED, SLIDES, Shape, Urdf, UrdfJoint, read_urdf
 
-#: Links of this size in metres are likely in another unit; most triangles of the whole arm.
-_WIDEST_M, MOST_TRIANGLES = 20.0, 1_000_000
-_ABOUT_Z = rigid_transform(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0]))
+#: Links above this size in metres are likely in another unit.
+_WIDEST_LINK_M = 20.0
+#: Maximum number of triangles of the whole arm.
+MOST_TRIANGLES = 1_000_000
+#: Pose that turns a solid of revolution about x into one about z.
+_AXIS_X_TO_Z = rigid_transform(
+    np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0])
+)
 _METAL = "metal"
-#: Parts of our lander, whose names the user's links do not take.
-OURS = ("body", "mast", "leg_left", "leg_right", "head")
+#: Names of our lander's parts; a user's link with such a name is renamed.
+LANDER_PARTS = ("body", "mast", "leg_left", "leg_right", "head")
 
 
 @dataclass(frozen=True)
 class UrdfArm:
-    """Joints as ``kinematics.Arm`` has them, for each a number in ``moving`` or -1, the factor and the offset that its
-    value is made with, the names of the joints that move by themselves, and the solids by link."""
+    """A user's arm. ``joints`` are all joints, as in ``kinematics.Arm``. Joint i has the value ``factors[i]`` times the
+    commanded value of number ``moving[i]`` (-1 for none), plus ``offsets[i]``. ``names`` are the joints that move by
+    themselves, and ``solids`` the visible solids by link.
+    """
 
     joints: tuple[Joint, ...]
     moving: Array
@@ -48,11 +55,12 @@ class UrdfArm:
     capsules: tuple[Capsule, ...]
 
     def values(self, commanded: Array) -> Array:
-        """Radians or metres of all joints from those that move by themselves."""
+        """Values of all joints in radians or metres, from the commanded ones."""
         padded = np.append(commanded, 0.0)
         return np.asarray(self.factors * padded[self.moving] + self.offsets)
 
     def slides(self, name: str) -> bool:
+        """Whether the joint of this name slides, so that its value is in metres."""
         return next(joint.slides for joint in self.joints if joint.name == name)
 
 
@@ -73,8 +81,10 @@ def make_arm_at(own: UrdfArm, base: Array) -> Arm:
 
 
 def parse_commanded(own: UrdfArm, text: str) -> Array:
-    """Radians or metres of the joints that move, from ``lander.joints``: ``name=value`` in degrees or metres, or values
-    in the order of the file; 0 where none is given. Names may have spaces. Raises IcyMoonError for other text."""
+    """Values in radians or metres of the moving joints, from the text of ``lander.joints``: ``name=value`` in degrees
+    or metres, or values in the order of the file. Joints without a value get 0. Names may have spaces. Raises
+    IcyMoonError for other text.
+    """
     found = dict.fromkeys(own.names, 0.0)
     any_name = "|".join(map(re.escape, sorted(own.names, key=len, reverse=True)))
     item = re.compile((rf"(?:({any_name})\s*=\s*)?" if own.names else "()") + r"([^\s,;]+(?:\s*=\s*[^\s,;]*)*)")
@@ -100,6 +110,9 @@ def parse_commanded(own: UrdfArm, text: str) -> Array:
 
 
 def _file_state(path: Path) -> tuple[int, int]:
+    """Time of change and size of a file, by which a cache sees that it changed. Raises IcyMoonError if the file cannot
+    be read.
+    """
     try:
         there = path.stat()
     except OSError as error:
@@ -121,6 +134,7 @@ def _load_arm(path: Path, state: tuple[int, int]) -> UrdfArm:
 
 @lru_cache(maxsize=4)
 def _build_arm(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, int], ...]) -> UrdfArm:
+    """The arm of a URDF file. ``state`` and ``_files`` only make the cache see changed files."""
     urdf = _read_cached_urdf(path, state)
     names = _link_names(urdf)
     order = [urdf.root, *(joint.child for joint in urdf.joints)]
@@ -158,9 +172,9 @@ def _build_arm(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int
 
 
 def _link_names(urdf: Urdf) -> dict[str, str]:
-    """Our name of each link: its own, unless a part of the lander has it."""
+    """New name of each link: its name in the file, unless a part of the lander has that name."""
     found = {link: link for link in urdf.links}
-    for link in OURS:
+    for link in LANDER_PARTS:
         if link in found:
             name = f"arm_{link}"
             while name in urdf.links:
@@ -169,7 +183,7 @@ def _link_names(urdf: Urdf) -> dict[str, str]:
     return found
 
 
-#: Vertices and triangles of mesh files: a robot may name one of them many times.
+#: Vertices (n, 3) and triangles (m, 3) by mesh file; a robot may name one file many times.
 Meshes = dict[Path, tuple[Array, Array]]
 
 
@@ -186,7 +200,7 @@ def _make_link_solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int
                 f"{path}: its shapes have more than {MOST_TRIANGLES} triangles; make them coarser or fewer."
             )
     whole = join_solids(made)
-    if (widest := float(np.abs(whole.vertices).max())) > _WIDEST_M:
+    if (widest := float(np.abs(whole.vertices).max())) > _WIDEST_LINK_M:
         raise IcyMoonError(
             f"{path}: link {link} reaches {widest:.3g} m; its mesh is likely in millimetres: give it "
             'scale="0.001 0.001 0.001".'
@@ -209,13 +223,13 @@ def _make_shape_solid(shape: Shape, meshes: Meshes) -> Solid:
     else:
         radius, half = shape.size[0], shape.size[1] / 2
         made = transform_solid(
-            make_lathe(_METAL, [(-half, 0.0), (-half, radius), (half, radius), (half, 0.0)]), _ABOUT_Z
+            make_lathe(_METAL, [(-half, 0.0), (-half, radius), (half, radius), (half, 0.0)]), _AXIS_X_TO_Z
         )
     return transform_solid(made, shape.origin)
 
 
 def _fit_capsules(joints: tuple[Joint, ...], solids: Mapping[str, Solid]) -> tuple[Capsule, ...]:
-    """A capsule around each link: along its longest direction, as wide as its farthest vertex from that line."""
+    """A capsule around each link: along its longest direction, and as wide as the vertex farthest from that line."""
     found = []
     for k, joint in enumerate(joints):
         if joint.link not in solids:
@@ -226,7 +240,7 @@ def _fit_capsules(joints: tuple[Joint, ...], solids: Mapping[str, Solid]) -> tup
         at = (places - middle) @ along
         aside = np.linalg.norm(places - middle - at[:, None] * along, axis=1)
         radius = float(aside.max())
-        # Each vertex is within a ball of this radius about a place of the line that is this far from its own.
+        # Shorten the capsule so far that its round ends still contain each vertex.
         slack = np.sqrt(np.maximum(radius**2 - aside**2, 0.0))
         low, high = float((at + slack).min()), float((at - slack).max())
         if low > high:

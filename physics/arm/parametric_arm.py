@@ -1,9 +1,11 @@
-"""The arm of the settings: yaw, three pitches and a roll, with its inverse kinematics in closed form.
+"""The arm of the settings: yaw, three pitches and a roll, with inverse kinematics in closed form.
 
-Angles: yaw to the left of the lander's forward axis; shoulder above the horizontal; elbow and wrist upward from the
-line of the link before. At zero the arm is stretched out forward. The tool's pitch is the sum of the three pitches.
-The lander's frame is x forward, y left, z up, on the level of the ground under the left camera, beneath the middle
-between the cameras: its mast carries the rig.
+Angles: yaw is to the left of the lander's forward axis; shoulder is above the horizontal; elbow and wrist are upward
+from the line of the previous link. At zero the arm is stretched out forward. The tool's pitch is the sum of the three
+pitches.
+
+The lander's frame has x forward, y left, z up. Its origin is on the level of the ground under the left camera, beneath
+the middle between the cameras, because the mast carries the rig.
 """
 
 from __future__ import annotations
@@ -17,9 +19,9 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from .kinematics import Arm, Capsule, Joint, rigid_transform
 
-#: Joints of the arm in order, as the settings call them, and the link that each moves.
+#: Joints of the arm in order, named as in the settings, and the link that each moves.
 JOINTS = {"yaw": "turret", "shoulder": "upper_arm", "elbow": "forearm", "wrist": "hand", "roll": "scoop"}
-#: The scoop's way into the ground: straight down.
+#: Pitch of the scoop as it enters the ground: straight down.
 DOWN_RAD = -math.pi / 2
 #: Radii in metres of the capsules around the links: half the width of their tubes and the motors on them.
 RADII_M = {"turret": 0.06, "upper_arm": 0.05, "forearm": 0.045, "hand": 0.04}
@@ -76,6 +78,7 @@ def make_parametric_arm(settings: Settings, site_m: float = 0.0) -> Arm:
 
 
 def _make_capsules(arm: ArmSettings) -> tuple[Capsule, ...]:
+    """The capsules around the links of the arm."""
     radius = (arm.scoop_depth_m if arm.scoop_depth_m < arm.scoop_length_m else arm.scoop_length_m) / 2
     aside = max(arm.scoop_width_m / 2 - radius, 0.0)
     scoop = [
@@ -95,12 +98,12 @@ def _make_capsules(arm: ArmSettings) -> tuple[Capsule, ...]:
 
 
 def read_commanded_rad(arm: ArmSettings) -> Array:
-    """The angles (5,) in radians that the joints were told."""
+    """The commanded angles (5,) of the joints in radians."""
     return np.radians([float(arm[f"{name}_deg"]) for name in JOINTS])
 
 
 def find_real_angles_rad(arm: ArmSettings) -> Array:
-    """The angles (5,) in radians at which the joints are: those commanded, and the fault of each joint."""
+    """The actual angles (5,) of the joints in radians: the commanded angle plus the fault of each joint."""
     return read_commanded_rad(arm) + np.radians([float(arm[f"{name}_offset_deg"]) for name in JOINTS])
 
 
@@ -121,7 +124,7 @@ def solve_inverse_kinematics(
     x, y, z, pitch = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in (x, y, z, pitch)))
     place = np.linalg.inv(arm.base)
     px, py, pz = (place[k, 0] * x + place[k, 1] * y + place[k, 2] * z + place[k, 3] for k in range(3))
-    # The wrist, seen in the vertical plane of the arm from the axis of the shoulder.
+    # Position of the wrist from the shoulder's axis, in the vertical plane of the arm.
     out, up = np.hypot(px, py) - offset - hand * np.cos(pitch), pz - hand * np.sin(pitch)
     with np.errstate(invalid="ignore"):
         bend = np.arccos((out**2 + up**2 - upper**2 - fore**2) / (2 * upper * fore))
@@ -136,9 +139,8 @@ def solve_inverse_kinematics(
 
 
 def choose_inverse_solution(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD) -> Array:
-    """Angles (..., 5) in radians that put the tip at world points in metres; NaN out of reach or beyond a limit.
-
-    Of two solutions the one that is farther from the limits. Raises nothing: points may be NaN.
+    """Angles (..., 5) in radians that put the tip at world points in metres; NaN out of reach or beyond a limit. Of two
+    solutions the one farther from the limits is taken. Points may be NaN.
     """
     joints, margins = solve_inverse_kinematics(arm, x, y, z, pitch)
     best = (np.nan_to_num(margins[1], nan=-np.inf) > np.nan_to_num(margins[0], nan=-np.inf))[..., None]
@@ -147,8 +149,7 @@ def choose_inverse_solution(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch:
 
 
 def find_joint_margin(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD) -> Array:
-    """Smallest distance in radians of a joint to its limits with the tip at world points; NaN out of reach.
-
-    Of two solutions the better; negative where a joint would be beyond its limit.
+    """Smallest distance in radians of a joint to its limits with the tip at world points; NaN out of reach. It is the
+    larger one of two solutions, and negative if a joint would exceed its limit.
     """
     return np.asarray(solve_inverse_kinematics(arm, x, y, z, pitch)[1].max(axis=0))

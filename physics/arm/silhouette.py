@@ -1,4 +1,4 @@
-"""Which pixels of a pinhole image a solid covers, whatever is in front of it."""
+"""The pixels of a pinhole image that a solid covers, without regard to nearer things."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Distance in metres before the eye at which triangles are cut off.
-_NEAR_M = 1e-3
+#: Planar depth in metres at which triangles are cut off.
+_NEAR_PLANE_M = 1e-3
 
 
 def find_silhouette(vertices: Array, triangles: Array, matrix: Array, shape: tuple[int, ...]) -> Array:
@@ -30,7 +30,7 @@ def find_silhouette(vertices: Array, triangles: Array, matrix: Array, shape: tup
 
 
 def _is_inside(triangle: Array, x: Array, y: Array) -> Array:
-    """Whether points are inside a triangle (3, 2), turned either way."""
+    """Whether points are inside a triangle (3, 2) of either orientation."""
     sides = [
         (bx - ax) * (y - ay) - (by - ay) * (x - ax)
         for (ax, ay), (bx, by) in zip(triangle, np.roll(triangle, -1, axis=0), strict=True)
@@ -39,8 +39,8 @@ def _is_inside(triangle: Array, x: Array, y: Array) -> Array:
 
 
 def _clip_behind_eye(corners: Array) -> Array:
-    """The parts of triangles (m, 3, 3) in front of the eye, as triangles."""
-    ahead = corners[..., 2] > _NEAR_M
+    """The parts of triangles (m, 3, 3) beyond the near plane, as triangles (k, 3, 3)."""
+    ahead = corners[..., 2] > _NEAR_PLANE_M
     kept = [corners[ahead.all(axis=1)]]
     for triangle, front in zip(
         corners[ahead.any(axis=1) & ~ahead.all(axis=1)], ahead[ahead.any(axis=1) & ~ahead.all(axis=1)], strict=True
@@ -51,6 +51,6 @@ def _clip_behind_eye(corners: Array) -> Array:
             if front[k]:
                 outline.append(a)
             if front[k] != front[(k + 1) % 3]:
-                outline.append(a + (_NEAR_M - a[2]) / (b[2] - a[2]) * (b - a))
+                outline.append(a + (_NEAR_PLANE_M - a[2]) / (b[2] - a[2]) * (b - a))
         kept += [np.array([[outline[0], outline[n], outline[n + 1]]]) for n in range(1, len(outline) - 1)]
     return np.concatenate(kept)

@@ -1,4 +1,4 @@
-"""Simple solids as triangles, the parts of the lander.
+"""Simple solids of triangles, the parts of the lander.
 
 Faces that meet at a sharp edge share no vertices, so that smooth shading of a tube does not round its ends.
 """
@@ -32,7 +32,7 @@ def transform_solid(solid: Solid, at: Array) -> Solid:
 
 
 def join_solids(solids: Sequence[Solid]) -> Solid:
-    """One solid of several."""
+    """One solid that contains all of several."""
     starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
     return Solid(
         np.concatenate([solid.vertices for solid in solids]),
@@ -43,9 +43,9 @@ def join_solids(solids: Sequence[Solid]) -> Solid:
 
 
 def make_lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40) -> Solid:
-    """The solid that a profile of (x, radius), from low to high x where it is convex, sweeps about the x axis.
-
-    Each step of the profile is smooth around and has sharp edges. Start and end with radius 0 to close it.
+    """The solid of revolution of a profile of (x, radius) about the x axis. Where it is convex, the profile goes from
+    low to high x. Each step of the profile is smooth around the axis and has sharp edges. A profile that starts and
+    ends with radius 0 gives a closed solid.
     """
     angles = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.zeros(sides), np.cos(angles), np.sin(angles)], axis=1)
@@ -82,7 +82,7 @@ def make_rod(
     bevel: float = 0.15,
     sides: int = 40,
 ) -> Solid:
-    """A round bar between two points; its ends are bevelled by a share of the radius."""
+    """A round bar between two points. ``bevel`` is the share of the radius by which its ends are bevelled."""
     length, r1 = float(np.linalg.norm(np.subtract(end, start))), radius if end_radius is None else end_radius
     b0, b1 = bevel * min(radius, length / 2), bevel * min(r1, length / 2)
     profile = [(0.0, 0.0), (0.0, radius - b0), (b0, radius), (length - b1, r1), (length, r1 - b1), (length, 0.0)]
@@ -90,7 +90,7 @@ def make_rod(
 
 
 def make_ball(material: str, centre: Sequence[float], radius: float, sides: int = 32) -> Solid:
-    """A sphere."""
+    """A sphere; ``sides`` is the number of its facets around."""
     turns = np.linspace(0.0, np.pi, 13)
     profile = [
         (-radius * float(np.cos(t)), radius * float(np.sin(t)) if 0 < k < 12 else 0.0) for k, t in enumerate(turns)
@@ -101,11 +101,11 @@ def make_ball(material: str, centre: Sequence[float], radius: float, sides: int 
 def make_box(
     material: str, size: Sequence[float], centre: Sequence[float] = (0.0, 0.0, 0.0), bevel_m: float = 0.004
 ) -> Solid:
-    """A box of these sides whose edges and corners are cut off."""
+    """A box with sides of ``size``, whose edges and corners are cut off by ``bevel_m``."""
     half = np.asarray(size, float) / 2
     cut = min(bevel_m, float(half.min()) * 0.9)
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
-    # Of each corner three vertices, one on each of its three sides.
+    # Each corner has three vertices, one on each of the three sides that meet there.
     corners = np.stack([signs * np.where(np.arange(3) == k, half, half - cut) for k in range(3)], axis=1)
     faces: list[list[tuple[int, int]]] = []
     for k in range(3):
@@ -125,7 +125,9 @@ def make_box(
 
 
 def _make_flat_faced(material: str, faces: Sequence[Array]) -> Solid:
-    """A convex solid around the origin of flat faces (k, 3) with vertices of their own, turned outward."""
+    """A convex solid around the origin with flat faces of corners (k, 3). Each face has its own vertices and is turned
+    outward.
+    """
     vertices, triangles, start = [], [], 0
     for face in faces:
         normal = np.cross(face[1] - face[0], face[2] - face[0])

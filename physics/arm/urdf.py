@@ -1,8 +1,8 @@
 """A robot's description in URDF (wiki.ros.org/urdf/XML): links with shapes, joints with limits.
 
-The file comes from a stranger: document types (with entities that grow without end) are refused before it is parsed,
-meshes are read from its own package only, or from one beside it that they name, and its statements are checked before
-they are used.
+The file comes from a stranger. Document types, whose entities can grow without end, are refused before the file is
+parsed. Meshes are read only from its own package, or from a package beside it that the file names. All values are
+checked before use.
 """
 
 from __future__ import annotations
@@ -23,15 +23,22 @@ from ...support.files import shorten
 from ...support.foreign_bytes import ForeignBytes, parse_xml, read
 from .mesh_folders import MeshFolders
 
-#: Largest file in bytes, and maximum number of links; each gets its own label.
-MOST_BYTES, MOST_LINKS = 4_000_000, 50
-FIXED, TURNS, SLIDES = ("fixed",), ("revolute", "continuous"), ("prismatic",)
-#: Largest coordinate in metres of an origin, a limit or a size.
-_MOST_M = 1e3
-#: Most characters of a path that file systems take.
+#: Largest file in bytes.
+MOST_BYTES = 4_000_000
+#: Maximum number of links; each gets its own label.
+MOST_LINKS = 50
+#: Types of joints that do not move,
+FIXED = ("fixed",)
+#: that turn,
+TURNS = ("revolute", "continuous")
+#: and that slide.
+SLIDES = ("prismatic",)
+#: Largest absolute coordinate, limit or size in metres.
+_LARGEST_M = 1e3
+#: Maximum number of characters of a path in usual file systems.
 _LONGEST_PATH = 4095
-#: Part of the namespace of macros that are not expanded yet.
-_XACRO = "/wiki/xacro}"
+#: End of the XML namespace of xacro macros that are not expanded yet.
+_XACRO_NAMESPACE = "/wiki/xacro}"
 
 
 @dataclass(frozen=True)
@@ -66,7 +73,9 @@ class UrdfJoint:
 
 @dataclass(frozen=True)
 class Urdf:
-    """A tree of links: ``links`` with their shapes, ``joints`` so that a parent's joint comes before its children's."""
+    """A tree of links: ``links`` are the shapes of each link; ``joints`` are sorted so that a parent's joint comes
+    before its children's.
+    """
 
     root: str
     links: dict[str, tuple[Shape, ...]]
@@ -81,15 +90,19 @@ class Urdf:
 
 
 def read_urdf(path: Path) -> Urdf:
-    """The robot of a file. Raises IcyMoonError, with the fault and its place, for a file that cannot be used."""
+    """The robot described by a file. Raises IcyMoonError, with the fault and its place, for a file
+    that cannot be used."""
     return _Reader(path).read()
 
 
 class _Reader:
+    """Reads a URDF file; ``fail`` names the file in every error."""
+
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def fail(self, what: str, fix: str = "correct the file") -> NoReturn:
+        """Raise IcyMoonError with the file, the fault ``what`` and the remedy ``fix``."""
         raise IcyMoonError(f"{self.path}: {what}; {fix}.")
 
     def read(self) -> Urdf:
@@ -107,14 +120,16 @@ class _Reader:
         return Urdf(root, {name: self._read_shapes(name, item) for name, item in links.items()}, tuple(joints))
 
     def _parse(self, foreign: ForeignBytes) -> ElementTree.Element:
+        """The root element ``<robot>``; macros and other documents are refused."""
         robot = parse_xml(foreign.text())
-        if any(_XACRO in item.tag for item in robot.iter()):
+        if any(_XACRO_NAMESPACE in item.tag for item in robot.iter()):
             self.fail("has macros of xacro", "expand it first: xacro FILE > arm.urdf")
         if robot.tag != "robot":
             self.fail(f"begins with <{shorten(robot.tag)}> and not with <robot>", "give a URDF file")
         return robot
 
     def _index_by_name(self, robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Element]:
+        """The elements of a tag by their names, which must be unique."""
         found: dict[str, ElementTree.Element] = {}
         for item in robot.findall(tag):
             name = (item.get("name") or "").strip()
@@ -125,7 +140,8 @@ class _Reader:
             found[name] = item
         return found
 
-    def _parse_numbers(self, text: str | None, count: int, where: str, most: float = _MOST_M) -> Array:
+    def _parse_numbers(self, text: str | None, count: int, where: str, most: float = _LARGEST_M) -> Array:
+        """``count`` numbers (count,) of at most ``most``; ``where`` names the place in errors."""
         words = (text or "").split()
         try:
             found = np.array([float(word) for word in words])
@@ -138,7 +154,7 @@ class _Reader:
         return found
 
     def _read_origin(self, item: ElementTree.Element, where: str) -> Array:
-        """Pose (4, 4) of an element's origin: turned about fixed x, then y, then z."""
+        """Pose (4, 4) of an element's origin: rotations about the fixed x, y and z axes, in this order."""
         pose, origin = np.eye(4), item.find("origin")
         if origin is None:
             return pose
@@ -184,6 +200,7 @@ class _Reader:
         )
 
     def _read_limits(self, name: str, kind: str, item: ElementTree.Element) -> tuple[float, float]:
+        """Lower and upper limit in radians or metres."""
         if kind in FIXED:
             return 0.0, 0.0
         if kind == "continuous":
@@ -200,6 +217,7 @@ class _Reader:
         return low, high
 
     def _read_mimic(self, name: str, item: ElementTree.Element) -> tuple[str, float, float] | None:
+        """Name, factor and offset of the joint that this one follows; None for a joint of its own motion."""
         mimic = item.find("mimic")
         if mimic is None:
             return None
@@ -210,6 +228,7 @@ class _Reader:
         return mimic.get("joint", ""), factor, offset
 
     def _check_mimics(self, joints: Iterable[UrdfJoint]) -> None:
+        """Fail for a joint that follows a joint that itself follows another."""
         leaders = {joint.name for joint in joints if joint.mimic is None and joint.kind not in FIXED}
         for joint in joints:
             if joint.mimic is not None and joint.mimic[0] not in leaders:
@@ -218,7 +237,7 @@ class _Reader:
                 )
 
     def _sort_tree(self, links: list[str], joints: list[UrdfJoint]) -> tuple[str, list[UrdfJoint]]:
-        """The root and the joints in the order of the tree."""
+        """The name of the root link, and the joints sorted from the root outward."""
         into: dict[str, UrdfJoint] = {}
         for joint in joints:
             if joint.child in into:
@@ -241,6 +260,7 @@ class _Reader:
         return roots[0], found
 
     def _read_shapes(self, name: str, item: ElementTree.Element) -> tuple[Shape, ...]:
+        """The visible shapes of a link."""
         found = []
         for visual in item.findall("visual"):
             where = f"a visual of link {name}"
@@ -259,7 +279,7 @@ class _Reader:
             return Shape("mesh", origin, tuple(scale), self._find_mesh(item.get("filename", ""), where))
         sizes = {"box": (("size", 3),), "cylinder": (("radius", 1), ("length", 1)), "sphere": (("radius", 1),)}
         if item.tag not in sizes:
-            self.fail(f"{where} is a {shorten(item.tag)!r}, which is none of mesh, {', '.join(sizes)}")
+            self.fail(f"{where} is a {shorten(item.tag)!r}, not mesh, {', '.join(sizes)}")
         size = tuple(
             float(value)
             for key, count in sizes[item.tag]
@@ -270,7 +290,9 @@ class _Reader:
         return Shape(item.tag, origin, size)
 
     def _find_mesh(self, name: str, where: str) -> Path:
-        """The mesh of a name, in the folder of the URDF or of its package, or in the package beside that it names."""
+        """The file of a mesh by its name, in the folder of the URDF, in its package, or in the package beside it that
+        the name states.
+        """
         text = unquote(name)
         if len(text) > _LONGEST_PATH:
             self.fail(f"the mesh of {where} is {shorten(text)!r}, longer than a path can be")

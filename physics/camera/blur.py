@@ -1,7 +1,7 @@
-"""Blur that is in the rendered light itself: depth of field and the rig's motion during the exposure.
+"""Blur that is in the rendered light itself: depth of field, and motion of the rig during the exposure.
 
-Both depend on settings of the camera response (aperture, exposure time), which otherwise need no new render. What a
-render was made for is stored with it; a warning is given if it is developed as another camera.
+Both depend on settings of the camera response (aperture, exposure time). Other changes of these settings need no new
+render. A pair therefore stores the response that it was rendered for; developing it with another one gives a warning.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ from ...support.errors import IcyMoonError
 from ..rig.focal_length import focal_px
 
 #: Relative difference of exposure or aperture from which on a warning is given.
-_DIFFERENT = 0.01
-#: Turn, degrees, during an exposure beyond which a path cannot be told from its ends and middle.
+_LEAST_RELATIVE_CHANGE = 0.01
+#: Largest rotation in degrees during an exposure. Beyond it, ends and middle do not determine the path.
 _MOST_TURN_DEG = 90.0
 _SPEEDS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s")
 _TURNS = ("turn_right_deg_s", "turn_down_deg_s", "roll_deg_s")
 
 #: The ``rig`` settings that blur the image by motion if they are not 0.
 MOTION = (*_SPEEDS, *_TURNS)
-PINHOLE = "The images are blurred, truth is sharp: that of a pinhole{}."
+#: Advice on blurred pairs; the placeholder takes the time of the truth.
+TRUTH_IS_SHARP = "The images are blurred, truth is sharp: that of a pinhole{}."
 
 
 @dataclass(frozen=True)
@@ -58,15 +59,14 @@ class Blur:
 
     @property
     def warning(self) -> str:
-        """A sentence about the camera that the truth belongs to."""
-        return PINHOLE.format("" if self.exposure_s is None else " in the middle of the exposure")
+        """A sentence that states which camera the truth belongs to."""
+        return TRUTH_IS_SHARP.format("" if self.exposure_s is None else " in the middle of the exposure")
 
 
 def find_blur(settings: Settings) -> Blur | None:
-    """The blur that complete settings describe; None if they describe none.
-
-    Raises IcyMoonError for a focus nearer than the focal length, a motion whose exposure is not known, and a turn of
-    more than a quarter during it.
+    """The blur that complete settings describe; None without blur. Raises IcyMoonError for a focus nearer than the
+    focal length, for motion with unknown exposure time, and for a rotation of more than a quarter turn during the
+    exposure.
     """
     rig, sensor = settings.rig, settings.sensor
     focus, velocity, turn = float(rig.focus_distance_m), _read_vector(rig, _SPEEDS), _read_vector(rig, _TURNS)
@@ -103,7 +103,7 @@ def _read_vector(rig: RigSettings, keys: tuple[str, ...]) -> Array:
 
 
 def advise_on_blur(settings: Settings) -> list[str]:
-    """Sentences to show before a render: that the truth is a pinhole camera's, or why the blur cannot be rendered."""
+    """Sentences to show before a render: the truth is without blur, or the reason why the blur cannot be rendered."""
     try:
         blur = find_blur(settings)
     except IcyMoonError as error:
@@ -112,7 +112,7 @@ def advise_on_blur(settings: Settings) -> list[str]:
 
 
 def describe_blur_identity(settings: Settings) -> str:
-    """The camera response that is in the rendered light, for the name of the pair; empty without blur."""
+    """The camera response that the rendered light depends on, for the name of the pair; empty without blur."""
     blur = find_blur(settings)
     if blur is None:
         return ""
@@ -120,18 +120,18 @@ def describe_blur_identity(settings: Settings) -> str:
 
 
 def warn_on_blur_mismatch(settings: Settings, rendered: Settings, exposures_s: list[float]) -> list[str]:
-    """Sentences on contradictions between the blur of a ``rendered`` pair and the ``settings`` that develop it."""
+    """Sentences on differences between the blur of a ``rendered`` pair and the ``settings`` that develop it."""
     blur = find_blur(rendered)
     if blur is None:
         return []
     said = [blur.warning]
     f_number = float(settings.sensor.f_number)
-    if blur.focus_m is not None and abs(f_number / blur.f_number - 1) > _DIFFERENT:
+    if blur.focus_m is not None and abs(f_number / blur.f_number - 1) > _LEAST_RELATIVE_CHANGE:
         said.append(
             f"Depth of field is that of f/{blur.f_number:g}, at which the pair was rendered, its light that of "
             f"f/{f_number:g}; render it again."
         )
-    far = [t for t in exposures_s if blur.exposure_s and abs(t / blur.exposure_s - 1) > _DIFFERENT]
+    far = [t for t in exposures_s if blur.exposure_s and abs(t / blur.exposure_s - 1) > _LEAST_RELATIVE_CHANGE]
     if far:
         said.append(
             f"Motion blur is that of {blur.exposure_s:.4g} s, for which the pair was rendered, its exposure "
@@ -141,9 +141,9 @@ def warn_on_blur_mismatch(settings: Settings, rendered: Settings, exposures_s: l
 
 
 def circle_of_confusion_px(depth_m: float, rig: RigSettings, blur: Blur) -> float:
-    """Diameter in px of the disc that a point at a planar depth becomes; 0 without depth of field.
+    """Diameter in px of the disc that images a point at a planar depth; 0 without depth of field.
 
-    Of the thin lens: the aperture, F/N wide, times the difference of inverse depths to the plane in focus.
+    Thin lens: the width F/N of the aperture, times the difference of inverse depth from the plane in focus.
     """
     if blur.focus_m is None:
         return 0.0
@@ -152,10 +152,10 @@ def circle_of_confusion_px(depth_m: float, rig: RigSettings, blur: Blur) -> floa
 
 
 def motion_blur_px(column_px: float, row_px: float, depth_m: float, rig: RigSettings, blur: Blur) -> float:
-    """Distance in px between where a point of the scene is seen when the left eye's exposure begins and when it ends.
+    """Distance in px between the images of a point when the left eye's exposure begins and when it ends.
 
-    The point is seen ``column_px`` right of and ``row_px`` below the principal point in the middle of the exposure.
-    Infinite if the camera passes the point; 0 without motion.
+    In the middle of the exposure the point is ``column_px`` right of and ``row_px`` below the principal point. The
+    result is infinite if the camera passes the point, and 0 without motion.
     """
     if blur.exposure_s is None:
         return 0.0
@@ -169,7 +169,9 @@ def motion_blur_px(column_px: float, row_px: float, depth_m: float, rig: RigSett
 
 
 def find_pose_after(blur: Blur, seconds: float) -> Array:
-    """Pose (4, 4) of the left eye some time after the middle of the exposure, in its axes then: x right, y down."""
+    """Pose (4, 4) of the left eye some ``seconds`` after the middle of the exposure, in its axes of that middle (x
+    right, y down, z forward).
+    """
     pose = np.eye(4)
     angle = math.radians(float(np.linalg.norm(blur.turn_deg_s))) * seconds
     if angle:

@@ -1,8 +1,8 @@
-"""How the lenses of CAHVOR and CAHVORE bend directions, both ways; see ``formats.cahvor``.
+"""How the lenses of CAHVOR and CAHVORE bend directions, and the inverse; ``formats.cahvor`` reads them.
 
-Directions are decomposed along the optical axis ``o`` (3,) and away from it. ``r`` (3,) are the radial coefficients,
-``e`` (3,) those of the entrance pupil, None for CAHVOR, and ``linearity`` is 1 for perspective and 0 for fisheye. The
-pupil's shift is in units of the distance, as in mrcal, so a pixel sees one direction.
+Directions are split into parts along the optical axis ``o`` (3,) and across it. ``r`` (3,) are the radial coefficients,
+``e`` (3,) the coefficients of the entrance pupil (None for CAHVOR). ``linearity`` is 1 for perspective and 0 for
+fisheye. As in mrcal, the pupil's shift is in units of the distance, so each pixel sees one direction.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ import numpy as np
 from ...support.arrays import Array
 from .invert_growing import first_root, invert
 
-_STEPS = 60
-#: Largest difference of a direction that is bent back and forth, for one that the lens sees.
-_SAME = 1e-9
+#: Maximum number of steps of Newton's method.
+_MOST_NEWTON_STEPS = 60
+#: A direction is in the field of the lens if bending and unbending it changes it by at most this.
+_SAME_DIRECTION = 1e-9
 
 
 def bend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> Array:
@@ -37,7 +38,7 @@ def bend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> Arr
 
 
 def is_seen(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> Array:
-    """Whether the lens shows directions (..., 3): not those beyond the fold of its polynomial, or behind it."""
+    """Whether the lens shows directions (..., 3): those before the fold of its polynomial and not behind the lens."""
     d = d / np.linalg.norm(d, axis=-1, keepdims=True)
     zeta = d @ o
     length = np.linalg.norm(d - zeta[..., None] * o, axis=-1)
@@ -58,7 +59,7 @@ def unbend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> A
         widest = _fold(r)
         if e is not None:
             widest = min(widest, float(_chi(np.array(min(_widest(linearity), math.pi)), linearity)))
-        # The tangent of the bent direction is a polynomial of the other one's, or of chi.
+        # The tangent of the bent direction is a polynomial of the original tangent, or of chi.
         seen = np.where(zeta > 0, length / zeta, np.nan)
         angle = invert(lambda a: _polynomial(np.tan(a), r), seen, math.atan(widest))
         if e is not None:
@@ -70,29 +71,30 @@ def unbend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> A
         found = np.cos(angle)[..., None] * o + np.sin(angle)[..., None] * side
         again = bend(found, o, r, e, linearity)
         off = np.abs(again / np.linalg.norm(again, axis=-1, keepdims=True) - d / np.hypot(zeta, length)[..., None])
-        lost = ~(off.max(axis=-1) < _SAME) | ~is_seen(found, o, r, e, linearity)
+        lost = ~(off.max(axis=-1) < _SAME_DIRECTION) | ~is_seen(found, o, r, e, linearity)
     return np.where(lost[..., None], np.nan, found)
 
 
 def _polynomial(chi: Array, r: Array) -> Array:
+    """The factor by which the radial coefficients ``r`` bend a direction at ``chi``."""
     t = chi**2
     return chi * (1 + r[0] + t * (r[1] + t * r[2]))
 
 
 def _fold(r: Array) -> float:
-    """The first tangent, or chi, at which the polynomial turns back; infinite if nowhere."""
+    """The smallest tangent (or chi) at which the polynomial stops growing; infinite if it always grows."""
     return math.sqrt(first_root([5 * r[2], 3 * r[1], 1 + r[0]]))
 
 
 def _widest(linearity: float) -> float:
-    """The angle at the pupil, rad, up to which chi grows."""
+    """The largest angle at the pupil, in rad, up to which chi grows."""
     return math.pi / 2 / abs(linearity) if linearity else math.inf
 
 
 def _pupil_angle(zeta: Array, length: Array, e: Array) -> Array:
     """Angles off the optical axis at which light enters the moving pupil, by Newton's method."""
     theta = np.arctan2(length, zeta)
-    for _ in range(_STEPS if e.any() else 0):
+    for _ in range(_MOST_NEWTON_STEPS if e.any() else 0):
         sine, cosine, t2 = np.sin(theta), np.cos(theta), theta**2
         shift = e[0] + t2 * (e[1] + t2 * e[2])
         value = zeta * sine - length * cosine - (theta - sine) * shift
@@ -107,13 +109,14 @@ def _pupil_angle(zeta: Array, length: Array, e: Array) -> Array:
 
 
 def _chi(theta: Array, linearity: float) -> Array:
+    """Chi, the generalised tangent of an angle ``theta`` in rad."""
     if linearity < 0:
         return np.asarray(np.sin(linearity * theta) / linearity)
     return np.asarray(np.tan(linearity * theta) / linearity) if linearity > 0 else theta
 
 
 def _from_chi(chi: Array, linearity: float) -> Array:
-    """The angle that has this chi."""
+    """The angle in rad that has this chi."""
     if linearity < 0:
         return np.asarray(np.arcsin(linearity * chi) / linearity)
     return np.asarray(np.arctan(linearity * chi) / linearity) if linearity > 0 else chi

@@ -1,8 +1,8 @@
 """Calibrated cameras as other programs state them: any focal lengths, skew, principal point, lens and pose.
 
-Pixels are counted from the centre of the first one, (0, 0), as in OpenCV, ROS, Kalibr and mrcal: half a pixel less than
-in ``stereo_camera``. Distances are in metres. A pose is the rotation and the translation of x = R X + t, from reference
-axes to the camera's: x right, y down, z forward.
+Pixels are counted from the centre of the first one, (0, 0), as in OpenCV, ROS, Kalibr and mrcal: coordinates are half a
+pixel less than in ``stereo_camera``. Distances are in metres. A pose is the rotation and the translation of x = R X +
+t, from reference axes to the camera's: x right, y down, z forward.
 """
 
 from __future__ import annotations
@@ -17,19 +17,20 @@ from ...support.file_schemas import PIXELS
 from .lens_models import Brown, LensModel
 from .rotations import from_vector, nearest_rotation, rotation_error, to_vector
 
-#: How far a matrix times its transpose may be from 1 for a rotation. Rotations within are taken to be rounded ones.
+#: Largest deviation of a matrix times its transpose from 1. Matrices within it are taken for rounded rotations.
 ROTATION_TOLERANCE = 1e-6
-#: Largest focal length, skew and principal point, px, and distance, m.
-_MOST_PX, _MOST_M = 1e8, 1e9
+#: Largest focal length, skew and principal point, px.
+_LARGEST_PX = 1e8
+#: Largest distance, m.
+_LARGEST_M = 1e9
 #: From K with pixels counted from the centre of the first one to K with pixels counted from its corner.
 CORNER = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
 class CalibratedCamera:
-    """A camera: the size of its images, its matrix K, its lens, and its pose.
-
-    Raises ValueError for numbers that no camera has, and for a matrix that is no rotation.
+    """A camera: the size of its images, its matrix K, its lens, and its pose. Raises ValueError for values that no
+    camera can have, and for a matrix that is no rotation.
     """
 
     width_px: int
@@ -49,11 +50,13 @@ class CalibratedCamera:
             if not PIXELS.fits(size):
                 raise ValueError(f"an image has a {what} of {size}, not {PIXELS.name}")
         for value, what in ((self.fx_px, "fx"), (self.fy_px, "fy")):
-            if not 0 < value <= _MOST_PX:
-                raise ValueError(f"{what} is {value:g} px, and a focal length is above 0 and at most {_MOST_PX:g} px")
+            if not 0 < value <= _LARGEST_PX:
+                raise ValueError(
+                    f"{what} is {value:g} px, and a focal length is above 0 and at most {_LARGEST_PX:g} px"
+                )
         for value, what in ((self.cx_px, "cx"), (self.cy_px, "cy"), (self.skew_px, "the skew")):
-            if not abs(value) <= _MOST_PX:
-                raise ValueError(f"{what} is {value:g} px, not a number up to {_MOST_PX:g}")
+            if not abs(value) <= _LARGEST_PX:
+                raise ValueError(f"{what} is {value:g} px, not a number up to {_LARGEST_PX:g}")
         rotation, translation = np.array(self.rotation, np.float64), np.array(self.translation_m, np.float64)
         if rotation.shape != (3, 3) or translation.shape != (3,):
             raise ValueError("a pose has a rotation of 3 x 3 and a translation of 3 numbers")
@@ -64,8 +67,8 @@ class CalibratedCamera:
                 if math.isinf(off)
                 else f"R is no rotation: R times its transpose is off from 1 by {off:.2g}"
             )
-        if not (np.abs(translation) <= _MOST_M).all():
-            raise ValueError(f"the translation is {translation}, not three numbers up to {_MOST_M:g} m")
+        if not (np.abs(translation) <= _LARGEST_M).all():
+            raise ValueError(f"the translation is {translation}, not three numbers up to {_LARGEST_M:g} m")
         for key, array in (("rotation", nearest_rotation(rotation)), ("translation_m", translation)):
             array.setflags(write=False)
             object.__setattr__(self, key, array)
@@ -77,12 +80,12 @@ class CalibratedCamera:
 
     @property
     def matrix(self) -> Array:
-        """K (3, 3), for pixels that are counted from the centre of the first one."""
+        """K (3, 3); the centre of the first pixel is (0, 0)."""
         return np.array([[self.fx_px, self.skew_px, self.cx_px], [0.0, self.fy_px, self.cy_px], [0.0, 0.0, 1.0]])
 
     @property
     def centre_m(self) -> Array:
-        """Where the camera is (3,), in reference axes."""
+        """Position (3,) of the camera in reference axes, in metres."""
         return -self.rotation.T @ self.translation_m
 
     def project(self, points_m: Array) -> Array:
@@ -109,14 +112,16 @@ class CalibratedCamera:
         return replace(self, rotation=rotation, translation_m=translation_m)
 
     def dark_share(self) -> float:
-        """The share of the pixels that see nothing, from a grid of 65 x 49 over the image."""
+        """Share of the pixels that see no direction, sampled on a grid of 65 x 49 over the image."""
         grid = np.meshgrid(np.linspace(0, self.width_px - 1, 65), np.linspace(0, self.height_px - 1, 49))
         return float(np.isnan(self.unproject(np.stack(grid, axis=-1))[..., 0]).mean())
 
 
 @dataclass(frozen=True)
 class CalibratedRig:
-    """One camera or more in common reference axes; of a pair the left one is first. Raises ValueError without any."""
+    """One or more cameras in common reference axes; the left one of a pair is first. Raises ValueError without a
+    camera.
+    """
 
     cameras: tuple[CalibratedCamera, ...]
 
@@ -140,11 +145,10 @@ class CalibratedRig:
 
 
 def rectifying_rotations(rig: CalibratedRig) -> tuple[Array, Array]:
-    """Rotations (3, 3) from the axes of the first two cameras to the axes of their rectified pair, as Bouguet's method
-    and OpenCV's stereoRectify find them: each eye turns by half of the rotation between them, then x is along the
-    baseline.
+    """Rotations (3, 3) from the axes of the first two cameras to the axes of their rectified pair.
 
-    Raises ValueError for eyes at one place, or one above the other.
+    As in Bouguet's method and OpenCV's stereoRectify, each eye turns by half of the rotation between them, and then so
+    that x lies along the baseline. Raises ValueError for eyes at one position, or one above the other.
     """
     rotation, translation = rig.relative_pose()
     half = from_vector(-to_vector(rotation) / 2)

@@ -1,7 +1,7 @@
-"""A calibration with errors: the rig as it is assumed to be, from the true one and the ``calibration_error`` settings.
+"""A calibration with errors: the assumed rig, from the true rig and the ``calibration_error`` settings.
 
-The eyes took their images as they are. Rectification and depth use the assumed ones: the rectified pair has the
-assumed focal length and baseline, and the principal point of both eyes.
+Images are taken with the true eyes. Rectification and depth use the assumed eyes: the rectified pair has the assumed
+focal length, baseline and principal point.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def list_stated_errors(errors: CalibrationErrorSettings) -> dict[str, float]:
 
 
 def make_assumed_camera(camera: StereoCamera, errors: CalibrationErrorSettings) -> StereoCamera:
-    """The rectified rig that is assumed, by which disparity becomes depth. Without an error it is ``camera``."""
+    """The assumed rectified rig, which converts disparity to depth. Without errors it is ``camera``."""
     return replace(
         camera,
         focal_px=camera.focal_px * _factor(errors.focal_percent),
@@ -37,9 +37,8 @@ def make_assumed_camera(camera: StereoCamera, errors: CalibrationErrorSettings) 
 def make_assumed_eye(
     camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str
 ) -> CalibratedCamera:
-    """An eye as it is assumed to be, turned from the axes of the rectified rig; its place is left at 0.
-
-    The errors of yaw, pitch and roll are one rotation vector in the eye's own axes.
+    """The assumed ``eye``, turned from the axes of the rectified rig; its position stays 0. The errors of yaw, pitch
+    and roll form one rotation vector in the eye's axes.
     """
     right = float(eye == "right")
     stretch = _factor(errors.focal_percent) * _factor(right * errors.right_focal_percent)
@@ -59,7 +58,7 @@ def make_assumed_eye(
 
 
 def _make_true_eye(camera: StereoCamera, rig: RigSettings, eye: str) -> CalibratedCamera:
-    """An eye as it is, turned from the axes of the rectified rig; its place is left at 0."""
+    """The true ``eye``, turned from the axes of the rectified rig; its position stays 0."""
     if camera.eyes is not None:
         calibrated = camera.eyes[eye == "right"]
         return calibrated.placed(calibrated.rotation, np.zeros(3))
@@ -79,8 +78,9 @@ def _bend_otherwise(lens: LensModel, error: float) -> LensModel:
 
 
 def moves_pixels(camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str) -> bool:
-    """Whether the errors change the rectified image of an eye. The same error of both focal lengths does so only where
-    a lens distorts or an eye is turned."""
+    """Whether the errors change the rectified image of an eye. An equal error of both focal lengths changes it only if
+    a lens distorts or an eye is turned.
+    """
     wrong = list_stated_errors(errors)
     if eye == "right" and any(key.startswith("right_") for key in wrong):
         return True
@@ -89,10 +89,9 @@ def moves_pixels(camera: StereoCamera, rig: RigSettings, errors: CalibrationErro
 
 
 def make_rectifying_map(camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str) -> Array:
-    """Where the pixels of the rectified image of an eye are assumed to be in the image of its sensor: columns and rows
-    (H, W, 2), counted from the centre of the first pixel; NaN where nowhere.
-
-    Raises IcyMoonError if no pixel is anywhere in the image.
+    """Position of each pixel of the rectified image of an eye in the image of its sensor, by the assumed calibration:
+    columns and rows (H, W, 2), counted from the centre of the first pixel; NaN outside the sensor's field. Raises
+    IcyMoonError if no pixel is inside.
     """
     assumed, seen_by = make_assumed_camera(camera, errors), make_assumed_eye(camera, rig, errors, eye)
     columns, rows = np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5)
@@ -102,12 +101,12 @@ def make_rectifying_map(camera: StereoCamera, rig: RigSettings, errors: Calibrat
         inside = ((found >= 0) & (found <= np.array(seen_by.size_px) - 1)).all(axis=-1)
     if not inside.any():
         stated = ", ".join(f"calibration_error.{key} {value:g}" for key, value in list_stated_errors(errors).items())
-        raise IcyMoonError(f"With {stated} the rectified image of the {eye} eye would see nothing of it; lower them.")
+        raise IcyMoonError(f"With {stated} the rectified image of the {eye} eye would be empty; lower these errors.")
     return np.asarray(found)
 
 
 def refuse_errors(errors: CalibrationErrorSettings, where: object) -> None:
-    """Raise IcyMoonError if there is an error: true disparities fit no images that it rectified."""
+    """Raise IcyMoonError if there is an error, because true disparities do not fit images rectified with it."""
     for key, value in list_stated_errors(errors).items():
         raise IcyMoonError(
             f"{where}: calibration_error.{key} is {value:g}, and images rectified by it do not fit the true "
@@ -116,10 +115,11 @@ def refuse_errors(errors: CalibrationErrorSettings, where: object) -> None:
 
 
 def _factor(percent: float) -> float:
+    """The factor 1 + percent / 100."""
     return 1.0 + float(percent) / 100.0
 
 
 def describe_errors(errors: CalibrationErrorSettings) -> list[str]:
-    """A sentence on the errors in force; none without any."""
+    """A sentence on the errors in force; an empty list without errors."""
     stated = ", ".join(f"calibration_error.{key} {value:+g}" for key, value in list_stated_errors(errors).items())
     return [f"An error of the calibration is in force: {stated}."] if stated else []

@@ -1,10 +1,8 @@
-"""A camera with a colour sensor: what its filters see of a pair's bands, its Bayer mosaic, and demosaicing.
+"""A camera with a colour sensor: the filters' signals from a pair's bands, the Bayer mosaic, and demosaicing.
 
-Each pixel of a Bayer mosaic (Bayer 1976, US patent 3971065) is behind a red, green or blue filter. Everything that
-``sensor`` models happens to the mosaic, one number per pixel; after that, the two missing colours of each pixel are
-found from its neighbours.
-
-``sensor`` is the ``sensor`` topic of the settings and ``light`` the topic ``light``.
+Each pixel of a Bayer mosaic (Bayer 1976, US patent 3971065) is behind a red, green or blue filter. The model of
+``sensor`` applies to the mosaic, one number per pixel. Demosaicing then finds the two missing colours of each pixel
+from its neighbours. In this module ``sensor`` and ``light`` are the settings topics of these names.
 """
 
 from __future__ import annotations
@@ -20,8 +18,8 @@ from ..light.sunlight import sun_colour
 
 #: Weights of R, G and B in the grey image that matchers get; the luminance of ITU-R BT.709 is for linear colours.
 GREY_WEIGHTS = {"LUMINANCE": (0.2126, 0.7152, 0.0722), "MEAN": (1 / 3, 1 / 3, 1 / 3)}
-#: Least signal of white ground in a channel, relative to the channel with the strongest, for a white balance.
-_LEAST_WHITE = 1e-6
+#: Least signal of white ground in a channel, relative to the strongest channel, for a white balance.
+_LEAST_RELATIVE_SIGNAL = 1e-6
 #: Interpolation of a missing colour, 5 x 5 weights about the pixel, by where its samples are: beside the pixel on all
 #: four sides, on its left and right, above and below, or on its diagonals.
 _Kernels = dict[str, Array]
@@ -86,8 +84,8 @@ def filter_efficiency(sensor: SensorSettings, wavelength_m: Array) -> Array:
 def compute_channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> Array:
     """Photo-electrons per second (channels, 3) in a pixel of side ``pitch_m`` per W/(m² sr) in a pair's R, G, B.
 
-    White ground in sunlight has the bands ``sun_colour``, whatever the temperature of the Sun, and of it a channel sees
-    exactly the Sun's black body through its filter.
+    White ground in sunlight has the bands ``sun_colour`` for any temperature of the Sun. On it, each channel receives
+    exactly the black-body light of the Sun through its filter.
     """
     wavelength, photons = photons_by_wavelength(light, sensor)
     white = sun_colour(light.sun_temperature_k)
@@ -102,14 +100,15 @@ def compute_white_rates(light: LightSettings, rates: Array) -> Array:
 
 
 def can_balance(white: Array) -> bool:
-    """Whether each channel sees enough of white ground; ``white`` (channels,) are their signals of it."""
-    return bool(white.min() > _LEAST_WHITE * white.max())
+    """Whether each channel receives enough light for a white balance; ``white`` (channels,) are their signals of white
+    ground.
+    """
+    return bool(white.min() > _LEAST_RELATIVE_SIGNAL * white.max())
 
 
 def compute_white_gains(white: Array, sensor: SensorSettings) -> Array:
-    """Factors (3,) on R, G, B after demosaicing; with SUN white ground becomes grey, and none is below 1.
-
-    They are 1 if a channel sees less than a millionth of another's light: then there is nothing to balance.
+    """Factors (3,) on R, G, B after demosaicing. With SUN they make white ground grey, and each is at least 1. All are
+    1 if a channel receives less than a millionth of the light of another.
     """
     if sensor.white_balance == "NONE" or not can_balance(white):
         return np.ones(3)
@@ -117,12 +116,12 @@ def compute_white_gains(white: Array, sensor: SensorSettings) -> Array:
 
 
 def channel_at(pattern: str, row: int, column: int) -> int:
-    """The channel, 0 to 2 for R, G, B, of a pixel of the mosaic."""
+    """The channel (0, 1, 2 for R, G, B) of the pixel at ``row`` and ``column`` of the mosaic."""
     return "RGB".index(pattern[2 * (row % 2) + column % 2])
 
 
 def apply_mosaic(planes: Array, pattern: str) -> Array:
-    """The values (H, W) that pixels see through their own filters, from planes (3, H, W) of R, G, B."""
+    """The values (H, W) that pixels receive through their filters, from planes (3, H, W) of R, G, B."""
     result = np.empty_like(planes[0])
     for row, column in np.ndindex(2, 2):
         result[row::2, column::2] = planes[channel_at(pattern, row, column), row::2, column::2]
@@ -130,10 +129,10 @@ def apply_mosaic(planes: Array, pattern: str) -> Array:
 
 
 def demosaic(numbers: Array, pattern: str, method: str) -> Array:
-    """R, G and B, float64 (H, W, 3), of a mosaic (H, W) of at least 3 x 3 pixels, by a method of LINEAR.
+    """R, G and B, float64 (H, W, 3), of a mosaic (H, W) of at least 3 x 3 pixels; ``method`` is a key of LINEAR.
 
-    Beyond its border the image goes on as in a mirror at the outermost pixels, which keeps the pattern. Results may be
-    below or above all numbers beside an edge.
+    The image is mirrored at the outermost pixels, which keeps the pattern. Beside an edge, results may lie outside the
+    range of the mosaic.
     """
     image = np.asarray(numbers, np.float64)
     height, width = image.shape

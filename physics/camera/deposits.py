@@ -1,10 +1,11 @@
-"""Dust or frost on the window before a lens: which share of each pixel's light it takes away.
+"""Dust or frost on the window before a lens: the share of each pixel's light that it stops.
 
-Grains lie on a flat window ahead of the entrance pupil, of diameter A = focal length / f-number. A pixel's beam crosses
-the window in a disc of that diameter, whose centre is off the axis by the window's distance times the tangent of the
-pixel's angle. The blocked share of light is the share of the disc that grains cover, so a grain much smaller than the
-pupil is a faint, wide spot, and no image of it is sharp. This is geometry alone: grains are opaque discs, no light
-is bent, and sunlight on the window itself is left out.
+Grains lie on a flat window ahead of the entrance pupil, whose diameter is A = focal length / f-number. A pixel's beam
+crosses the window in a disc of that diameter. The centre of the disc is off the axis by the window's distance times the
+tangent of the pixel's angle. The blocked share of light is the share of the disc that grains cover, so a grain much
+smaller than the pupil gives a faint, wide spot without a sharp image.
+
+The model is geometric: grains are opaque discs that bend no light, and sunlight on the window itself is left out.
 """
 
 from __future__ import annotations
@@ -20,21 +21,21 @@ from ..random_numbers.seeds import make_generator
 from ..rig.focal_length import focal_px
 from .sensor import find_stream
 
-#: Most grains that are drawn, and most pixels of the window that the beams cross: some seconds and 2 GB.
-MOST_GRAINS, MOST_PIXELS = 50_000, 32_000_000
-#: Pixels of grains that are drawn at once, for memory.
-_AT_ONCE = 2_000_000
-#: Index of these among the streams of the sensor: the first two are the patterns of the eyes.
-_STREAM = 2
+#: Maximum number of grains that are drawn: some seconds.
+MOST_GRAINS = 50_000
+#: Maximum number of pixels of the window that the beams cross: 2 GB.
+MOST_WINDOW_PIXELS = 32_000_000
+#: Number of pixels of grains that are drawn together, to bound memory.
+_PIXELS_AT_ONCE = 2_000_000
+#: Index of the deposits among the sensor's random streams; streams 0 and 1 are the patterns of the eyes.
+_DEPOSIT_STREAM = 2
 
 
 def compute_blocked_share(
     sensor: SensorSettings, rig: RigSettings, shape: tuple[int, int], seed: int, eye: str
 ) -> Array | None:
-    """Share (H, W) from 0 to 1 of each pixel's light that deposits block, on the sensor; None without deposits.
-
-    ``seed`` is the data set's: the same deposits are in all of its images. Raises IcyMoonError for too many
-    grains.
+    """Share (H, W), 0 to 1, of each pixel's light on the sensor that deposits block; None without deposits. ``seed`` is
+    the data set's, so that all images of an eye have the same deposits. Raises IcyMoonError for too many grains.
     """
     share = float(sensor.deposit_share)
     if share <= 0.0:
@@ -43,12 +44,12 @@ def compute_blocked_share(
     grain, pupil = float(sensor.deposit_mm) * per_mm, rig.focal_length_mm / float(sensor.f_number) * per_mm
     reach = math.ceil(pupil / 2) + 1
     rows, columns = shape[0] + 2 * reach, shape[1] + 2 * reach
-    if rows * columns > MOST_PIXELS:
+    if rows * columns > MOST_WINDOW_PIXELS:
         raise IcyMoonError(
             f"The beams cross {columns} x {rows} pixels of the window with deposits, more than "
-            f"{MOST_PIXELS // 1_000_000} million; raise sensor.deposit_window_mm or sensor.f_number."
+            f"{MOST_WINDOW_PIXELS // 1_000_000} million; raise sensor.deposit_window_mm or sensor.f_number."
         )
-    # Discs at random places that cover this share together, where they overlap counted once.
+    # The number of discs at random places whose union covers this share.
     wide = grain / 2 + 1
     density = -math.log1p(-share) / (math.pi * (grain / 2) ** 2)
     expected = density * (rows + 2 * wide) * (columns + 2 * wide)
@@ -58,7 +59,9 @@ def compute_blocked_share(
             f"{MOST_GRAINS}; make the grains larger or fewer."
         )
     alike = bool(sensor.deposits_alike)
-    random = make_generator(seed, "sensor", _STREAM + int(sensor.deposit_seed), 0 if alike else find_stream(eye))
+    random = make_generator(
+        seed, "sensor", _DEPOSIT_STREAM + int(sensor.deposit_seed), 0 if alike else find_stream(eye)
+    )
     count = int(random.poisson(expected))
     places = random.uniform((-wide, -wide), (rows + wide, columns + wide), (count, 2))
     covered = 1.0 - np.exp(-_sum_of_discs(places, grain / 2, (rows, columns)))
@@ -66,9 +69,8 @@ def compute_blocked_share(
 
 
 def apply_deposits(light: Array, blocked: Array | None, sensor: SensorSettings) -> Array:
-    """Light (H, W) behind the window: the light that passes, and a veil of the light that the grains scatter.
-
-    Of blocked light ``sensor.deposit_scatter`` goes on, evenly from the whole image.
+    """Light (H, W) behind the window: the transmitted light, and a veil of scattered light. The share
+    ``sensor.deposit_scatter`` of the blocked light is spread evenly over the whole image.
     """
     if blocked is None:
         return light
@@ -77,11 +79,13 @@ def apply_deposits(light: Array, blocked: Array | None, sensor: SensorSettings) 
 
 
 def _sum_of_discs(places: Array, radius: float, shape: tuple[int, int]) -> Array:
-    """For each pixel (row, column), a number whose negative exponential is the share that no disc covers."""
+    """Optical depth (H, W) of the discs: its negative exponential is the share of a pixel that no disc covers.
+    ``places`` (n, 2) and ``radius`` (n,) are in pixels.
+    """
     total = np.zeros(shape[0] * shape[1])
     reach = math.ceil(radius + 0.5)
     around = np.arange(-reach, reach + 1)
-    for part in np.array_split(places, 1 + len(places) * len(around) ** 2 // _AT_ONCE):
+    for part in np.array_split(places, 1 + len(places) * len(around) ** 2 // _PIXELS_AT_ONCE):
         row, column = np.floor(part).astype(int).T[..., None] + around  # (grains, across) each
         down, right = row + 0.5 - part[:, :1], column + 0.5 - part[:, 1:]
         stamp = np.clip(radius + 0.5 - np.hypot(down[:, :, None], right[:, None, :]), 0.0, min(1.0, 2 * radius))
@@ -95,7 +99,7 @@ def _sum_of_discs(places: Array, radius: float, shape: tuple[int, int]) -> Array
 
 
 def _mean_in_discs(image: Array, radius: float) -> Array:
-    """The mean in a disc around each pixel; only right at least a radius from the border."""
+    """Mean of ``image`` in a disc around each pixel, in pixels; only correct at least one radius from the border."""
     rows, columns = image.shape
     y, x = np.fft.fftfreq(rows, 1.0 / rows)[:, None], np.fft.fftfreq(columns, 1.0 / columns)[None, :]
     disc = np.clip(radius + 0.5 - np.hypot(y, x), 0.0, 1.0)

@@ -1,6 +1,6 @@
-"""What a stereo camera can measure on level ground: footprint, ground sampling, theoretical depth error.
+"""Accuracy of a stereo camera on level ground: footprint, ground sampling distance, theoretical depth error.
 
-``rig`` is the ``rig`` topic of the settings.
+In this module ``rig`` is the ``rig`` topic of the settings.
 """
 
 from __future__ import annotations
@@ -14,33 +14,36 @@ from ...settings.topics.camera import RigSettings
 from ...support.number_text import show_rounded
 from ..rig.focal_length import focal_px
 
-#: Width of triangles over the camera's height up to which the depth of a plane is right to 1e-4; and how far it is off
-#: for each such height of width: at most 0.9e-7, measured from 0.1 to 5e5 heights, a rounding of single precision.
-_WIDEST, _OFF = 1000.0, 0.9e-7
-#: Rounding of coordinates, in pixels, that is told: a tenth of what stereo matchers measure.
-_ROUNDED_PX = 0.05
-#: Share of an image's size by which a principal point that is meant is off its middle at most; real ones by 0.05.
-_FAR_FROM_MIDDLE = 0.25
+#: Widest triangle, in heights of the camera, on which the depth of a plane is right to 1e-4.
+_WIDEST_EXACT_TRIANGLE = 1000.0
+#: Relative error of depth for each height of the camera that a triangle is wide. Measured from 0.1 to 5e5 heights it is
+#: at most 0.9e-7, a rounding of single precision.
+_DEPTH_ERROR_PER_WIDTH = 0.9e-7
+#: Rounding of coordinates in pixels from which on it is reported: a tenth of the accuracy of stereo matchers.
+_REPORTED_ROUNDING_PX = 0.05
+#: Largest plausible offset of a principal point from the middle, as a share of the image's size; real cameras have up
+#: to 0.05.
+_MOST_OFFSET_SHARE = 0.25
 
 
 def coordinate_rounding_m(*coordinates_m: float) -> float:
-    """Step between the coordinates in metres that the renderer, which is of single precision, tells apart there."""
+    """Step in metres between neighbouring coordinates in the renderer's single precision at these coordinates."""
     return float(np.spacing(np.float32(max(abs(c) for c in coordinates_m))))
 
 
 def ground_rounding_px(rig: RigSettings, ground_m: float) -> float:
-    """Pixels by which rounded coordinates move the ground under the camera, or one eye from the other, at most.
-
-    Half a step of the largest coordinate of the left camera, which stands over ground of this height, at its height.
+    """Largest shift in pixels, by rounded coordinates, of the ground under the camera or of one eye to the other. It is
+    half a step of the largest coordinate of the left camera, seen from the camera's height; ``ground_m`` is the height
+    of the ground.
     """
     height = float(rig.height_m)
     return focal_px(rig) * coordinate_rounding_m(rig.x_m, rig.y_m, ground_m + height) / 2 / height
 
 
 def advise_on_rounding(rig: RigSettings, ground_m: float) -> list[str]:
-    """Sentences about a camera so far from the origin that single precision is visible; none if it is not."""
+    """Sentences about a camera so far from the origin that single precision is visible; else an empty list."""
     pixels = ground_rounding_px(rig, ground_m)
-    if pixels <= _ROUNDED_PX:
+    if pixels <= _REPORTED_ROUNDING_PX:
         return []
     step = coordinate_rounding_m(rig.x_m, rig.y_m, ground_m + float(rig.height_m))
     return [
@@ -58,7 +61,7 @@ def advise_on_principal_point(rig: RigSettings) -> list[str]:
     said = []
     for key, size_key, way in (("principal_x_px", "width_px", "to the right"), ("principal_y_px", "height_px", "down")):
         offset, size = float(rig[key]), int(rig[size_key])
-        if abs(offset) > _FAR_FROM_MIDDLE * size:
+        if abs(offset) > _MOST_OFFSET_SHARE * size:
             where = "outside of the image" if abs(offset) > size / 2 else "far from the middle of the image"
             said.append(
                 f"The principal point is {where}: rig.{key} puts it {offset:g} px {way}, and "
@@ -69,14 +72,14 @@ def advise_on_principal_point(rig: RigSettings) -> list[str]:
 
 
 def advise_on_coarse_triangles(rig: RigSettings, edge_m: float) -> list[str]:
-    """Sentences about ground whose triangles, ``edge_m`` wide, are too wide for exact depth; none if they are not."""
+    """Sentences about ground whose triangles of width ``edge_m`` are too wide for exact depth; else an empty list."""
     height = float(rig.height_m)
-    if edge_m <= _WIDEST * height:
+    if edge_m <= _WIDEST_EXACT_TRIANGLE * height:
         return []
     return [
         f"The triangles of the ground are {edge_m:.3g} m wide, {show_rounded(edge_m / height)} times the height of "
         f"the camera (rig.height_m {height:g} m); true depth may then have a relative "
-        f"error of {_OFF * edge_m / height:.1g}, more than the stated 1e-4. Make them narrower "
+        f"error of {_DEPTH_ERROR_PER_WIDTH * edge_m / height:.1g}, more than the stated 1e-4. Make them narrower "
         "(terrain.resolution, terrain.size_m), or stand higher."
     ]
 
@@ -94,14 +97,14 @@ class GroundRow:
     distance_m: float  # on the ground, from below the camera
     width_m: float  # of the ground that the row shows
     across_m: float  # ground sampling distance along the row
-    along_m: float  # and from this row to the next
+    along_m: float  # ground sampling distance from this row to the next
 
 
 def measure_ground_row(rig: RigSettings, row: float) -> GroundRow:
-    """The ground at the level of the site as an image row (pixel-corner coordinates, 0 top) shows it."""
+    """The level ground that an image row shows; ``row`` is in pixel-corner coordinates, 0 at the top."""
     focal, pitch, height = focal_px(rig), math.radians(rig.pitch_deg), float(rig.height_m)
     v = (row - int(rig.height_px) / 2 - float(rig.principal_y_px)) / focal
-    fall = math.sin(pitch) + v * math.cos(pitch)  # of a ray per unit of planar depth
+    fall = math.sin(pitch) + v * math.cos(pitch)  # descent of a ray in metres per metre of planar depth
     if fall <= 1e-9:
         return GroundRow(*[math.inf] * 5)
     depth = height / fall

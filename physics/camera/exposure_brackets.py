@@ -11,22 +11,22 @@ from ...settings.topics.camera import SensorSettings
 from ...support.arrays import Array, Numbers
 from .sensor import black_dn, capacity_e, gain_dn_per_e, top_dn
 
+#: Bits of a value in the merged image.
 MERGED_BITS = 16
 
 
 def list_exposure_times(seconds: float, sensor: SensorSettings) -> list[float]:
-    """Exposure times in seconds, longest first, ``bracket_stops`` apart and even about ``seconds``."""
+    """Exposure times in seconds, longest first, ``bracket_stops`` apart; their geometric mean is ``seconds``."""
     count = int(sensor.brackets)
     return [seconds * 2.0 ** (float(sensor.bracket_stops) * ((count - 1) / 2 - k)) for k in range(count)]
 
 
 def merge_exposures(numbers: Sequence[Array], seconds: Sequence[float], sensor: SensorSettings) -> Array:
-    """Electrons per second (H, W) that fit digital numbers of several exposures, longest first.
+    """Electrons per second (H, W) from the digital numbers of several exposures, longest first.
 
-    Each exposure's electrons over its time, weighted by the inverse of the variance that shot noise,
-    read noise and the converter's step give it. An exposure in which a pixel may be full (nearer to
-    full than five deviations of the reading's noise, and half a number) does not count for the pixel,
-    unless it is the shortest.
+    The result is the mean of each exposure's electrons per second, weighted by the inverse variance of its shot noise,
+    read noise and converter step. A pixel of an exposure that may be full is left out, except in the shortest exposure.
+    A pixel may be full if it is nearer to full than half a number plus five standard deviations of the read noise.
     """
     gain = gain_dn_per_e(sensor)
     steady = float(sensor.read_noise_e) ** 2 + 1 / (12 * gain**2)
@@ -40,14 +40,15 @@ def merge_exposures(numbers: Sequence[Array], seconds: Sequence[float], sensor: 
         parts = (w * use * e / t for w, use, e, t in zip(weights, usable, charge, seconds, strict=True))
         return np.asarray(sum(parts) / total)
 
-    # Weights from each exposure's own noisy electrons would prefer electrons that came out low.
+    # Weights from each exposure's own noisy electrons would favour electrons that are low by chance.
     rough = np.maximum(mean(list(seconds)), 0.0)
     return mean([t**2 / (rough * t + steady) for t in seconds])
 
 
 def find_full_rate(left_rate: Array, shortest_s: float, sensor: SensorSettings) -> float:
-    """Electrons per second to put at the top of the merged image of both eyes: a little above all but the
-    brightest thousandth of the left one, and no more than fill the shortest exposure."""
+    """Electrons per second that become the largest number of the merged image of both eyes: a little above the 99.9 %
+    quantile of the left image, and at most what fills the shortest exposure.
+    """
     full = capacity_e(sensor) / shortest_s
     return min(float(np.quantile(left_rate, 0.999)) / 0.9, full) if left_rate.max() > 0 else full
 

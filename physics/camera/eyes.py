@@ -1,7 +1,7 @@
 """The calibrated eyes of a rig, each with its own images, lens and direction, from ``left_eye`` and ``right_eye``.
 
-The table ``rig`` is the parallel pair to which truth and rectified images belong. Its eyes stand at the two centres of
-that pair. Pixels of these settings are counted from the centre of the first one, as calibrations count them.
+The table ``rig`` describes the parallel pair to which truth and rectified images belong. The eyes stand at the two
+centres of that pair. As in calibrations, the centre of the first pixel is (0, 0).
 """
 
 from __future__ import annotations
@@ -24,27 +24,33 @@ from .panorama import Panorama, make_panorama
 from .rotations import from_vector, to_vector
 from .stereo_camera import StereoCamera
 
-#: Keys of ``EyeSettings`` by lens, in the order of the model's numbers.
-_BROWN = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
-_FISHEYE = ("k1", "k2", "k3", "k4")
-_TURN = ("turn_x_deg", "turn_y_deg", "turn_z_deg")
-_SIZES = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "skew_px")
-_RADIAL, _PUPIL = ("r0", "r1", "r2"), ("e0", "e1", "e2")
-_USED = {
-    "BROWN": _BROWN,
-    "FISHEYE": _FISHEYE,
-    "CAHVORE": ("axis_x", "axis_y", *_RADIAL, *_PUPIL, "linearity"),
+#: Keys of ``EyeSettings`` in the order of the coefficients: of Brown and Conrady's lens,
+_BROWN_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
+#: of the fisheye lens,
+_FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
+#: and of the rotation vector.
+_TURN_KEYS = ("turn_x_deg", "turn_y_deg", "turn_z_deg")
+#: Keys of the image size and of K.
+_PINHOLE_KEYS = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "skew_px")
+#: Keys of R of CAHVORE.
+_RADIAL_KEYS = ("r0", "r1", "r2")
+#: Keys of E of CAHVORE.
+_PUPIL_KEYS = ("e0", "e1", "e2")
+_KEYS_OF_LENS = {
+    "BROWN": _BROWN_KEYS,
+    "FISHEYE": _FISHEYE_KEYS,
+    "CAHVORE": ("axis_x", "axis_y", *_RADIAL_KEYS, *_PUPIL_KEYS, "linearity"),
 }
 #: The topics of the eyes, left first.
 EYE_TOPICS = ("left_eye", "right_eye")
 #: Largest overscan for which eyes are taken from a pinhole's image, of nine times the pixels of the rectified images.
 MOST_OVERSCAN = 1.0
 #: Grid of pixels, columns and rows, from which shares of an image are found.
-_GRID = 65, 49
+_GRID_PX = 65, 49
 
 
 def is_calibrated(rig: RigSettings) -> bool:
-    """Whether each eye has its own camera."""
+    """Whether each eye is calibrated by itself."""
     return bool(rig.eyes == "CALIBRATED")
 
 
@@ -69,21 +75,22 @@ def find_light_px(settings: Settings) -> tuple[int, int]:
 
 
 def eyes_of(settings: Settings) -> tuple[CalibratedCamera, CalibratedCamera] | None:
-    """The calibrated eyes, left first, in the axes of the left eye of the parallel rig; None for eyes that are alike.
-    Raises ValueError for numbers that no lens has."""
+    """The calibrated eyes, left first, in the axes of the left eye of the parallel rig; None for a rig of two equal
+    eyes. Raises ValueError for values that no lens can have.
+    """
     if not is_calibrated(settings.rig):
         return None
-    left, right = (_make_eye(*_numbers(settings[topic])) for topic in EYE_TOPICS)
+    left, right = (_make_eye(*_make_eye_key(settings[topic])) for topic in EYE_TOPICS)
     return left, _move_aside(right, float(settings.rig.baseline_m))
 
 
-def _numbers(eye: EyeSettings) -> tuple[tuple[int | float, ...], tuple[float, ...], str, tuple[float, ...]]:
-    """What ``_make_eye`` asks for, to be told apart by a cache."""
+def _make_eye_key(eye: EyeSettings) -> tuple[tuple[int | float, ...], tuple[float, ...], str, tuple[float, ...]]:
+    """The hashable arguments of ``_make_eye``: sizes, rotation vector in degrees, lens and coefficients."""
     return (
-        tuple(eye[key] for key in _SIZES),
-        tuple(float(eye[key]) for key in _TURN),
+        tuple(eye[key] for key in _PINHOLE_KEYS),
+        tuple(float(eye[key]) for key in _TURN_KEYS),
         eye.lens,
-        tuple(float(eye[key]) for key in _USED[eye.lens]),
+        tuple(float(eye[key]) for key in _KEYS_OF_LENS[eye.lens]),
     )
 
 
@@ -91,6 +98,7 @@ def _numbers(eye: EyeSettings) -> tuple[tuple[int | float, ...], tuple[float, ..
 def _make_eye(
     sizes: tuple[int | float, ...], turn_deg: tuple[float, ...], lens: str, numbers: tuple[float, ...]
 ) -> CalibratedCamera:
+    """The eye with these values; equal values give the same object, by which rectifying maps are cached."""
     width, height, fx, fy, cx, cy, skew = sizes
     rotation = from_vector(np.radians(turn_deg))
     return CalibratedCamera(
@@ -100,6 +108,7 @@ def _make_eye(
 
 @lru_cache(maxsize=16)
 def _move_aside(eye: CalibratedCamera, baseline_m: float) -> CalibratedCamera:
+    """The eye shifted by the baseline to the right, in the parallel rig's axes."""
     return eye.placed(eye.rotation, -baseline_m * eye.rotation[:, 0])
 
 
@@ -111,7 +120,7 @@ def _make_lens(lens: str, numbers: tuple[float, ...]) -> LensModel:
     (x, y), radial, pupil, linearity = numbers[:2], numbers[2:5], numbers[5:8], numbers[8]
     ahead = 1.0 - x**2 - y**2
     if not ahead > 0:
-        raise ValueError("axis_x and axis_y are those of an optical axis to the side of the camera or behind it")
+        raise ValueError("axis_x and axis_y point the optical axis to the side of the camera or behind it")
     is_cahvor = linearity == 1.0 and not any(pupil)
     return Cahvore((x, y, math.sqrt(ahead)), radial, None if is_cahvor else pupil, linearity)
 
@@ -119,10 +128,10 @@ def _make_lens(lens: str, numbers: tuple[float, ...]) -> LensModel:
 def eye_settings(camera: CalibratedCamera, rotation: Array) -> dict[str, Any]:
     """The table of an eye that is turned by ``rotation`` (3, 3) from the axes of the parallel rig into its own."""
     lens = camera.lens
-    table: dict[str, Any] = dict(zip(_SIZES, (
+    table: dict[str, Any] = dict(zip(_PINHOLE_KEYS, (
         camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, camera.skew_px),
         strict=True))  # fmt: skip
-    table |= dict(zip(_TURN, np.degrees(to_vector(rotation)).tolist(), strict=True))
+    table |= dict(zip(_TURN_KEYS, np.degrees(to_vector(rotation)).tolist(), strict=True))
     if isinstance(lens, Cahvore):
         pupil = lens.pupil or (0.0, 0.0, 0.0)
         numbers = (*lens.axis[:2], *lens.radial, *pupil, lens.linearity)
@@ -130,7 +139,7 @@ def eye_settings(camera: CalibratedCamera, rotation: Array) -> dict[str, Any]:
     else:
         name = "BROWN" if isinstance(lens, Brown) else "FISHEYE"
         numbers = lens.coefficients
-    stated = {key: float(value) for key, value in zip(_USED[name], numbers, strict=False) if value}
+    stated = {key: float(value) for key, value in zip(_KEYS_OF_LENS[name], numbers, strict=False) if value}
     if isinstance(lens, Cahvore):
         stated["linearity"] = float(lens.linearity)
     if not camera.skew_px:
@@ -140,8 +149,7 @@ def eye_settings(camera: CalibratedCamera, rotation: Array) -> dict[str, Any]:
 
 def eyes_json(camera: StereoCamera, rig: RigSettings) -> dict[str, Any]:
     """The table ``eyes`` of ``pair.json``: K, and R and t of x = R X + t from the left eye's rectified axes, in metres.
-
-    Alike eyes have the distortion of the rig. Calibrated ones have their size, their lens and how they were rendered.
+    Equal eyes have the distortion of the rig. Calibrated eyes have their size, their lens and how they were rendered.
     """
     found = camera.eyes_json()
     if camera.eyes is None:
@@ -175,8 +183,10 @@ _LEAST_AHEAD = 1e-3
 
 
 def _grid_pixels(eye: CalibratedCamera) -> Array:
-    """Pixels (49, 65, 2) over the whole image of an eye, its borders included."""
-    grid = np.meshgrid(*(np.linspace(0.0, size - 1.0, count) for size, count in zip(eye.size_px, _GRID, strict=True)))
+    """Pixels (49, 65, 2) spread over the whole image of an eye, borders included."""
+    grid = np.meshgrid(
+        *(np.linspace(0.0, size - 1.0, count) for size, count in zip(eye.size_px, _GRID_PX, strict=True))
+    )
     return np.stack(grid, axis=-1)
 
 
@@ -250,7 +260,7 @@ def overscan_for(camera: StereoCamera) -> float:
         where = in_light(rays_in_rig(eye, pixels), plain)
         if (np.isnan(where) & np.isfinite(eye.unproject(pixels)[..., :2])).any():
             return math.inf
-        # The grid may miss the outermost point by less than a pixel.
+        # The grid may miss the outermost point by up to a pixel.
         beyond = 1.0 + np.nan_to_num(np.maximum(-where, where - (size - 1)), nan=-1.0).max(axis=(0, 1))
         needed = max(needed, float((beyond / size).max()))
     return needed
@@ -262,7 +272,7 @@ def reasons_of_calibrated_eyes(settings: Settings) -> Iterator[tuple[str, str]]:
         return
     for topic in EYE_TOPICS:
         try:
-            eye = _make_eye(*_numbers(settings[topic]))
+            eye = _make_eye(*_make_eye_key(settings[topic]))
         except ValueError as error:
             yield f"{topic} is no camera: {error}; correct {topic}.", f"{topic}.lens"
             return

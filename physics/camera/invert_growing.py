@@ -1,4 +1,4 @@
-"""Functions that grow from 0 up to a fold, inverted."""
+"""Numerical inverses of functions that grow from 0 up to a fold."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Halvings of an interval of a few rad, until its ends are neighbours among the floats.
-_HALVINGS = 60
+#: Number of bisections of an interval of a few rad until its ends are neighbouring floats.
+_BISECTIONS = 60
 
 
 def invert(function: Callable[[Array], Array], values: Array, limit: float) -> Array:
-    """Where in [0, limit] a function that grows there takes the values (any shape), to rounding; NaN where nowhere."""
+    """The places in [0, limit] at which a growing function takes ``values`` (any shape), to rounding; NaN for values
+    outside its range.
+    """
     low, high = np.zeros_like(values), np.full_like(values, limit)
-    for _ in range(_HALVINGS):
+    for _ in range(_BISECTIONS):
         middle = (low + high) / 2
         short = function(middle) < values
         low, high = np.where(short, middle, low), np.where(short, high, middle)

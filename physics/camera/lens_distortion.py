@@ -1,7 +1,7 @@
-"""Lens distortion: Brown and Conrady's model with OpenCV's coefficients k1, k2, p1, p2, k3, and those that may follow.
+"""Lens distortion: Brown and Conrady's model with OpenCV's coefficients k1, k2, p1, p2, k3, and optional further ones.
 
-k4, k5, k6 divide the radial polynomial by a second one, s1 to s4 are those of a thin prism. Coordinates are normalised:
-tangents of the angle to the optical axis, x right, y down.
+k4, k5, k6 are the coefficients of a second polynomial that divides the radial one, s1 to s4 describe a thin prism.
+Coordinates are normalised: tangents of the angle to the optical axis, x right, y down.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from ...support.errors import IcyMoonError
 from .invert_growing import first_root, invert, positive_roots
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
-#: Steps of Newton's method at most.
-_STEPS = 25
+#: Maximum number of steps of Newton's method.
+_MOST_NEWTON_STEPS = 25
 
 
 def read_coefficients(rig: RigSettings) -> tuple[float, ...]:
-    """k1, k2, p1, p2, k3 of a ``rig`` topic; zeros if its eyes have lenses of their own."""
+    """k1, k2, p1, p2, k3 of a ``rig`` topic; zeros if its eyes are calibrated."""
     if rig.get("eyes") == "CALIBRATED":
         return (0.0,) * len(COEFFICIENTS)
     return tuple(float(rig[f"distortion_{name}"]) for name in COEFFICIENTS)
@@ -44,7 +44,7 @@ def distort_points(points: Array, k: tuple[float, ...]) -> Array:
 
 
 def _radial(r2: Array, k: tuple[float, ...]) -> tuple[Array, Array]:
-    """The radial factor at squared radii, and its growth with them, times 2."""
+    """The radial factor at squared radii ``r2``, and twice its derivative by them."""
     k1, k2, _, _, k3 = k[:5]
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
     growth = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))
@@ -85,10 +85,10 @@ def is_seen(points: Array, k: tuple[float, ...]) -> Array:
 
 
 def undistort_points(points: Array, k: tuple[float, ...]) -> Array:
-    """Where points (..., 2) that are seen through the lens are in a pinhole image, to 1e-9; NaN where nowhere.
+    """Positions in a pinhole image of points (..., 2) seen through the lens, to 1e-9; NaN for points outside its field.
 
-    Newton's method from the point itself, and then from the answer of the radial polynomial alone. A point beyond the
-    fold of a polynomial that turns back has no answer that a lens could give.
+    Newton's method starts at the point itself, and then at the solution of the radial polynomial alone. A point beyond
+    the fold of the polynomial has no solution on a real lens.
     """
     if not any(k):
         return points.copy()
@@ -100,10 +100,10 @@ def undistort_points(points: Array, k: tuple[float, ...]) -> Array:
 
 
 def _search(points: Array, start: Array, k: tuple[float, ...]) -> Array:
-    """Newton's method for ``undistort_points``; NaN where it ends outside the field of the lens."""
+    """Newton's method for ``undistort_points`` from ``start``; NaN where it ends outside the field of the lens."""
     found = start.copy()
     with np.errstate(all="ignore"):
-        for _ in range(_STEPS):
+        for _ in range(_MOST_NEWTON_STEPS):
             slope = _jacobian(found, k)
             step = distort_points(found, k) - points
             if np.nan_to_num(np.abs(step)).max(initial=0.0) < 1e-13:
@@ -112,14 +112,14 @@ def _search(points: Array, start: Array, k: tuple[float, ...]) -> Array:
             found[..., 0] -= (slope[..., 1, 1] * step[..., 0] - slope[..., 0, 1] * step[..., 1]) / determinant
             found[..., 1] -= (slope[..., 0, 0] * step[..., 1] - slope[..., 1, 0] * step[..., 0]) / determinant
         wrong = (np.abs(distort_points(found, k) - points).max(axis=-1) > 1e-9) | ~is_seen(found, k)
-        # A root beyond a fold is not on the way from the axis: on its far side, or where the polynomial rises again.
+        # Roots beyond a fold do not count: they are on its far side, or where the polynomial rises again.
         wrong |= (found * points).sum(axis=-1) < 0
     found[wrong | ~np.isfinite(found).all(axis=-1)] = np.nan
     return found
 
 
 def _radial_guess(points: Array, k: tuple[float, ...]) -> Array:
-    """Where points (n, 2) would be in a pinhole image if the lens had its radial coefficients alone."""
+    """Pinhole positions of points (n, 2) if the lens had only its radial coefficients."""
     seen = np.hypot(*points.T)
     with np.errstate(all="ignore"):
         angle = invert(lambda a: np.tan(a) * _radial(np.tan(a) ** 2, k)[0], seen, math.atan(math.sqrt(_fold(k))))
@@ -127,7 +127,8 @@ def _radial_guess(points: Array, k: tuple[float, ...]) -> Array:
 
 
 def _folds(k: tuple[float, ...]) -> tuple[Array, float]:
-    """The squared radii, in order, at which the radial polynomial turns, up to its first pole, and that pole."""
+    """The squared radii, in order, at which the radial polynomial has an extremum, up to its first
+    pole, and that pole."""
     above = np.poly1d([k[4], k[1], k[0], 1.0])  # by r^2
     below = np.poly1d([*k[7:4:-1], 1.0])
     r2 = np.poly1d([1.0, 0.0])
@@ -144,19 +145,17 @@ def _fold(k: tuple[float, ...]) -> float:
 
 
 def _find_fold_radius(k: tuple[float, ...]) -> float:
-    """A squared radius between the fold of the radial polynomial and the next, where it falls, or its pole; infinite
-    without them.
-
-    Where it falls no root counts anyway, so tangential terms may move the folds a little.
+    """A squared radius beyond the fold of the radial polynomial: between the fold and the next extremum, or the pole;
+    infinite without a fold. The polynomial falls there, so no root counts, and tangential terms may shift the fold a
+    little.
     """
     folds, pole = _folds(k)
     return float(folds[:2].mean()) if len(folds) > 1 else pole
 
 
 def find_overscan(rig: RigSettings) -> float | None:
-    """Share of width and height that has to be rendered beyond each border for every pixel of the sensor to be lit.
-
-    It is found at the borders' pixels, which see farthest. None if the lens sees rays that no pinhole image contains.
+    """Share of width and height to render beyond each border, so that every pixel of the sensor is lit. The border
+    pixels, which see farthest, decide. None if the lens sees rays that no pinhole image contains.
     """
     width, height = int(rig.width_px), int(rig.height_px)
     focal = float(rig.focal_length_mm) / float(rig.sensor_width_mm) * width
@@ -172,13 +171,13 @@ def find_overscan(rig: RigSettings) -> float | None:
     seen = undistort_points((border - principal) / focal, read_coefficients(rig)) * focal + principal
     if not np.isfinite(seen).all():
         return None
-    # Pixels are interpolated between rendered centres, so the outermost centres must enclose all points that are seen.
+    # Pixels are interpolated between rendered centres, so the outermost centres must enclose all visible points.
     beyond = np.maximum(0.5 - seen.min(axis=0), seen.max(axis=0) - (size - 0.5))
     return float(np.max(np.maximum(beyond - 1e-6, 0) / size))
 
 
 def refuse_folds(points: Array, k: tuple[float, ...]) -> None:
-    """Raise IcyMoonError if the lens would show two of the points (..., 2) of a pinhole image in one place."""
+    """Raise IcyMoonError if the lens would image two of the points (..., 2) of a pinhole image at one place."""
     slope = _jacobian(points, k)
     if (np.linalg.det(slope) <= 0).any():
         raise IcyMoonError(

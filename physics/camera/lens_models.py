@@ -20,7 +20,7 @@ from ...support.files import quote
 from . import cahvore, lens_distortion
 from .invert_growing import first_root, invert
 
-#: How many coefficients a model of Brown and Conrady may have, of OpenCV's order k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4.
+#: Possible numbers of coefficients of Brown and Conrady's model, in OpenCV's order k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4.
 BROWN_COUNTS = (5, 8, 12)
 
 
@@ -35,16 +35,16 @@ class Brown:
 
     @property
     def name(self) -> str:
-        """A name to print."""
+        """Name of the model, for messages."""
         return f"Brown-Conrady, {len(self.coefficients)} coefficients" if any(self.coefficients) else "pinhole"
 
     def shortened(self) -> tuple[float, ...]:
-        """The fewest coefficients of the same lens: 0, 5, 8 or 12."""
+        """The coefficients without trailing zeros: 0, 5, 8 or 12 of them."""
         counts = (0, *BROWN_COUNTS)
         return next(self.coefficients[:count] for count in counts if not any(self.coefficients[count:]))
 
     def bend(self, directions: Array) -> Array:
-        """See the module."""
+        """Points (..., 2) of directions (..., 3); NaN outside the field."""
         ahead = directions[..., 2] > 0
         with np.errstate(all="ignore"):
             points = directions[..., :2] / np.where(ahead, directions[..., 2], np.nan)[..., None]
@@ -52,7 +52,7 @@ class Brown:
             return np.where(seen[..., None], lens_distortion.distort_points(points, self.coefficients), np.nan)
 
     def unbend(self, points: Array) -> Array:
-        """See the module."""
+        """Directions (..., 3) of length 1 of points (..., 2); NaN outside the field."""
         found = lens_distortion.undistort_points(points, self.coefficients)
         directions = np.concatenate([found, np.ones_like(found[..., :1])], axis=-1)
         return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True))
@@ -72,7 +72,7 @@ class Fisheye:
 
     @property
     def name(self) -> str:
-        """A name to print."""
+        """Name of the model, for messages."""
         return "Kannala-Brandt fisheye"
 
     @property
@@ -82,12 +82,13 @@ class Fisheye:
         return min(math.pi, math.sqrt(first_root([9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0])))
 
     def _distance(self, angle: Array) -> Array:
+        """Distance from the principal point, in the normalised image, of an angle in rad off the axis."""
         k1, k2, k3, k4 = self.coefficients
         a2 = angle**2
         return angle * (1 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))))
 
     def bend(self, directions: Array) -> Array:
-        """See the module."""
+        """Points (..., 2) of directions (..., 3); NaN outside the field."""
         aside = np.hypot(directions[..., 0], directions[..., 1])
         angle = np.arctan2(aside, directions[..., 2])
         with np.errstate(all="ignore"):
@@ -96,7 +97,7 @@ class Fisheye:
             return np.where(seen[..., None], scale[..., None] * directions[..., :2], np.nan)
 
     def unbend(self, points: Array) -> Array:
-        """See the module."""
+        """Directions (..., 3) of length 1 of points (..., 2); NaN outside the field."""
         distance = np.hypot(points[..., 0], points[..., 1])
         angle = invert(self._distance, distance, self.widest_rad)
         side = np.divide(points, distance[..., None], out=np.zeros_like(points), where=distance[..., None] > 0)
@@ -105,10 +106,8 @@ class Fisheye:
 
 @dataclass(frozen=True)
 class Cahvore:
-    """The lens of CAHVOR, and with ``pupil`` of CAHVORE, see ``cahvore``.
-
-    ``axis`` (3,) is the optical axis of the distortion in the camera's axes, of length 1; ``radial`` are R, ``pupil``
-    are E.
+    """The lens of CAHVOR, or of CAHVORE if ``pupil`` is given; see ``cahvore``. ``axis`` (3,) is the optical axis in
+    the camera's axes, of length 1; ``radial`` is the vector R, ``pupil`` the vector E.
     """
 
     axis: tuple[float, ...]
@@ -121,13 +120,13 @@ class Cahvore:
             _check_numbers(numbers, f"the vector {what} of a lens", 3)
         _check_numbers((self.linearity,), "a linearity", 1)
         if not (abs(math.hypot(*self.axis) - 1) < 1e-6 and self.axis[2] > 0):
-            raise ValueError("the optical axis O has not length 1, or points backward")
+            raise ValueError("the optical axis O must have length 1 and point forward")
         if not 1 + self.radial[0] > 0:
             raise ValueError(f"R begins with {self.radial[0]:g}, which mirrors the image")
 
     @property
     def name(self) -> str:
-        """A name to print."""
+        """Name of the model, for messages."""
         return "CAHVOR" if self.pupil is None else f"CAHVORE with linearity {self.linearity:g}"
 
     @property
@@ -136,14 +135,14 @@ class Cahvore:
         return np.array(self.axis), np.array(self.radial), pupil, self.linearity
 
     def bend(self, directions: Array) -> Array:
-        """See the module."""
+        """Points (..., 2) of directions (..., 3); NaN outside the field."""
         with np.errstate(all="ignore"):
             bent = cahvore.bend(directions, *self._numbers)
             seen = (bent[..., 2] > 0) & cahvore.is_seen(directions, *self._numbers)
             return np.where(seen[..., None], bent[..., :2] / bent[..., 2:], np.nan)
 
     def unbend(self, points: Array) -> Array:
-        """See the module."""
+        """Directions (..., 3) of length 1 of points (..., 2); NaN outside the field."""
         return cahvore.unbend(np.concatenate([points, np.ones_like(points[..., :1])], axis=-1), *self._numbers)
 
 

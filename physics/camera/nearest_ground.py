@@ -1,7 +1,7 @@
-"""The greatest disparity that described ground and its rocks can have, without building them.
+"""The greatest disparity that described ground and its rocks can have, found without building them.
 
 Heights are sampled on a fan in front of the camera, rocks are replaced by the boxes around them, and occlusion is
-ignored. ``SPARE`` makes up for ground between the samples.
+ignored. ``DEPTH_MARGIN`` allows for ground between the samples.
 """
 
 from __future__ import annotations
@@ -21,17 +21,23 @@ from ..rocks.beyond_patch import make_view_beyond
 from ..rocks.place_rocks import euler_matrices
 from ..terrain.standing_places import RockyGround, make_rocky_ground
 
-#: Share of the depth of the nearest sample that nearer ground may be off.
-SPARE = 0.1
-#: Directions and distances of the fan, and its ends in heights of the camera.
-_DIRECTIONS, _DISTANCES, _NEAREST, _FARTHEST = 49, 150, 0.05, 12.0
-#: Part of the camera's height within which nothing counts: the lens is in no rock, and such depths are no range.
+#: Share by which ground between the samples may be nearer than the nearest sample.
+DEPTH_MARGIN = 0.1
+#: Number of directions of the fan.
+_FAN_DIRECTIONS = 49
+#: Number of distances in each direction.
+_FAN_DISTANCES = 150
+#: Distance of the first sample in heights of the camera.
+_FAN_START = 0.05
+#: Distance of the last sample in heights of the camera.
+_FAN_END = 12.0
+#: Least depth that counts, in heights of the camera. Nearer depths give no useful range, and the lens is in no rock.
 _LEAST_DEPTH = 0.05
 
-#: The ground that was made last, by its name: pairs of one scene stand on the same.
-_last: dict[str, RockyGround] = {}
-#: Topics of settings that the ground does not depend on, but for what ``name_ground`` adds.
-_NOT_GROUND = {
+#: The last ground by its name; the pairs of one scene stand on the same ground.
+_last_ground: dict[str, RockyGround] = {}
+#: Topics of settings that do not affect the ground, except by the settings that ``name_ground`` adds.
+_TOPICS_NOT_OF_GROUND = {
     "rig",
     "sensor",
     "light",
@@ -49,9 +55,8 @@ _NOT_GROUND = {
 
 
 def find_greatest_disparity_px(settings: Settings, focal_px: float) -> float | None:
-    """The greatest disparity, px, of the ground and the rocks that the settings describe in the image.
-
-    None if the ground is not described but comes from a file, if it cannot be made, or if none of it is in the image.
+    """The greatest disparity in px of the described ground and rocks in the image. None if the ground comes from a
+    file, cannot be made, or is outside the image.
     """
     if settings.source.kind != "PROCEDURAL":
         return None
@@ -62,31 +67,33 @@ def find_greatest_disparity_px(settings: Settings, focal_px: float) -> float | N
 
 
 def name_ground(settings: Settings) -> str:
-    """A text that is equal for settings that describe the same ground and rocks. Ground that follows another with the
-    same name is not made again."""
-    made_of = {topic: values for topic, values in settings.items() if topic not in _NOT_GROUND}
+    """A text that is equal for settings with the same ground and rocks. Ground is made again only
+    if its name changes."""
+    made_of = {topic: values for topic, values in settings.items() if topic not in _TOPICS_NOT_OF_GROUND}
     # Which rocks are drawn beyond the patch depends on the rig.
     beyond = make_view_beyond(settings)
     return json.dumps([made_of, settings.dataset.seed, beyond and astuple(beyond)], sort_keys=True)
 
 
 def _get_ground(settings: Settings) -> RockyGround:
+    """The ground of the settings, cached by its name."""
     name = name_ground(settings)
-    if name not in _last:
-        _last.clear()
-        _last[name] = make_rocky_ground(settings)
-    return _last[name]
+    if name not in _last_ground:
+        _last_ground.clear()
+        _last_ground[name] = make_rocky_ground(settings)
+    return _last_ground[name]
 
 
 def _find_greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float | None:
+    """The greatest disparity in px of the samples and rocks; None if all are outside the image."""
     axes = camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)
     eye = np.array([rig.x_m, rig.y_m, float(ground.heights(rig.x_m, rig.y_m)) + rig.height_m])
     # Seen from above, the fan of a camera that looks down is wider than its field of view.
     narrow = max(math.cos(math.radians(rig.pitch_deg)), 0.1)
     wide = int(rig.width_px) if rig.roll_deg == 0 else math.hypot(int(rig.width_px), int(rig.height_px))
     half = min(math.pi, 2 * math.atan(wide / 2 / focal / narrow))
-    direction = np.radians(rig.heading_deg) + np.linspace(-half, half, _DIRECTIONS)[:, None]
-    distance = rig.height_m * np.geomspace(_NEAREST, _FARTHEST, _DISTANCES)
+    direction = np.radians(rig.heading_deg) + np.linspace(-half, half, _FAN_DIRECTIONS)[:, None]
+    distance = rig.height_m * np.geomspace(_FAN_START, _FAN_END, _FAN_DISTANCES)
     x, y = eye[0] + distance * np.sin(direction), eye[1] + distance * np.cos(direction)
     points = np.stack([x, y, ground.heights(x, y)], axis=-1).reshape(-1, 3)
     depths = [_depths_in_image(points, np.zeros(len(points)), np.zeros(len(points)), eye, axes, rig, focal)]
@@ -94,7 +101,7 @@ def _find_greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float
     if rocks is not None and len(rocks.reach_m):
         clear = float(ground.settings.rocks.clear_radius_m)  # about every camera, so rocks there are left out
         away = np.hypot(*(rocks.position_m[:, :2] - eye[:2]).T)
-        near = (away < _FARTHEST * rig.height_m) & (away > clear + rocks.reach_m)
+        near = (away < _FAN_END * rig.height_m) & (away > clear + rocks.reach_m)
         half_m = rocks.scale_m[near] / 2
         along = np.abs(np.einsum("nij,i->nj", euler_matrices(rocks.rotation[near]), axes[:, 2]))
         depths.append(
@@ -111,7 +118,7 @@ def _find_greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float
     depth = np.concatenate(depths)
     if not depth.size:
         return None
-    return float(focal * rig.baseline_m / (depth.min() * (1 - SPARE)))
+    return float(focal * rig.baseline_m / (depth.min() * (1 - DEPTH_MARGIN)))
 
 
 def _depths_in_image(
@@ -123,8 +130,9 @@ def _depths_in_image(
     rig: RigSettings,
     focal: float,
 ) -> Array:
-    """Planar depths of the near sides of things at ``points`` (n, 3) that reach ``toward`` (n,) the camera and are
-    ``size`` (n,) wide to any side, for those that are in the image."""
+    """Planar depths in metres of the near sides of objects in the image. ``points`` (n, 3) are their centres,
+    ``toward`` (n,) their extents toward the camera and ``size`` (n,) to each side, in metres.
+    """
     x, y, z = ((points - eye) @ axes).T
     depth = z - toward
     known = np.isfinite(depth) & (depth > _LEAST_DEPTH * rig.height_m)

@@ -1,6 +1,6 @@
-"""Optical flow of still ground between two images of one camera, from true depth and poses, and where it is hidden.
+"""Optical flow and occlusion of still ground between two images of one camera, from true depth and poses.
 
-Coordinates count from the outer corner of the first pixel; the centre of pixel (column u, row v) is (u + 0.5, v + 0.5).
+Coordinates start at the outer corner of the first pixel; the centre of pixel (column u, row v) is (u + 0.5, v + 0.5).
 """
 
 from __future__ import annotations
@@ -12,18 +12,19 @@ import numpy as np
 from ...support.arrays import Array
 from .stereo_camera import StereoCamera
 
-#: Share of its distance by which something must be nearer to hide a point: ten times the bound of the error of true
-#: depth on a plane.
-_NEARER = 1e-3
-#: The same, as a share of the differences among the four pixels around it: between them inverse depth is taken as that
-#: of a plane, and an edge lies anywhere between two.
-_NEARER_SHARE = 0.25
+#: Relative difference in distance by which an occluder must be nearer: ten times the error bound of true depth on a
+#: plane.
+_LEAST_GAP = 1e-3
+#: Further difference by which an occluder must be nearer, as a share of the range of the four pixels around. Between
+#: them inverse depth is taken as linear, while an edge may lie anywhere.
+_LEAST_GAP_SHARE = 0.25
 
 
 @dataclass(frozen=True)
 class Flow:
-    """Where the points of an image are in another: ``flow_px`` (H, W, 2), columns to the right and rows down, NaN
-    without a point or behind the other camera, and whether the other image shows the point, ``visible`` (H, W)."""
+    """Positions of an image's points in another image. ``flow_px`` (H, W, 2) is columns to the right and rows down, NaN
+    without a point or behind the other camera. ``visible`` (H, W) is true where the other image shows the point.
+    """
 
     flow_px: Array
     visible: Array
@@ -39,7 +40,7 @@ def find_flow(camera: StereoCamera, depth_m: Array, pose: Array, other_depth_m: 
     centre, focal = np.array([camera.cx_px, camera.cy_px]), camera.focal_px
     here = np.stack([columns, rows], axis=-1)
     points = np.concatenate([(here - centre) / focal, np.ones((*depth_m.shape, 1))], axis=-1) * depth_m[..., None]
-    # Between the poses first: places far from the origin would lose digits.
+    # Combine the poses first: coordinates far from the origin would lose digits.
     turn = other_pose[:3, :3].T @ pose[:3, :3]
     shift = other_pose[:3, :3].T @ (pose[:3, 3] - other_pose[:3, 3])
     moved = points @ turn.T + shift
@@ -50,12 +51,14 @@ def find_flow(camera: StereoCamera, depth_m: Array, pose: Array, other_depth_m: 
 
 
 def _find_visible(there: Array, depth_m: Array, other_depth_m: Array) -> Array:
-    """Whether an image with ``other_depth_m`` (H, W) shows points ``depth_m`` away, ``there`` (H, W, 2) in it."""
+    """Whether the other image, with true depths ``other_depth_m`` (H, W), shows points that are at the positions
+    ``there`` (H, W, 2) in it and ``depth_m`` from it.
+    """
     height, width = other_depth_m.shape
     with np.errstate(invalid="ignore"):
         inside = ((there >= 0) & (there <= (width, height))).all(axis=-1)
     at = np.where(inside[..., None], there, 0.5) - 0.5
-    # Half a pixel at the border goes on from the two pixels before it.
+    # The half pixel at the border is extrapolated from the two pixels beside it.
     first = np.clip(np.floor(at).astype(np.intp), 0, (width - 2, height - 2))
     (u, v), (left, top), (right, bottom) = (np.moveaxis(each, -1, 0) for each in (at - first, first, first + 1))
     inverse = np.nan_to_num(1.0 / other_depth_m, nan=0.0)  # affine on a plane; 0 for sky
@@ -63,5 +66,5 @@ def _find_visible(there: Array, depth_m: Array, other_depth_m: Array) -> Array:
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v])
     with np.errstate(invalid="ignore", divide="ignore"):
         own = 1.0 / depth_m
-        nearer = np.maximum(_NEARER * own, _NEARER_SHARE * np.ptp(corners, axis=0))
+        nearer = np.maximum(_LEAST_GAP * own, _LEAST_GAP_SHARE * np.ptp(corners, axis=0))
         return np.asarray(inside & ((weights * corners).sum(axis=0) <= own + nearer))

@@ -1,4 +1,4 @@
-"""Charged particles that hit the sensor: straight tracks of electrons, as in images from Jupiter's belts."""
+"""Charged particles that hit the sensor: straight tracks of electrons, as in images from Jupiter's radiation belts."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from ...settings.topics.camera import SensorSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
+#: Maximum number of particles in an exposure.
 MOST_HITS = 1_000_000
 
 
 def expected_hit_count(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float) -> float:
-    """Mean number of particles through an image (H, W) of pixels of side ``pitch_m`` in an exposure.
-
-    ``sensor.radiation_flux_cm2_s`` counts particles per cm² of the sensor's plane and second, of all
-    directions, that get through the shield.
+    """Expected number of particles through an image (H, W) with pixels of side ``pitch_m`` in one exposure.
+    ``sensor.radiation_flux_cm2_s`` counts particles from all directions behind the shield, per second and cm² of the
+    sensor's plane.
     """
     area_cm2 = shape[0] * shape[1] * (pitch_m * 100) ** 2
     return float(sensor.radiation_flux_cm2_s) * area_cm2 * seconds
@@ -26,10 +26,10 @@ def draw_hits(
 ) -> Array:
     """Electrons (H, W) that particles leave in one exposure.
 
-    Their number is Poisson. An isotropic flux crosses a plane with cos² θ even between 0 and 1. A
-    particle crosses the sensitive depth d (``radiation_depth_um``) on a straight line of length
-    d / cos θ, d tan θ of it along the plane, and frees ``radiation_e_per_um`` electrons per
-    micrometre. Raises IcyMoonError beyond a million hits: no pixel would be without one.
+    The number of particles is Poisson distributed. In an isotropic flux through a plane, cos² θ is uniform between 0
+    and 1. A particle crosses the sensitive depth d (``radiation_depth_um``) on a straight line of length d / cos θ,
+    whose part along the plane is d tan θ. It frees ``radiation_e_per_um`` electrons per micrometre. Raises IcyMoonError
+    above a million hits, when every pixel would be hit.
     """
     mean = expected_hit_count(sensor, shape, pitch_m, seconds)
     if mean > MOST_HITS:
@@ -50,7 +50,9 @@ def draw_hits(
 
 
 def _draw_tracks(start: Array, direction: Array, length_px: Array, electrons: Array, shape: tuple[int, int]) -> Array:
-    """Tracks cut into steps of at most half a pixel, each step's electrons given to the pixel of its middle."""
+    """Electrons (H, W) of straight tracks, which are cut into steps of at most half a pixel; each step's electrons go
+    to the pixel of its middle.
+    """
     steps = np.ceil(2 * length_px).astype(np.intp) + 1
     track = np.repeat(np.arange(len(steps)), steps)
     along = (np.arange(len(track)) - np.repeat(np.cumsum(steps) - steps, steps) + 0.5) / steps[track]

@@ -1,4 +1,4 @@
-"""What a lens does to an image before it is detected: point spread and veiling glare, on linear radiance."""
+"""Effects of a lens on linear radiance before detection: point spread and veiling glare."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 from ...settings.topics.camera import SensorSettings
 from ...support.arrays import Array
 
-_REACH = 4.0  # standard deviations; beyond lies 6e-5 of a Gaussian
+_REACH_SIGMAS = 4.0  # standard deviations; beyond lies 6e-5 of a Gaussian
 
 
 def apply_point_spread(radiance: Array, sensor: SensorSettings) -> Array:
-    """Radiance (H, W) as the lens passes it on, float64.
+    """Radiance (H, W), float64, behind the lens.
 
-    ``sensor.psf_sigma_px``: Gaussian point spread, its standard deviation. ``sensor.veiling_glare``:
-    share of the light of the whole image that is spread evenly over it (the veiling glare index of
-    ISO 9358). Both keep the total of an even image; the image goes on beyond its border as its
-    border is. Infinite radiance is held at the largest number that can still be added up.
+    ``sensor.psf_sigma_px`` is the standard deviation of the Gaussian point spread. ``sensor.veiling_glare`` is the
+    share of the whole image's light that is spread evenly over it (the veiling glare index of ISO 9358). Both keep the
+    total of an even image. Border pixels are repeated beyond the border. Infinite radiance is limited to the largest
+    number that can be summed.
     """
     image = np.minimum(np.asarray(radiance, np.float64), 1e30)
     sigma, glare = float(sensor.psf_sigma_px), float(sensor.veiling_glare)
@@ -30,14 +30,15 @@ def apply_point_spread(radiance: Array, sensor: SensorSettings) -> Array:
 
 
 def gaussian_kernel(sigma_px: float) -> Array:
-    """Weights of a Gaussian integrated over each pixel, odd in number, their sum 1."""
-    reach = math.ceil(_REACH * sigma_px)
+    """Weights (2 n + 1,) of a Gaussian integrated over each pixel, with the sum 1."""
+    reach = math.ceil(_REACH_SIGMAS * sigma_px)
     edges = (np.arange(-reach, reach + 2) - 0.5) / (math.sqrt(2) * sigma_px)
     weights = np.diff([math.erf(x) for x in edges])
     return weights / weights.sum()
 
 
 def _blur_axis(image: Array, sigma: float, axis: int) -> Array:
+    """The image blurred along one axis."""
     kernel = gaussian_kernel(sigma)
     reach = len(kernel) // 2
     padded = np.pad(image, [(reach, reach) if k == axis else (0, 0) for k in (0, 1)], mode="edge")

@@ -1,4 +1,4 @@
-"""Poses of a camera over time: how it moves between them, and the same poses in other axes."""
+"""Poses of a camera over time: their motion, and conversion to other axes."""
 
 from __future__ import annotations
 
@@ -10,27 +10,30 @@ import numpy as np
 from ...support.arrays import Array
 from .rotations import to_vector
 
-#: Columns are the axes x right, y down, z forward of a camera in the axes that a file's rotations are of.
+#: By name of a convention: a camera's axes x right, y down, z forward, as columns in the axes that a file's rotations
+#: use.
 CAMERA_IN = {
     "OPENCV": np.eye(3),  # x right, y down, z forward
     "OPENGL": np.diag([1.0, -1.0, -1.0]),  # x right, y up, z backward; Blender's too
     "ROS": np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),  # x forward, y left, z up
 }
-#: East, north, up as rows, in the world axes of a file.
+#: By name of a convention: east, north and up, as rows, in the world axes of a file.
 WORLD_IN = {
     "ENU": np.eye(3),
     "NED": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
 }
-#: Stamps have nine decimals.
+#: Smallest step of a stamp, which has nine decimals.
 _NANOSECOND = Decimal("1e-9")
-#: A step in time longer than this multiple of the median one is a gap, if nothing else is stated.
-_GAP_STEPS = 5.0
+#: By default, a step in time longer than this multiple of the median step is a gap.
+_GAP_MEDIAN_STEPS = 5.0
 
 
 @dataclass(frozen=True)
 class PoseSequence:
-    """Poses in the order of time: ``position_m`` (n, 3), ``rotation`` (n, 3, 3) with columns x right, y down, z forward
-    of the camera in world axes, ``stamp`` in seconds with all decimals, and the ``line`` of each in its file."""
+    """Poses in the order of time. ``position_m`` (n, 3) is in world axes. ``rotation`` (n, 3, 3) has the camera's axes
+    x right, y down, z forward as columns. ``stamp`` is in seconds with all decimals, and ``line`` is the line of each
+    pose in its file.
+    """
 
     position_m: Array
     rotation: Array
@@ -55,16 +58,18 @@ class PoseSequence:
         return PoseSequence(self.position_m[::step], self.rotation[::step], self.stamp[::step], self.line[::step])
 
     def at_rate(self, rate_hz: float) -> PoseSequence:
-        """The same poses at a constant rate, from zero seconds on."""
+        """The same poses at a constant rate in Hz, starting at zero seconds."""
         stamps = tuple((Decimal(k) / Decimal(repr(rate_hz))).quantize(_NANOSECOND) for k in range(len(self)))
         return replace(self, stamp=stamps)
 
     def placed(self, world: Array, origin_m: Array) -> PoseSequence:
-        """The same poses in other world axes, the rows of ``world`` (3, 3), from ``origin_m`` (3,) in these ones."""
+        """The same poses in other world axes: ``world`` (3, 3) has the new axes as rows, and ``origin_m`` (3,) is the
+        new origin in the old axes.
+        """
         return replace(self, position_m=(self.position_m - origin_m) @ world.T, rotation=world @ self.rotation)
 
     def from_first(self, pose: Array) -> PoseSequence:
-        """The same path, begun at another ``pose`` (4, 4) of the camera."""
+        """The same path, moved so that it starts at ``pose`` (4, 4) of the camera."""
         first = self.rotation[0]
         return replace(
             self,
@@ -73,18 +78,19 @@ class PoseSequence:
         )
 
     def gaps(self, longest_s: float | None = None) -> Array:
-        """Whether the camera's motion is unknown from one pose to the next (n - 1,): more than ``longest_s`` lie
-        between, by default five median steps."""
+        """Whether the motion from a pose to the next is unknown (n - 1,), because more than ``longest_s`` lie between
+        them. By default this limit is five median steps.
+        """
         steps = np.diff(self.seconds)
         if longest_s is None:
-            longest_s = _GAP_STEPS * float(np.median(steps)) if len(steps) else 0.0
+            longest_s = _GAP_MEDIAN_STEPS * float(np.median(steps)) if len(steps) else 0.0
         return np.asarray(steps > longest_s)
 
     def motion(self, longest_s: float | None = None) -> tuple[Array, Array]:
         """Velocity in m/s and rotation vector in rad/s, (n, 3) each, in the axes of the camera at each pose.
 
-        The parabola through a pose and its neighbours gives them; beside an end or a gap, see ``gaps``, the straight
-        line to the one neighbour. A pose between two gaps stands still.
+        They follow from the parabola through a pose and its neighbours; beside an end or a gap (see ``gaps``) from the
+        straight line to the one neighbour. A pose between two gaps has no motion.
         """
         steps, gaps = np.diff(self.seconds), self.gaps(longest_s)
         moved = np.diff(self.position_m, axis=0)
@@ -100,7 +106,7 @@ class PoseSequence:
 
 
 def _rates(change: Array, step_s: Array, gaps: Array) -> Array:
-    """Rates (n, 3) at n poses of changes (n - 1, 3) from each to the next."""
+    """Rates (n, 3) at n poses, from the changes (n - 1, 3) between consecutive poses."""
     weight = np.where(gaps, 0.0, 1.0 / step_s)[:, None]  # the nearer neighbour counts more
     none = np.zeros((1, 3))
     rate = weight**2 * change

@@ -10,7 +10,9 @@ from ...support.arrays import Array
 
 
 def quaternion(rotation: Array) -> Array:
-    """w, x, y, z of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000, JGCD 23, 1085)."""
+    """w, x, y, z of a rotation matrix (3, 3): the eigenvector of the largest eigenvalue (Bar-Itzhack 2000, JGCD 23,
+    1085).
+    """
     m = rotation
     k = (
         np.array(
@@ -33,7 +35,7 @@ def from_quaternion(wxyz: Array) -> Array:
     finite."""
     length = float(np.linalg.norm(wxyz))
     if not (math.isfinite(length) and length > 0):
-        raise ValueError("its quaternion has no length")
+        raise ValueError("its quaternion has length 0")
     w, x, y, z = wxyz / length
     return np.array(
         [
@@ -45,7 +47,7 @@ def from_quaternion(wxyz: Array) -> Array:
 
 
 def from_vector(vector: Array) -> Array:
-    """The rotation (3, 3) about a vector (3,) by its length in rad, as Rodrigues wrote it."""
+    """The rotation (3, 3) about a vector (3,) by its length in rad (Rodrigues' formula)."""
     angle = float(np.linalg.norm(vector))
     if angle == 0:
         return np.eye(3)
@@ -53,15 +55,16 @@ def from_vector(vector: Array) -> Array:
 
 
 def to_vector(rotation: Array) -> Array:
-    """The vector (3,) of a rotation, along its axis and as long as its angle in rad, at most a half turn."""
+    """The rotation vector (3,): along the axis, with the angle in rad as its length, at most half a turn."""
     w, *axis = quaternion(rotation)
     sine = float(np.linalg.norm(axis))
     return np.array(axis) * (2 * math.atan2(sine, w) / sine if sine > 0 else 2.0)
 
 
 def rotation_error(matrix: Array) -> float:
-    """The largest element by which a matrix (3, 3) times its transpose is off from 1; infinite for a mirrored one, or
-    one with elements that are not finite."""
+    """Largest deviation of an element of matrix (3, 3) times its transpose from the unit matrix; infinite for a
+    mirrored matrix or elements that are not finite.
+    """
     if not (np.isfinite(matrix).all() and np.linalg.det(matrix) > 0):
         return math.inf
     return float(np.abs(matrix @ matrix.T - np.eye(3)).max())

@@ -22,14 +22,16 @@ from ..random_numbers.seeds import make_generator
 
 _EYE_STREAMS = {"left": 0, "right": 1}
 
-#: Exposure times in seconds between which auto exposure chooses.
-SHORTEST_S, LONGEST_S = 1.0e-6, 1.0e3
+#: Shortest exposure time in seconds that auto exposure chooses.
+SHORTEST_S = 1.0e-6
+#: Longest exposure time in seconds that auto exposure chooses.
+LONGEST_S = 1.0e3
 
 #: Share of saturated pixels above which a warning is given.
-MOST_SATURATED = 0.02
+MOST_SATURATED_SHARE = 0.02
 
-#: Electrons beyond which Poisson noise cannot bring any well (at most 1e7) back below full.
-_DROWNED_E = 1.0e9
+#: Mean electrons beyond which Poisson noise cannot bring any well (at most 1e7) below full.
+_SURELY_FULL_E = 1.0e9
 
 
 def gain_dn_per_e(sensor: SensorSettings) -> float:
@@ -43,7 +45,7 @@ def top_dn(sensor: SensorSettings) -> int:
 
 
 def black_dn(sensor: SensorSettings) -> float:
-    """Digital number of no light, which ``black_level`` states as a share of the converter's range."""
+    """Digital number without light, from ``black_level``, a share of the converter's range."""
     return float(sensor.black_level) * top_dn(sensor)
 
 
@@ -53,20 +55,20 @@ def capacity_e(sensor: SensorSettings) -> float:
 
 
 def choose_exposure_s(left_light: Array, rate: float, sensor: SensorSettings) -> float:
-    """Exposure time in seconds of both eyes.
+    """Exposure time in seconds of both eyes, from the left eye's grey radiance ``left_light`` (any shape).
 
-    ``left_light`` is the left eye's grey radiance, any shape. With auto exposure its
-    ``auto_percentile`` quantile is put at ``auto_target`` of the capacity; where that quantile is
-    black the brightest pixel stands in, and a wholly black image is exposed as if auto exposure
-    were off, since it has nothing to measure. The time stays between SHORTEST_S and LONGEST_S.
+    Auto exposure puts the ``auto_percentile`` quantile of the radiance at ``auto_target`` of the capacity. If that
+    quantile is black, the brightest pixel replaces it. A wholly black image gives nothing to measure and is exposed as
+    without auto exposure. The time stays between SHORTEST_S and LONGEST_S.
     """
     return expose_level_s(meter_level(left_light, sensor) if sensor.auto_exposure else 0.0, rate, sensor)
 
 
 def meter_level(left_light: Array, sensor: SensorSettings) -> float:
-    """The radiance that auto exposure puts at ``auto_target`` of the capacity, see ``choose_exposure_s``; 0 for
-    none."""
-    light = _clear_defects(left_light)
+    """The radiance that auto exposure puts at ``auto_target`` of the capacity, see ``choose_exposure_s``; 0 for a black
+    image.
+    """
+    light = _clip_invalid_radiance(left_light)
     light = light[np.isfinite(light)]
     if light.size == 0:
         return 0.0
@@ -74,7 +76,7 @@ def meter_level(left_light: Array, sensor: SensorSettings) -> float:
 
 
 def expose_level_s(level: float, rate: float, sensor: SensorSettings) -> float:
-    """Exposure time in seconds where auto exposure has metered this level; see ``choose_exposure_s``."""
+    """Exposure time in seconds for a radiance ``level`` that auto exposure has metered; see ``choose_exposure_s``."""
     fixed = float(sensor.exposure_s)
     if not sensor.auto_exposure or level * rate <= 0:
         return fixed
@@ -82,9 +84,8 @@ def expose_level_s(level: float, rate: float, sensor: SensorSettings) -> float:
 
 
 def warn_on_exposure(seconds: float, saturated: float, sensor: SensorSettings) -> list[str]:
-    """Sentences about an exposure: auto exposure reached one of its ends, or too many pixels are saturated.
-
-    ``saturated`` is the share of the left pixels that are at the converter's top.
+    """Sentences about an exposure: auto exposure reached a limit, or too many pixels are saturated. ``saturated`` is
+    the share of the left pixels at the converter's top.
     """
     said = []
     if sensor.auto_exposure and seconds in (SHORTEST_S, LONGEST_S):
@@ -93,10 +94,10 @@ def warn_on_exposure(seconds: float, saturated: float, sensor: SensorSettings) -
             f"Auto exposure ended at its {end} time, {seconds:g} s; change sensor.f_number, sensor.gain or "
             "sensor.pixel_pitch_um."
         )
-    if saturated > MOST_SATURATED:
+    if saturated > MOST_SATURATED_SHARE:
         cause = "sensor.auto_target or sensor.auto_percentile" if sensor.auto_exposure else "sensor.exposure_s"
         said.append(
-            f"More than {MOST_SATURATED:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
+            f"More than {MOST_SATURATED_SHARE:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
             "exposures with sensor.brackets."
         )
     return said
@@ -110,7 +111,7 @@ def dark_current_e_s(sensor: SensorSettings) -> float:
 
 @dataclass(frozen=True)
 class FixedPattern:
-    """Fixed differences between the pixels of one sensor, (H, W) or the neutral number."""
+    """Fixed differences between the pixels of one sensor: arrays (H, W), or one neutral number."""
 
     response: Numbers = 1.0  # factor on photo-electrons (PRNU)
     offset_e: Numbers = 0.0  # electrons added to the dark signal (DSNU)
@@ -140,19 +141,19 @@ def collect_electrons(
     pattern: FixedPattern | None = None,
     hits_e: Numbers = 0.0,
 ) -> Array:
-    """Electrons, float64 and of the shape of ``light``, that are read from each pixel.
+    """Electrons, float64 in the shape of ``light``, that are read from each pixel.
 
     ``light`` is radiance in W/(m² sr) behind the lens, ``hits_e`` electrons that particles freed. NaN and negative
-    radiance (defects of a render) count as dark. Shot noise comes before the well is full, read noise after, so that a
-    saturated pixel shows read noise only. Row noise is temporal, as in EMVA 1288, release 4: one number for each row
-    of each image. The result can be slightly negative: the converter has a floor, the well has none.
+    radiance (defects of a render) count as dark. Shot noise arises before the well is full and read noise after it, so
+    a saturated pixel shows read noise only. Row noise is temporal, as in EMVA 1288, release 4: one number for each row
+    of each image. Results can be slightly negative; the converter clips them.
     """
     pattern = pattern or FixedPattern()
     full_well = float(sensor.full_well_e)
     with np.errstate(over="ignore", invalid="ignore"):  # a firefly may overflow; infinity is full as well
-        charge = _clear_defects(light) * (rate * seconds) * pattern.response
+        charge = _clip_invalid_radiance(light) * (rate * seconds) * pattern.response
         charge = np.minimum(
-            np.nan_to_num(charge, nan=0.0, posinf=_DROWNED_E) + dark_current_e_s(sensor) * seconds, _DROWNED_E
+            np.nan_to_num(charge, nan=0.0, posinf=_SURELY_FULL_E) + dark_current_e_s(sensor) * seconds, _SURELY_FULL_E
         )
     if sensor.shot_noise:
         charge = random.poisson(charge).astype(np.float64)
@@ -169,10 +170,9 @@ def collect_electrons(
 
 
 def spread_overflow(charge: Array, full_well_e: float, share: float) -> Array:
-    """Electrons (H, W) after overflow along the columns.
-
-    ``share`` of a pixel's electrons above ``full_well_e`` runs over, half of it up and half down, and
-    fills pixels on its way until it is used up or leaves the image; the rest is drained.
+    """Electrons (H, W) after overflow along the columns. ``share`` of a pixel's electrons above ``full_well_e`` runs
+    over, half of it up and half down. It fills pixels on its way until it is used up or leaves the image; the rest is
+    drained.
     """
     excess = np.maximum(charge - full_well_e, 0.0) * (share / 2)
     result = np.minimum(charge, full_well_e)
@@ -188,21 +188,21 @@ def spread_overflow(charge: Array, full_well_e: float, share: float) -> Array:
 
 
 def convert_to_digital(charge: Array, sensor: SensorSettings) -> Array:
-    """The converter's output, uint16 and of the shape of ``charge`` (electrons).
-
-    Linear above the black level with ``gain_dn_per_e``, rounded to the nearest number and held at
-    both ends.
+    """The converter's output, uint16 in the shape of ``charge`` (electrons): linear above the black level with
+    ``gain_dn_per_e``, rounded, and limited to the converter's range.
     """
     numbers = np.rint(charge * gain_dn_per_e(sensor) + black_dn(sensor))
     return np.clip(numbers, 0, top_dn(sensor)).astype(np.uint16)
 
 
 def make_noise_generator(seed: int, pair_id: str, eye: str, *index: int) -> np.random.Generator:
-    """The random stream of one eye of one pair (and of one of its exposures, ``index``): the same for the
-    same data set seed, pair and eye, independent between eyes and between pairs."""
+    """The random stream of one eye of one pair (and of one exposure, ``index``). It depends only on the data set's
+    seed, pair, eye and index, and is independent of other streams.
+    """
     digest = int.from_bytes(hashlib.sha256(pair_id.encode()).digest()[:8], "big")
     return make_generator(seed, "sensor", digest, find_stream(eye), *index)
 
 
-def _clear_defects(radiance: Array) -> Array:
+def _clip_invalid_radiance(radiance: Array) -> Array:
+    """Radiance with 0 in place of NaN and negative values, which are defects of a render."""
     return np.maximum(np.nan_to_num(np.asarray(radiance, np.float64), nan=0.0, posinf=np.inf), 0.0)

@@ -15,7 +15,7 @@ from ..rig.focal_length import focal_px
 from .calibrated_camera import CORNER, CalibratedCamera
 from .panorama import Panorama
 
-#: What ``StereoCamera.from_json`` reads of a file, see ``support.file_schemas``.
+#: The table of a file that ``StereoCamera.from_json`` reads, see ``support.file_schemas``.
 CAMERA_SHAPE = {
     "width_px": PIXELS,
     "height_px": PIXELS,
@@ -34,8 +34,8 @@ CAMERA_SHAPE = {
 class StereoCamera:
     """Two identical, parallel pinhole cameras, the right one ``baseline_m`` along the left one's x.
 
-    The principal point is in pixel-corner coordinates: pixel (column u, row v) has its centre at
-    (u + 0.5, v + 0.5), so a ray through it is ((u + 0.5 - cx) / f, (v + 0.5 - cy) / f, 1).
+    The principal point is in pixel-corner coordinates: pixel (column u, row v) has its centre at (u + 0.5, v + 0.5), so
+    a ray through it is ((u + 0.5 - cx) / f, (v + 0.5 - cy) / f, 1).
 
     Truth and rectified images belong to this rig. Images were taken with eyes that may each be turned in by
     ``toe_in_deg``, and rendered with the margins as extra pixels beyond each border. Calibrated ``eyes``, left first,
@@ -59,8 +59,9 @@ class StereoCamera:
 
     @classmethod
     def from_settings(cls, rig: RigSettings) -> StereoCamera:
-        """From the ``rig`` settings, without calibrated eyes, see ``eyes.camera_of``; the sensor width spans the image
-        width, pixels are square."""
+        """The rig of the ``rig`` settings, without calibrated eyes (see ``eyes.camera_of``). The sensor width spans the
+        image width; pixels are square.
+        """
         return cls(
             rig.width_px,
             rig.height_px,
@@ -80,7 +81,7 @@ class StereoCamera:
 
     @property
     def matrix(self) -> list[list[float]]:
-        """The 3x3 calibration matrix K, pixel-corner coordinates."""
+        """The calibration matrix K (3 x 3) in pixel-corner coordinates."""
         return [[self.focal_px, 0.0, self.cx_px], [0.0, self.focal_px, self.cy_px], [0.0, 0.0, 1.0]]
 
     @property
@@ -90,7 +91,7 @@ class StereoCamera:
 
     @property
     def looks_elsewhere(self) -> bool:
-        """Whether the eyes may not see all of the rectified images: they are toed in or calibrated."""
+        """Whether the eyes are toed in or calibrated, so that they may see less than the rectified images."""
         return bool(self.toe_in_deg) or self.eyes is not None
 
     def sensor_px(self, eye: str) -> tuple[int, int]:
@@ -113,7 +114,8 @@ class StereoCamera:
         return self.rendered_px if self.panorama is None else (self.panorama.size_px,) * 2
 
     def eye_rotation(self, eye: str) -> Array:
-        """Rotation (3, 3) from the axes of the parallel rig into the eye's, which is toed in or calibrated."""
+        """Rotation (3, 3) from the axes of the parallel rig to the axes of an eye, which may be
+        toed in or calibrated."""
         own = self.own_eye(eye)
         if own is not None:
             return np.array(own.rotation)
@@ -123,17 +125,17 @@ class StereoCamera:
         )
 
     def cropped(self, image: Array) -> Array:
-        """A rendered image (H + margins, W + margins, …) without its margins."""
+        """A rendered image (H + 2 margins, W + 2 margins, ...) without its margins."""
         return image[
             self.margin_y_px : self.margin_y_px + self.height_px, self.margin_x_px : self.margin_x_px + self.width_px
         ]
 
     def disparity(self, depth_m: Array | np.floating[Any]) -> Array:
-        """Disparity in px of planar depths in metres; NaN stays NaN (sky)."""
+        """Disparity in px of planar depths in metres; NaN (sky) stays NaN."""
         return self.focal_baseline_px_m / np.asarray(depth_m, np.float64) - self.doffs_px
 
     def depth(self, disparity_px: Array) -> Array:
-        """Planar depth in metres of disparities in px; NaN for disparities that no point before the camera has."""
+        """Planar depth in metres of disparities in px; NaN for disparities of no point in front of the camera."""
         reach = np.asarray(disparity_px, np.float64) + self.doffs_px
         with np.errstate(over="ignore", invalid="ignore"):
             ahead = reach > 0
@@ -169,7 +171,7 @@ class StereoCamera:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> StereoCamera:
-        """Back from the ``camera`` table of ``pair.json``."""
+        """The camera of the ``camera`` table of ``pair.json``."""
         own = ("width_px", "height_px", "focal_px", "cx_px", "cy_px", "baseline_m")
         return cls(
             **{key: data[key] for key in own},

@@ -1,4 +1,4 @@
-"""Whether the lander's arm gets its scoop to the trench that is to be dug, and where it would."""
+"""Whether the lander's arm reaches the trench, and to where the trench could move if not."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from .dig_site import is_dug, make_site
 from .scoop_cut import Pull
 from .scoop_paths import JOINTS, RECORDED
 
-#: Places along a pull that are looked at, steps in metres of a trench that is moved, and how far it is, at most.
-_PLACES, _STEP_M, _FARTHEST_M = 9, 0.02, 3.0
-#: A trench is moved straight away from the axis of the yaw or to it, and turned round it by these angles in degrees.
+#: Number of places along a pull that are tested.
+_PLACES_OF_PULL = 9
+#: Step in metres of the moves of a trench that are tried.
+_MOVE_STEP_M = 0.02
+#: Largest move in metres.
+_FARTHEST_MOVE_M = 3.0
+#: Directions in degrees in which a trench is moved, from the line away from the axis of the yaw or toward it.
 _TURNS_DEG = (0.0, 15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
 
 
 def compute_share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, north_m: float = 0.0) -> float:
-    """Share of the blade's places on pulls, moved by ``east_m`` and ``north_m``, that the arm reaches with the scoop
-    straight down.
-
-    The ground is taken to be level at a height of 0.
-    """
+    """Share of the blade's places that the arm reaches with the scoop straight down, on pulls moved by ``east_m`` and
+    ``north_m``. The ground is taken as level at height 0."""
     places = [
         (*pull.point(along, 0.0), -depth) for pull in pulls for along, depth in zip(*_sample_pull(pull), strict=True)
     ]
@@ -35,17 +36,15 @@ def compute_share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, nor
 
 
 def _sample_pull(pull: Pull) -> tuple[Array, Array]:
-    """Distances along a pull and the depths there."""
-    along = np.linspace(pull.along_m[0], pull.along_m[-1], _PLACES)
+    """Distances along a pull and the depths there, in metres."""
+    along = np.linspace(pull.along_m[0], pull.along_m[-1], _PLACES_OF_PULL)
     return along, np.interp(along, pull.along_m, pull.depth_m)
 
 
 def advise_on_reach(settings: Settings) -> list[str]:
-    """A sentence if the lander's arm does not get to all of the trench on level ground; else none.
-
-    It states where the trench would be in reach. The reach of the user's arm is unknown, and a path of recorded joints
-    is in reach. Raises IcyMoonError for an excavation that cannot be dug.
-    """
+    """A sentence if the lander's arm does not reach all of the trench on level ground, with a place that is in reach;
+    else an empty list. A user's arm has unknown reach, and a path of recorded joints is in reach. Raises IcyMoonError
+    for an excavation that cannot be dug."""
     if (
         not is_dug(settings)
         or settings.excavation.path == JOINTS
@@ -68,7 +67,7 @@ def advise_on_reach(settings: Settings) -> list[str]:
 
 
 def _describe_fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
-    """How to bring the trench into reach, as a clause; with a move in metres if one was found."""
+    """A clause on how to bring the trench into reach, with a move in metres if one was found."""
     moved = _find_move(arm, pulls)
     if moved is None:
         return "dig less deep, or lengthen arm.upper_m and arm.fore_m"
@@ -81,12 +80,13 @@ def _describe_fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
 
 
 def _find_move(arm: Arm, pulls: list[Pull]) -> tuple[float, float] | None:
-    """The shortest of some moves, east and north, that brings all pulls into reach, in whole centimetres, or None."""
+    """The shortest tried move (east, north), in whole centimetres, that brings all pulls into
+    reach; None without one."""
     ends = np.array([pull.point(float(along), 0.0) for pull in pulls for along in pull.along_m[[0, -1]]])
     middle = (ends.min(axis=0) + ends.max(axis=0)) / 2
     away = middle - arm.base[:2, 3]
     bearing = math.atan2(away[1], away[0])
-    out = np.arange(_STEP_M, _FARTHEST_M, _STEP_M)
+    out = np.arange(_MOVE_STEP_M, _FARTHEST_MOVE_M, _MOVE_STEP_M)
     moves = [
         (round(float(east), 2), round(float(north), 2))
         for turn in _TURNS_DEG

@@ -1,4 +1,4 @@
-"""How the camera of a series of excavation states moves a little from state to state."""
+"""Small random movements of the camera between the states of an excavation."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from .dig_site import is_dug
 
 
 def jitter_rig(settings: Settings) -> RigSettings:
-    """The rig of complete ``settings`` with the random offsets of its state of the excavation.
+    """The rig of complete ``settings`` with the random offsets of its excavation state.
 
-    Position on three axes, heading and pitch are normal, with the deviations ``jitter_m`` and ``jitter_deg``. They
-    depend on the seed of the data set and on the state alone.
+    Position on three axes, heading and pitch are normally distributed, with the standard deviations ``jitter_m`` and
+    ``jitter_deg``. The offsets depend only on the seed of the data set and the state.
     """
     excavation, rig = settings.excavation, settings.rig
     if not is_dug(settings) or (excavation.jitter_m == 0.0 and excavation.jitter_deg == 0.0):

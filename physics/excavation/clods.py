@@ -1,9 +1,10 @@
-"""Clods of many sizes on a heap of spoil, as what a scoop drops breaks up: few large ones, many small ones.
+"""Clods of many sizes on a heap of spoil: few large ones and many small ones, as falling spoil breaks up.
 
-Each lies where it came to rest. It slides from where it fell over the bare heap, against a friction that is the lower
-the larger the clod is among its neighbours: large clods roll over small ones as over a smooth floor, which is why they
-lie at the foot of a heap (size segregation in grain flows; Drahun and Bridgwater 1983, Powder Technology 36, 39, from
-memory). How far one goes does not depend on gravity, which drives it and holds it alike. Sizes and shapes are guesses.
+Each clod slides from where it fell over the bare heap, until friction stops it. Friction is lower for clods that are
+large among their neighbours: a large clod rolls over small ones as over a smooth floor, so large clods lie at the foot
+of a heap (size segregation in grain flows; Drahun and Bridgwater 1983, Powder Technology 36, 39, from memory). The
+distance does not depend on gravity, because both the driving force and friction are proportional to it. Sizes and
+shapes are guesses.
 """
 
 from __future__ import annotations
@@ -15,22 +16,42 @@ import numpy as np
 from ...support.arrays import Array
 from .dig_grid import ExcavationGrid
 
-#: Index of the power law of the number of clods that are wider than a width: fragments of brittle bodies have 2 to 3.
-_INDEX = 2.5
-#: Width of the smallest clod in cells, greatest ratio of the widest to the smallest clod, maximum number of clods.
-_SMALLEST_CELLS, _RANGE, _MOST = 3.0, 16.0, 20_000
-#: Area of all clods relative to the heap's; a clod counts as a square with 0.8 times its width.
-_COVER, _SQUARE = 1.6, 0.8
-#: At most: width of the largest clod over the greatest thickness of the spoil, and share of the spoil in clods.
-_OF_THICKNESS, _MOST_SHARE = 0.5, 0.5
-#: Friction relative to spoil: range for the largest clods, and value for the smallest, which interlock.
-_ROLLING, _HELD = (0.35, 1.0), 1.2
-#: Maximum number of steps of the slide. A step is one cell or less.
-_STEPS = 600
-#: A clod: sides, their slopes in degrees and distances over half the width, tops with their tilts and heights over the
-#: width, and the share of the height that is buried.
-_SIDES, _SIDE_DEG, _SIDE_OUT = 6, (50.0, 78.0), (0.7, 1.0)
-_TOPS, _TOP_TILT, _TOP_HIGH, _BURIED = 3, 0.45, (0.45, 0.85), 0.3
+#: Exponent of the power law of the number of clods above a width; fragments of brittle bodies have 2 to 3.
+_SIZE_EXPONENT = 2.5
+#: Width of the smallest clod in cells.
+_SMALLEST_CELLS = 3.0
+#: Largest ratio of the widest to the smallest clod.
+_WIDTH_RATIO = 16.0
+#: Maximum number of clods.
+_MOST_CLODS = 20_000
+#: Area of all clods relative to the area of the heap.
+_COVERED_SHARE = 1.6
+#: Side of the square that has the area of a clod, over the clod's width.
+_SQUARE_SIDE = 0.8
+#: Largest width of a clod over the greatest thickness of the spoil.
+_WIDTH_OVER_THICKNESS = 0.5
+#: Largest share of the spoil in clods.
+_MOST_CLOD_SHARE = 0.5
+#: Range of the friction of the largest clods, relative to spoil.
+_LARGE_FRICTION = (0.35, 1.0)
+#: Friction of the smallest clods, which interlock, relative to spoil.
+_SMALL_FRICTION = 1.2
+#: Maximum number of steps of a slide. A step is at most one cell.
+_MOST_SLIDE_STEPS = 600
+#: Number of side planes of a clod.
+_CLOD_SIDES = 6
+#: Range of their slopes in degrees.
+_SIDE_DEG = (50.0, 78.0)
+#: Range of their distances from the axis, over half the width.
+_SIDE_DISTANCE = (0.7, 1.0)
+#: Number of top planes of a clod.
+_CLOD_TOPS = 3
+#: Standard tilt of these planes, as a slope.
+_TOP_TILT = 0.45
+#: Range of their heights over the width.
+_TOP_HEIGHT = (0.45, 0.85)
+#: Share of a clod's height that is buried.
+_BURIED_SHARE = 0.3
 
 
 def add_clods(
@@ -41,16 +62,14 @@ def add_clods(
     repose_deg: float,
     random: np.random.Generator,
 ) -> Array:
-    """Thickness (rows, columns) of spoil with clods of up to ``largest_m``; its sum is the sum of ``spoil_m``.
-
-    The bare spoil is lowered everywhere by the same share, to make up for the clods.
-    """
+    """Thickness (rows, columns) in metres of spoil with clods of up to ``largest_m``; its sum is the sum of
+    ``spoil_m``. All bare spoil is lowered by one factor to make up for the clods."""
     total = float(spoil_m.sum())
     on = np.flatnonzero(spoil_m > 0.0)
     if largest_m <= 0.0 or total <= 0.0:
         return spoil_m
     top = ground_m + spoil_m
-    width = _draw_widths(grid.cell_m, len(on), min(largest_m, _OF_THICKNESS * float(spoil_m.max())), random)
+    width = _draw_widths(grid.cell_m, len(on), min(largest_m, _WIDTH_OVER_THICKNESS * float(spoil_m.max())), random)
     row, column = np.divmod(on[random.integers(0, len(on), len(width))], grid.columns)
     place = _slide_clods(
         top / grid.cell_m,
@@ -59,39 +78,39 @@ def add_clods(
     )
     raised: Array = _raise_clods(top, place, width, grid.cell_m, random) - top
     held = float(raised.sum())
-    raised *= min(1.0, _MOST_SHARE * total / held) if held > 0.0 else 0.0
+    raised *= min(1.0, _MOST_CLOD_SHARE * total / held) if held > 0.0 else 0.0
     return np.asarray(spoil_m * (1.0 - float(raised.sum()) / total) + raised)
 
 
 def _draw_widths(cell_m: float, cells: int, largest_m: float, random: np.random.Generator) -> Array:
-    """Widths (n,) in metres of the clods on a number of ``cells`` of spoil, the smallest first."""
-    least = max(_SMALLEST_CELLS * cell_m, largest_m / _RANGE)
+    """Widths (n,) in metres, smallest first, of the clods on ``cells`` cells of spoil."""
+    least = max(_SMALLEST_CELLS * cell_m, largest_m / _WIDTH_RATIO)
     most = max(largest_m, least)
-    ends = least**-_INDEX, most**-_INDEX
+    ends = least**-_SIZE_EXPONENT, most**-_SIZE_EXPONENT
     mean_square = float(np.mean(_clod_width(np.linspace(0.0, 1.0, 1001), ends) ** 2))
-    count = min(math.ceil(_COVER * cells * cell_m**2 / (_SQUARE**2 * mean_square)), _MOST)
+    count = min(math.ceil(_COVERED_SHARE * cells * cell_m**2 / (_SQUARE_SIDE**2 * mean_square)), _MOST_CLODS)
     return np.sort(_clod_width(random.uniform(0.0, 1.0, count), ends))
 
 
 def _clod_width(share: Array, ends: tuple[float, float]) -> Array:
-    return (ends[0] + share * (ends[1] - ends[0])) ** (-1.0 / _INDEX)
+    return (ends[0] + share * (ends[1] - ends[0])) ** (-1.0 / _SIZE_EXPONENT)
 
 
 def _draw_friction(width: Array, random: np.random.Generator) -> Array:
     """Friction (n,) of clods relative to spoil."""
     span = math.log(float(width[-1] / width[0])) or 1.0
-    return _HELD - np.log(width / width[0]) / span * (_HELD - random.uniform(*_ROLLING, len(width)))
+    return _SMALL_FRICTION - np.log(width / width[0]) / span * (
+        _SMALL_FRICTION - random.uniform(*_LARGE_FRICTION, len(width))
+    )
 
 
 def _slide_clods(top: Array, place: Array, friction: Array) -> Array:
-    """Where (n, 2) clods come to rest that slide from ``place``: rows and columns, and heights in cells.
-
-    A clod is a point that its slope accelerates and friction slows. At the rim of the grid it stops.
-    """
+    """Rows and columns (n, 2) at which clods that start at ``place`` come to rest. ``top`` is heights in cells. A clod
+    is a point mass that its slope accelerates and friction slows; it stops at the rim of the grid."""
     slopes = np.stack(np.gradient(top), axis=2)
     last = np.array(top.shape) - 1.0
     place, speed = place.copy(), np.zeros_like(place)
-    for _ in range(_STEPS):
+    for _ in range(_MOST_SLIDE_STEPS):
         at = np.rint(place).astype(int)
         fastest = max(float(np.hypot(*speed.T).max()), 1.0)
         step = 1.0 / fastest
@@ -105,19 +124,22 @@ def _slide_clods(top: Array, place: Array, friction: Array) -> Array:
 
 
 def _raise_clods(top: Array, place: Array, width: Array, cell_m: float, random: np.random.Generator) -> Array:
-    """Heights (rows, columns) of ground with clods on it, each a convex body of plane faces that is sunk into it."""
-    count, sides = len(width), (len(width), _SIDES)
+    """Heights (rows, columns) of ground with clods on it. Each clod is a convex body of plane faces, partly buried."""
+    count, sides = len(width), (len(width), _CLOD_SIDES)
     turn = (
         2.0
         * math.pi
-        * ((np.arange(_SIDES) + random.uniform(-0.35, 0.35, sides)) / _SIDES + random.uniform(0.0, 1.0, (count, 1)))
+        * (
+            (np.arange(_CLOD_SIDES) + random.uniform(-0.35, 0.35, sides)) / _CLOD_SIDES
+            + random.uniform(0.0, 1.0, (count, 1))
+        )
     )
     slope = np.tan(np.radians(random.uniform(*_SIDE_DEG, sides)))
-    out = random.uniform(*_SIDE_OUT, sides) * 0.5 * width[:, None]
-    high = random.uniform(*_TOP_HIGH, (count, _TOPS)) * width[:, None]
-    tilt = random.uniform(-_TOP_TILT, _TOP_TILT, (2, count, _TOPS))
-    # Height of each plane over the middle, and its rise to the north and to the east.
-    middle = np.concatenate([out * slope, high], axis=1) - _BURIED * high.mean(axis=1, keepdims=True)
+    out = random.uniform(*_SIDE_DISTANCE, sides) * 0.5 * width[:, None]
+    high = random.uniform(*_TOP_HEIGHT, (count, _CLOD_TOPS)) * width[:, None]
+    tilt = random.uniform(-_TOP_TILT, _TOP_TILT, (2, count, _CLOD_TOPS))
+    # Height of each plane above the middle, and its slopes to the north and to the east.
+    middle = np.concatenate([out * slope, high], axis=1) - _BURIED_SHARE * high.mean(axis=1, keepdims=True)
     north = np.concatenate([-slope * np.sin(turn), tilt[0]], axis=1)
     east = np.concatenate([-slope * np.cos(turn), tilt[1]], axis=1)
     raised = top.copy()

@@ -14,28 +14,33 @@ from ..random_numbers.seeds import make_generator
 from ..terrain.noise.lattice_noise import gradient_noise
 from .clods import add_clods
 from .dig_site import ExcavationSite
-from .scoop_cut import Pull, cut_heights, fit_plane
+from .scoop_cut import Pull, fit_plane, measure_cut_depth_m
 from .slide_to_repose import GroundLayers, relax_slopes
 
-#: Wavelengths of clods in their heights, and the shares of their noise in the height.
-_CLODS = ((9.0, 1.6), (3.5, 1.4), (1.6, 0.7))
-#: Wavelength and height of the unevenness of a heap of clods, in heights of the clods.
-_LUMP_WAVES, _LUMP_SIZE = 14.0, 5.0
-#: Where clods have many sizes: the height by which a heap is uneven, and the radius of its crest, over their largest.
-_MANY_UNEVEN, _MANY_CREST = 0.35, 0.3
-#: Change of height at the rim of the patch that counts as spoil there.
-_MOVED_M = 1.0e-4
-#: Wavelength of chips along a rim, in depths of the largest chip, and their slope.
-_CHIP_WAVES, _CHIP_SLOPE = 5.0, 1.5
+#: Wavelength of each noise of the clods, over their height, and the noise's share of the height.
+_CLOD_NOISE = ((9.0, 1.6), (3.5, 1.4), (1.6, 0.7))
+#: Wavelength of the unevenness of a heap, over the height of the clods.
+_LUMP_WAVELENGTH = 14.0
+#: Height of this unevenness, over the height of the clods.
+_LUMP_HEIGHT = 5.0
+#: With clods of many sizes: unevenness of a heap, over the largest clod.
+_UNEVENNESS_OF_MANY = 0.35
+#: With clods of many sizes: radius of the heap's crest, over the largest clod.
+_CREST_OF_MANY = 0.3
+#: Change of height in metres at the rim of the patch that counts as spoil there.
+_SPOIL_AT_RIM_M = 1.0e-4
+#: Wavelength of chips along a rim, over the depth of the largest chip.
+_CHIP_WAVELENGTH = 5.0
+#: Slope of chips.
+_CHIP_SLOPE = 1.5
 
 
 @dataclass(frozen=True)
 class DugState:
-    """The ground after a step, and the effects of the step: volumes in m³ as they lay in the ground, masses in kg.
-
-    ``chipped_m3`` fell off standing rims, ``slid_m3`` of ground slid as its walls did not stand. ``kept_kg`` was not
-    heaped. ``stood`` is whether walls stood, ``rests`` whether all loose material came to rest.
-    """
+    """The ground after a step of the excavation, and the effects of the step: volumes in m³ of undisturbed ground,
+    masses in kg. ``chipped_m3`` broke off standing rims; ``slid_m3`` of ground slid because its walls did not stand.
+    ``kept_kg`` was not dropped on the heap. ``stood`` is true if the walls stood, ``rests`` if all loose material came
+    to rest."""
 
     layers: GroundLayers
     taken_m3: float
@@ -49,11 +54,9 @@ class DugState:
 
 @dataclass
 class ExcavationSeries:
-    """The states of an excavation that have been dug so far; the first is the untouched ground.
-
-    ``level_m`` is the height that depths count from if the arm's joints give the path. ``bare`` are the layers of each
-    state without clods; the next state is dug from them.
-    """
+    """The states of an excavation that have been dug so far; the first is the untouched ground. ``level_m`` is the
+    reference height of depths if the arm's joints give the path. ``bare`` are the layers of each state without clods,
+    from which the next state is dug."""
 
     site: ExcavationSite
     excavation: ExcavationSettings
@@ -70,11 +73,11 @@ class ExcavationSeries:
 
     @property
     def spoil_kg_m3(self) -> float:
-        """Density of spoil: the density of the ground over the bulking."""
+        """Density of spoil in kg/m³: the density of the ground divided by the bulking factor."""
         return float(self.excavation.density_kg_m3 / self.excavation.bulking)
 
     def at(self, state: int) -> DugState:
-        """The ground in a state; the states before it are dug first."""
+        """The ground in a state; earlier states are dug first."""
         while len(self.states) <= state:
             self.states.append(self._dig_next(len(self.states)))
         return self.states[state]
@@ -106,21 +109,22 @@ class ExcavationSeries:
 
     @property
     def has_many_sizes(self) -> bool:
-        """Whether clods are single bodies of many sizes, not noise."""
+        """Whether clods are separate bodies of many sizes; otherwise they are noise."""
         return bool(self.excavation.clod_sizes == "MANY")
 
     def _make_lumps_m(self) -> Array:
-        """How uneven (rows, columns) the heap is, see ``Heap.thickness``: by a few clods, over many."""
+        """Unevenness (rows, columns) in metres of the heap, for ``SpoilHeap.thickness``; its wavelength is several
+        clods."""
         size, key = float(self.excavation.clods_m), int(make_generator(self.seed, "terrain", 8).integers(0, 2**32))
-        size *= _MANY_UNEVEN if self.has_many_sizes else 1.0
+        size *= _UNEVENNESS_OF_MANY if self.has_many_sizes else 1.0
         if size == 0.0:
             return np.zeros(self.before_m.shape)
-        wave = _LUMP_WAVES * size
+        wave = _LUMP_WAVELENGTH * size
         east, north = np.broadcast_arrays(self.site.grid.east_m[None, :] / wave, self.site.grid.north_m[:, None] / wave)
-        return _LUMP_SIZE * size * np.asarray(gradient_noise(east, north, key))
+        return _LUMP_HEIGHT * size * np.asarray(gradient_noise(east, north, key))
 
     def _add_clods(self, layers: GroundLayers) -> GroundLayers:
-        """The layers with clods on their spoil, which keeps its mass. Where it is thin, they are as low as it is."""
+        """The layers with clods on their spoil, whose mass stays. Clods on thin spoil are as low as the spoil."""
         size, total = float(self.excavation.clods_m), float(layers.spoil.sum())
         if size == 0.0 or total == 0.0:
             return layers
@@ -138,7 +142,7 @@ class ExcavationSeries:
             )
         grid, key = self.site.grid, int(make_generator(self.seed, "terrain", 7).integers(0, 2**32))
         clods = np.zeros(layers.spoil.shape)
-        for octave, (waves, share) in enumerate(_CLODS):
+        for octave, (waves, share) in enumerate(_CLOD_NOISE):
             wave = waves * size
             east, north = np.broadcast_arrays(grid.east_m[None, :] / wave, grid.north_m[:, None] / wave)
             # Creases where the noise is 0, and round tops between.
@@ -148,10 +152,9 @@ class ExcavationSeries:
         return GroundLayers(layers.ground, spoil * (total / float(spoil.sum())))
 
     def _find_sliding_area(self, number: int, lowest_m: float) -> Array:
-        """Where ground may slide: as far from the blade as a slope rises from the lowest floor on level ground.
-
-        On a slope near the angle of friction a slide would climb without end, over ground that stood before.
-        """
+        """Boolean (rows, columns): cells where ground may slide, out to where a slope from the lowest floor reaches
+        level ground. Without this limit a slide on a slope near the angle of friction would climb without end, over
+        ground that stood before."""
         reach = lowest_m / math.tan(math.radians(self.excavation.friction_deg))
         near = np.zeros(self.before_m.shape, bool)
         for pull in (pull for each in self.site.pulls[:number] for pull in each):
@@ -161,27 +164,26 @@ class ExcavationSeries:
 
     @property
     def plane(self) -> Array:
-        """The plane (3,) that depths count from: of the untouched ground, see ``scoop_cut.fit_plane``, or level."""
+        """The plane (3,) from which depths count: of the untouched ground, see ``scoop_cut.fit_plane``, or level."""
         if self.level_m is not None:
             return np.array([self.level_m, 0.0, 0.0])
         return fit_plane(self.site.grid, self.before_m, [pull for each in self.site.pulls for pull in each])
 
     def _cut_depth_m(self, layers: GroundLayers, number: int) -> Array:
-        """Depth (rows, columns) in metres that the blade takes away in a state.
-
-        While walls stand, a cell that was cut in part keeps its uncut part, and no later bite through the same place
-        cuts that. Once walls have slid, parts of cells are unknown.
-        """
+        """Depth (rows, columns) in metres that the blade removes in a state. While walls stand, a partly cut cell keeps
+        its uncut part, and later bites at the same place leave that part. Once walls have slid, parts of cells are
+        unknown."""
         pulls, top = self.site.pulls[:number], layers.top
         if not self.states[-1].stood:
-            return cut_heights(self.site.grid, top, self.plane, pulls[-1])
+            return measure_cut_depth_m(self.site.grid, top, self.plane, pulls[-1])
         every = [pull for each in pulls for pull in each]
-        left = self.before_m - cut_heights(self.site.grid, self.before_m, self.plane, every)
-        # Ground that no blade has touched may have spoil on it.
+        left = self.before_m - measure_cut_depth_m(self.site.grid, self.before_m, self.plane, every)
+        # Spoil may lie on ground that no blade has touched.
         return np.where(left < self.before_m, np.maximum(top - left, 0.0), 0.0)
 
     def _take_off(self, layers: GroundLayers, cut: Array) -> tuple[float, float]:
-        """Take a depth (rows, columns) off the surface, in place: spoil first; the volume and the mass."""
+        """Remove a depth (rows, columns) in metres from the surface, in place, spoil first. Returns volume in m³ and
+        mass in kg."""
         area = self.site.grid.cell_m**2
         loose = np.minimum(cut, layers.spoil)
         layers.spoil -= loose
@@ -197,7 +199,7 @@ class ExcavationSeries:
             return chipped
         grid = self.site.grid
         key = int(make_generator(self.seed, "terrain", 6).integers(0, 2**32))
-        wave = _CHIP_WAVES * most
+        wave = _CHIP_WAVELENGTH * most
         east, north = np.broadcast_arrays(grid.east_m[None, :] / wave, grid.north_m[:, None] / wave)
         noise = gradient_noise(east, north, key) + 0.5 * gradient_noise(2.7 * east, 2.7 * north, key + 1)
         size = most * np.clip(0.35 + 1.3 * noise, 0.0, 1.0)
@@ -209,13 +211,13 @@ class ExcavationSeries:
         return np.maximum(layers.ground - (self.before_m - chipped), 0.0)
 
     def _drop_on_heap(self, layers: GroundLayers, number: int, mass_kg: float) -> None:
-        """Drop spoil on the heap, in place, so that on level ground it keeps its shape as it grows."""
+        """Drop spoil on the heap, in place. On level ground the growing heap keeps its shape."""
         volume = mass_kg / self.spoil_kg_m3
         if volume <= 0:
             return
         grid, area = self.site.grid, self.site.grid.cell_m**2
         before, lumps = self.heaped_m3(number - 1), self._make_lumps_m()
-        crest = _MANY_CREST * float(self.excavation.clods_m) if self.has_many_sizes else 0.0
+        crest = _CREST_OF_MANY * float(self.excavation.clods_m) if self.has_many_sizes else 0.0
         less, more = (self.site.heap.thickness(grid, each, lumps, crest) for each in (before, before + volume))
         more = np.maximum(more - less, 0.0)
         layers.spoil += more * (volume / (float(more.sum()) * area))
@@ -237,7 +239,7 @@ class ExcavationSeries:
         return abs(lost - found) / dug if dug > 0 else abs(lost - found)
 
     def facts(self, state: int) -> dict[str, Any]:
-        """The facts of an excavation in a state for ``pair.json``: metres, cubic metres and kilograms."""
+        """The facts of an excavation in a state for ``pair.json``, in metres, cubic metres and kilograms."""
         at, site = self.at(state), self.site
         done, area = self.states[1 : state + 1], self.site.grid.cell_m**2
         change = [each.layers.top - self.before_m for each in self.states[: state + 1]]
@@ -268,7 +270,7 @@ class ExcavationSeries:
         }
 
     def advice(self, state: int) -> list[str]:
-        """Sentences about faults that show only once dug: no cut, spoil at the rim, ground still sliding."""
+        """Sentences about faults that show only after digging: no cut, spoil at the rim, ground still sliding."""
         at, said = self.at(state), []
         wanted = [float(pull.depth_m.max()) for each in self.site.pulls[:state] for pull in each]
         if max(wanted, default=0.0) > 0.0 and not any(each.taken_m3 > 0.0 for each in self.states[: state + 1]):
@@ -277,7 +279,7 @@ class ExcavationSeries:
                 "cell of ground, or above it; lower excavation.cell_m, or dig deeper."
             )
         change = np.abs(at.layers.top - self.before_m)
-        if max(side.max() for side in (change[0], change[-1], change[:, 0], change[:, -1])) > _MOVED_M:
+        if max(side.max() for side in (change[0], change[-1], change[:, 0], change[:, -1])) > _SPOIL_AT_RIM_M:
             said.append(
                 "Spoil slid as far as the rim of the patch of fine ground, where it is held as by a wall: the "
                 "ground is too steep for a heap; change excavation.heap_side, or move the trench to gentler "

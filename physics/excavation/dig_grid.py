@@ -57,7 +57,7 @@ class ExcavationGrid:
         return self.east_m[None, window[1]], self.north_m[window[0], None]
 
     def interpolate(self, values: Array, x_m: Array, y_m: Array, outside: Array) -> Array:
-        """Bilinear values at points, of ``values`` (rows, columns); beyond the grid the values of ``outside``."""
+        """Bilinear values at points, from ``values`` (rows, columns); beyond the grid, the values ``outside``."""
         u, v = (np.asarray(x_m) - self.x_m) / self.cell_m, (np.asarray(y_m) - self.y_m) / self.cell_m
         inside = (u >= 0) & (v >= 0) & (u <= self.columns - 1) & (v <= self.rows - 1)
         i, j = (
@@ -72,10 +72,8 @@ class ExcavationGrid:
 
 
 def make_covering_grid(west: float, south: float, east: float, north: float, cell_m: float) -> ExcavationGrid:
-    """The least grid over a rectangle whose cells end at multiples of their side.
-
-    Vertices are half a cell off: the edges of a blade along an axis then often lie between cells.
-    """
+    """The smallest grid over a rectangle whose cells end at multiples of their side. Vertices are half a cell off these
+    multiples, so that the edges of a blade along an axis often lie between cells."""
     first = [math.floor(round(low / cell_m - 0.5, 6)) for low in (west, south)]
     last = [math.ceil(round(high / cell_m - 0.5, 6)) for high in (east, north)]
     columns, rows = (b - a + 1 for a, b in zip(first, last, strict=True))

@@ -23,14 +23,18 @@ from .scoop_paths import ARC, JOINTS, LINE, NONE, RECORDED, make_pulls
 #: 7.2096 ± 0.0067). R in km: 1560.8 and 252.1 (Archinal et al. 2018).
 GRAVITY_M_S2 = {"EUROPA": 3202.7121e9 / 1560.8e3**2, "ENCELADUS": 7.2103667e9 / 252.1e3**2}
 
-#: Vertices along a side of the grid at most, and its margin round trench and heap.
-MOST_SIDE, _MARGIN_M, _MARGIN_CELLS = 1500, 0.03, 4
-#: Cells across a blade under which its trench is crude.
-_FEWEST_ACROSS = 8
+#: Maximum number of vertices along a side of the grid.
+MOST_GRID_SIDE = 1500
+#: Margin of the grid around trench and heap, in metres,
+_MARGIN_M = 0.03
+#: and in cells.
+_MARGIN_CELLS = 4
+#: Least width of a blade in cells; a narrower one digs a crude trench.
+_FEWEST_CELLS_ACROSS = 8
 
 
 def is_dug(settings: Settings) -> bool:
-    """Whether the ground has an excavation, be it untouched in this state."""
+    """Whether the ground has an excavation, even if this state is the untouched ground."""
     return settings.excavation.path != NONE
 
 
@@ -49,11 +53,9 @@ def gravity_m_s2(settings: Settings) -> float:
 
 @dataclass(frozen=True)
 class ExcavationSite:
-    """The pulls of each state after the first, where the spoil goes, the grid, and the wall that just stands.
-
-    ``trench_m`` is west, south, east and north end of the trench in its last state, ``deepest_m`` how far below the
-    untouched ground the blade goes at most.
-    """
+    """The pulls of each state after the first, the heap, the grid, and the greatest height of a standing wall.
+    ``trench_m`` is the west, south, east and north end of the trench in its last state. ``deepest_m`` is the greatest
+    depth in metres of the blade below the untouched ground."""
 
     pulls: tuple[tuple[Pull, ...], ...]
     heap: SpoilHeap
@@ -77,14 +79,14 @@ def make_site(settings: Settings) -> ExcavationSite:
             (_file_state(excavation.file, "excavation.file"), arm_file),
         )
     return _make_path_site(
-        json.dumps({key: excavation[key] for key in _OF_THE_SITE}),
+        json.dumps({key: excavation[key] for key in _SITE_SETTINGS}),
         gravity,
         _file_state(excavation.file, "excavation.file") if excavation.path == RECORDED else None,
     )
 
 
 #: Settings on which the site depends.
-_OF_THE_SITE = (
+_SITE_SETTINGS = (
     "path",
     "file",
     "start_x_m",
@@ -108,7 +110,7 @@ _OF_THE_SITE = (
 
 
 def _file_state(file: str, setting: str) -> tuple[int, int] | None:
-    """Size and time of change of the file of a setting, which the user may edit; None if it cannot be read."""
+    """Size and time of change of a setting's file, which the user may edit; None if it cannot be read."""
     try:
         there = absolute_path(file, setting).stat()
     except OSError:
@@ -118,7 +120,8 @@ def _file_state(file: str, setting: str) -> tuple[int, int] | None:
 
 @functools.lru_cache(maxsize=4)
 def _make_joint_site(key: str, gravity: float, _states: tuple[tuple[int, int] | None, ...]) -> ExcavationSite:
-    """The site of recorded joints, which depends on the arm and on the ground too: on any setting but the state."""
+    """The site of recorded joints. Because it depends on the arm and the ground, its key has all settings but the
+    state."""
     settings = typed(json.loads(key))
     found, deepest = make_joint_pulls(settings)
     return _lay_out_site(
@@ -144,7 +147,7 @@ def _lay_out_site(
     deepest: float,
     gravity: float,
 ) -> ExcavationSite:
-    """The site of pulls; ``every`` are those that its size depends on, ``deepest`` is below the ground in metres."""
+    """The site of pulls. ``every`` are the pulls that decide its size; ``deepest`` is metres below the ground."""
     _refuse_narrow_blade(excavation)
     stands = critical_height_m(excavation.cohesion_pa, excavation.friction_deg, excavation.density_kg_m3, gravity)
     slope = math.tan(math.radians(excavation.friction_deg))
@@ -165,17 +168,17 @@ def _lay_out_site(
     grid = make_covering_grid(
         min(e[0] for e in ends), min(e[1] for e in ends), max(e[2] for e in ends), max(e[3] for e in ends), cell
     )
-    if max(grid.rows, grid.columns) > MOST_SIDE:
+    if max(grid.rows, grid.columns) > MOST_GRID_SIDE:
         raise IcyMoonError(
             f"Trench and heap cover {grid.columns * cell:.3g} x {grid.rows * cell:.3g} m, which is "
-            f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MOST_SIDE} along a "
+            f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MOST_GRID_SIDE} along a "
             "side; raise excavation.cell_m, or dig less."
         )
     return ExcavationSite(pulls, heap, grid, stands, trench, deepest)
 
 
 def _refuse_narrow_blade(excavation: ExcavationSettings) -> None:
-    """Raise IcyMoonError for a blade or a line that could pass between the vertices."""
+    """Raise IcyMoonError for a blade or a line that would fit between the vertices."""
     cell = float(excavation.cell_m)
     if excavation.width_m < cell:
         raise IcyMoonError(
@@ -193,7 +196,7 @@ def _refuse_narrow_blade(excavation: ExcavationSettings) -> None:
 def _place_heap(
     excavation: ExcavationSettings, pulls: list[Pull], deepest: float, slumped: float
 ) -> tuple[SpoilHeap, float]:
-    """The heap, whose foot comes to the gap beside the trench in the last state, and how far it reaches."""
+    """The heap, whose foot in the last state is at the set gap from the trench, and its reach in metres."""
     first = pulls[0]
     ends = [(first.place(*pull.point(float(along), 0.0))) for pull in pulls for along in pull.along_m[[0, -1]]]
     start, end = min(float(a) for a, _ in ends), max(float(a) for a, _ in ends)
@@ -211,7 +214,7 @@ def _place_heap(
 
 
 def find_refusals(settings: Settings) -> list[str]:
-    """Why an excavation cannot be dug, a sentence for each reason; empty without an excavation."""
+    """A sentence for each reason why an excavation cannot be dug; empty without an excavation."""
     if not is_dug(settings):
         return []
     excavation = settings.excavation
@@ -265,7 +268,7 @@ def advise_on_excavation(settings: Settings) -> list[str]:
             f"Walls up to {site.stands_m:.3g} m stand upright. The mesh makes them {angle:.1f} degrees steep, "
             f"because they are one cell of {excavation.cell_m:g} m wide."
         )
-    if excavation.width_m < _FEWEST_ACROSS * excavation.cell_m:
+    if excavation.width_m < _FEWEST_CELLS_ACROSS * excavation.cell_m:
         said.append(
             f"The blade is {excavation.width_m / excavation.cell_m:.2g} cells wide, so that the trench is "
             "crude; lower excavation.cell_m."

@@ -12,17 +12,15 @@ from .dig_grid import ExcavationGrid
 
 
 def cone_size_m(volume_m3: float, repose_deg: float) -> tuple[float, float]:
-    """Height and radius in metres of a cone of this volume with this slope: R³ = 3 V / (π tan φ)."""
+    """Height and radius in metres of a cone of this volume whose slope is the angle of repose: R³ = 3 V / (π tan φ)."""
     slope = math.tan(math.radians(repose_deg))
     radius = (3.0 * volume_m3 / (math.pi * slope)) ** (1.0 / 3.0)
     return radius * slope, radius
 
 
 def ridge_height_m(volume_m3: float, length_m: float, repose_deg: float) -> float:
-    """Height in metres of a ridge with a crest of this length, with half a cone at each end.
-
-    V = L h² / tan φ + π h³ / (3 tan² φ), whose positive root is found by bisection.
-    """
+    """Height in metres of a ridge whose crest has this length, with half a cone at each end. It is the positive root of
+    V = L h² / tan φ + π h³ / (3 tan² φ), found by bisection."""
     slope = math.tan(math.radians(repose_deg))
     low, high = 0.0, cone_size_m(volume_m3, repose_deg)[0]
     for _ in range(60):
@@ -33,7 +31,7 @@ def ridge_height_m(volume_m3: float, length_m: float, repose_deg: float) -> floa
 
 @dataclass(frozen=True)
 class SpoilHeap:
-    """Where spoil is dropped: along the line between two points (east, north) in metres."""
+    """A heap of spoil that is dropped along the line between two points (east, north), in metres."""
 
     start_m: tuple[float, float]
     end_m: tuple[float, float]
@@ -45,11 +43,9 @@ class SpoilHeap:
         return math.dist(self.start_m, self.end_m)
 
     def thickness(self, grid: ExcavationGrid, volume_m3: float, lumps_m: Numbers = 0.0, crest_m: float = 0.0) -> Array:
-        """Thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact.
-
-        ``lumps_m`` is how much farther from the line each place is taken to be, which makes the heap uneven;
-        ``crest_m`` is how far from it the crest is round.
-        """
+        """Thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact. ``lumps_m``
+        (rows, columns) is added to the distance of each cell from the line, which makes the heap uneven. Within
+        ``crest_m`` of the line the crest is round."""
         if volume_m3 <= 0.0:
             return np.zeros((grid.rows, grid.columns))
         height = ridge_height_m(volume_m3, self.length_m, self.repose_deg)
@@ -63,6 +59,7 @@ class SpoilHeap:
         return shape * (volume_m3 / total)
 
     def _distance_to_line(self, grid: ExcavationGrid) -> Array:
+        """Distance (rows, columns) in metres of the cells from the line."""
         x, y = grid.east_m[None, :] - self.start_m[0], grid.north_m[:, None] - self.start_m[1]
         east, north = self.end_m[0] - self.start_m[0], self.end_m[1] - self.start_m[1]
         share = np.clip((x * east + y * north) / max(east**2 + north**2, 1e-30), 0.0, 1.0)

@@ -1,7 +1,7 @@
 """The path of a scoop from recorded angles of the arm's joints, by the arm's forward kinematics.
 
-Heights are absolute here: the arm stands on the level of the ground under the left camera, and so depths count from
-there and not from the plane of the untouched ground.
+Heights are absolute here, because the arm stands on the level of the ground under the left camera. Depths therefore
+count from that level, not from the plane of the untouched ground.
 """
 
 from __future__ import annotations
@@ -24,18 +24,16 @@ from ..terrain.standing_places import make_rocky_ground
 from .scoop_cut import Pull
 from .scoop_paths import MOST_PLACES, make_pulls_through
 
-#: Between two recorded lines the joints turn evenly, in steps of at most this many degrees (or centimetres).
-_STEP_DEG = 1.0
-#: A pull counts if the blade comes lower than this above the ground, in metres, as it may cut between its ends.
-_NEAR_M = 0.02
+#: Largest step in degrees (or centimetres) of a joint. Joints turn evenly between two recorded lines.
+_JOINT_STEP_DEG = 1.0
+#: A pull counts if the blade comes nearer to the ground than this, in metres, because it may cut between its ends.
+_NEAR_GROUND_M = 0.02
 
 
 def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
-    """The pulls of each state after the first, whose depths are below the level of the ground under the left camera,
-    and how far below the untouched ground the blade goes at most, in metres.
-
-    Raises IcyMoonError, with the line, for lines that cannot be read and for joints beyond their limits.
-    """
+    """The pulls of each state after the first, with depths below the level of the ground under the left camera, and the
+    greatest depth in metres of the blade below the untouched ground. Raises IcyMoonError, with the line, for lines that
+    cannot be read and for joints beyond their limits."""
     path = absolute_path(settings.excavation.file, "excavation.file")
     arm = make_arm(settings)
     own = load_users_arm(settings) if is_users_arm(settings) else None
@@ -59,10 +57,8 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
 
 
 def keep_near_ground(settings: Settings, pulls: list[list[Pull]]) -> tuple[list[list[Pull]], float]:
-    """The pulls that come near the untouched ground, and how far below it the blade goes at most, in metres.
-
-    On its way to the trench the scoop digs nothing, and the fine mesh need not be there. All pulls if none comes near.
-    """
+    """The pulls that come near the untouched ground, and the greatest depth in metres of the blade below it. On its way
+    to the trench the scoop digs nothing, and the fine mesh need not be there. If no pull comes near, all are kept."""
     ground, rig = make_rocky_ground(settings), settings.rig
     level = float(ground.heights(np.array([rig.x_m]), np.array([rig.y_m]))[0])
 
@@ -71,12 +67,12 @@ def keep_near_ground(settings: Settings, pulls: list[list[Pull]]) -> tuple[list[
         return float(np.nanmax(pull.depth_m + ground.heights(x, y) - level, initial=-math.inf))
 
     depths = {id(pull): below_m(pull) for each in pulls for pull in each}
-    kept = [[pull for pull in each if depths[id(pull)] > -_NEAR_M] for each in pulls]
+    kept = [[pull for pull in each if depths[id(pull)] > -_NEAR_GROUND_M] for each in pulls]
     return kept if any(kept) else pulls, max(depths.values())
 
 
 def _read_joints(path: Path, arm: Arm, own: UrdfArm | None) -> Array:
-    """State and joints (n, 1 + joints) in radians or metres of the joints that move."""
+    """State and values of the moving joints (n, 1 + joints), in radians or metres."""
     moving = [joint for joint in arm.joints if own is None or joint.name in own.names]
     columns = ("state", *(f"{joint.name}_m" if joint.slides else f"{joint.name}_deg" for joint in moving))
     rows = []
@@ -109,15 +105,15 @@ def _describe_limit(joint: Joint, value: float) -> str:
 
 
 def _interpolate_poses(rows: Array) -> Array:
-    """The joints (k, joints) of recorded poses (n, joints), and between them in steps of a degree."""
+    """The joints (k, joints) of recorded poses (n, joints), with poses in steps of a degree between them."""
     steps = [rows[:1]]
     for a, b in itertools.pairwise(rows):
-        count = max(1, math.ceil(float(np.degrees(np.abs(b - a)).max()) / _STEP_DEG))
+        count = max(1, math.ceil(float(np.degrees(np.abs(b - a)).max()) / _JOINT_STEP_DEG))
         steps.append(a + np.linspace(0.0, 1.0, count + 1)[1:, None] * (b - a))
     return np.concatenate(steps)
 
 
 def _find_tip_places(arm: Arm, own: UrdfArm | None, poses: Array) -> list[Array]:
-    """East, north and depth (3,) of the tip in each of the poses."""
+    """East, north and depth (3,) in metres of the tip in each of the poses."""
     tips = [find_tip(arm, values if own is None else own.values(values)) for values in poses]
     return [tip * (1.0, 1.0, -1.0) for tip in tips]

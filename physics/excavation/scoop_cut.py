@@ -1,9 +1,8 @@
-"""The ground that the blade of a scoop takes away: all ground above the lowest height of the blade.
+"""The ground that the blade of a scoop removes: all ground above the lowest height of the blade.
 
-A height field cannot represent an undercut, so ground that would overhang the blade is taken away too. A cell is cut
-where the blade was over it. Blades end inside cells, so each cell is the mean of 4 x 4 places: a prism of 8 x 30 cm
-on cells of 2.5 mm is then within 0.01 % of its volume, and 2 % without
-(``tests/physics/excavation/test_scoop_cut.py``).
+A height field cannot represent an undercut, so ground that would overhang the blade is removed too. A blade ends inside
+cells, so the cut of a cell is the mean over 4 x 4 points in it. A prism of 8 x 30 cm on cells of 2.5 mm is then within
+0.01 % of its volume; with one point it would be within 2 % (``tests/physics/excavation/test_scoop_cut.py``).
 """
 
 from __future__ import annotations
@@ -17,17 +16,15 @@ import numpy as np
 from ...support.arrays import Array, Numbers
 from .dig_grid import ExcavationGrid
 
-#: Places in a cell along each axis.
+#: Points in a cell along each axis.
 SUBSAMPLES = 4
 
 
 @dataclass(frozen=True)
 class Pull:
     """A straight pull of a blade ``width_m`` wide from (``x_m``, ``y_m``) along a heading, clockwise from north.
-
-    ``along_m`` (n,), rising, are distances from there, and ``depth_m`` (n,) the depths of the edge below the plane
-    of the untouched ground there. With ``from_deg`` the blade turns about its middle from that heading before.
-    """
+    ``along_m`` (n,), increasing, are distances along the pull. ``depth_m`` (n,) are depths of the edge there, below the
+    plane of the untouched ground. With ``from_deg`` the blade first turns about its middle from that heading."""
 
     x_m: float
     y_m: float
@@ -44,7 +41,7 @@ class Pull:
         return x * east + y * north, x * north - y * east
 
     def point(self, along_m: float, right_m: float) -> tuple[float, float]:
-        """East and north of a place, the inverse of ``place``."""
+        """East and north coordinates in metres of a place on the pull, the inverse of ``place``."""
         east, north = math.sin(math.radians(self.heading_deg)), math.cos(math.radians(self.heading_deg))
         return self.x_m + along_m * east + right_m * north, self.y_m + along_m * north - right_m * east
 
@@ -62,7 +59,7 @@ class Pull:
         return min(x), min(y), max(x), max(y)
 
     def depth_at(self, x_m: Array, y_m: Array) -> Array:
-        """Depth of the blade's edge at points that it passes over, in metres; -inf at others."""
+        """Depth in metres of the blade's edge at points on its way; -inf at other points."""
         along, right = self.place(x_m, y_m)
         over = (np.abs(right) <= self.width_m / 2) & (along >= self.along_m[0]) & (along <= self.along_m[-1])
         if self.from_deg is not None:  # the sector outside a bend, which two pulls leave out
@@ -72,7 +69,7 @@ class Pull:
         return np.where(over, np.interp(along, self.along_m, self.depth_m), -np.inf)
 
     def beside(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
-        """Distance in metres of points to the nearest that the blade passes over, 0 there, and its depth there."""
+        """Distance in metres of points from the blade's way, 0 on it, and the depth at the nearest point of the way."""
         along, right = self.place(x_m, y_m)
         nearest = np.clip(along, self.along_m[0], self.along_m[-1])
         out = np.hypot(along - nearest, np.maximum(np.abs(right) - self.width_m / 2, 0.0))
@@ -87,10 +84,8 @@ def find_bounds_m(pulls: Sequence[Pull], margin_m: float = 0.0) -> tuple[float, 
 
 
 def fit_plane(grid: ExcavationGrid, heights: Array, pulls: Sequence[Pull]) -> Array:
-    """The least squares plane (3,), height = a + b east + c north, of the ground that the pulls pass over.
-
-    It is level where that is less than three cells wide.
-    """
+    """The least squares plane (3,), height = a + b east + c north, of the ground that the pulls pass over. If that
+    ground is less than three cells wide, the plane is level."""
     over = np.zeros(heights.shape, bool)
     for pull in pulls:
         window = grid.window(*pull.bounds_m())
@@ -110,16 +105,14 @@ def fit_plane(grid: ExcavationGrid, heights: Array, pulls: Sequence[Pull]) -> Ar
     return np.array([a - b * middle_east - c * middle_north, b, c])
 
 
-def cut_heights(grid: ExcavationGrid, top_m: Array, plane: Array, pulls: Sequence[Pull]) -> Array:
-    """How much (rows, columns) in metres the pulls take off the ground, whose top is at ``top_m``.
-
-    ``plane`` is what depths count from, as ``fit_plane`` returns it.
-    """
+def measure_cut_depth_m(grid: ExcavationGrid, top_m: Array, plane: Array, pulls: Sequence[Pull]) -> Array:
+    """Depth (rows, columns) in metres that the pulls remove from ground with its top at ``top_m``. Depths of the pulls
+    are below ``plane``, as ``fit_plane`` returns it."""
     taken = np.zeros_like(top_m)
     window = grid.window(*find_bounds_m(pulls))
     windows = [grid.window(*pull.bounds_m()) for pull in pulls]
     x, y = grid.points(window)
-    # Against the ground's own plane there, so that a slope does not bias a cell that is half cut.
+    # Compare with the plane of the ground, so that a slope does not bias a half cut cell.
     level = plane[0] + plane[1] * x + plane[2] * y
     depth = np.empty(taken.shape)
     steps = ((np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5) * grid.cell_m

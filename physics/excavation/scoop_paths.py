@@ -19,10 +19,14 @@ from .scoop_cut import Pull
 
 NONE, LINE, ARC, RECORDED, JOINTS = "NONE", "LINE", "ARC", "RECORDED", "JOINTS"
 #: Columns that a recorded path must have.
-COLUMNS = ("state", "x_m", "y_m", "depth_m")
-#: Places of a recorded path at most, and how far they may be from the origin, and deep, in metres.
-MOST_PLACES, _FARTHEST_M, _DEEPEST_M = 20_000, 1.0e4, 100.0
-#: Points of an arc: straight between them, it is within 1e-5 of its radius.
+PATH_COLUMNS = ("state", "x_m", "y_m", "depth_m")
+#: Maximum number of places of a recorded path.
+MOST_PLACES = 20_000
+#: Largest distance of a place from the origin, in metres.
+_FARTHEST_M = 1.0e4
+#: Largest depth of a place, in metres.
+_DEEPEST_M = 100.0
+#: Number of points of an arc; straight lines between them stay within 1e-5 of its radius.
 _ARC_POINTS = 181
 
 
@@ -37,7 +41,7 @@ def make_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
 
 
 def _make_pull(excavation: ExcavationSettings, depth_m: float) -> Pull:
-    """The pull to a depth. The blade of an arc swings into the ground, goes along the line, and swings out."""
+    """The pull to a depth in metres. On an arc the blade swings into the ground, follows the line, and swings out."""
     length = float(excavation.length_m)
     along, depth = np.array([0.0, length]), np.array([depth_m, depth_m])
     if excavation.path == ARC:
@@ -80,7 +84,7 @@ def make_pull_between(a: Array, b: Array, width_m: float) -> Pull | None:
 
 
 def make_pulls_through(points: Iterable[Array], width_m: float) -> list[Pull]:
-    """Straight pulls through places (east, north, depth) in metres; none between places that coincide."""
+    """Straight pulls through places (east, north, depth) in metres; places that coincide make no pull."""
     pulls: list[Pull] = []
     for a, b in itertools.pairwise(points):
         if (pull := make_pull_between(a, b, width_m)) is not None:
@@ -89,22 +93,18 @@ def make_pulls_through(points: Iterable[Array], width_m: float) -> list[Pull]:
 
 
 def _turn_blade(pull: Pull, before: Pull) -> Pull:
-    """The pull with the turn of the blade from the one before it, unless that is sharper than a right angle.
-
-    Such a blade is rather lifted and set down again.
-    """
+    """The pull, with a turn of the blade from the heading ``before`` it. A turn sharper than a right angle is left out,
+    because the blade is then rather lifted and set down again."""
     turn = math.radians(pull.heading_deg - before.heading_deg)
     return replace(pull, from_deg=before.heading_deg) if math.cos(turn) > 1e-9 else pull
 
 
 def read_path(path: Path) -> Array:
-    """State, east, north and depth below the plane of the untouched ground (n, 4), in metres, of a CSV file whose
-    first line names its columns; others than ``COLUMNS`` are not read.
-
-    Raises IcyMoonError if the file is missing, or a column, or a number, if one is out of range, or there are too many.
-    """
+    """State, east, north and depth (n, 4) of a CSV file; metres, depth below the plane of the untouched ground. The
+    first line names the columns; only ``PATH_COLUMNS`` are read. Raises IcyMoonError for a missing file, column or
+    number, for a number out of range, and for too many lines."""
     rows = []
-    for number, row in read_number_lines(path, COLUMNS, "excavation.file", MOST_PLACES):
+    for number, row in read_number_lines(path, PATH_COLUMNS, "excavation.file", MOST_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
             raise IcyMoonError(
                 f"{path}: line {number} is no place of the blade; give a whole state from 1, and "

@@ -1,8 +1,8 @@
-"""Loose material slides until no slope is steeper than the angle of repose.
+"""Slides of loose material, until no slope is steeper than the angle of repose.
 
 Of two neighbouring cells the higher one gives half of its excess height to the lower one. In each of 16 directions the
-pairs of cells are disjoint, so all pairs of a direction are relaxed at once, in place: no mass is lost, the order is
-fixed, and nothing overshoots. (With all pairs at once, as Jacobi does, it takes 18 times as many sweeps.)
+pairs of cells are disjoint, so all pairs of a direction are relaxed at once, in place: mass is kept, the order is
+fixed, and nothing overshoots. (Relaxing all pairs at once, as Jacobi's method does, takes 18 times as many sweeps.)
 """
 
 from __future__ import annotations
@@ -16,22 +16,30 @@ import numpy as np
 
 from ...support.arrays import Array, Numbers
 
-#: Rows and columns from a cell to its neighbours: 8 of 16 directions, the other 8 are their opposites. ``_TURNED`` are
-#: steps on the transposed grid. With 8 directions slopes would be up to 5 % too steep.
-_STEPS = ((1, 0), (1, 1), (1, -1), (2, 1), (2, -1))
-_TURNED = ((1, 0), (2, 1), (2, -1))
-#: Sweeps end when less than this share of a cell moves between any two cells; number of sweeps between tests; maximum
-#: number of sweeps.
-_TOLERANCE, _EVERY, _MOST_SWEEPS = 0.03, 10, 400
-#: A slide over a long distance takes a number of sweeps proportional to its square. So if ground still slides, pairs
-#: this many times as far apart are swept first; maximum number of these sweeps, and of cycles. The result is the same,
-#: as no slope over a distance is steeper than the steepest slope within it. A stride of up to 8 cells cannot skip a
-#: trench that is wider than 8 cells.
-_STRIDES, _MOST_STRIDES, _MOST_CYCLES = (4, 2), 100, 10
+#: Rows and columns from a cell to its neighbours, for 8 of the 16 directions; the other 8 are their opposites. With 8
+#: directions slopes would be up to 5 % too steep.
+_NEIGHBOURS = ((1, 0), (1, 1), (1, -1), (2, 1), (2, -1))
+#: The same, as steps on the transposed grid.
+_NEIGHBOURS_TRANSPOSED = ((1, 0), (2, 1), (2, -1))
+#: Sweeps end when less than this share of a cell moves between any two cells.
+_TOLERANCE = 0.03
+#: Number of sweeps between tests.
+_SWEEPS_PER_TEST = 10
+#: Maximum number of sweeps.
+_MOST_SWEEPS = 400
+#: A slide over a long distance takes a number of sweeps proportional to the square of the distance. If ground still
+#: slides, pairs this many times as far apart are therefore swept first. The result is the same, because no slope over a
+#: distance is steeper than the steepest slope within it. A stride of up to 8 cells cannot skip a trench that is wider
+#: than 8 cells.
+_STRIDES = (4, 2)
+#: Maximum number of sweeps at a stride.
+_MOST_STRIDE_SWEEPS = 100
+#: Maximum number of cycles of strides.
+_MOST_CYCLES = 10
 #: Maximum number of bulking passes; each pass turns less ground into spoil.
-_BULKINGS = 4
-#: Cells around ground that may move.
-_AROUND = 12
+_BULKING_PASSES = 4
+#: Width in cells of the margin around ground that may move.
+_MARGIN_CELLS = 12
 
 
 @dataclass
@@ -59,16 +67,17 @@ def relax_slopes(
     stood_m: Array | None = None,
     slides: Array | None = None,
 ) -> tuple[int, bool]:
-    """Let spoil slide, in place; cells at the rim slide inward only. Returns the number of sweeps and if all rests.
+    """Let spoil slide, in place; cells at the rim slide inward only. Returns the number of sweeps, and whether all
+    material rests.
 
-    With ``stood_m``, the heights of the ground before it was dug, ground slides too, where ``slides`` (rows, columns)
-    is true, everywhere by default. It becomes spoil, which takes ``bulking`` times the volume. Two places of the ground
-    may differ by as much as they did when it stood.
+    With ``stood_m``, the heights of the ground before it was dug, ground slides too, in the cells ``slides`` (rows,
+    columns), everywhere by default. Sliding ground becomes spoil and then takes ``bulking`` times the volume. Two
+    places of the ground may differ in height by as much as before the digging.
     """
     if stood_m is None:
         return _settle_slopes(layers.top, layers.spoil, cell_m, repose_deg, None)
     sweeps, rests = 0, True
-    for _ in range(_BULKINGS):
+    for _ in range(_BULKING_PASSES):
         top = layers.top
         loose = None if slides is None else np.where(slides, np.inf, layers.spoil)
         more, rests = _settle_slopes(top, loose, cell_m, repose_deg, stood_m)
@@ -81,10 +90,8 @@ def relax_slopes(
 
 def _apply_change(layers: GroundLayers, change_m: Array, bulking: float) -> float:
     """Apply a volume-preserving change of the surface to the layers: spoil leaves before ground, and arrives as spoil.
-
-    Ground grows as it becomes spoil: one factor raises all material that arrives. Returns the greatest height in metres
-    that this adds to the change.
-    """
+    Ground grows as it becomes spoil: one factor raises all arriving material. Returns the greatest height in metres
+    that this growth adds to the change."""
     gone, come = np.maximum(-change_m, 0.0), np.maximum(change_m, 0.0)
     loose = np.minimum(gone, layers.spoil)
     solid = gone - loose
@@ -111,7 +118,7 @@ def _settle_slopes(
         if rests:
             break
         for stride in _STRIDES:
-            sweeps += _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, stride, _MOST_STRIDES)[0]
+            sweeps += _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, stride, _MOST_STRIDE_SWEEPS)[0]
         more, rests = _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, 1, _MOST_SWEEPS)
         sweeps += more
     return sweeps, rests
@@ -126,7 +133,8 @@ def _sweep_at_stride(
     stride: int,
     most: int,
 ) -> tuple[int, bool]:
-    """Sweep over pairs ``stride`` times as far apart until little moves, or ``most`` times; see ``_settle_slopes``."""
+    """Sweep over pairs ``stride`` times as far apart, until little moves or at most ``most`` times; see
+    ``_settle_slopes``."""
     tangent = math.tan(math.radians(repose_deg))
     sweeps, window = 0, _find_moving_window(top, spoil, cell_m, tangent, stood_m)
     while window is not None:
@@ -134,9 +142,9 @@ def _sweep_at_stride(
             return sweeps, False
         part = top[window], None if spoil is None else spoil[window]
         limits = _make_limits(None if stood_m is None else stood_m[window], part[0].shape, cell_m * tangent, stride)
-        for _ in range(_EVERY):
+        for _ in range(_SWEEPS_PER_TEST):
             moved = _sweep_once(*part, limits)
-        sweeps += _EVERY
+        sweeps += _SWEEPS_PER_TEST
         if moved < _TOLERANCE * cell_m * tangent:
             break
         window = _find_moving_window(top, spoil, cell_m, tangent, stood_m)
@@ -146,7 +154,7 @@ def _sweep_at_stride(
 def _find_moving_window(
     top: Array, spoil: Array | None, cell_m: float, tangent: float, stood_m: Array | None
 ) -> tuple[slice, slice] | None:
-    """Rows and columns of all loose cells that are too steep, with a margin; None if there are no such cells."""
+    """Rows and columns of all loose cells on too steep slopes, with a margin; None without such cells."""
     steep = np.zeros(top.shape, bool)
     for axis in (0, 1):
         drop = np.diff(top, axis=axis)
@@ -162,8 +170,8 @@ def _find_moving_window(
     if not len(rows):
         return None
     return (
-        slice(max(int(rows[0]) - _AROUND, 0), int(rows[-1]) + _AROUND + 1),
-        slice(max(int(columns[0]) - _AROUND, 0), int(columns[-1]) + _AROUND + 1),
+        slice(max(int(rows[0]) - _MARGIN_CELLS, 0), int(rows[-1]) + _MARGIN_CELLS + 1),
+        slice(max(int(columns[0]) - _MARGIN_CELLS, 0), int(columns[-1]) + _MARGIN_CELLS + 1),
     )
 
 
@@ -171,18 +179,15 @@ def _axis_slices(axis: int, of: slice) -> tuple[slice, slice]:
     return (of, slice(None)) if axis == 0 else (slice(None), of)
 
 
-#: Pairs of cells, whether rows and columns are turned over, and by how much their heights may differ.
+#: Two slices of cells that form pairs, whether rows and columns are transposed, and the largest difference in height.
 _Limit = tuple[bool, tuple[slice, slice], tuple[slice, slice], Any]
 
 
 def _make_limits(stood_m: Array | None, shape: tuple[int, ...], rise_m: float, stride: int) -> list[_Limit]:
-    """Greatest difference in height of all pairs of cells: by the angle of repose, or as they stood before if that is
-    more.
-
-    The cells of a pair are ``stride`` times as far apart as neighbours.
-    """
+    """Greatest allowed difference in height of all pairs of cells: by the angle of repose, or their difference before
+    the digging if that is larger. Pairs are ``stride`` times as far apart as neighbours."""
     found: list[_Limit] = []
-    for turned, steps in ((False, _STEPS), (True, _TURNED)):
+    for turned, steps in ((False, _NEIGHBOURS), (True, _NEIGHBOURS_TRANSPOSED)):
         stood = stood_m.T if turned and stood_m is not None else stood_m
         rows, columns = shape[::-1] if turned else shape
         for down, right in ((stride * a, stride * b) for a, b in steps):
@@ -197,7 +202,7 @@ def _make_limits(stood_m: Array | None, shape: tuple[int, ...], rise_m: float, s
 
 
 def _sweep_once(top: Array, spoil: Array | None, limits: list[_Limit]) -> float:
-    """One sweep over all pairs, in place; the most that moved between two cells, in metres."""
+    """One sweep over all pairs, in place. Returns the largest height in metres that moved between two cells."""
     most = 0.0
     for turned, a, b, limit in limits:
         heights, loose = (top.T, None if spoil is None else spoil.T) if turned else (top, spoil)
@@ -220,7 +225,8 @@ def _sweep_once(top: Array, spoil: Array | None, limits: list[_Limit]) -> float:
 def _list_disjoint_pairs(
     shape: tuple[int, ...], down: int, right: int
 ) -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Places of disjoint pairs of cells, that many rows and columns apart; together they are all such pairs."""
+    """Slices of disjoint pairs of cells, ``down`` rows and ``right`` columns apart; together they
+    cover all such pairs."""
     rows, columns = shape
     first = slice(max(-right, 0), columns - max(right, 0))
     second = slice(max(right, 0), columns - max(-right, 0))

@@ -1,10 +1,12 @@
 """Rocks that lose their support when the ground under them is dug away, and where they come to rest.
 
-A simplification, without dynamics: a rock tips where its middle is no longer over the convex hull of the ground that
-is left under it. It then moves down the slope under its footprint by quarters of its diameter, until the slope is
-gentle, the ground falls no more, or another rock is in its way. There it turns with the slope and is lowered until it
-touches the ground. Rocks meet as balls of their diameters, seen from above; a rock passes over rocks of less than half
-its size. The lowest move first. The same rocks and ground give the same result. Rocks are not part of the dug ground.
+The model is simple, without dynamics. A rock tips if its middle is outside the convex hull of the ground that is left
+under it. It then moves down the slope under its footprint in steps of a quarter of its diameter, until the slope is
+gentle, the ground stops falling, or another rock is in its way. There it turns with the slope and is lowered until it
+touches the ground.
+
+Seen from above, rocks collide as balls of their diameters; a rock passes over rocks of less than half its size. The
+lowest rock moves first. Equal rocks and ground give equal results. Rocks are not part of the dug ground.
 """
 
 from __future__ import annotations
@@ -20,37 +22,39 @@ from ..rocks.place_rocks import HeightAt, Rocks, lay_rocks_again
 from ..rocks.rock_shapes import RockShape
 
 #: Loss of height in metres that counts as dug away.
-_LOST_M = 2.0e-3
-#: Points of a footprint: rings of 16 at these shares of the rock's diameter.
-_RINGS, _ROUND = (0.15, 0.3, 0.45), 16
-#: A rock rolls on while the ground is steeper than this; its step as a share of its diameter; maximum number of steps.
-_ROLLS_DEG, _STEP, _MOST_STEPS = 20.0, 0.25, 60
-#: Share of a rock's diameter from which on another rock is in its way.
-_IN_THE_WAY = 0.5
+_DUG_AWAY_M = 2.0e-3
+#: Radii of the rings of a footprint, as shares of the rock's diameter.
+_RING_RADII = (0.15, 0.3, 0.45)
+#: Number of points of a ring.
+_POINTS_PER_RING = 16
+#: A rock rolls on while the ground is steeper than this.
+_ROLLING_SLOPE_DEG = 20.0
+#: Step of a rolling rock, over its diameter.
+_ROLL_STEP = 0.25
+#: Maximum number of steps.
+_MOST_ROLL_STEPS = 60
+#: Least size of a rock that blocks another, over the other's diameter.
+_BLOCKING_SIZE = 0.5
 
 ChangeAt = Callable[[Array, Array], Array]
 
 
 def find_unsupported(rocks: Rocks, change_m: ChangeAt) -> Array:
-    """Numbers of the rocks whose middle is not over the ground that is left under them.
-
-    ``change_m`` gives the height of the ground over the untouched ground, at east and north.
-    """
-    turn = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
-    share = np.repeat(_RINGS, _ROUND)
-    dx, dy = share * np.tile(np.cos(turn), len(_RINGS)), share * np.tile(np.sin(turn), len(_RINGS))
+    """Numbers of the rocks whose middle is not above the ground that is left under them. ``change_m`` returns the
+    height of the ground above the untouched ground, at east and north coordinates."""
+    turn = np.linspace(0.0, 2 * np.pi, _POINTS_PER_RING, endpoint=False)
+    share = np.repeat(_RING_RADII, _POINTS_PER_RING)
+    dx, dy = share * np.tile(np.cos(turn), len(_RING_RADII)), share * np.tile(np.sin(turn), len(_RING_RADII))
     size = rocks.diameter_m[:, None]
-    lost = change_m(rocks.position_m[:, :1] + size * dx, rocks.position_m[:, 1:2] + size * dy) < -_LOST_M
+    lost = change_m(rocks.position_m[:, :1] + size * dx, rocks.position_m[:, 1:2] + size * dy) < -_DUG_AWAY_M
     touched = np.flatnonzero(lost.any(axis=1))
-    left = ~lost[touched].reshape(-1, len(_RINGS), _ROUND)
+    left = ~lost[touched].reshape(-1, len(_RING_RADII), _POINTS_PER_RING)
     return touched[~_spans_middle(left.any(axis=1))]
 
 
 def _spans_middle(left: Array) -> Array:
-    """Whether the middle is in the convex hull of points in some of equal directions (n, directions) around it.
-
-    It is unless they leave out more than half a turn.
-    """
+    """Whether the middle lies in the convex hull of the points that are ``left`` (n, directions), at equal angles
+    around it. It does unless a gap of more than half a turn is left out."""
     half = left.shape[1] // 2
     gap = np.stack([np.roll(~left, -first, axis=1)[:, :half].all(axis=1) for first in range(left.shape[1])], axis=1)
     return np.asarray(~gap.any(axis=1))
@@ -59,10 +63,8 @@ def _spans_middle(left: Array) -> Array:
 def settle_rocks(
     rocks: Rocks, change_m: ChangeAt, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]
 ) -> tuple[Rocks, int]:
-    """Rocks at rest on dug ground, from the same rocks on untouched ground, and how many of them moved.
-
-    ``surface`` is the height of the dug ground.
-    """
+    """Rocks at rest on dug ground, from the same rocks on untouched ground, and the number of rocks that moved.
+    ``surface`` returns the height of the dug ground."""
     falls = find_unsupported(rocks, change_m)
     if not len(falls):
         return rocks, 0
@@ -78,29 +80,29 @@ def settle_rocks(
 
 
 def _roll_rock(places: Array, rock: int, diameters: Array, surface: HeightAt) -> Array:
-    """Where a rock comes to rest, from where all rocks are (n, 2): east and north in metres."""
+    """East and north in metres of the place at which a rock comes to rest, from the places (n, 2) of all rocks."""
     place, diameter = places[rock], float(diameters[rock])
     touch = 0.5 * (diameters + diameter)
-    near = (diameters >= _IN_THE_WAY * diameter) & (
-        np.hypot(*(places - place).T) < _MOST_STEPS * _STEP * diameter + touch
+    near = (diameters >= _BLOCKING_SIZE * diameter) & (
+        np.hypot(*(places - place).T) < _MOST_ROLL_STEPS * _ROLL_STEP * diameter + touch
     )
     near[rock] = False
     others, touch = places[near], touch[near]
-    turn = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
+    turn = np.linspace(0.0, 2 * np.pi, _POINTS_PER_RING, endpoint=False)
     dx, dy = 0.45 * diameter * np.cos(turn), 0.45 * diameter * np.sin(turn)
 
     def ground(at: Array) -> tuple[float, Array]:
         z = surface(at[0] + dx, at[1] + dy)
         # Least squares on a ring is a projection, as in ``rocks.py``.
-        fall = -np.array([(z * dx).sum(), (z * dy).sum()]) / (_ROUND / 2 * (0.45 * diameter) ** 2)
+        fall = -np.array([(z * dx).sum(), (z * dy).sum()]) / (_POINTS_PER_RING / 2 * (0.45 * diameter) ** 2)
         return float(z.mean()), fall
 
     at, (height, fall) = place.copy(), ground(place)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MOST_ROLL_STEPS):
         steep = float(np.hypot(*fall))
-        if not steep > math.tan(math.radians(_ROLLS_DEG)):
+        if not steep > math.tan(math.radians(_ROLLING_SLOPE_DEG)):
             break
-        following = at + _STEP * diameter * fall / steep
+        following = at + _ROLL_STEP * diameter * fall / steep
         lower, next_fall = ground(following)
         apart = np.hypot(*(others - following).T)
         if not lower < height or ((apart < touch) & (apart < np.hypot(*(others - at).T))).any():

@@ -1,12 +1,12 @@
-"""The bands R, G, B of a pair: what its channels mean, and how spectra become numbers in them.
+"""The bands R, G, B of a pair: the meaning of its channels, and conversion of spectra to them.
 
-A channel holds the radiance, in W/(m² sr) over all wavelengths, that the scene would have if it were everywhere in the
-spectrum as bright, relative to sunlight, as it is in the band. So grey ground has equal channels, π L / E is the
-radiance factor in each band, and the light within a camera's band is the channel times the share of sunlight in it.
+A channel is a radiance in W/(m² sr) over all wavelengths: the radiance in the band relative to sunlight in the band,
+times all sunlight. Grey ground therefore has equal channels, π L / E is the radiance factor in each band, and the light
+in a camera's band is the channel times the share of sunlight in that band.
 
 The bands are at 620, 550 and 460 nm, about where the primaries of screens are. Between them the light relative to
-sunlight changes along straight lines, beyond the outer two it is even. A camera of any filters is computed from that,
-see ``camera.colour``.
+sunlight is interpolated linearly; beyond the outer two it is constant. The signal of a camera with any filters follows
+from that, see ``camera.colour``.
 """
 
 from __future__ import annotations
@@ -21,25 +21,24 @@ from ..surfaces.spectra import MATERIALS, bubbly_ice_reflectance, ice_absorption
 from .photons import planck_radiance
 from .sunlight import BANDS_M, SUN_TEMPERATURE_K
 
-#: The visible, within which materials are fitted.
+#: Wavelengths in nm of the visible range, within which materials are fitted.
 VISIBLE_NM = np.arange(400.0, 701.0, 2.0)
 
 
 def band_shares(wavelength_m: Array) -> Array:
-    """How much each of R, G, B counts at wavelengths (n,) in metres: (3, n), whose sum over the bands is 1."""
+    """Weights (3, n) of R, G, B at wavelengths (n,) in metres; their sum over the bands is 1."""
     ascending = np.argsort(BANDS_M)
     centres = np.array(BANDS_M)[ascending]
     return np.stack([np.interp(wavelength_m, centres, one) for one in np.eye(3)[:, ascending]])
 
 
 def band_reflectances(reflectance: Callable[[Array], Array]) -> tuple[float, float, float]:
-    """The reflectances in R, G, B that stand for a spectrum, a function of wavelengths in nm.
+    """The reflectances in R, G, B that represent a spectrum, a function of wavelengths in nm.
 
-    Lines through them at the bands' wavelengths are nearest to the spectrum, by least squares over the visible, each
-    wavelength with its share of the Sun's photons. So a camera whose response is a sum of the bands sees exactly what
-    it would see of the spectrum, and any camera in the visible sees it within 5 % for the materials of ``spectra``.
-    No band is below 0: where lines would be, as of ice that is dark but in the blue, that band is 0 and the others are
-    the nearest then.
+    The lines between them at the bands' wavelengths fit the spectrum by least squares over the visible range, weighted
+    by the Sun's photons. A camera whose response is a sum of the bands receives exactly the light of the spectrum; any
+    camera in the visible is within 5 % for the materials of ``spectra``. Bands are at least 0: a band whose line would
+    be negative, as for ice that is dark except in the blue, is 0, and the others are fitted again.
     """
     wavelength = VISIBLE_NM * 1e-9
     shares = band_shares(wavelength)

@@ -1,11 +1,10 @@
-"""Moons and their planets: shape, orientation and mean orbit, as far as the sky needs them.
+"""Moons and their planets: shape, orientation and mean orbit, as the sky needs them.
 
-Angles in degrees, T in Julian centuries and d in days since J2000 (TDB). Orientation: IAU working group
-(Archinal et al. 2018, Celestial Mechanics 130, 22). Orbits of the planets about the Sun: Standish's
-elements for 1800 to 2050 (Solar System Dynamics group, JPL, "Approximate Positions of the Planets",
-table 1). Where the planet stands over a moon: terms of the theories of Dourneau 1987 (thesis, Bordeaux;
-also Meeus, Astronomical Algorithms, ch. 46) and Lieske's E2 (ibid., ch. 44), reduced to the body-fixed
-frames above. Distances of the moons: their semi-major axes.
+Angles are in degrees, T in Julian centuries and d in days since J2000 (TDB). Orientation: IAU working group (Archinal
+et al. 2018, Celestial Mechanics 130, 22). Orbits of the planets about the Sun: Standish's elements for 1800 to 2050
+(Solar System Dynamics group, JPL, "Approximate Positions of the Planets", table 1). Longitude of the planet above a
+moon: terms of the theories of Dourneau 1987 (thesis, Bordeaux; also Meeus, Astronomical Algorithms, ch. 46) and
+Lieske's E2 (ibid., ch. 44), reduced to the body-fixed frames above. Distances of the moons: their semi-major axes.
 """
 
 from __future__ import annotations
@@ -63,26 +62,30 @@ def _europa_orientation(d: float) -> tuple[float, float, float]:
     )
 
 
-#: Mean east longitude of the planet over the meridians that craters define (Salih, Cilix), from 2000 to 2060.
-_SATURN_OVER, _JUPITER_OVER = -4.09, -1.53
+#: Mean east longitude of Saturn from the meridian that the crater Salih defines, from 2000 to 2060.
+_SATURN_LONGITUDE_DEG = -4.09
+#: Mean east longitude of Jupiter from the meridian that the crater Cilix defines, from 2000 to 2060.
+_JUPITER_LONGITUDE_DEG = -1.53
 
 
 def _place_under_saturn(d: float) -> tuple[float, float]:
-    """Eccentricity 0.00485, and what Dione does to the mean longitude in 11.1 and 3.9 years."""
+    """East longitude of Saturn and its relative distance: eccentricity 0.00485, and the effect of Dione on the mean
+    longitude in 11.1 and 3.9 years."""
     days = d + 40452.0  # from JD 2411093
     years = days / 365.25
     anomaly = math.radians((200.317 + 262.7319002 * days - 309.107 - 123.44121 * years) % 360)
     slow = 0.25667 * math.sin(math.radians(74.4 + 32.39 * years)) + 0.20983 * math.sin(
         math.radians(134.3 + 92.62 * years)
     )
-    return _SATURN_OVER + 0.55577 * math.sin(anomaly) + slow, 1.0 - 0.00485 * math.cos(anomaly)
+    return _SATURN_LONGITUDE_DEG + 0.55577 * math.sin(anomaly) + slow, 1.0 - 0.00485 * math.cos(anomaly)
 
 
 def _place_under_jupiter(d: float) -> tuple[float, float]:
-    """Eccentricity 0.0094, kept up by Io and Ganymede, so that the pericentre is where Ganymede is passed."""
+    """East longitude of Jupiter and its relative distance: eccentricity 0.0094, kept up by Io and Ganymede. The
+    pericentre is where Europa passes Ganymede."""
     days = d + 8544.5  # from JD 2443000.5
     anomaly = math.radians(2 * (175.73161 + 101.374724735 * days - 120.55883 - 50.317609207 * days) % 360)
-    return _JUPITER_OVER + 1.06476 * math.sin(anomaly), 1.0 - 0.0093848 * math.cos(anomaly)
+    return _JUPITER_LONGITUDE_DEG + 1.06476 * math.sin(anomaly), 1.0 - 0.0093848 * math.cos(anomaly)
 
 
 _JUPITER = Orbit(

@@ -8,12 +8,12 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Sine of the angle to the vertical below which a heading cannot be told from a roll in double precision.
-_STRAIGHT = 1e-12
+#: Sine of the angle to the vertical below which double precision cannot separate heading and roll.
+_LEAST_SINE = 1e-12
 
 
 def direction_toward(azimuth_deg: float, elevation_deg: float) -> Array:
-    """Unit vector (3,) toward a point of the sky."""
+    """Unit vector (3,) toward a point of the sky, from azimuth and elevation."""
     azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
     return np.array(
         [math.sin(azimuth) * math.cos(elevation), math.cos(azimuth) * math.cos(elevation), math.sin(elevation)]
@@ -21,10 +21,8 @@ def direction_toward(azimuth_deg: float, elevation_deg: float) -> Array:
 
 
 def camera_axes(heading_deg: float, pitch_down_deg: float, roll_deg: float = 0.0) -> Array:
-    """Columns x right, y down, z forward (3, 3) of a camera, world axes (OpenCV convention).
-
-    A camera of no roll has its x level; a positive one turns it clockwise, as seen from behind.
-    """
+    """Axes x right, y down, z forward of a camera as columns (3, 3), in world axes (OpenCV convention). Without roll x
+    is level; a positive roll turns the camera clockwise, as seen from behind."""
     forward = direction_toward(heading_deg, -pitch_down_deg)
     heading = math.radians(heading_deg)
     right = np.array([math.cos(heading), -math.sin(heading), 0.0])
@@ -37,14 +35,12 @@ def camera_axes(heading_deg: float, pitch_down_deg: float, roll_deg: float = 0.0
 
 
 def camera_angles(axes: Array) -> tuple[float, float, float]:
-    """Heading, pitch down and roll in degrees for which ``camera_axes`` are these axes (3, 3).
-
-    A camera that looks straight up or down is given no roll: its heading has all of the turn.
-    """
+    """Heading, pitch down and roll in degrees for which ``camera_axes`` returns ``axes`` (3, 3). For a camera that
+    looks straight up or down the roll is 0 and the heading has the whole turn."""
     right, forward = axes[:, 0], axes[:, 2]
     level = math.hypot(forward[0], forward[1])
     pitch = math.atan2(-forward[2], level)
-    if level < _STRAIGHT:
+    if level < _LEAST_SINE:
         return math.degrees(math.atan2(-right[1], right[0])), math.degrees(pitch), 0.0
     heading = math.atan2(forward[0], forward[1])
     unrolled = camera_axes(math.degrees(heading), math.degrees(pitch))

@@ -1,4 +1,4 @@
-"""How much of the Sun a planet hides: the exact overlap of a disc and an ellipsoid on the sphere of the sky."""
+"""The share of the Sun that a planet hides: the exact overlap of a disc and an ellipsoid on the celestial sphere."""
 
 from __future__ import annotations
 
@@ -13,13 +13,11 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 def compute_hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
-    """Share of the Sun's disc, evenly bright, that a planet in front of it hides; within 2e-4 of one.
+    """Share of the evenly bright disc of the Sun that a planet hides, with an error below 2e-4.
 
-    Of a planet that looks smaller than the Sun the error is within 5e-3.
-
-    The Sun's limb is brighter in its middle than at its edge, by 40 % of the mean in green light; that is left
-    out, which matters only while the limb is crossed, a minute of Enceladus' and four of Europa's day. The
-    planet's atmosphere, which bends a little light around it, is left out too.
+    The error is below 5e-3 for a planet that looks smaller than the Sun. Left out: limb darkening of the Sun, 40 % of
+    the mean in green light, which matters only while the planet's limb crosses the Sun (a minute of Enceladus' day,
+    four of Europa's); and the planet's atmosphere, which bends a little light around it.
     """
     apart = 180 - planet.phase_deg
     if planet.angular_diameter_deg <= 0 or apart > (planet.angular_diameter_deg + sun_diameter_deg) / 2:
@@ -48,9 +46,9 @@ def compute_hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
 
 
 def _integrate_hidden(foot: Array, up: Array, half: float, quadric: Array, toward: Array) -> float:
-    """Sum of the cosines of the distance from the foot, along a great circle from -half to half, that is hidden.
+    """Integral of the cosine of the distance from ``foot``, over the hidden part of a great circle from -half to half.
 
-    On the circle w = cos φ foot + sin φ up the quadric is mean + swing cos(2 φ - turn).
+    On the circle w = cos φ foot + sin φ up, the quadric is mean + swing cos(2 φ - turn).
     """
     a, b, c = foot @ quadric @ foot, foot @ quadric @ up, up @ quadric @ up
     mean, swing, turn = (a + c) / 2, math.hypot((a - c) / 2, b), math.atan2(b, (a - c) / 2)

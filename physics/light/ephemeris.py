@@ -1,9 +1,9 @@
-"""Where Sun and planet stand over a site at a date, without kernels: elements and rotation of ``bodies``.
+"""Directions of Sun and planet from a site at a date, without kernels: elements and rotation of ``bodies``.
 
-Against full theories the Sun's direction is within 0.25° (Enceladus) and 0.15° (Europa) and its distance
-within 0.2 % from 2000 to 2060. The planet swings about its mean place over the moon by twice the
-eccentricity of the orbit, 0.56° and 1.06°, over Enceladus by as much again in years; with that it is
-within 0.05° and 0.15° of full theories. ``spice`` does it exactly from kernels.
+From 2000 to 2060 the Sun's direction is within 0.25° (Enceladus) and 0.15° (Europa) of full theories, its distance
+within 0.2 %. The planet swings about its mean place above the moon by twice the eccentricity of the orbit, 0.56° and
+1.06°, above Enceladus by as much again over years. With these terms it is within 0.05° and 0.15° of full theories.
+``spice`` gives exact directions from kernels.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from ...support.errors import IcyMoonError
 from ...support.files import shorten
 from .bodies import BODIES, Orbit
 
-#: Seconds between UTC and the time that ephemerides run on; right from 2017 on, 5 s less in 2000.
+#: Seconds by which TDB, the time of ephemerides, is ahead of UTC: right from 2017 on, 5 s too many in 2000.
 _TDB_UTC_S = 69.184
-#: First and last year that the directions are compared with full theories for.
-_YEARS = (2000, 2060)
+#: First and last year for which the directions were compared with full theories.
+_KNOWN_YEARS = (2000, 2060)
 _OBLIQUITY = math.radians(23.43928)  # of the ecliptic, J2000
 
 
@@ -53,18 +53,18 @@ class Positions:
         )
 
 
-#: A date, all but its year optional, and the lead of its clock over UTC.
-_DAY = r"\s*([0-9]{4})(?:-([0-9]{2})(?:-([0-9]{2})"
-_TIME = r"(?:[T ]([0-9]{2})(?::([0-9]{2})(?::([0-9]{2})(\.[0-9]+)?)?)?"
-_ZONE = r"(?:\s*(?:[Zz]|([+-])([01][0-9])(?::?([0-5][0-9]))?))?"
-_DATE = re.compile(rf"{_DAY}{_TIME}{_ZONE})?)?)?\s*")
+#: Pattern of a date, with optional month and day.
+_DAY_PATTERN = r"\s*([0-9]{4})(?:-([0-9]{2})(?:-([0-9]{2})"
+#: Pattern of the time of day.
+_TIME_PATTERN = r"(?:[T ]([0-9]{2})(?::([0-9]{2})(?::([0-9]{2})(\.[0-9]+)?)?)?"
+#: Pattern of the time zone: the lead of its clock over UTC.
+_ZONE_PATTERN = r"(?:\s*(?:[Zz]|([+-])([01][0-9])(?::?([0-5][0-9]))?))?"
+_DATE = re.compile(rf"{_DAY_PATTERN}{_TIME_PATTERN}{_ZONE_PATTERN})?)?)?\s*")
 
 
 def parse_date(date_utc: str) -> np.datetime64:
-    """A date such as 2035-03-01T12:00:00, to the millisecond; UTC may be stated, as Z or +00:00.
-
-    Raises IcyMoonError if the text is no date, if the calendar lacks the date, or if it is in another zone.
-    """
+    """A date such as 2035-03-01T12:00:00, to the millisecond; UTC may be stated as Z or +00:00. Raises IcyMoonError if
+    the text is no date, if the calendar lacks the date, or if it states another time zone."""
     shown = f"light.date_utc is {shorten(date_utc)!r}"
     match = _DATE.fullmatch(date_utc)
     if match is None:
@@ -92,7 +92,7 @@ def format_date(date: np.datetime64) -> str:
 
 
 def _describe_missing_date(year: int, month: int, day: int, hour: int, minute: int, second: float) -> str:
-    """Why there is no such day or time of day, with the fix; empty if the date exists."""
+    """A clause on why there is no such day or time of day, with the fix; empty if the date exists."""
     if not 1 <= month <= 12:
         return "a year has 12 months; write a month from 01 to 12"
     first = np.datetime64(f"{year:04}-{month:02}", "M")
@@ -123,16 +123,16 @@ def days_since_j2000(date_utc: str) -> float:
 def refuse_unknown_years(date_utc: str) -> None:
     """Raise IcyMoonError for a date outside the years for which the elements hold, or for a text that is no date."""
     days = days_since_j2000(date_utc)
-    if not days_since_j2000(f"{_YEARS[0]}-01-01") <= days < days_since_j2000(f"{_YEARS[1] + 1}-01-01"):
+    if not days_since_j2000(f"{_KNOWN_YEARS[0]}-01-01") <= days < days_since_j2000(f"{_KNOWN_YEARS[1] + 1}-01-01"):
         raise IcyMoonError(
             f"light.date_utc is {date_utc}, but without kernels Sun and planet are known only from "
-            f"{_YEARS[0]} to {_YEARS[1]}; choose a date of these years, or set light.directions_from to "
+            f"{_KNOWN_YEARS[0]} to {_KNOWN_YEARS[1]}; choose a date of these years, or set light.directions_from to "
             "KERNELS."
         )
 
 
 def heliocentric_position_au(orbit: Orbit, days: float) -> Array:
-    """Position (3,) from the Sun in the J2000 equatorial frame."""
+    """Position (3,) from the Sun in the J2000 equatorial frame, in au, some ``days`` after J2000."""
     century = days / 36525
     a, e, inclination, longitude, perihelion, node = (
         at + rate * century
@@ -159,7 +159,8 @@ def heliocentric_position_au(orbit: Orbit, days: float) -> Array:
 
 
 def body_frame(orientation: tuple[float, float, float]) -> Array:
-    """Matrix (3, 3) from the J2000 equatorial to the body-fixed frame, of pole and W in degrees."""
+    """Matrix (3, 3) from the J2000 equatorial to the body-fixed frame, from right ascension and declination of the pole
+    and W, in degrees."""
     ascension, declination, turned = (math.radians(angle % 360) for angle in orientation)
     return (
         _rotation_about_z(turned)
@@ -169,10 +170,8 @@ def body_frame(orientation: tuple[float, float, float]) -> Array:
 
 
 def site_frame(radii_km: tuple[float, float, float], latitude_deg: float, longitude_deg: float) -> tuple[Array, Array]:
-    """Position in km (3,) and rows east, north, up (3, 3), body-fixed, of planetocentric coordinates.
-
-    Up is the normal of the ellipsoid; on Enceladus it leans up to 1.9° from the radius.
-    """
+    """Position in km (3,) and rows east, north, up (3, 3) of planetocentric coordinates, in the body-fixed frame. Up is
+    the normal of the ellipsoid; on Enceladus it leans up to 1.9° from the radius."""
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
     radial = np.array(
         [math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), math.sin(latitude)]
@@ -183,8 +182,8 @@ def site_frame(radii_km: tuple[float, float, float], latitude_deg: float, longit
 
 
 def local_axes(normal: Array, longitude: float, radii_km: Sequence[float]) -> Array:
-    """Rows east, north, up (3, 3) of the normal of an ellipsoid at a longitude in radians, also at a pole, where north
-    is the limit along the meridian of the longitude."""
+    """Rows east, north, up (3, 3) of the normal of an ellipsoid at a longitude in radians. At a pole, north is the
+    limit along the meridian of the longitude."""
     up = normal / np.linalg.norm(normal)
     east = np.array([-math.sin(longitude) / radii_km[1] ** 2, math.cos(longitude) / radii_km[0] ** 2, 0.0])
     east /= np.linalg.norm(east)

@@ -6,19 +6,20 @@ from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from ..surfaces.surface_law import find_albedos
 from .bands import bubbly_ice_bands, material_bands, snow_bands
 
+#: Reflectances in R, G, B.
 Bands = tuple[float, float, float]
 _WHITE = (1.0, 1.0, 1.0)
 
 
 def clean_albedo(surface: SurfaceSettings, hapke: HapkeSettings | None) -> float:
-    """The albedo of clean ice in even light, on which colours are factors; at least 0.001."""
+    """The albedo of clean ice in even light, at least 0.001; colours are factors on it."""
     found = find_albedos(surface, hapke) if surface.model == "HAPKE" and hapke is not None else None
     return max(surface.albedo if found is None else found.bond, 1e-3)
 
 
 def ice_tint(surface: SurfaceSettings, albedo: float) -> Bands:
-    """The colour of clean ice: its mean is 1, so that ``albedo`` stays the mean of the bands, and no band reflects more
-    than all light."""
+    """The colour of clean ice: the mean of its bands is 1, so that ``albedo`` stays the mean reflectance, and no band
+    reflects more than all light."""
     if surface.ice_colour == "GREY":
         return _WHITE
     bands = (
@@ -36,7 +37,7 @@ def salt_colour(surface: SurfaceSettings, albedo: float) -> Bands:
 
 
 def ice_and_salt_bands(surface: SurfaceSettings, hapke: HapkeSettings) -> tuple[Bands, Bands]:
-    """Reflectances of clean ice and of ground that is covered by salt. Of bubbly ice it is its mean."""
+    """Reflectances of clean ice and of salt-covered ground. For bubbly ice they are the mean over its depth."""
     if surface.model == "PRINCIPLED" and surface.bubble_share > 0.0:
         ice = bubbly_ice_bands(surface.bubble_radius_m, surface.bubble_share)
         return ice, _times(ice, _own_salt(surface)) if surface.salt == "OWN" else material_bands(surface.salt)
@@ -50,5 +51,6 @@ def _own_salt(surface: SurfaceSettings) -> Bands:
 
 
 def _times(one: Bands, other: Bands) -> Bands:
+    """The product of two triples, band by band."""
     red, green, blue = (a * b for a, b in zip(one, other, strict=True))
     return red, green, blue

@@ -1,7 +1,7 @@
-"""Which files are SPICE kernels, and which ones a meta-kernel names, before SPICE opens them.
+"""Checks of SPICE kernels, and of the files that a meta-kernel names, before SPICE opens them.
 
 Sources: NAIF's required readings "Kernel" (text kernels and meta-kernels) and "DAF" (binary kernels). Kernels are
-foreign data: a meta-kernel may name files in its folder only, and the records of a binary one must not form a ring.
+foreign data: a meta-kernel may name files in its folder only, and the records of a binary kernel must not form a ring.
 """
 
 from __future__ import annotations
@@ -15,14 +15,24 @@ from ...support.errors import IcyMoonError
 from ...support.files import shorten
 from ...support.foreign_bytes import ForeignBytes, RefusedError, describe_reason, note_on_backslashes, read
 
-#: Largest text kernel and largest binary one, in bytes; most files of a folder.
-_MOST_TEXT, _MOST_BINARY, _MOST_FILES = 2**25, 2**36, 2000
+#: Largest text kernel in bytes.
+_MOST_TEXT_BYTES = 2**25
+#: Largest binary kernel in bytes.
+_MOST_BINARY_BYTES = 2**36
+#: Maximum number of files of a folder.
+_MOST_FILES = 2000
 _FIX = "get it again, or leave it out"
-_BINARY = (b"DAF/SPK", b"DAF/PCK", b"DAF/CK", b"NAIF/DAF")
-_DATA, _TEXT = b"\\begindata", b"\\begintext"
-#: Bytes of a record of a DAF, and of a double in it.
-_RECORD, _WORD = 1024, 8
-#: A token of the data of a text kernel. Each alternative takes every character once.
+#: First bytes of binary kernels.
+_BINARY_MARKS = (b"DAF/SPK", b"DAF/PCK", b"DAF/CK", b"NAIF/DAF")
+#: Line of a text kernel at which data begins.
+_BEGIN_DATA = b"\\begindata"
+#: Line of a text kernel at which comments begin.
+_BEGIN_TEXT = b"\\begintext"
+#: Bytes of a record of a DAF.
+_RECORD_BYTES = 1024
+#: Bytes of a double in a DAF.
+_DOUBLE_BYTES = 8
+#: A token of the data of a text kernel. Each alternative consumes every character once.
 _TOKEN = re.compile(rb"\s++|'((?:[^'\r\n]|'')*+)'|([()=,]|\+=)|([^\s()=,']++)")
 
 
@@ -56,7 +66,7 @@ def list_kernel_files(path: Path) -> list[Path]:
 
 
 def _inspect_kernel(path: Path) -> tuple[str, ...] | None:
-    """The result of ``_parse_kernel``, found once for each size and time of change."""
+    """The result of ``_parse_kernel``, cached by size and time of change of the file."""
     try:
         state = path.stat()
     except OSError as error:
@@ -66,33 +76,33 @@ def _inspect_kernel(path: Path) -> tuple[str, ...] | None:
 
 @lru_cache(maxsize=4096)
 def _read_kernel(path: Path, _size: int, _modified_ns: int) -> tuple[str, ...] | None:
-    return read(path, _parse_kernel, "a SPICE kernel", _FIX, most=_MOST_BINARY)
+    return read(path, _parse_kernel, "a SPICE kernel", _FIX, most=_MOST_BINARY_BYTES)
 
 
 def _parse_kernel(foreign: ForeignBytes) -> tuple[str, ...] | None:
-    """The names that a meta-kernel lists, none of another kernel; None for a file that is no kernel."""
-    head = foreign.part(0, min(foreign.size, _RECORD))
-    if head.startswith(_BINARY):
+    """The names that a meta-kernel lists, an empty tuple for another kernel; None for a file that is no kernel."""
+    head = foreign.part(0, min(foreign.size, _RECORD_BYTES))
+    if head.startswith(_BINARY_MARKS):
         _check_binary(foreign, head)
         return ()
-    if b"\0" in head or (foreign.size > _MOST_TEXT and not head.startswith(b"KPL/")):
+    if b"\0" in head or (foreign.size > _MOST_TEXT_BYTES and not head.startswith(b"KPL/")):
         return None
-    if foreign.size > _MOST_TEXT:
+    if foreign.size > _MOST_TEXT_BYTES:
         raise RefusedError(
-            f"is a text kernel of {foreign.size / 1e6:.0f} MB, more than {_MOST_TEXT / 1e6:.0f}; {_FIX}."
+            f"is a text kernel of {foreign.size / 1e6:.0f} MB, more than {_MOST_TEXT_BYTES / 1e6:.0f}; {_FIX}."
         )
     data = _extract_data(foreign)
     return None if data is None else _list_kernels_to_load(data)
 
 
 def _extract_data(foreign: ForeignBytes) -> bytes | None:
-    """The lines of the data of a text kernel, None if it has no data."""
+    """The lines of data of a text kernel; None if it has no data."""
     lines, is_data, any_data = [], False, False
     for _, line in foreign.lines():
         word = line.strip()
-        if word == _DATA:
+        if word == _BEGIN_DATA:
             is_data = any_data = True
-        elif word == _TEXT:
+        elif word == _BEGIN_TEXT:
             is_data = False
         elif is_data:
             lines.append(line)
@@ -100,7 +110,7 @@ def _extract_data(foreign: ForeignBytes) -> bytes | None:
 
 
 def _list_kernels_to_load(data: bytes) -> tuple[str, ...]:
-    """The files in KERNELS_TO_LOAD, with the symbols of paths replaced."""
+    """The files in KERNELS_TO_LOAD, with path symbols replaced."""
     if b"KERNELS_TO_LOAD" not in data:
         return ()
     values: dict[bytes, list[bytes]] = {}
@@ -137,10 +147,8 @@ def _list_kernels_to_load(data: bytes) -> tuple[str, ...]:
 
 
 def _resolve_named_kernels(meta: Path, named: tuple[str, ...], folder: Path | None) -> list[Path]:
-    """The files that a meta-kernel names, in the folder that the user stated, or else in its own.
-
-    A meta-kernel in a folder ``mk`` may also name files beside that folder, as in NAIF's archives.
-    """
+    """The files that a meta-kernel names, in the folder that the user stated, or else in its folder. A meta-kernel in a
+    folder ``mk`` may also name files beside that folder, as in NAIF's archives."""
     inside = (folder or (meta.parent.parent if meta.parent.name == "mk" else meta.parent)).resolve()
     found = []
     for name in named:
@@ -164,8 +172,8 @@ def _resolve_named_kernels(meta: Path, named: tuple[str, ...], folder: Path | No
 
 
 def _check_binary(foreign: ForeignBytes, head: bytes) -> None:
-    """The summary records of a DAF follow each other without a ring, and their arrays lie within the file."""
-    if len(head) < _RECORD:
+    """Raise ValueError if the summary records of a DAF form a ring, or if arrays lie outside the file."""
+    if len(head) < _RECORD_BYTES:
         raise ValueError("it is cut off")
     order = ">" if head[88:96] == b"BIG-IEEE" or head[8:11] == b"\0\0\0" else "<"
     doubles, integers = struct.unpack_from(f"{order}2i", head, 8)
@@ -173,20 +181,20 @@ def _check_binary(foreign: ForeignBytes, head: bytes) -> None:
     size = doubles + (integers + 1) // 2
     if not (0 <= doubles <= 124 and 2 <= integers <= 250 and 1 <= size <= 125):
         raise ValueError(f"its summaries are of {doubles} doubles and {integers} integers")
-    if not 1 <= free <= foreign.size // _WORD + 1:
+    if not 1 <= free <= foreign.size // _DOUBLE_BYTES + 1:
         raise ValueError("it is cut off")
     seen: set[int] = set()
     while record:
-        if record in seen or not 1 < record <= foreign.size // _RECORD:
+        if record in seen or not 1 < record <= foreign.size // _RECORD_BYTES:
             raise ValueError(f"its record {record} is not there, or follows itself")
         seen.add(record)
-        content = foreign.part((record - 1) * _RECORD, _RECORD)
+        content = foreign.part((record - 1) * _RECORD_BYTES, _RECORD_BYTES)
         following, _, count = struct.unpack_from(f"{order}3d", content)
         if not (0 <= following <= foreign.size and following == int(following) and 0 <= count * size <= 125):
             raise ValueError(f"its record {record} has {count:g} summaries and is followed by {following:g}")
         for k in range(int(count)):
-            place = (3 + k * size + doubles) * _WORD
+            place = (3 + k * size + doubles) * _DOUBLE_BYTES
             *_, begin, end = struct.unpack_from(f"{order}{integers}i", content, place)
-            if not 1 <= begin <= end <= foreign.size // _WORD:
+            if not 1 <= begin <= end <= foreign.size // _DOUBLE_BYTES:
                 raise ValueError(f"its record {record} has an array from {begin} to {end}")
         record = int(following)

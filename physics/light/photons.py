@@ -1,6 +1,6 @@
 """From radiance to photo-electrons per second: aperture, band, quantum efficiency, pixel area.
 
-``light`` and ``sensor`` are those topics of the settings.
+In this module ``light`` and ``sensor`` are the settings topics of these names.
 """
 
 from __future__ import annotations
@@ -53,17 +53,15 @@ def _sample_band(sensor: SensorSettings) -> tuple[Array, Array]:
 
 
 def band_share(light: LightSettings, sensor: SensorSettings) -> float:
-    """Share of the Sun's power that lies in the camera's band, the Sun a black body.
-
-    At 5772 K the black body is within 10 % of the solar spectrum in bands 100 nm wide from 450 nm on.
-    """
+    """Share of the Sun's power in the camera's band, with the Sun as a black body. At 5772 K the black body is within
+    10 % of the solar spectrum in bands 100 nm wide from 450 nm on."""
     wavelength, weight = _sample_band(sensor)
     temperature = float(light.sun_temperature_k)
     return float((planck_radiance(wavelength, temperature) * weight).sum() / total_radiance(temperature))
 
 
 def photons_per_joule(light: LightSettings, sensor: SensorSettings) -> float:
-    """Photons in the camera's band per joule in the band that ``light.irradiance_band`` names."""
+    """Photons in the camera's band per joule of light in the band that ``light.irradiance_band`` names."""
     wavelength, weight = _sample_band(sensor)
     power = planck_radiance(wavelength, float(light.sun_temperature_k)) * weight
     photons = float((power * wavelength).sum() / power.sum() / (PLANCK_J_S * LIGHT_M_S))
@@ -71,17 +69,18 @@ def photons_per_joule(light: LightSettings, sensor: SensorSettings) -> float:
 
 
 def photons_by_wavelength(light: LightSettings, sensor: SensorSettings) -> tuple[Array, Array]:
-    """Wavelengths (n,) in metres across the camera's band, and how many of ``photons_per_joule`` each stands for."""
+    """Wavelengths (n,) in metres across the camera's band, and the part of ``photons_per_joule``
+    that each represents."""
     wavelength, weight = _sample_band(sensor)
     each = planck_radiance(wavelength, float(light.sun_temperature_k)) * weight * wavelength
     return wavelength, photons_per_joule(light, sensor) * each / each.sum()
 
 
 def pixel_pitch_m(sensor: SensorSettings, rig: RigSettings) -> float:
-    """Side of a pixel of the sensor in metres: the stated pitch, or else the rig's sensor width over its columns.
+    """Side of a pixel in metres: the stated pitch, or else the rig's sensor width over its columns.
 
-    The field of view hangs on the rig alone. A rig in other proportions, such as the paper's with 60 mm behind 640
-    columns, sees as a real camera does, but its pixels would be 94 µm wide and gather sixty times the light.
+    The field of view depends on the rig alone. A rig of other proportions, such as the paper's with 60 mm behind 640
+    columns, has the view of a real camera, but its pixels would be 94 µm wide and gather sixty times the light.
     """
     stated = float(sensor.pixel_pitch_um) * 1e-6
     return stated if stated > 0 else float(rig.sensor_width_mm) * 1e-3 / int(rig.width_px)

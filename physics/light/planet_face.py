@@ -1,13 +1,13 @@
-"""The look of the globe of Saturn or Jupiter: bands, limb darkening, the Great Red Spot, colour.
+"""The face of the globe of Saturn or Jupiter: bands, limb darkening, the Great Red Spot, colour.
 
 A face is a pattern of reflectance over the globe. Its light is scaled so that the planet gives the site the irradiance
-that ``planetshine`` computes for an even globe: a face changes the image of the planet and the colour of its light, but
-not the amount.
+that ``planetshine`` computes for an even globe. A face therefore changes the image of the planet and the colour of its
+light, but not the amount.
 
 The reflectance of a place is B(φ) (μ₀ μ)^k / μ (Minnaert 1941, Astrophysical Journal 93, 403), with the planetographic
 latitude φ, the cosines μ₀ and μ of the angles of incidence and emission, and an exponent k for each band. The values
 are rounded readings for the bands R, G, B, good to about 0.05. Clouds drift, and their patterns change over months: a
-face is typical, not of any date.
+face is typical and shows no particular date.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ import numpy as np
 from ...support.arrays import Array
 from .planetshine import Planet, VisibleCap, make_cap_nodes
 
-#: Least cosine of the angle of emission, so that the limb stays finite.
+#: Least cosine of the angle of emission, which keeps the limb finite.
 LEAST_COSINE = 0.02
 
 
 @dataclass(frozen=True)
 class Spot:
-    """An oval cloud. Half axes in radians at the planet's centre; reflectances in R, G, B."""
+    """An oval cloud. Half axes are angles in radians at the planet's centre; reflectances are in R, G, B."""
 
     latitude_deg: float
     half_length: float
@@ -37,13 +37,15 @@ class Spot:
     collar: tuple[float, float, float]
 
 
-#: Radii of a spot's inner and outer edge and of its collar, over its own; each edge is this soft.
-SPOT_EDGES, SPOT_SOFTNESS = (1.0, 1.25), 0.1
+#: Radii of the outer edges of a spot and of its collar, over the spot's.
+SPOT_EDGES = (1.0, 1.25)
+#: Width of each of these edges.
+SPOT_SOFTNESS = 0.1
 
 
 @dataclass(frozen=True)
 class Face:
-    """The pattern of a globe: reflectances between which there are straight lines over the sine of the latitude."""
+    """The pattern of a globe: reflectances, interpolated linearly over the sine of the latitude."""
 
     sine: tuple[float, ...]  # of planetographic latitudes, from south to north
     reflectance: tuple[tuple[float, float, float], ...]  # in R, G, B
@@ -59,7 +61,7 @@ def _divide_by_mean(bands: tuple[float, float, float]) -> tuple[float, float, fl
 
 
 def _make_saturn() -> Face:
-    """Saturn's bands in V, alike in north and south; in R their contrast is 0.6 of that, in B 1.3."""
+    """Saturn's bands in V, alike in north and south; their contrast is 0.6 times as high in R, 1.3 times in B."""
     latitude = np.array([0.0, 10, 18, 25, 33, 40, 48, 60, 65, 78, 90])
     visual = np.array([1.16, 1.12, 0.98, 0.90, 0.88, 0.96, 0.86, 0.88, 0.80, 0.78, 0.70])
     both = np.concatenate([-latitude[:0:-1], latitude])
@@ -72,35 +74,43 @@ def _make_saturn() -> Face:
     )
 
 
-_ZONE, _POLE, _THIN = (0.82, 0.76, 0.62), (0.58, 0.50, 0.42), (0.70, 0.60, 0.45)
+#: Reflectances of a bright zone,
+_ZONE_RGB = (0.82, 0.76, 0.62)
+#: of the polar regions,
+_POLE_RGB = (0.58, 0.50, 0.42)
+#: and of a thin belt.
+_THIN_BELT_RGB = (0.70, 0.60, 0.45)
 #: Jupiter's zones and belts from south to north: the latitude at which each begins, and its reflectances.
-_JUPITER = (
-    (-90.0, _POLE),
-    (-48.0, _ZONE),
-    (-33.0, _THIN),
-    (-27.0, _ZONE),
+_JUPITER_BANDS = (
+    (-90.0, _POLE_RGB),
+    (-48.0, _ZONE_RGB),
+    (-33.0, _THIN_BELT_RGB),
+    (-27.0, _ZONE_RGB),
     (-20.0, (0.68, 0.55, 0.38)),
-    (-7.0, _ZONE),
+    (-7.0, _ZONE_RGB),
     (7.0, (0.66, 0.52, 0.34)),
-    (18.0, _ZONE),
-    (24.0, _THIN),
-    (31.0, _ZONE),
-    (36.0, _THIN),
-    (40.0, _ZONE),
-    (48.0, _POLE),
+    (18.0, _ZONE_RGB),
+    (24.0, _THIN_BELT_RGB),
+    (31.0, _ZONE_RGB),
+    (36.0, _THIN_BELT_RGB),
+    (40.0, _ZONE_RGB),
+    (48.0, _POLE_RGB),
 )
-_EDGE_DEG, _POLE_EDGE_DEG = 0.6, 7.0  # half the width of an edge between two bands, and of a polar region's edge
+#: Half the width of an edge between two bands.
+_EDGE_DEG = 0.6
+#: Half the width of the edge of a polar region.
+_POLE_EDGE_DEG = 7.0
 
 
 def _make_jupiter() -> Face:
-    sine, reflectance = [-1.0], [_JUPITER[0][1]]
-    for (_, before), (edge, after) in pairwise(_JUPITER):
-        half = _POLE_EDGE_DEG if _POLE in (before, after) else _EDGE_DEG
+    sine, reflectance = [-1.0], [_JUPITER_BANDS[0][1]]
+    for (_, before), (edge, after) in pairwise(_JUPITER_BANDS):
+        half = _POLE_EDGE_DEG if _POLE_RGB in (before, after) else _EDGE_DEG
         sine += [math.sin(math.radians(edge - half)), math.sin(math.radians(edge + half))]
         reflectance += [before, after]
     return Face(
         (*sine, 1.0),
-        (*reflectance, _JUPITER[-1][1]),
+        (*reflectance, _JUPITER_BANDS[-1][1]),
         (1.0, 0.95, 0.87),
         _divide_by_mean((1.0, 1.0, 0.835)),
         Spot(
@@ -118,7 +128,7 @@ FACES = {"SATURN": _make_saturn(), "JUPITER": _make_jupiter()}
 
 
 def spot_axes(planet: Planet, spot: Spot) -> Array:
-    """Normal of the globe in the middle of a spot, and directions to the east and the north there: rows of (3, 3)."""
+    """Rows (3, 3): the globe's normal in the middle of a spot, and the directions to east and north there."""
     front: Array = -planet.direction + (planet.direction @ planet.pole) * planet.pole
     if np.linalg.norm(front) < 1e-9:  # seen from above a pole
         front = np.cross(planet.pole, np.eye(3)[np.abs(planet.pole).argmin()])
@@ -135,7 +145,7 @@ def spot_axes(planet: Planet, spot: Spot) -> Array:
 
 
 def _band_reflectance(face: Face, planet: Planet, normal: Array) -> Array:
-    """B (..., 3) at places with unit normals (..., 3)."""
+    """The reflectances B (..., 3) at unit normals (..., 3)."""
     sine = normal @ planet.pole
     found = np.stack([np.interp(sine, face.sine, band) for band in np.transpose(face.reflectance)], axis=-1)
     if face.spot is not None:
@@ -149,10 +159,8 @@ def _band_reflectance(face: Face, planet: Planet, normal: Array) -> Array:
 
 
 def radiance_over_zenith(face: Face, planet: Planet, normal: Array, toward: Array) -> Array:
-    """Unscaled radiance (..., 3) relative to a place of an even globe with the Sun in its zenith; without ripples.
-
-    ``normal`` and ``toward`` (..., 3) are unit vectors, the second toward the observer.
-    """
+    """Unscaled radiance (..., 3), without ripples, relative to an even globe with the Sun in the zenith. ``normal`` and
+    ``toward`` (..., 3) are unit vectors, ``toward`` to the observer."""
     incidence = np.maximum(normal @ planet.sun, 0.0)[..., None]
     emission = np.maximum((normal * toward).sum(axis=-1), LEAST_COSINE)[..., None]
     return np.asarray(

@@ -1,9 +1,9 @@
-"""The planet in a moon's sky: a sunlit ellipsoid near enough for its size to matter.
+"""The planet in a moon's sky: a sunlit ellipsoid, so near that its size matters.
 
-The usual formula, geometric albedo times phase function times (R/d)², is for a distant point. A
-moon sees less of the planet's disc and its middle nearer: Saturn from Enceladus is 18 % brighter at
-full phase than by this formula and half as bright at 120°. So the planet is integrated over the
-part of it that is seen, at its true distance. Everything is in units of that distance.
+The usual formula, geometric albedo times phase function times (R/d)², holds for a distant point. A moon sees less of
+the planet's disc, and the middle of the disc is nearer: from Enceladus, Saturn is 18 % brighter at full phase than by
+this formula and half as bright at 120°. So the visible part of the planet is integrated at its true distance, which is
+the unit of length here.
 """
 
 from __future__ import annotations
@@ -17,13 +17,16 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: How far the published phase curves reach, in degrees; beyond, the ratio to a Lambert sphere is held.
-_JUPITER_END, _SATURN_END = 130.0, 150.0
+#: Largest phase angle of the published phase curve of Jupiter, in degrees; beyond it, the ratio to a Lambert sphere is
+#: constant.
+_JUPITER_CURVE_END_DEG = 130.0
+#: The same for Saturn.
+_SATURN_CURVE_END_DEG = 150.0
 
 
 @dataclass(frozen=True)
 class Ring:
-    """Radii over the planet's equatorial radius; mean normal optical depth and albedo of single scattering."""
+    """A ring: radii over the planet's equatorial radius, mean normal optical depth, and albedo of single scattering."""
 
     inner: float
     outer: float
@@ -77,7 +80,7 @@ def phase_function(law: str, phase_deg: float) -> float:
     """
     if law == "LAMBERT":
         return lambert_phase(phase_deg)
-    end = _JUPITER_END if law == "JUPITER" else _SATURN_END
+    end = _JUPITER_CURVE_END_DEG if law == "JUPITER" else _SATURN_CURVE_END_DEG
     if phase_deg > end:
         return phase_function(law, end) * lambert_phase(phase_deg) / lambert_phase(end)
     a = phase_deg
@@ -102,7 +105,7 @@ def lambert_albedo(law: str, geometric_albedo: float, phase_deg: float) -> float
 
 @dataclass(frozen=True)
 class Ellipsoid:
-    """A planet as the unit sphere of a space that is stretched along its pole, its centre the origin."""
+    """A planet as the unit sphere of a space that is stretched along its pole, with its centre at the origin."""
 
     radius: float  # of its equator, in units of its distance
     stretch: Array  # (3, 3), to that space but for the radius
@@ -121,10 +124,8 @@ def make_ellipsoid(planet: Planet) -> Ellipsoid:
 
 
 class VisibleCap:
-    """Points (..., 3) of the part of the planet that is seen, by polar angles about the sub-observer point.
-
-    In the stretched space the part that is seen is a cap of the sphere.
-    """
+    """Points (..., 3) of the visible part of the planet, by polar angles about the sub-observer point. In the stretched
+    space this part is a cap of the sphere."""
 
     def __init__(self, planet: Planet) -> None:
         self.planet, self.shape = planet, make_ellipsoid(planet)
@@ -204,11 +205,11 @@ def make_cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
 
 @lru_cache(maxsize=4)  # one change of the light asks for the same planet's a dozen times
 def make_light_rays(planet: Planet, nodes: int = 96) -> tuple[Array, Array]:
-    """The planet's light in rays: unit vectors (n, 3) toward its surface and the irradiance (n,) in W/m² that each
-    brings on a surface facing it.
+    """The planet's light as rays: unit vectors (n, 3) toward its surface, and the irradiance (n,) in W/m² of each on a
+    surface that faces it.
 
-    What of the planet is below the horizon (z < 0) gives nothing. The error of the quadrature is
-    about 2e-4 where horizon or terminator cross the disc, 1e-3 where rings shade it, else far less.
+    Parts of the planet below the horizon (z < 0) give no light. The error of the quadrature is about 2e-4 if horizon or
+    terminator cross the disc, 1e-3 if rings shade it, else far less.
     """
     if planet.angular_diameter_deg <= 0:
         return np.array([planet.direction]), np.zeros(1)
@@ -220,13 +221,14 @@ def make_light_rays(planet: Planet, nodes: int = 96) -> tuple[Array, Array]:
 
 
 def irradiance_wm2(planet: Planet, normal: Array | None = None, nodes: int = 96) -> float:
-    """Irradiance from the planet on a surface; ``normal`` (3,) is its unit normal, else it faces the planet."""
+    """Irradiance from the planet on a surface with the unit normal ``normal`` (3,); without it, on a surface that faces
+    the planet."""
     ray, brought = make_light_rays(planet, nodes)
     return float(brought @ np.maximum(ray @ (planet.direction if normal is None else normal), 0.0))
 
 
 def find_mean_direction(planet: Planet) -> Array:
-    """Unit vector (3,) of the direction that the planet's light comes from in the mean; its centre if it is dark."""
+    """Unit vector (3,) of the mean direction of the planet's light; of the planet's centre if it is dark."""
     ray, brought = make_light_rays(planet)
     total = brought @ ray
     length = float(np.linalg.norm(total))
@@ -234,11 +236,9 @@ def find_mean_direction(planet: Planet) -> Array:
 
 
 def find_lit_chords(planet: Planet) -> tuple[Array, float]:
-    """The lit part of the planet's circle: the direction across it toward the Sun, a unit vector (3,), and the share of
-    each chord along it, from the Sun's side, that holds all lit points.
-
-    The circle is the equator's about the planet's centre, in coordinates that keep areas.
-    """
+    """The lit part of the planet's disc: the unit vector (3,) across the disc toward the Sun, and the share of each
+    chord along it, from the Sun's side, that contains all lit points. The disc is a circle as wide as the equator about
+    the planet's centre, in coordinates that keep areas."""
     across: Array = planet.sun - (planet.sun @ planet.direction) * planet.direction
     if np.linalg.norm(across) < 1e-6:
         across = np.cross(planet.direction, np.eye(3)[np.abs(planet.direction).argmin()])
@@ -256,7 +256,7 @@ def find_lit_chords(planet: Planet) -> tuple[Array, float]:
 
 
 def unshaded_share(planet: Planet) -> float:
-    """Share of the light on level ground that the shadow of the planet's rings leaves."""
+    """Share of the planet's light on level ground that remains in the shadow of the rings."""
     level = np.array([0.0, 0.0, 1.0])
     bare = irradiance_wm2(replace(planet, rings=()), level) if planet.rings else 0.0
     return irradiance_wm2(planet, level) / bare if bare > 0 else 1.0
@@ -264,7 +264,7 @@ def unshaded_share(planet: Planet) -> float:
 
 @dataclass(frozen=True)
 class DiscMesh:
-    """The part of a planet that is seen as a mesh about the observer; its centre is at distance 1."""
+    """The visible part of a planet as a mesh around the observer; its centre is at distance 1."""
 
     vertices: Array  # (n, 3)
     faces: Array  # (m, 4), the first ring has its first vertex twice; towards the observer

@@ -1,13 +1,12 @@
 """Saturn's main rings as a moon sees them, sunlit or from their unlit side, in the planet's shadow.
 
-The moon looks at them at a slant: from Enceladus the site is at most 250 km off their plane, so that they are a
-line at most 0.1° thick. Each ring is an even layer of particles that scatter once (Chandrasekhar 1960, Radiative
-Transfer, ch. 9): right at a slant, where the light comes from the layer's top; of a ring seen and lit from high up,
-where light is scattered more than once, ring B is a third too dark. Their thickness, 10 m, is far below a pixel.
-Left out: the planet's light on them, their light on the ground, and gaps narrower than the Cassini Division. What
-they take from the planet's light is in ``planetshine``.
+The moon sees the rings at a slant: at Enceladus the site is at most 250 km off their plane, so that they are a line at
+most 0.1° thick. Each ring is an even layer of particles that scatter once (Chandrasekhar 1960, Radiative Transfer, ch.
+9). This is right at a slant, where the light comes from the layer's top. For a ring seen and lit from high above, where
+light is scattered more than once, ring B is a third too dark. The thickness of 10 m is far below a pixel.
 
-Everything is in units of the planet's distance, as in ``planetshine``.
+Left out: the planet's light on the rings, their light on the ground, and gaps narrower than the Cassini Division.
+``planetshine`` has their shadow on the planet. As there, the unit of length is the planet's distance.
 """
 
 from __future__ import annotations
@@ -34,10 +33,13 @@ RINGS = {
     "Cassini Division": _make_ring(117507.0, 122340.0, 0.1, 0.3),
     "A": _make_ring(122340.0, 136780.0, 0.6, 0.5),
 }
-#: Phase function of the particles, (1 - α/π)^n times what makes its mean one, with Callisto's n: Dones et al. 1993,
-#: Icarus 105, 184.
+#: Exponent n of the phase function of the particles, (1 - α/π)^n divided by its mean; the value is Callisto's: Dones et
+#: al. 1993, Icarus 105, 184.
 _PHASE_POWER = 3.092
-_CIRCLES, _SECTORS = 6, 512  # of a ring's mesh
+#: Number of circles of a ring's mesh.
+_MESH_CIRCLES = 6
+#: Number of sectors of a ring's mesh.
+_SECTORS = 512
 
 
 def _phase_scale() -> float:
@@ -50,7 +52,7 @@ _PHASE_SCALE = _phase_scale()
 
 
 def phase_function(phase: Array) -> Array:
-    """Light that a particle scatters at phase angles (radians) over the mean of all directions."""
+    """Light that a particle scatters at phase angles (radians), relative to the mean over all directions."""
     return np.asarray(_PHASE_SCALE * (1 - phase / math.pi) ** _PHASE_POWER)
 
 
@@ -81,20 +83,16 @@ class RingMesh:
 
 
 def shadow_half_angle(radius: Array, sun_elevation: float, flattening: float) -> Array:
-    """Half the angle at the planet, in radians, by which its shadow lies on circles of ``radius`` equatorial radii.
-
-    In the space in which the planet is the unit sphere, a point r (cos φ, sin φ, 0) is in the shadow of a Sun at
-    elevation β where r² - r² cos² φ cos² β < 1, on the far side.
-    """
+    """Half the angle in radians, at the planet, that its shadow takes of circles with ``radius`` in equatorial radii.
+    In the space in which the planet is the unit sphere, a point r (cos φ, sin φ, 0) on the far side is in the shadow of
+    a Sun at elevation β if r² - r² cos² φ cos² β < 1."""
     stretched = math.atan2(math.sin(sun_elevation) / (1 - flattening), math.cos(sun_elevation))
     return np.arccos(np.clip(np.sqrt(np.maximum(radius**2 - 1, 0.0)) / (radius * math.cos(stretched)), 0.0, 1.0))
 
 
 def make_ring_mesh(planet: Planet) -> RingMesh | None:
-    """The rings of a planet, or None if it has none or they are seen from within their plane.
-
-    Sunlit and shadowed arcs are strips of their own, so that the edge of the shadow is as sharp as it is.
-    """
+    """The rings of a planet; None without rings, or if they are seen from within their plane. Sunlit and shadowed arcs
+    are separate strips, which keeps the edge of the shadow sharp."""
     height, up = float(-planet.direction @ planet.pole), float(planet.sun @ planet.pole)
     if not planet.rings or abs(height) < 1e-7 or planet.angular_diameter_deg <= 0:
         return None
@@ -106,7 +104,7 @@ def make_ring_mesh(planet: Planet) -> RingMesh | None:
     across = np.cross(planet.pole, toward)
     parts = []
     for ring in planet.rings:
-        radius = np.linspace(ring.inner, ring.outer, _CIRCLES + 1)
+        radius = np.linspace(ring.inner, ring.outer, _MESH_CIRCLES + 1)
         half = shadow_half_angle(radius, math.asin(np.clip(up, -1, 1)), planet.flattening)
         for lit, middle, reach, sectors in ((1.0, 0.0, math.pi - half, _SECTORS), (0.0, math.pi, half, _SECTORS // 8)):
             if not reach.any():

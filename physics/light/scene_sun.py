@@ -1,7 +1,7 @@
-"""The Sun of a rendered scene, which everything states of it: ``pair.json``, exports, index tables and reports.
+"""The Sun of a rendered scene, the one source of it for ``pair.json``, exports, index tables and reports.
 
-Directions may come from angles, a date or kernels, and the user may have turned the lamp by hand. Only the lamp as it
-was during the render is true of the images, so the angles follow from its direction and are stored for readers only.
+Directions come from angles, a date or kernels, and the user may have turned the lamp by hand. Only the lamp at the time
+of the render is true for the images. So angles follow from its direction and are stored for readers only.
 """
 
 from __future__ import annotations
@@ -15,19 +15,18 @@ import numpy as np
 from ...support.arrays import Array
 from .sky import azimuth_deg, elevation_deg
 
-#: Where a Sun comes from: a choice of ``light.directions_from``, or this.
+#: Source of a Sun whose lamp was changed by hand; other sources are choices of ``light.directions_from``.
 BY_HAND = "HAND"
-#: A lamp differs from the described Sun by more than single precision: turned by 0.0006°, or brighter by 0.001 %.
-_SAME = 1e-5
+#: Largest difference between a lamp and the described Sun that counts as rounding: a turn of 0.0006°, or 0.001 % of
+#: brightness.
+_SAME_SUN = 1e-5
 
 
 @dataclass(frozen=True)
 class SceneSun:
-    """A Sun, or a lamp near the ground in its place, as it lit the images.
-
-    ``direction`` is the unit vector (3,) toward it, world axes. ``irradiance_wm2`` is on a surface that faces it, at
-    the origin of the site, less the part that the planet hides. ``distance_m`` is the lamp's, 0 for the Sun.
-    """
+    """The Sun, or a lamp near the ground in its place, as it lit the images. ``direction`` is the unit vector (3,)
+    toward it in world axes. ``irradiance_wm2`` is on a facing surface at the origin of the site, less the part that the
+    planet hides. ``distance_m`` is the lamp's distance, 0 for the Sun."""
 
     direction: Array
     irradiance_wm2: float
@@ -38,7 +37,7 @@ class SceneSun:
 
     @property
     def elevation_deg(self) -> float:
-        """Height of its centre above the horizon."""
+        """Elevation of its centre above the horizon."""
         return elevation_deg(self.direction)
 
     @property
@@ -67,7 +66,7 @@ class SceneSun:
 
 
 def sun_from_facts(facts: Mapping[str, Any], source: str) -> SceneSun:
-    """The Sun of ``sky.describe_sky``, as it lights a scene: less the part behind the planet, and 0 below the
+    """The Sun of ``sky.describe_sky`` as it lights a scene: without the part behind the planet, and dark below the
     horizon."""
     direction = np.array(facts["direction_to_world"])
     diameter, eclipse = facts["angular_diameter_deg"], facts["eclipse"]
@@ -85,12 +84,14 @@ def sun_from_facts(facts: Mapping[str, Any], source: str) -> SceneSun:
 def sun_from_lamp(
     described: SceneSun, direction: Array, irradiance_wm2: float, angular_diameter_deg: float, distance_m: float
 ) -> SceneSun:
-    """The Sun of a lamp that was set up as ``described`` and that the user may have turned or changed since."""
+    """The Sun of a lamp that was made as ``described``; the user may have turned or changed it since."""
     stands = np.array([*direction, distance_m])
-    same = np.allclose(stands, [*described.direction, described.distance_m], rtol=_SAME, atol=_SAME) and np.allclose(
+    same = np.allclose(
+        stands, [*described.direction, described.distance_m], rtol=_SAME_SUN, atol=_SAME_SUN
+    ) and np.allclose(
         [irradiance_wm2, angular_diameter_deg],
         [described.irradiance_wm2, described.angular_diameter_deg],
-        rtol=_SAME,
+        rtol=_SAME_SUN,
         atol=1e-9,
     )
     shown = direction / np.linalg.norm(direction)
@@ -100,8 +101,8 @@ def sun_from_lamp(
 
 
 def sun_from_json(light: Any) -> SceneSun | None:
-    """The Sun of the table ``light`` of ``pair.json``, also of old pairs, whose other numbers may be of another Sun
-    than their direction; None if the table has no valid Sun."""
+    """The Sun of the table ``light`` of ``pair.json``; None if the table has no valid Sun. In old pairs other numbers
+    of the table may contradict its direction."""
     try:
         sun: Mapping[str, Any] = light["sun"]
         direction = np.array(sun["direction_to_world"], np.float64)

@@ -1,7 +1,7 @@
-"""What stands in the sky of the site: the Sun and, if the scene has one, the planet.
+"""The lights in the sky of the site: the Sun and, if the scene has one, the planet.
 
-``light`` is the ``light`` topic of the settings. The local frame is
-x east, y north, z up, along the normal of the body's ellipsoid.
+``light`` is the ``light`` topic of the settings. The local frame is x east, y north, z up, along the normal of the
+body's ellipsoid.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Sky:
 
     @property
     def planet_is_up(self) -> bool:
-        """Whether any of the planet is above the horizon."""
+        """Whether any part of the planet is above the horizon."""
         return (
             self.planet is not None
             and self.planet.angular_diameter_deg > 0
@@ -71,7 +71,7 @@ class Sky:
 
     @property
     def above_ring_plane_deg(self) -> float | None:
-        """How far north of the plane of Saturn's rings the site is, seen from the planet; None without rings."""
+        """Angle of the site north of the plane of Saturn's rings, seen from the planet; None without rings."""
         if self.planet is None or not self.planet.rings:
             return None
         return _angle_above_plane_deg(self.planet.pole, -self.planet.direction)
@@ -85,15 +85,15 @@ class Sky:
 
     @property
     def planet_over_sun(self) -> float:
-        """Ratio of the planet's light to the Sun's, on level ground or on ground that faces them, whichever is more;
-        infinite by night, 0 without a planet that is up and lit."""
+        """Ratio of the planet's light to the Sun's, on level ground or on ground that faces them, whichever ratio is
+        larger. Infinite by night, 0 without a lit planet above the horizon."""
         planet = irradiance_wm2(self.planet) if self.planet and self.planet_is_up else 0.0
         sun_level, planet_level = self.ground_irradiance_wm2
-        return compare_lights(planet, planet_level, self.sun_irradiance_wm2 * (1.0 - self.eclipse), sun_level)
+        return planet_to_sun_ratio(planet, planet_level, self.sun_irradiance_wm2 * (1.0 - self.eclipse), sun_level)
 
 
-def compare_lights(planet: float, planet_level: float, sun: float, sun_level: float) -> float:
-    """``Sky.planet_over_sun`` from irradiances in W/m² on ground that faces a light, and on level ground."""
+def planet_to_sun_ratio(planet: float, planet_level: float, sun: float, sun_level: float) -> float:
+    """``Sky.planet_over_sun``, from irradiances in W/m² of planet and Sun on a facing surface and on level ground."""
     if planet <= 0:
         return 0.0
     return max(planet_level / sun_level, planet / sun) if sun_level > 0 else math.inf
@@ -114,21 +114,21 @@ def azimuth_deg(direction: Array) -> float:
     return math.degrees(math.atan2(direction[0], direction[1])) % 360.0
 
 
-#: Largest relative difference of the mean radii of a described body and of the body whose sky a date gives. No other
-#: round moon is as near: Miranda is 6 % smaller than Enceladus, the Moon 11 % larger than Europa.
-_RADIUS_DOUBT = 0.05
+#: Largest relative difference between the mean radius of the described ground's body and of the body whose sky a date
+#: gives. Other round moons differ by more: Miranda is 6 % smaller than Enceladus, the Moon 11 % larger than Europa.
+_MOST_RADIUS_DIFFERENCE = 0.05
 
 
 def check_body(
     settings: Settings, fix: str = "set light.body to what this is, with kernels, or light.directions_from to ANGLES."
 ) -> None:
-    """Raise IcyMoonError if a date would give the ground of one body the sky of another; ``fix`` ends its sentence."""
+    """Raise IcyMoonError if a date would give the ground of one body the sky of another; ``fix`` ends the sentence."""
     light, radius_km = settings.light, settings.terrain.body_radius_m / 1000.0
     body = BODIES.get(light.body.strip().upper())
     if light.directions_from == "ANGLES" or body is None:
         return
     own_km = math.prod(body.radii_km) ** (1 / 3)
-    if abs(radius_km / own_km - 1) > _RADIUS_DOUBT:
+    if abs(radius_km / own_km - 1) > _MOST_RADIUS_DIFFERENCE:
         raise IcyMoonError(
             f"light.body is {light.body}, which has a radius of {own_km:.0f} km, but "
             f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another "
@@ -181,8 +181,8 @@ def _choose_rings(light: LightSettings) -> tuple[Ring, ...]:
 
 
 def _star_frame_by_angles(light: LightSettings) -> Array:
-    """The J2000 equatorial frame over a site without a date: its pole is the body's pole, right ascension 0 h is on the
-    meridian, in the south where the pole is up in the north."""
+    """The J2000 equatorial frame at a site without a date: its pole is the body's pole, and right ascension 0 h is on
+    the meridian, in the south if the pole is in the north."""
     latitude = math.radians(light.latitude_deg)
     pole = direction_toward(0.0, light.latitude_deg)
     culminates = np.array([0.0, -math.sin(latitude), math.cos(latitude)])

@@ -11,10 +11,11 @@ from ...settings.topics.scene import Settings
 from .ephemeris import site_frame
 from .sky import SkyPlace
 
-#: Angle on the body between two places, in degrees, by which their skies differ too; less is no other site.
-_APART_DEG = 0.1
-#: Turn of a map from which it is said; a grid's convergence on a map of one zone is less, and shadows hardly move.
-_TURNED_DEG = 1.0
+#: Largest angle between two places on the body, in degrees, that count as one site; their skies differ by as much.
+_SAME_SITE_DEG = 0.1
+#: Least angle between a map's up and north that is reported. On a map of one zone the convergence of the grid is
+#: smaller, and shadows hardly move.
+_LEAST_TURN_DEG = 1.0
 
 
 def asks_sky_of_site(settings: Settings) -> bool:
@@ -34,7 +35,7 @@ def find_sky_place(settings: Settings, place: Mapping[str, Any] | None) -> SkyPl
     if source.site == "DEGREES":  # an ellipsoid's map counts another latitude
         latitude, longitude = float(source.site_latitude_deg), float(source.site_longitude_deg)
     north = float(place["north_deg"])
-    if 90.0 - abs(latitude) <= _APART_DEG:  # where the longitude tells which way is north
+    if 90.0 - abs(latitude) <= _SAME_SITE_DEG:  # where the longitude tells which way is north
         longitude = float(place["longitude_deg"])
     return SkyPlace(latitude, longitude, north)
 
@@ -47,23 +48,23 @@ def warn_sky_of_other_place(light: LightSettings, place: Mapping[str, Any] | Non
     latitude, longitude = float(place["latitude_deg"]), float(place["longitude_deg"])
     north = float(place["north_deg"])
     said = []
-    if _angle_between_deg((latitude, longitude), (light.latitude_deg, light.longitude_deg)) > _APART_DEG:
+    if _angle_between_deg((latitude, longitude), (light.latitude_deg, light.longitude_deg)) > _SAME_SITE_DEG:
         said.append(
             f"The map's site is at latitude {latitude:.4f}°, longitude {longitude:.4f}°, but the sky is that "
             f"of light.latitude_deg {light.latitude_deg:g} and light.longitude_deg {light.longitude_deg:g}; "
             f"set light.latitude_deg to {latitude:.4f} and light.longitude_deg to {longitude:.4f}."
         )
-    elif 90.0 - abs(light.latitude_deg) <= _APART_DEG:  # where a longitude is a direction
+    elif 90.0 - abs(light.latitude_deg) <= _SAME_SITE_DEG:  # where a longitude is a direction
         over = math.copysign(1.0, latitude)
         found = _wrap_deg(north - over * (light.longitude_deg - longitude))
-        if abs(found) > _TURNED_DEG:
+        if abs(found) > _LEAST_TURN_DEG:
             said.append(
                 f"At this pole light.longitude_deg {light.longitude_deg:g} sets where north is, {found:.1f}° "
                 f"clockwise of the map's up, from which the azimuths of a date are counted; set "
                 f"light.longitude_deg to {_wrap_deg(longitude + over * north):.4f}, whose north is up."
             )
         return said
-    if abs(north) > _TURNED_DEG:
+    if abs(north) > _LEAST_TURN_DEG:
         said.append(
             f"North is {north:.1f}° clockwise of the map's up, from which the azimuths of a date are counted, "
             f"so the Sun stands {abs(north):.1f}° off; set light.directions_from to ANGLES, with the "
@@ -78,6 +79,6 @@ def _wrap_deg(angle_deg: float) -> float:
 
 
 def _angle_between_deg(one: tuple[float, float], other: tuple[float, float]) -> float:
-    """Angle in degrees between two places (latitude, longitude) in degrees, as seen from the centre of the body."""
+    """Angle in degrees at the body's centre between two places (latitude, longitude) in degrees."""
     a, b = (site_frame((1.0, 1.0, 1.0), *place)[0] for place in (one, other))
     return math.degrees(2 * math.asin(min(1.0, math.dist(a, b) / 2)))

@@ -1,8 +1,8 @@
-"""Where Sun and planet stand over a site at a date, from the user's SPICE kernels.
+"""Directions of Sun and planet from a site at a date, from the user's SPICE kernels.
 
-Needs SpiceyPy (``pip install "icymoon[ephemeris]"``), which Blender's Python does not have; it is loaded
-only when kernels are asked for. Kernels: leap seconds (naif0012.tls), constants (pck00011.tpc), the
-planets (de440s.bsp) and the moon's system (sat441.bsp, jup365.bsp).
+Needs SpiceyPy (``pip install "icymoon[ephemeris]"``), which Blender's Python does not have; it is loaded only if
+kernels are used. Kernels: leap seconds (naif0012.tls), constants (pck00011.tpc), the planets (de440s.bsp) and the
+moon's system (sat441.bsp, jup365.bsp).
 """
 
 from __future__ import annotations
@@ -30,11 +30,9 @@ def has_spice() -> bool:
 def find_positions(
     kernels: Path, body: str, parent: str, date_utc: str, latitude_deg: float, longitude_deg: float
 ) -> Positions:
-    """Sun and planet over a site, with light time and stellar aberration.
-
-    ``kernels`` is a meta-kernel, or a folder whose kernels are all loaded, see ``kernels.find_kernels``. ``body`` and
-    ``parent`` are names that SPICE knows. Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing, or
-    if the moon is one of another planet.
+    """Sun and planet above a site, with light time and stellar aberration. ``kernels`` is a meta-kernel, or a folder
+    whose kernels are all loaded, see ``kernels.find_kernels``. ``body`` and ``parent`` are names that SPICE knows.
+    Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing, or if the moon belongs to another planet.
     """
     if not has_spice():
         raise IcyMoonError(
@@ -49,7 +47,7 @@ def find_positions(
     date_utc = format_date(parse_date(date_utc))  # SPICE reads other texts too, and some of them as other dates
     spice = importlib.import_module("spiceypy")
     try:
-        # Both orders of loading work: which kernel wins matters only where two hold the same.
+        # Any order of loading will do: it matters only if two kernels contain the same data.
         for path in find_kernels(kernels):
             spice.furnsh(str(path))
         return _find_positions(
@@ -98,7 +96,7 @@ def _find_positions(
 
 
 def _refuse_other_planet(spice: ModuleType, body: str, parent: str) -> None:
-    """Raise IcyMoonError if the planet is not the moon's planet by NAIF's numbers: 502 is a moon of 599."""
+    """Raise IcyMoonError if the planet is not the moon's planet by NAIF's numbers, where 502 is a moon of 599."""
     number = spice.bods2c(body)
     planet = number // 100 * 100 + 99
     if 100 < number < 1000 and number % 100 not in (0, 99) and spice.bods2c(parent) != planet:

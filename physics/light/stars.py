@@ -1,8 +1,8 @@
-"""Stars as the cameras see them: the brightest there are, and fainter ones in their true numbers.
+"""Stars as the cameras see them: the brightest real stars, and fainter ones in realistic numbers.
 
-A star's V magnitude is turned into the irradiance of sunlight with the same light in V, over all wavelengths,
-so that a camera that takes its band out of sunlight gets the right number of photons at 550 nm. Its colour,
-with a mean over the bands R, G, B of one, is a black body's.
+A star's V magnitude is converted to the irradiance, over all wavelengths, of sunlight with the same light in V. A
+camera that takes its band from sunlight so gets the right number of photons at 550 nm. The star's colour is a black
+body's, scaled to a mean of 1 over the bands R, G, B.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ SUN_V_MAG = -26.76  # at 1 au, Vega's zero point: Willmer 2018, ApJ Supplement 2
 V0_WM2 = SOLAR_CONSTANT_WM2 * 10 ** (0.4 * SUN_V_MAG)
 #: V magnitude to which the catalogue is complete.
 COMPLETE_TO_MAG = 2.5
-#: Numbers of stars in the whole sky as bright as whole magnitudes from 2 on: Tycho-2 (Høg et al. 2000,
-#: A&A 355, L27), as counted at hnsky.org/star_count.htm; star colours spread V and the counts by some percent.
-_COUNTS = (55, 191, 558, 1744, 5326, 16503, 48559)
+#: Numbers of stars in the whole sky that are at least as bright as the whole magnitudes from 2 on: Tycho-2 (Høg et al.
+#: 2000, A&A 355, L27), as counted at hnsky.org/star_count.htm. Star colours spread V and the counts by some percent.
+_STARS_TO_MAG = (55, 191, 558, 1744, 5326, 16503, 48559)
 
 
 @dataclass(frozen=True)
 class Stars:
-    """Stars above the horizon (n of them)."""
+    """The n stars above the horizon."""
 
     direction: Array  # (n, 3) unit vectors
     irradiance_wm2: Array  # (n, 3) on a facing surface in R, G, B
@@ -38,7 +38,7 @@ class Stars:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Stars by name (n of them), J2000 equator and epoch."""
+    """A catalogue of n stars by name, J2000 equator and epoch."""
 
     name: tuple[str, ...]
     direction: Array  # (n, 3) unit vectors
@@ -48,10 +48,8 @@ class Catalogue:
 
 @lru_cache(maxsize=1)
 def read_catalogue() -> Catalogue:
-    """The stars of ``stars.csv``, the brightest first: every star to V = 2.5, of doubles the light of both.
-
-    Positions: Hipparcos (ESA SP-1200, 1997). V and B - V: Astronomical Almanac 2016, section H.
-    """
+    """The stars of ``stars.csv``, brightest first: every star to V = 2.5; a double star has the light of both.
+    Positions: Hipparcos (ESA SP-1200, 1997). V and B - V: Astronomical Almanac 2016, section H."""
     with (Path(__file__).parent / "stars.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     ascension, declination, v_mag, b_v = (
@@ -65,7 +63,7 @@ def read_catalogue() -> Catalogue:
 
 
 def star_irradiance_wm2(v_mag: Array) -> Array:
-    """Irradiance (n,) on a facing surface of stars of V magnitudes (n,)."""
+    """Irradiance (n,) on a facing surface of stars with the V magnitudes (n,)."""
     return np.asarray(V0_WM2 * 10 ** (-0.4 * v_mag))
 
 
@@ -76,19 +74,17 @@ def star_temperature_k(b_v: float) -> float:
 
 def count_stars_to(v_mag: Numbers) -> Array:
     """Number of stars in the whole sky that are as bright as a V magnitude from 2 to 8."""
-    return np.exp(np.interp(v_mag, np.arange(2, 2 + len(_COUNTS)), np.log(_COUNTS)))
+    return np.exp(np.interp(v_mag, np.arange(2, 2 + len(_STARS_TO_MAG)), np.log(_STARS_TO_MAG)))
 
 
 def _draw_faint(faintest_mag: float, seed: int) -> tuple[Array, Array]:
-    """Directions (n, 3) and V magnitudes (n,) of stars fainter than the catalogue's, evenly over the sky.
-
-    Those there are crowd towards the Milky Way, about three times as dense there as at its poles. Magnitudes are
-    drawn to the faintest that can be asked for, so that asking for more moves no star.
-    """
+    """Directions (n, 3) and V magnitudes (n,) of stars fainter than the catalogue's, evenly over the sky. (Real ones
+    crowd toward the Milky Way, about three times as dense there as at its poles.) Stars are drawn to the faintest
+    magnitude that settings allow, so that a fainter limit moves no star."""
     random = make_generator(seed, "stars")
-    first, last = count_stars_to(COMPLETE_TO_MAG), count_stars_to(2 + len(_COUNTS) - 1)
+    first, last = count_stars_to(COMPLETE_TO_MAG), count_stars_to(2 + len(_STARS_TO_MAG) - 1)
     rank = np.arange(float(first), float(last))  # the brightest first
-    grid = np.linspace(COMPLETE_TO_MAG, 2 + len(_COUNTS) - 1, 1001)
+    grid = np.linspace(COMPLETE_TO_MAG, 2 + len(_STARS_TO_MAG) - 1, 1001)
     v_mag = np.interp(rank + random.random(len(rank)), count_stars_to(grid), grid)
     z, around = random.uniform(-1, 1, len(rank)), random.uniform(0, 2 * np.pi, len(rank))
     keep = v_mag <= faintest_mag
@@ -97,7 +93,7 @@ def _draw_faint(faintest_mag: float, seed: int) -> tuple[Array, Array]:
 
 
 def stars_above_horizon(faintest_mag: float, seed: int, from_j2000: Array) -> Stars:
-    """The stars above the horizon, z > 0 in the frame that the matrix ``from_j2000`` (3, 3) leads to."""
+    """The stars above the horizon, z > 0 in the frame to which the matrix ``from_j2000`` (3, 3) leads."""
     known = read_catalogue()
     bright = known.v_mag <= faintest_mag
     direction, v_mag = known.direction[bright], known.v_mag[bright]

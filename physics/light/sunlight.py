@@ -14,7 +14,7 @@ SUN_RADIUS_KM = 695700.0  # IAU 2015 nominal
 AU_KM = 149597870.7  # IAU 2012
 SUN_TEMPERATURE_K = 5772.0  # effective; IAU 2015 nominal
 
-#: Wavelengths in metres that stand for the bands R, G, B when the Sun is given another temperature.
+#: Wavelengths in metres of the bands R, G, B, for the colour of a Sun of another temperature.
 BANDS_M = (620e-9, 550e-9, 460e-9)
 
 
@@ -24,7 +24,7 @@ def sun_irradiance_wm2(distance_au: float) -> float:
 
 
 def apparent_diameter_deg(radius_km: float, distance_km: float) -> float:
-    """Angle that a sphere takes up at a distance of its centre: 2 asin(R/d), not the small-angle 2R/d."""
+    """Apparent diameter of a sphere whose centre is at a distance: 2 asin(R/d), not the small-angle 2R/d."""
     if distance_km <= radius_km:
         return 180.0
     return math.degrees(2 * math.asin(radius_km / distance_km))
@@ -36,7 +36,7 @@ def sun_diameter_deg(distance_au: float) -> float:
 
 
 def sun_colour(temperature_k: float) -> Array:
-    """Light (3,) of a black body over the light of the Sun in the bands R, G, B, relative to their mean."""
+    """Light (3,) of a black body relative to sunlight in the bands R, G, B, divided by the mean over the bands."""
     wavelength = np.array(BANDS_M)
     ratio = planck_radiance(wavelength, temperature_k) / planck_radiance(wavelength, SUN_TEMPERATURE_K)
     return np.asarray(ratio / ratio.mean())

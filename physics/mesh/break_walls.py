@@ -1,9 +1,9 @@
-"""Walls of broken ice: steep triangles cut smaller, and chips broken out of them that differ from top to bottom.
+"""Walls of broken ice: steep triangles are refined, and chips that differ from top to bottom are broken out.
 
-A height field gives a wall one shape from rim to foot, so that it hangs like a curtain. Here the vertices of steep
-triangles are moved into the ice, along the ground's normal, by a depth that depends on their place in all three
-dimensions: shallow scoops that meet at edges, as brittle ice breaks (conchoidal fracture). Their size and depth are
-guesses from broken sea ice and glacier fronts; no image shows either moon at metres.
+A height field gives a wall one shape from rim to foot, like a hanging curtain. Here the vertices of steep triangles are
+moved into the ice, along the ground's normal, by a depth that depends on their position in three dimensions: shallow
+scoops that meet at edges, as brittle ice breaks (conchoidal fracture). Their size and depth are guesses from broken sea
+ice and glacier fronts; no image resolves either moon at metres.
 """
 
 from __future__ import annotations
@@ -20,26 +20,36 @@ from ..terrain.landforms import Walls
 from ..terrain.noise.lattice_noise import hash_lattice, to_uniform
 from .split_triangles import split_at_sides
 
-#: Vertical parts of the normals between which ground becomes a wall: slopes of 52 and 68 degrees. So the sides
-#: of fragments, which are up to 66 degrees steep, break too.
-_GROUND, _WALL = math.cos(math.radians(52.0)), math.cos(math.radians(68.0))
-#: Widths of the scoops over the height of the wall, and their greatest depth over their width.
-_SCOOPS, _DEPTH = (0.5, 0.2, 0.08), 0.25
-#: Scoops: by how much their depths differ, largest slope of a scoop's middle plane, how much deeper it is in its middle
-#: than one width away, and the depth of the edges between scoops that leaves nearly all of them in the ice.
-_DIFFER, _TILT, _BOWL, _EDGES = 0.35, 0.45, 1.3, 0.55
-#: Length of a side of a wall's triangle in pixels from which it is halved, and how often.
-_LONGEST_PX, _HALVED = 3.0, 5
-#: How often a wall is smoothed before it is broken.
-_SMOOTHED = 3
+#: Vertical part of the unit normal of the gentlest slope that begins to break, 52 degrees.
+_GROUND_COSINE = math.cos(math.radians(52.0))
+#: The same for a slope that is fully a wall, 68 degrees. The sides of fragments, up to 66 degrees steep, break too.
+_WALL_COSINE = math.cos(math.radians(68.0))
+#: Widths of the scoops over the height of the wall.
+_SCOOP_WIDTHS = (0.5, 0.2, 0.08)
+#: Greatest depth of a scoop over its width.
+_SCOOP_DEPTH = 0.25
+#: Random variation of the depths of scoops.
+_SCOOP_VARIATION = 0.35
+#: Largest slope of a scoop's middle plane.
+_SCOOP_TILT = 0.45
+#: Extra depth of a scoop's middle over a point one width away.
+_SCOOP_CURVATURE = 1.3
+#: Depth of the edges between scoops, at which nearly all of them lie in the ice.
+_EDGE_DEPTH = 0.55
+#: Sides of a wall's triangle longer than this, in pixels, are halved.
+_LONGEST_SIDE_PX = 3.0
+#: Maximum number of halvings.
+_MOST_HALVINGS = 5
+#: Number of smoothing passes over a wall before it is broken.
+_SMOOTHING_PASSES = 3
 #: Share of the largest number of vertices that the mesh has before walls are broken.
-BEFORE = 0.75
+SHARE_BEFORE_BREAKING = 0.75
 #: Points worked on at a time.
-_BLOCK = 16384
+_POINTS_AT_ONCE = 16384
 
 
 def breaks_walls(settings: Settings) -> bool:
-    """Whether the mesh of complete ``settings`` has walls that are broken where the cameras see them."""
+    """Whether the mesh of complete ``settings`` has broken walls in the cameras' view."""
     cracks, chaos, pits, mesh = settings.cracks, settings.chaos, settings.pits, settings.mesh
     walls = (
         (chaos.edges == "BROKEN" and chaos.relief_m > 0.0)
@@ -51,10 +61,9 @@ def breaks_walls(settings: Settings) -> bool:
 
 @dataclass(frozen=True)
 class BrokenMesh:
-    """A mesh with broken walls: positions (n, 3), triangles (m, 3) int32, and the triangle that each was part of (m,).
-
-    ``spacing_m`` (n,) are spacings of vertices on the map; an added vertex has the mean of two others.
-    """
+    """A mesh with broken walls: positions (n, 3), triangles (m, 3) int32, and for each triangle (m,) the original
+    triangle that it is part of. ``spacing_m`` (n,) are spacings of vertices on the map; an added vertex has the mean of
+    two others."""
 
     positions: Array
     faces: Array
@@ -63,10 +72,8 @@ class BrokenMesh:
 
 
 def scoop_depth(points: Array, key: int) -> Array:
-    """Depth (n,) of scoops about 1 wide at points (n, 3), from 0 to about 1, continuous, with edges between scoops.
-
-    Each cell of a lattice has a point with a bowl, and the deepest of the bowls counts.
-    """
+    """Depth (n,) of scoops of width 1 at points (n, 3), from 0 to about 1. It is continuous, with edges between scoops:
+    each cell of a lattice has one bowl, and the deepest bowl counts."""
     base = np.floor(points)
     cell, zero = base.astype(np.int64), np.zeros(len(points), np.int64)
     deepest = np.zeros(len(points))
@@ -77,9 +84,9 @@ def scoop_depth(points: Array, key: int) -> Array:
             points[:, axis] - base[:, axis] - shift - _ten_bit_fractions(place, axis)
             for axis, shift in enumerate((i, j, k))
         ]
-        bowl = _EDGES + _DIFFER * to_uniform(hash_lattice(tilt.astype(np.int64), zero, key))
+        bowl = _EDGE_DEPTH + _SCOOP_VARIATION * to_uniform(hash_lattice(tilt.astype(np.int64), zero, key))
         for axis, along in enumerate(off):
-            bowl += along * ((2.0 * _TILT) * (_ten_bit_fractions(tilt, axis) - 0.5) - _BOWL * along)
+            bowl += along * ((2.0 * _SCOOP_TILT) * (_ten_bit_fractions(tilt, axis) - 0.5) - _SCOOP_CURVATURE * along)
         np.maximum(deepest, bowl, out=deepest)
     return deepest
 
@@ -90,27 +97,27 @@ def _ten_bit_fractions(h: Array, third: int) -> Array:
 
 
 def chip_depth_m(points: Array, walls: Walls, finest_m: Array) -> Array:
-    """How deep the chips of walls are at points (n, 3), in metres; those finer than ``finest_m`` (n,) are left out."""
+    """Depth (n,) in metres of the chips of walls at points (n, 3), without chips finer than ``finest_m`` (n,)."""
     total = np.zeros(len(points))
-    for octave, size in enumerate(_SCOOPS):
+    for octave, size in enumerate(_SCOOP_WIDTHS):
         width = size * walls.height_m
         share = np.clip(width / finest_m - 1.0, 0.0, 1.0)
         some = np.flatnonzero(share)
-        for start in range(0, len(some), _BLOCK):
-            here = some[start : start + _BLOCK]
-            total[here] += share[here] * (_DEPTH * width) * scoop_depth(points[here] / width, walls.key + octave)
+        for start in range(0, len(some), _POINTS_AT_ONCE):
+            here = some[start : start + _POINTS_AT_ONCE]
+            total[here] += share[here] * (_SCOOP_DEPTH * width) * scoop_depth(points[here] / width, walls.key + octave)
     return total
 
 
 def wall_steepness(normals: Array) -> Array:
-    """0 to 1 (n,): how much of a wall ground with upward normals (n, 3) is, which need not be of unit length."""
+    """Share (n,), 0 to 1, by which ground with upward normals (n, 3) of any length is a wall."""
     up = normals[:, 2] / np.maximum(np.linalg.norm(normals, axis=1), 1e-30)
-    t = np.clip((_GROUND - up) / (_GROUND - _WALL), 0.0, 1.0)
+    t = np.clip((_GROUND_COSINE - up) / (_GROUND_COSINE - _WALL_COSINE), 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
 def face_normals(positions: Array, faces: Array) -> Array:
-    """Normals (m, 3) of triangles, as long as twice their area."""
+    """Normals (m, 3) of triangles; their length is twice the area."""
     a, b, c = (positions[faces[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
 
@@ -120,16 +127,16 @@ def break_walls(
 ) -> BrokenMesh:
     """Break the walls of a mesh whose vertices are ``spacing_m`` (n,) apart on the map.
 
-    Pixels are ``pixel_m`` (n,) wide, and infinite where nothing is seen; walls are left there. Long sides of triangles
-    of walls are halved until they are short for the pixels or there would be more than ``most`` vertices. Vertices
-    where the mesh has a border, as beside triangles that were cut for fine relief, stay where they are.
+    Pixels are ``pixel_m`` (n,) wide; where they are infinite, nothing is seen and walls stay as they are. Long sides of
+    a wall's triangles are halved until they are short in pixels, or until more than ``most`` vertices would be needed.
+    Vertices on the mesh's border, as beside triangles that were cut for fine relief, stay fixed.
     """
     free = np.isfinite(pixel_m)
     free[_find_border(faces, free)] = False
     seen_m = np.where(free, pixel_m, np.inf)
     of_face = np.arange(len(faces))
     positions = _smooth_walls(positions, faces, free)
-    for _ in range(_HALVED):
+    for _ in range(_MOST_HALVINGS):
         edges, sides, some = _find_long_sides(positions, faces, seen_m)
         if not len(edges) or len(positions) + len(edges) > most:
             break
@@ -148,17 +155,15 @@ def break_walls(
 
 
 def _smooth_walls(positions: Array, faces: Array, free: Array) -> Array:
-    """Positions (n, 3) of the mesh with walls that are smooth over a few triangles, where vertices are ``free`` (n,).
-
-    Rims and feet run obliquely to the mesh, so its columns begin at distances of its period: flutes of the mesh.
-    """
+    """Positions (n, 3) of the mesh with walls smoothed over a few triangles, by moving the ``free`` (n,) vertices. Rims
+    and feet run obliquely to the mesh, so its columns would otherwise show as flutes in the wall."""
     near = faces[free[faces].any(axis=1)]
     wall = _vertex_steepness(positions, near) * free
     near = near[(wall > 0.0)[near].any(axis=1)]
     number = np.maximum(2.0 * np.bincount(near.ravel(), minlength=len(positions)), 1.0)
     positions = positions.copy()
     some = np.flatnonzero(wall)
-    for _ in range(_SMOOTHED):
+    for _ in range(_SMOOTHING_PASSES):
         around = np.zeros((len(some), 3))
         for axis in range(3):
             at = positions[near, axis]
@@ -187,7 +192,7 @@ def _sum_vertex_normals(positions: Array, faces: Array) -> Array:
 
 
 def _vertex_steepness(positions: Array, faces: Array) -> Array:
-    """Steepness (n,) of the vertices of some triangles, 0 of all others."""
+    """Steepness (n,) of the vertices of some triangles; 0 for all other vertices."""
     normals = _sum_vertex_normals(positions, faces)
     return wall_steepness(normals) * (normals[:, 2] != 0.0)
 
@@ -198,7 +203,7 @@ def _triangle_sides(faces: Array) -> Array:
 
 
 def _find_border(faces: Array, near: Array) -> Array:
-    """Vertices on sides that only one triangle has, among those ``near`` (n,)."""
+    """Vertices on sides that belong to only one triangle, among the vertices ``near`` (n,)."""
     sides = _triangle_sides(faces[near[faces].any(axis=1)]).reshape(-1, 2)
     sides = sides[near[sides].any(axis=1)]  # of these, all triangles are here
     keys, uses = np.unique(sides[:, 0] * len(near) + sides[:, 1], return_counts=True)
@@ -207,12 +212,13 @@ def _find_border(faces: Array, near: Array) -> Array:
 
 
 def _find_long_sides(positions: Array, faces: Array, seen_m: Array) -> tuple[Array, Array, Array]:
-    """Long sides (k, 2) of walls, which of them the sides of triangles are (c, 3) or -1, and these triangles (c,)."""
+    """Long sides (k, 2) of walls; for each triangle with one, the indices (c, 3) of its sides among them, or -1; and
+    these triangles (c,)."""
     near = np.flatnonzero(np.isfinite(seen_m)[faces].any(axis=1))
     wall = near[wall_steepness(face_normals(positions, faces[near])) > 0.0]
     sides = _triangle_sides(faces[wall]).reshape(-1, 2)
     length = np.linalg.norm(positions[sides[:, 0]] - positions[sides[:, 1]], axis=1)
-    sides = sides[length > _LONGEST_PX * seen_m[sides].max(axis=1)]
+    sides = sides[length > _LONGEST_SIDE_PX * seen_m[sides].max(axis=1)]
     many = len(positions)
     keys = np.unique(sides[:, 0] * many + sides[:, 1])
     touched = np.zeros(many, bool)
@@ -227,7 +233,7 @@ def _find_long_sides(positions: Array, faces: Array, seen_m: Array) -> tuple[Arr
 
 
 def _chip_offsets(positions: Array, faces: Array, walls: Walls, free: Array) -> Array:
-    """By how much chips move each vertex of a mesh into the ice (n, 3), in metres; by nothing unless it is ``free``."""
+    """Offsets (n, 3) in metres by which chips move each vertex into the ice; 0 unless the vertex is ``free``."""
     near = faces[free[faces].any(axis=1)]
     normals = _sum_vertex_normals(positions, near)
     length, number = np.zeros(len(positions)), np.zeros(len(positions))

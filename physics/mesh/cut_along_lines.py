@@ -1,8 +1,8 @@
 """Cuts triangles along lines, so that an edge of the ground is an edge of its mesh.
 
-A crest that no edge of the mesh follows shows as a saw: a vertex beside it is lower by its distance times the slope of
-the walls, and a crest that runs obliquely to the mesh passes its vertices at distances of its period. Vertices near the
-line are moved onto it, and the triangles that it still crosses are cut, so that no sliver is left.
+Without cuts a crest shows as a saw: a vertex beside it is lower by its distance times the slope of the walls, and a
+crest that runs obliquely to the mesh passes vertices at periodic distances. Vertices near the line are moved onto it,
+and the triangles that it still crosses are cut, so that no sliver remains.
 """
 
 from __future__ import annotations
@@ -15,22 +15,26 @@ import numpy as np
 from ...support.arrays import Array
 from .split_triangles import split_at_sides
 
-#: A signed distance, in metres, of places (x_m, y_m) from the nearest line. It may jump where that is another line.
+#: The signed distance, in metres, of places (x_m, y_m) from the nearest line. It may jump where another line becomes
+#: the nearest.
 Line = Callable[[Array, Array], Array]
-#: Vertices nearer to the line than this share of their step are moved onto it. Below a half, so that no triangle folds.
-_NEAR = 0.42
-#: Newton's steps onto the line, and bisections of an edge, after which a double is exact.
-_NEWTON, _BISECT = 3, 40
-#: Coarsest triangles that are cut, and the largest change of the distance along an edge of theirs that is no jump, as
-#: shares of the distance of the lines.
-_FINE, _WIDEST = 0.15, 0.4
-#: Area of a triangle, twice, below which it counts as folded, in squared steps.
-_THINNEST = 0.05
+#: Vertices nearer to the line than this share of their spacing are moved onto it. Below a half, no triangle folds.
+_SNAP_SHARE = 0.42
+#: Newton's steps onto the line.
+_NEWTON_STEPS = 3
+#: Bisections of an edge, after which a double is exact.
+_BISECTIONS = 40
+#: Spacing of the coarsest triangles that are cut, over the distance between lines.
+_COARSEST_CUT = 0.15
+#: Largest change of the signed distance along an edge that is no jump, over the distance between lines.
+_LARGEST_CHANGE = 0.4
+#: Twice the area, in squared spacings, below which a triangle counts as folded.
+_LEAST_DOUBLE_AREA = 0.05
 
 
 @dataclass(frozen=True)
 class CutMesh:
-    """Places (n, 2) and triangles (m, 3) of a mesh, and which places are on a line (n,)."""
+    """Places (n, 2) and triangles (m, 3) of a mesh, and whether a place is on a line (n,)."""
 
     places: Array
     faces: Array
@@ -44,12 +48,10 @@ class CutMesh:
 
 
 def cut_along_lines(places: Array, faces: Array, step_m: Array, line: Line, apart_m: float) -> CutMesh:
-    """Cut triangles along lines that are about ``apart_m`` from each other.
-
-    ``step_m`` (n,) is the length of the edges at each place. Triangles that are too coarse for the lines stay whole,
-    as do edges along which ``line`` jumps from one line's surroundings to another's.
-    """
-    fine = np.flatnonzero((step_m[faces] < _FINE * apart_m).sum(axis=1) > 1)
+    """Cut triangles along lines that are about ``apart_m`` apart. ``step_m`` (n,) is the length of the edges at each
+    place. Triangles too coarse for the lines stay whole, and so do edges along which ``line`` jumps from the
+    surroundings of one line to another's."""
+    fine = np.flatnonzero((step_m[faces] < _COARSEST_CUT * apart_m).sum(axis=1) > 1)
     if not fine.size:
         return CutMesh(places, faces, np.zeros(len(places), bool))
     few, local = np.unique(faces[fine], return_inverse=True)
@@ -67,12 +69,12 @@ def cut_along_lines(places: Array, faces: Array, step_m: Array, line: Line, apar
 
 def _cut_fine(places: Array, faces: Array, step_m: Array, line: Line, apart_m: float, fixed: Array) -> CutMesh:
     """Cut triangles with at least two corners that are fine enough; see ``cut_along_lines``."""
-    places, widest_m = np.array(places, np.float64), _WIDEST * apart_m
+    places, widest_m = np.array(places, np.float64), _LARGEST_CHANGE * apart_m
     value = line(places[:, 0], places[:, 1])
-    value[step_m >= _FINE * apart_m] = np.nan  # no edge to such a corner is cut, in either of its triangles
+    value[step_m >= _COARSEST_CUT * apart_m] = np.nan  # no edge to such a corner is cut, in either of its triangles
     near = np.unique(faces[_find_crossed(value, faces, widest_m)])
-    near = near[(np.abs(value[near]) < 2 * _NEAR * step_m[near]) & ~fixed[near]]
-    moved, reached = _move_onto_line(places[near], line, _NEAR * step_m[near])
+    near = near[(np.abs(value[near]) < 2 * _SNAP_SHARE * step_m[near]) & ~fixed[near]]
+    moved, reached = _move_onto_line(places[near], line, _SNAP_SHARE * step_m[near])
     near, moved = near[reached], moved[reached]
     on_line = _move_without_folding(places, faces, near, moved, step_m)
     value[on_line] = 0.0
@@ -80,10 +82,11 @@ def _cut_fine(places: Array, faces: Array, step_m: Array, line: Line, apart_m: f
 
 
 def _move_without_folding(places: Array, faces: Array, which: Array, moved: Array, step_m: Array) -> Array:
-    """Move places, in place, except those by which a triangle would lose nearly all of its area; which moved (n,)."""
+    """Move places, in place, except where a triangle would lose nearly all of its area. Returns which places moved
+    (n,)."""
     start, on_line = places[which].copy(), np.zeros(len(places), bool)
     places[which], on_line[which] = moved, True
-    least = _THINNEST * step_m[faces[:, 0]] ** 2
+    least = _LEAST_DOUBLE_AREA * step_m[faces[:, 0]] ** 2
     around = np.flatnonzero(on_line[faces].any(axis=1))
     while True:
         a, b, c = (places[faces[around, k]] for k in range(3))
@@ -98,6 +101,7 @@ def _move_without_folding(places: Array, faces: Array, which: Array, moved: Arra
 
 
 def _edge_crosses_line(value: Array, start: Array, end: Array, widest_m: float) -> Array:
+    """Whether a line crosses edges, from the signed distances at their ends."""
     one, other = value[start], value[end]
     return (one * other < 0.0) & (np.abs(one - other) < widest_m)
 
@@ -109,9 +113,9 @@ def _find_crossed(value: Array, faces: Array, widest_m: float) -> Array:
 
 
 def _move_onto_line(start: Array, line: Line, furthest_m: Array) -> tuple[Array, Array]:
-    """Places on the line near those given, and which of them were found within the distance."""
+    """Places on the line near the ``start`` places, and whether each is within ``furthest_m``."""
     places, h = start.copy(), 1e-3 * furthest_m
-    for _ in range(_NEWTON if len(start) else 0):
+    for _ in range(_NEWTON_STEPS if len(start) else 0):
         x, y = places.T
         value = line(x, y)
         slope = np.stack([line(x + h, y) - line(x - h, y), line(x, y + h) - line(x, y - h)], axis=1) / (2 * h)[:, None]
@@ -144,10 +148,10 @@ def _split_crossed(
 
 
 def _bisect_edges(places: Array, edges: Array, value: Array, line: Line) -> Array:
-    """Where the line crosses each edge (k, 2)."""
+    """The places (k, 2) at which the line crosses each edge (k, 2)."""
     start, end = places[edges[:, 0]].copy(), places[edges[:, 1]].copy()
     sign = np.sign(value[edges[:, 0]])
-    for _ in range(_BISECT if len(edges) else 0):
+    for _ in range(_BISECTIONS if len(edges) else 0):
         half = 0.5 * (start + end)
         same = (np.sign(line(half[:, 0], half[:, 1])) == sign)[:, None]
         start, end = np.where(same, half, start), np.where(same, end, half)

@@ -13,26 +13,24 @@ from ...support.arrays import Array, Numbers
 from ..rig.seen_points import is_in_view
 from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain
-from .break_walls import BEFORE, break_walls, breaks_walls
+from .break_walls import SHARE_BEFORE_BREAKING, break_walls, breaks_walls
 from .cut_along_lines import Line, cut_along_lines
-from .finer_in_view import PARTS, carried_share, nearest_ground_m
+from .finer_in_view import PARTS_OF_SIDE, carried_share, nearest_ground_m
 from .horizon import drop_m
 from .split_triangles import split_triangles
-from .vertex_spacing import CARRIED, VertexSpacing, choose_vertex_spacing
+from .vertex_spacing import CARRIED_WAVELENGTH, VertexSpacing, choose_vertex_spacing
 
-#: Vertices worked on at a time: neighbouring rings, whose noise is then looked up in one small table.
-_BLOCK = 16384
-#: Stands for an infinite spacing where means are taken.
-_UNMOVED_M = 1.0e9
+#: Number of vertices processed together: neighbouring rings, whose noise is then looked up in one small table.
+_VERTICES_AT_ONCE = 16384
+#: Replaces an infinite spacing before means are taken.
+_LARGE_SPACING_M = 1.0e9
 
 
 @dataclass(frozen=True)
 class GradedMesh:
-    """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``GradedGround.mesh``.
-
-    If the visible part is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite
-    for other vertices, and ``fine`` (m,) is whether a triangle is part of a cut one.
-    """
+    """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``GradedGround.mesh``. If the visible
+    part is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite for other
+    vertices, and ``fine`` (m,) is true for triangles that are part of a cut one."""
 
     positions: Array
     faces: Array
@@ -43,11 +41,9 @@ class GradedMesh:
 
 @dataclass(frozen=True)
 class GradedGround:
-    """Ground on a sphere that touches the map at the site, and the grading of its mesh.
-
-    ``rig`` are the settings of the cameras that see the finer part; None without a finer part. If it ``breaks_walls``,
-    the mesh has at most ``most`` vertices.
-    """
+    """Ground on a sphere that touches the map at the site, and the grading of its mesh. ``rig`` are the settings of the
+    cameras that see the finer part; None without a finer part. With ``breaks_walls`` the mesh has at most ``most``
+    vertices."""
 
     ground: Terrain
     grading: VertexSpacing
@@ -65,14 +61,14 @@ class GradedGround:
     @property
     def site_wavelength_m(self) -> float:
         """Shortest wavelength in metres that the mesh carries at the site."""
-        return CARRIED * self.grading.finest_m
+        return CARRIED_WAVELENGTH * self.grading.finest_m
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
-        """Heights in metres over the tangent plane, as ``Surface`` has them."""
+        """Heights in metres above the tangent plane at the site; see ``Surface.heights``."""
         return self.ground.heights(x_m, y_m, shortest_m) - self.drop_m(x_m, y_m)
 
     def drop_m(self, x_m: Numbers, y_m: Numbers) -> Array:
-        """How far the body's roundness takes the ground under the tangent plane there, in metres."""
+        """Depth in metres of the curved body below the tangent plane at the site."""
         at = self.grading.view
         return drop_m(
             np.hypot(np.asarray(x_m, np.float64) - at.x_m, np.asarray(y_m, np.float64) - at.y_m), self.body_radius_m
@@ -87,7 +83,7 @@ class GradedGround:
         return made.positions, made.faces, made.sharp
 
     def mesh_with_relief(self) -> GradedMesh:
-        """``mesh`` with its finer part that the cameras see."""
+        """``mesh`` with the finer part that the cameras see."""
         rings = self.grading.rings
         x, y = rings.map_positions()
         step = rings.spread_to_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)
@@ -107,25 +103,25 @@ class GradedGround:
         return whole
 
     def _find_crest_lines(self) -> list[tuple[Line, float]]:
-        """The lines that triangles are cut along, and about how far apart they are in metres."""
+        """The lines along which triangles are cut, each with the distance in metres to the next."""
         crests = [each.crests for each in self.ground.landforms if self.cuts_crests and each.crests]
         return [(line, each.apart_m) for each in crests for line in each.lines]
 
     def _relative_to_site(self, places: Array) -> Array:
-        """East and north (2, n) of the left eye of places or positions (n, 2 or 3), in metres."""
+        """East and north (2, n) from the left eye, in metres, of places or positions (n, 2 or 3)."""
         return np.stack([places[:, 0] - self.grading.view.x_m, places[:, 1] - self.grading.view.y_m])
 
     def _raise_to_ground(self, places: Array, step: Array) -> Array:
         """Positions (n, 3) of the ground at places (n, 2) of a mesh with spacings ``step`` (n,)."""
         positions = np.concatenate([places, np.zeros((len(places), 1))], axis=1)
-        shortest = _round_to_single(CARRIED * step)
-        for start in range(0, len(places), _BLOCK):
-            some = slice(start, start + _BLOCK)
+        shortest = _round_to_single(CARRIED_WAVELENGTH * step)
+        for start in range(0, len(places), _VERTICES_AT_ONCE):
+            some = slice(start, start + _VERTICES_AT_ONCE)
             positions[some, 2] = self.heights(positions[some, 0], positions[some, 1], shortest[some])
         return positions
 
     def _cut_for_relief(self, whole: GradedMesh, step: Array) -> GradedMesh:
-        """The mesh with smaller triangles where the cameras see it and fine relief is high enough, or everywhere."""
+        """The mesh with smaller triangles where the cameras see high enough fine relief, or everywhere in view."""
         relief, at = self.grading.relief, self.grading.view
         assert relief is not None
         assert self.rig is not None
@@ -141,7 +137,7 @@ class GradedGround:
         inside[: len(seen)] &= np.isin(np.arange(len(seen)), split.faces[split.cut])
         finer = np.flatnonzero(inside)
         finest = step[finer] / relief.parts
-        # Else fine relief stands for the ground below the spacing before the cut, whose own waves are left out.
+        # Otherwise the ground's own waves below the uncut spacing are left out; fine relief replaces them.
         positions[finer] = self._raise_to_ground(
             _round_to_single(positions[finer, :2]), finest if relief.everywhere else step[finer]
         )
@@ -150,7 +146,7 @@ class GradedGround:
         return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut)
 
     def _break_visible_walls(self, whole: GradedMesh, walls: Walls) -> GradedMesh:
-        """The mesh with walls that are broken where they are near enough and the cameras see them."""
+        """The mesh with broken walls where they are near enough and in view."""
         at = self.grading.view
         assert self.rig is not None
         east, north = self._relative_to_site(whole.positions)
@@ -158,15 +154,15 @@ class GradedGround:
         pixel_m = np.where(
             is_in_view(self.rig, east, north, above), at.nearest_m(np.hypot(east, north)) / at.pixels_per_radian, np.inf
         )
-        spacing = np.zeros(len(above)) if whole.spacing_m is None else np.minimum(whole.spacing_m, _UNMOVED_M)
+        spacing = np.zeros(len(above)) if whole.spacing_m is None else np.minimum(whole.spacing_m, _LARGE_SPACING_M)
         broken = break_walls(whole.positions, whole.faces, walls, spacing, pixel_m, self.most)
         if whole.spacing_m is None or whole.fine is None:
             return GradedMesh(broken.positions, broken.faces, whole.sharp)
-        spacing = np.where(broken.spacing_m > spacing[spacing < _UNMOVED_M].max(), np.inf, broken.spacing_m)
+        spacing = np.where(broken.spacing_m > spacing[spacing < _LARGE_SPACING_M].max(), np.inf, broken.spacing_m)
         return GradedMesh(broken.positions, broken.faces, whole.sharp, spacing, whole.fine[broken.of_face])
 
     def advice(self, settings: Settings) -> list[str]:
-        """Sentences about a mesh that is coarser than the settings ask; none if it is not."""
+        """Sentences about a mesh that is coarser than the settings ask for; else an empty list."""
         wanted, mesh = self.grading.wanted_vertices, settings.mesh
         if self.grading.error_px <= mesh.error_px and wanted <= mesh.most:
             return []
@@ -185,8 +181,8 @@ class GradedGround:
             parts = relief.parts if relief else 1
             return (
                 f"Ground that is finer where the cameras see it takes a mesh of {many} vertices. This one keeps to "
-                f"mesh.most ({settings.mesh.most}), so sides of its triangles there are in {parts} parts instead "
-                f"of {PARTS}. Raise mesh.most, or set mesh.seen to EVEN."
+                f"mesh.most ({settings.mesh.most}), so the sides of its triangles are cut into {parts} parts there, "
+                f"not {PARTS_OF_SIDE}. Raise mesh.most, or set mesh.seen to EVEN."
             )
         spacing_m = relief.spacing_px * nearest_ground_m(settings.rig) / at.pixels_per_radian if relief else math.inf
         return (
@@ -197,7 +193,8 @@ class GradedGround:
 
 
 def _round_to_single(values: Array) -> Array:
-    """Values as Blender stores them. Sines and powers differ between machines in the last bit; these do not."""
+    """Values in single precision, as Blender stores them. Sines and powers differ between machines in the last bit of a
+    double; rounded values do not."""
     return values.astype(np.float32).astype(np.float64)
 
 
@@ -205,9 +202,9 @@ def grade_ground(ground: Terrain, settings: Settings) -> GradedGround:
     """The graded ground that complete ``settings`` ask for."""
     cuts_crests = settings.mesh.crests == "CUT" and any(each.crests for each in ground.landforms)
     broken, most = breaks_walls(settings), int(settings.mesh.most)
-    # By the rounded crests, so that cutting them changes no spacing.
+    # Spacings follow from the rounded crests, so that cutting along crests changes no spacing.
     grading = choose_vertex_spacing(
-        ground, settings | {"mesh": settings.mesh | {"most": int(BEFORE * most)}} if broken else settings
+        ground, settings | {"mesh": settings.mesh | {"most": int(SHARE_BEFORE_BREAKING * most)}} if broken else settings
     )
     return GradedGround(
         ground.with_sharp_crests() if cuts_crests else ground,

@@ -10,7 +10,7 @@ from ...support.arrays import Array, Numbers
 
 
 class Surface(Protocol):
-    """Ground, made up or from a file."""
+    """Ground, procedural or from a file."""
 
     @property
     def size_m(self) -> float:
@@ -18,15 +18,13 @@ class Surface(Protocol):
         ...
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: float = 0.0) -> Array:
-        """Heights in metres at east and north coordinates (arrays that broadcast); NaN where there is no ground.
-
-        Roughness that is made up leaves out wavelengths below ``shortest_m``.
-        """
+        """Heights in metres at east and north coordinates (arrays that broadcast); NaN outside the ground. Procedural
+        roughness leaves out wavelengths below ``shortest_m``."""
         ...
 
 
 def fine_part_of_heights(roughness: Surface, x_m: Array, y_m: Array, longest_m: float, shortest_m: float) -> Array:
-    """The part of the heights of a made-up ground that wavelengths from ``shortest_m`` to ``longest_m`` add."""
+    """The part of a procedural ground's heights with wavelengths from ``shortest_m`` to ``longest_m``, in metres."""
     if shortest_m >= longest_m:
         return np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))
     return roughness.heights(x_m, y_m, shortest_m) - roughness.heights(x_m, y_m, longest_m)

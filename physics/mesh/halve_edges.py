@@ -1,4 +1,4 @@
-"""Finer triangles for a mesh, to carry relief that it has not got."""
+"""Finer triangles for a mesh, so that it can carry finer relief."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def halve_edges(positions: Array, faces: Array) -> tuple[Array, Array]:
 
 
 def count_halvings(edge_m: float, wanted_m: float, triangles: int, most: int) -> int:
-    """How often to halve edges of ``edge_m`` so that they are ``wanted_m`` at most, within ``most`` triangles."""
+    """Number of halvings after which edges of ``edge_m`` are at most ``wanted_m``, within ``most`` triangles."""
     needed = int(np.ceil(np.log2(max(edge_m / wanted_m, 1.0)) - 1e-6))
     possible = int(np.log2(max(most / max(triangles, 1), 1.0)) / 2)
     return min(needed, possible)

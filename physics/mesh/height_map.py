@@ -1,8 +1,8 @@
 """Measured heights on a grid as ground: coordinates, interpolation, holes.
 
-A height map stores the height at the centre of each pixel, rows from north to south, as images and
-GeoTIFF do. Between centres heights are bilinear, as a mesh of quadrilaterals has them, and below the
-pixel the procedural roughness of another ground may be added.
+A height map stores the height at the centre of each pixel, rows from north to south, as images and GeoTIFF do. Between
+centres heights are bilinear, as on a mesh of quadrilaterals. Procedural roughness of another ground may be added below
+the pixel.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from ...support.arrays import Array, Numbers
 from .ground_interface import Surface, fine_part_of_heights
 
-#: Magnitude from which a value is no height: the most negative float32 is a usual mark of missing ones.
+#: Magnitude from which on a value is no height: the most negative float32 is a usual mark of missing heights.
 NO_HEIGHT = 1e30
 
 
@@ -55,9 +55,7 @@ class HeightMap:
 
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: float = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast); NaN beyond the ground.
-
-        ``shortest_m`` limits the added roughness only: measured heights are taken as they are.
-        """
+        ``shortest_m`` limits the added roughness only; measured heights stay unchanged."""
         x, y = np.broadcast_arrays(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64))
         west, east, south, north = self.bounds_m
         slack = 1e-9 * max(self.size_m, 1.0)  # a vertex on the edge is on the ground, whatever its last bit
@@ -88,12 +86,10 @@ def place_map(
     origin_m: tuple[float, float],
     size_m: float,
 ) -> tuple[HeightMap, tuple[float, float, float]]:
-    """A height map with its origin where the settings put it, and the shift (3,) that was added.
-
-    ``corner_m`` are the file's own coordinates of the lower left pixel centre. With ``centre`` the
-    origin is ``origin_m`` from the middle of the map, at the map's median height; without, it is
-    ``origin_m`` in the file's coordinates and heights stay.
-    """
+    """A height map with its origin at the place that the settings state, and the shift (3,) that was added.
+    ``corner_m`` are the file's own coordinates of the lower left pixel centre. With ``centre``, the origin is
+    ``origin_m`` from the middle of the map, at its median height. Without it, the origin is ``origin_m`` in the file's
+    coordinates, and heights stay."""
     rows, columns = heights_m.shape
     middle = (corner_m[0] + (columns - 1) * pixel_m[0] / 2, corner_m[1] + (rows - 1) * pixel_m[1] / 2)
     reference = middle if centre else (0.0, 0.0)
@@ -108,11 +104,10 @@ def add_roughness(ground: HeightMap, roughness: Surface) -> HeightMap:
 
 
 def fill_holes(heights_m: Array) -> Array:
-    """Heights with the NaN pixels filled smoothly from their surroundings; known pixels are untouched.
+    """Heights with the NaN pixels filled smoothly from their surroundings; known pixels stay.
 
-    Push-pull (Gortler et al., "The Lumigraph", SIGGRAPH 1996): averages over ever larger squares,
-    then each hole takes the finest average that there is, bilinearly. Raises ValueError if no pixel
-    is finite.
+    Push-pull (Gortler et al., "The Lumigraph", SIGGRAPH 1996): averages over ever larger squares are made, then each
+    hole takes the finest available average, bilinearly. Raises ValueError if no pixel is finite.
     """
     known = np.isfinite(heights_m)
     if not known.any():
@@ -146,8 +141,8 @@ def _double_resolution(coarse: Array, shape: tuple[int, ...]) -> Array:
 
 
 def clear_missing_mark(values: Array, mark: float, number: np.dtype[Any]) -> int:
-    """Set values equal to ``mark`` to NaN, in place; returns their number. ``number`` is the type of the file's values;
-    a mark may be stated with fewer digits than the values have."""
+    """Set values equal to ``mark`` to NaN, in place, and return their number. ``number`` is the type of the file's
+    values; a mark may be stated with fewer digits than the values have."""
     with np.errstate(over="ignore", invalid="ignore"):
         slack = 2 * float(np.spacing(number.type(abs(mark)))) if number.kind == "f" else 0.0
         found = np.abs(values - mark) <= slack
@@ -156,16 +151,17 @@ def clear_missing_mark(values: Array, mark: float, number: np.dtype[Any]) -> int
 
 
 def clear_stated_mark(values: Array, mark: float, number: np.dtype[Any]) -> tuple[str, ...]:
-    """Clear a mark that the settings state, see ``clear_missing_mark``; a sentence on it."""
+    """Clear a mark that the settings state, see ``clear_missing_mark``; returns a sentence about it."""
     count = clear_missing_mark(values, mark, number)
     return (f"{count} pixel{'s' * (count != 1)} of {mark:g} without a height, by source.missing",)
 
 
 def clear_unstated_mark(values: Array) -> tuple[Array, list[str]]:
-    """Heights with NaN where a value looks like a mark of missing ones that the file does not state, and sentences.
+    """Heights with NaN in place of a mark of missing heights that the file does not state, and sentences.
 
-    Such a value is the lowest or the highest one, several pixels have it to the bit or it is a usual mark, and it is
-    farther from all others than ``_ALONE`` times their range: -9999, -32768 or 0 among heights of some kilometres.
+    A value is taken for a mark if it is the lowest or the highest one, if several pixels have exactly this value or it
+    is a usual mark, and if its distance from all others is more than ``_MARK_DISTANCE`` times their range: -9999,
+    -32768 or 0 among heights of some kilometres.
     """
     sentences = []
     for pick in (np.min, np.max):
@@ -178,7 +174,7 @@ def clear_unstated_mark(values: Array) -> tuple[Array, list[str]]:
         if others.size < 2 or (count < 2 and abs(mark) not in _USUAL_MARKS):
             continue
         gap = float(np.abs(others - mark).min())
-        if gap > _ALONE * float(np.ptp(others)) and count < _MOST_MARKED * known.sum():
+        if gap > _MARK_DISTANCE * float(np.ptp(others)) and count < _MOST_MARKED * known.sum():
             values = np.where(values == mark, np.nan, values)
             sentences.append(
                 f"{count} pixel{'s' * (count != 1)} of exactly {mark:g}, {gap:.4g} from all other "
@@ -189,8 +185,10 @@ def clear_unstated_mark(values: Array) -> tuple[Array, list[str]]:
 
 #: Marks of missing heights that programs use, without their sign.
 _USUAL_MARKS = (9999.0, 32768.0, 32767.0, 65535.0, 99999.0, 999999.0)
-#: How many ranges of the others a mark is away from them, and the share of pixels that it may have.
-_ALONE, _MOST_MARKED = 3.0, 0.5
+#: Least distance of a mark from the other heights, over their range.
+_MARK_DISTANCE = 3.0
+#: Largest share of pixels with a mark.
+_MOST_MARKED = 0.5
 
 
 def make_grid_mesh(heights_m: Array, x_m: Array, y_m: Array) -> tuple[Array, Array]:

@@ -12,11 +12,8 @@ from ...support.arrays import Array, Numbers
 
 @dataclass(frozen=True)
 class MeshGround:
-    """The highest surface of a mesh over each point: vertices (n, 3) in metres, triangles (m, 3).
-
-    Every point is held against all triangles, 10 ms per million: for the few points that a camera
-    stands on.
-    """
+    """The highest surface of a mesh above each point: vertices (n, 3) in metres, triangles (m, 3). Every point is
+    compared with all triangles, 10 ms per million, which suits the few points that a camera stands on."""
 
     positions: Array
     faces: Array

@@ -6,20 +6,20 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: How often triangles at vertices where a rim meets itself are taken out too.
-_PINCHES = 8
-#: How far an edge may be from the side that it lies on, in lengths of that.
-_ON_SIDE = 1.0e-3
+#: Maximum number of passes that remove triangles at vertices where the rim meets itself.
+_MOST_PINCH_PASSES = 8
+#: Largest distance of an edge from the side that it lies on, over the length of the side.
+_ON_SIDE_DISTANCE = 1.0e-3
 
 
 def cut_hole(
     positions: Array, faces: Array, bounds_m: tuple[float, float, float, float], free_m: float
 ) -> tuple[Array, Array] | None:
-    """Which triangles (m,) of a mesh stay, and the loop of vertices, counter-clockwise, round those that do not.
+    """Which triangles (m,) of a mesh stay around a hole, and the counter-clockwise loop of vertices around the hole.
 
-    All go whose box meets the rectangle west, south, east, north, widened by ``free_m``, those at a vertex where the
-    rim would meet itself, and those across a seam from them, where several small triangles lie along a side of one.
-    None if the rim is not one loop that closes, or the mesh does not go all round it.
+    Triangles are removed if their box meets the rectangle west, south, east, north, widened by ``free_m``; if they are
+    at a vertex where the rim would meet itself; or if they are across a seam from removed ones, where several small
+    triangles lie along a side of one. None if the rim is not one closed loop, or if the mesh does not surround it.
     """
     west, south, east, north = bounds_m
     meets = np.ones(len(faces), bool)
@@ -28,7 +28,7 @@ def cut_hole(
         corners = [values[faces[:, k]] for k in range(3)]
         meets &= np.maximum(np.maximum(corners[0], corners[1]), corners[2]) >= low - free_m
         meets &= np.minimum(np.minimum(corners[0], corners[1]), corners[2]) <= high + free_m
-    for _ in range(_PINCHES):
+    for _ in range(_MOST_PINCH_PASSES):
         meets, rim = _close_seams(positions, faces, meets)
         starts, times = np.unique(rim[:, 0], return_counts=True)
         if not (times > 1).any():
@@ -44,7 +44,7 @@ def cut_hole(
 
 
 def _close_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Array]:
-    """Which triangles (m,) go, with those across a seam, and the edges (k, 2) between them and those that stay."""
+    """Triangles (m,) to remove, including those across a seam, and the edges (k, 2) between them and the others."""
     while True:
         edges, owners, sides = _find_seams(positions, faces, meets)
         grown, across = meets.copy(), owners[sides]
@@ -60,8 +60,8 @@ def _close_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, A
 
 
 def _find_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Array, Array]:
-    """Edges (k, 2) near the triangles to remove, the triangle of each edge (k,), and pairs (n, 2) of numbers of edges:
-    the first belongs to a larger triangle, and the second lies along it."""
+    """Edges (k, 2) near the triangles to remove, the triangle of each edge (k,), and pairs (n, 2) of edge numbers: the
+    first edge belongs to a larger triangle, and the second lies along it."""
     used = np.zeros(len(positions), bool)
     used[faces[meets]] = True
     around = np.zeros(len(positions), bool)
@@ -77,7 +77,7 @@ def _find_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Ar
         off = middle - begin[k]
         share = off @ along[k] / length2[k]
         aside = np.abs(off[:, 0] * along[k, 1] - off[:, 1] * along[k, 0]) / length2[k]
-        found = np.flatnonzero((share > 0) & (share < 1) & (aside < _ON_SIDE))
+        found = np.flatnonzero((share > 0) & (share < 1) & (aside < _ON_SIDE_DISTANCE))
         pairs += [(int(k), int(j)) for j in found if owners[j] != owners[k]]
     return edges, owners, np.array(pairs, np.int64).reshape(-1, 2)
 

@@ -1,4 +1,4 @@
-"""The body's roundness at a site: how far one sees, how far the ground falls away."""
+"""The curvature of the body at a site: distance to the horizon, and drop of the ground."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ from ...support.arrays import Array, Numbers
 
 
 def horizon_m(eye_height_m: float, body_radius_m: float) -> float:
-    """Distance in metres from the foot of the eye, along the tangent plane there, at which a sphere's ground ends.
-
-    Exact: the horizon is arccos(R / (R + h)) away as an angle, and R times its sine along the plane.
-    """
+    """Distance in metres, along the tangent plane at the foot of the eye, at which the visible ground of a sphere ends.
+    Exact: the horizon is at the angle arccos(R / (R + h)), and R times its sine along the plane."""
     h = max(eye_height_m, 0.0)
     return body_radius_m * math.sqrt(h * (2.0 * body_radius_m + h)) / (body_radius_m + h)
 
@@ -29,9 +27,7 @@ def dip_deg(eye_height_m: float, body_radius_m: float) -> float:
 
 
 def drop_m(distance_m: Numbers, body_radius_m: float) -> Array:
-    """How far a sphere's ground lies under its tangent plane at distances along the plane, in metres.
-
-    R - sqrt(R² - r²), written without the difference of nearly equal numbers. Beyond R it stays at R.
-    """
+    """Depth in metres of a sphere's ground below its tangent plane, at distances along the plane: R - sqrt(R² - r²),
+    written without the difference of nearly equal numbers. Beyond R it stays at R."""
     r = np.minimum(np.asarray(distance_m, np.float64), body_radius_m)
     return r**2 / (body_radius_m + np.sqrt(body_radius_m**2 - r**2))

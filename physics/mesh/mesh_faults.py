@@ -1,7 +1,7 @@
 """The faults of a triangle mesh, and their repair.
 
-Reconstructed meshes come with holes, flipped and doubled faces and vertices that are not numbers.
-All functions take ``positions`` (n, 3) and ``faces`` (m, 3), vertex indices, and change nothing that they are given.
+Reconstructed meshes come with holes, flipped and doubled faces and vertices that are not finite. All functions take
+``positions`` (n, 3) and ``faces`` (m, 3) of vertex indices, and leave these arrays unchanged.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def find_equal_rows(rows: Array) -> tuple[Array, Array]:
 
 
 def _count_groups(label: Array) -> int:
-    """Number of components that labels tell apart."""
+    """Number of connected components, from the label of each node."""
     return int(np.count_nonzero(label == np.arange(len(label))))
 
 
@@ -119,6 +119,7 @@ class _Edges:
 
 
 def _sort_edges(faces: Array, vertices: int) -> _Edges:
+    """The half-edges of faces (m, 3), sorted by edge; ``vertices`` is the number of vertices."""
     begin, end = faces[:, [0, 1, 2]].ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel().astype(np.int64)
     low, high = np.minimum(begin, end), np.maximum(begin, end)
     order = np.argsort(low * vertices + high, kind="stable")
@@ -134,7 +135,7 @@ def _sort_edges(faces: Array, vertices: int) -> _Edges:
 
 
 def _find_neighbours(edges: _Edges) -> tuple[Array, Array, Array]:
-    """Faces on both sides of the edges that exactly two share, and whether both are turned alike."""
+    """The two faces of each edge that exactly two faces share, and whether both have the same orientation."""
     at = edges.first[edges.count == 2]
     return edges.face[at], edges.face[at + 1], edges.forward[at] != edges.forward[at + 1]
 
@@ -174,8 +175,8 @@ def examine_mesh(positions: Array, faces: Array) -> MeshReport:
 
 
 def _find_degenerate(positions: Array, faces: Array, twice_area: Array) -> Array:
-    """Which faces of finite vertices have no area within the rounding of single precision, which grows with the
-    distance from the middle: a site with its ground out to the horizon has fine triangles there."""
+    """Faces of finite vertices without area, within the rounding of single precision. Rounding grows with the distance
+    from the middle, and a site with ground to the horizon has fine triangles near the middle."""
     if not len(faces):
         return np.zeros(0, bool)
     middle = np.median(positions[np.isfinite(positions).all(axis=1)], axis=0)
@@ -186,10 +187,10 @@ def _find_degenerate(positions: Array, faces: Array, twice_area: Array) -> Array
 def repair_mesh(positions: Array, faces: Array, uv: Array | None = None) -> tuple[Array, Array, Array | None]:
     """The mesh without parts that cannot be rendered, and with its upper side up.
 
-    Drops faces with a vertex that is not a number, without area, or there twice; merges vertices of
-    equal coordinates; turns the faces of each part alike, an open part up and a closed one outward.
-    Holes stay, since nothing was measured there. ``uv`` (m, 3, 2) belongs to the faces' corners and
-    goes with them: vertices are merged across a seam of the image, the seam stays.
+    Drops faces without area, doubled faces, and faces with a vertex that is not finite. Merges vertices of equal
+    coordinates. Turns the faces of each part alike: an open part up, a closed part outward. Holes stay, since nothing
+    was measured there. ``uv`` (m, 3, 2) belongs to the corners of faces and is repaired with them; vertices are merged
+    across a seam of the image, the seam stays.
     """
     finite = np.isfinite(positions).all(axis=1)
     of_face = np.flatnonzero(finite[faces].all(axis=1))
@@ -212,11 +213,11 @@ def repair_mesh(positions: Array, faces: Array, uv: Array | None = None) -> tupl
 
 
 def orient_faces(positions: Array, faces: Array) -> Array:
-    """The faces, turned alike within each part: an open part up, a closed one outward.
+    """The faces, turned alike within each part: an open part up, a closed part outward.
 
-    Every face is a node twice, as it is and turned; links connect states that fit together, so that one
-    component holds a part's consistent choice. A part that has both states of a face in one
-    component cannot be turned alike (a Möbius strip) and is left as it is.
+    Every face is two nodes, one for each orientation. Links connect states that fit together, so that one component
+    contains a consistent choice for a part. A part with both states of a face in one component cannot be turned alike
+    (a Möbius strip) and stays unchanged.
     """
     m = len(faces)
     edges = _sort_edges(faces, len(positions))

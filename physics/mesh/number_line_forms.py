@@ -1,8 +1,8 @@
-"""The forms of the lines of a text of many numbers. A form is a line with each run of digits replaced by one 0.
+"""Forms of the lines of a text with many numbers, for fast checks of large mesh files.
 
-Whether the words of a line are numbers does not depend on which digits they have, nor on how many. A large mesh has few
-forms of lines, so the forms are checked instead of millions of lines. A text that is unusual in any way is left to the
-check line by line, which finds the line at fault.
+A form is a line with each run of digits replaced by one 0. Whether the words of a line are numbers depends neither on
+the digits nor on their count. A large mesh has few forms, so the forms are checked instead of millions of lines. A text
+that is unusual in any way is left to the check line by line, which finds the line at fault.
 """
 
 from __future__ import annotations
@@ -12,30 +12,33 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ...support.arrays import Array
-from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes
+from ...support.foreign_bytes import LONGEST_LINE_BYTES, ForeignBytes
 
-#: Bytes that are looked at together, which stay in the processor's cache; most forms that are kept, and
-#: the longest.
-_TOGETHER, _MOST_FORMS, _LONGEST_FORM = 2**16, 10_000, 200
-_WINDOW = LONGEST_LINE // 2
-_MANY_DIGITS = b"0" * 300
-_DIGITS = bytes.maketrans(b"123456789", b"0" * 9)
+#: Bytes that are processed together, which fit the processor's cache.
+_BYTES_AT_ONCE = 2**16
+#: Maximum number of forms that are kept.
+_MOST_FORMS = 10_000
+#: Longest form that is kept, in bytes.
+_LONGEST_FORM = 200
+_WINDOW_BYTES = LONGEST_LINE_BYTES // 2
+_TOO_MANY_DIGITS = b"0" * 300
+_DIGITS_TO_ZERO = bytes.maketrans(b"123456789", b"0" * 9)
 
 
 class UnusualTextError(Exception):
-    """A text must be looked at line by line."""
+    """A text that must be checked line by line."""
 
 
 def read_whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
     """A text from byte ``start`` on, in parts that end with a line.
 
-    Raises UnusualError where lines may be longer than ``LONGEST_LINE``, or do not end in \\n.
+    Raises UnusualTextError where lines may be longer than ``LONGEST_LINE_BYTES``, or do not end in \\n.
     """
     rest = b""
-    for at in range(start, foreign.size, _TOGETHER):
-        data = rest + foreign.part(at, min(_TOGETHER, foreign.size - at))
+    for at in range(start, foreign.size, _BYTES_AT_ONCE):
+        data = rest + foreign.part(at, min(_BYTES_AT_ONCE, foreign.size - at))
         # A line that is too long fills one of these windows.
-        if any(data.find(b"\n", k, k + _WINDOW) < 0 for k in range(0, len(data) - _WINDOW, _WINDOW)):
+        if any(data.find(b"\n", k, k + _WINDOW_BYTES) < 0 for k in range(0, len(data) - _WINDOW_BYTES, _WINDOW_BYTES)):
             raise UnusualTextError
         end = data.rfind(b"\n") + 1
         if end:
@@ -46,13 +49,13 @@ def read_whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
 
 
 class LineRows:
-    """The lines of a text from byte ``start`` on, to be taken by the number of rows of each table."""
+    """The lines of a text from byte ``start`` on, taken in groups of as many rows as each table has."""
 
     def __init__(self, foreign: ForeignBytes, start: int) -> None:
         self._parts, self._share_above_largest = read_whole_lines(foreign, start), b""
 
     def take(self, count: int) -> Iterator[bytes]:
-        """The next ``count`` lines, many at a time. Raises UnusualError if there are fewer."""
+        """The next ``count`` lines, many at a time. Raises UnusualTextError if there are fewer."""
         while count:
             text = self._share_above_largest or next(self._parts, b"")
             if not text:
@@ -67,10 +70,10 @@ class LineRows:
 
 
 def reduce_digits(text: bytes) -> bytes:
-    """The text with one 0 for each run of digits. Raises UnusualError for one with zero bytes, and where a number may
-    be too large for double precision: with an exponent of three digits, or hundreds of digits."""
-    zeros = text.translate(_DIGITS)
-    if b"\0" in text or _MANY_DIGITS in zeros:
+    """The text with one 0 for each run of digits. Raises UnusualTextError for one with zero bytes, and where a number
+    may be too large for double precision: with an exponent of three digits, or hundreds of digits."""
+    zeros = text.translate(_DIGITS_TO_ZERO)
+    if b"\0" in text or _TOO_MANY_DIGITS in zeros:
         raise UnusualTextError
     values = np.frombuffer(zeros, np.uint8)
     is_digit = values == ord("0")
@@ -90,13 +93,14 @@ def _has_long_exponent(values: Array, is_digit: Array) -> bool:
 
 
 class LineForms:
-    """Forms of lines that ``check`` has passed. It gets a line, and raises ValueError or UnusualError for a bad one."""
+    """Forms of lines that ``check`` has passed. ``check`` gets a line, and raises ValueError or UnusualTextError for a
+    wrong one."""
 
     def __init__(self, check: Callable[[bytes], object]) -> None:
         self._check, self._known = check, set[bytes]()
 
     def check_lines(self, text: bytes) -> None:
-        """Check the lines of a reduced text. Raises UnusualError for one that ``check`` does not pass."""
+        """Check the lines of a reduced text. Raises UnusualTextError for one that ``check`` does not pass."""
         for form in set(text.removesuffix(b"\n").split(b"\n")) - self._known:
             try:
                 self._check(form.removesuffix(b"\r"))

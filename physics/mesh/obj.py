@@ -1,6 +1,6 @@
-"""Wavefront OBJ: the vertices and triangles of a small file, and whether a large one is sound.
+"""Wavefront OBJ: vertices and triangles of a small file, and a check of a large one.
 
-Format: the appendix "Object Files (.obj)" of Wavefront's Advanced Visualizer. Nothing that a file names is opened.
+Format: the appendix "Object Files (.obj)" of Wavefront's Advanced Visualizer. No file that it names is opened.
 """
 
 from __future__ import annotations
@@ -12,20 +12,18 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.files import shorten
-from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes, RefusedError
+from ...support.foreign_bytes import LONGEST_LINE_BYTES, ForeignBytes, RefusedError
 from .number_line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
 
-#: Bytes that a face may have.
-_OF_A_FACE = b"0123456789/- \t"
+#: Bytes that may occur in a face after its first word.
+_FACE_BYTES = b"0123456789/- \t"
 _MOST_LIBRARIES = 100
 
 
 def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
-    """Vertices (n, 3), as they stand in the file, and triangles (m, 3); a face of more corners becomes a fan.
-
-    Raises ValueError, with the line, if the file is malformed, RefusedError for more than ``most`` triangles, or three
-    times as many vertices, as soon as they are read.
-    """
+    """Vertices (n, 3) in the file's unit, and triangles (m, 3); a polygon becomes a fan. Raises ValueError, with the
+    line, for a malformed file. Raises RefusedError for more than ``most`` triangles or three times as many vertices, as
+    soon as they are read."""
     numbers, corners = array("d"), array("q")
     most_vertices = 3 * most
     farthest, at = 0, 0  # the highest number of a vertex that a face has, and the line of that face
@@ -96,8 +94,10 @@ def _check_lines(foreign: ForeignBytes) -> list[bytes]:
     for number, line in foreign.lines():
         if before or line.endswith(b"\\"):  # a statement that goes on in the next line
             before += line.removesuffix(b"\\") + b" "
-            if len(before) > LONGEST_LINE:
-                raise ValueError(f"the statement that goes on in line {number} has more than {LONGEST_LINE} bytes")
+            if len(before) > LONGEST_LINE_BYTES:
+                raise ValueError(
+                    f"the statement that goes on in line {number} has more than {LONGEST_LINE_BYTES} bytes"
+                )
             if line.endswith(b"\\"):
                 continue
             line, before = before, b""
@@ -110,7 +110,7 @@ def _check_line(line: bytes, number: int) -> None:
     start = line[:2]
     if start in (b"v ", b"v\t"):
         parse_vertex(line.partition(b"#")[0].split(None, 4), number)
-    elif start in (b"f ", b"f\t") and line.partition(b"#")[0].translate(None, _OF_A_FACE) != b"f":
+    elif start in (b"f ", b"f\t") and line.partition(b"#")[0].translate(None, _FACE_BYTES) != b"f":
         raise ValueError(f"the face of line {number} is not of numbers of vertices: {_quote(line.split()[1:])}")
 
 
@@ -122,7 +122,8 @@ def _add_library(libraries: list[bytes], line: bytes) -> None:
 
 
 def _parse_index(word: bytes, count: int, number: int) -> int:
-    """The index of a corner such as 7/1/2 of a face, after ``count`` vertices: from 1, or back from -1, the last."""
+    """The 0-based vertex index of a corner such as 7/1/2 of a face, after ``count`` vertices. The file counts from 1,
+    or back from -1, the last vertex."""
     try:
         index = int(word.partition(b"/")[0])
     except ValueError:

@@ -1,4 +1,4 @@
-"""Some triangles of a mesh cut into equal smaller ones, without a crack to those that stay whole."""
+"""Cuts some triangles of a mesh into equal smaller ones, without a crack to the triangles that stay whole."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ from ...support.arrays import Array
 
 @dataclass(frozen=True)
 class SplitMesh:
-    """A mesh after the cut. Its first vertices are the vertices from before the cut.
-
-    Each added vertex is the mean of three earlier ones, ``parents`` (a, 3), with ``weights`` (a, 3). ``faces`` (m, 3)
-    int32 are the triangles, first the uncut ones; ``cut`` (m,) is whether a triangle is part of a cut one.
-    ``bordering`` (n,) is whether a vertex touches, or lies on an edge of, a triangle that was not cut.
-    """
+    """A mesh after the cut. Its first vertices are the vertices from before the cut. Each added vertex is the mean of
+    three earlier ones, ``parents`` (a, 3), with ``weights`` (a, 3). ``faces`` (m, 3) int32 are the triangles, uncut
+    ones first; ``cut`` (m,) is true for parts of a cut triangle. ``bordering`` (n,) is true for a vertex that touches,
+    or lies on an edge of, an uncut triangle."""
 
     parents: Array
     weights: Array
@@ -32,11 +30,9 @@ class SplitMesh:
 
 
 def split_triangles(faces: Array, which: Array, vertices: int, parts: int) -> SplitMesh:
-    """Cut each side of the triangles (k, 3) in a mask (k,) into equal ``parts``; the mesh has ``vertices`` vertices.
-
-    Both triangles at an edge get the same vertices on it. Vertices on the border of the mask are on straight edges of
-    triangles that stay whole, so they must be left there.
-    """
+    """Cut each side of the triangles in the mask ``which`` (k,) into equal ``parts``; the mesh has ``vertices``
+    vertices. Both triangles at an edge get the same vertices on it. Vertices on the border of the mask lie on straight
+    edges of uncut triangles, so they must not be moved."""
     chosen = faces[which].astype(np.int64)
     begin, end = chosen, chosen[:, [1, 2, 0]]
     low, high = np.minimum(begin, end), np.maximum(begin, end)
@@ -77,10 +73,8 @@ def split_triangles(faces: Array, which: Array, vertices: int, parts: int) -> Sp
 
 
 def split_at_sides(faces: Array, middle: Array) -> tuple[Array, Array]:
-    """Triangles (m, 3) from some (c, 3), cut at vertices ``middle`` (c, 3) on their sides; which each is part of (m,).
-
-    Side k is that from corner k to the next; -1 for a side that is not cut. Each triangle has at least one cut.
-    """
+    """Triangles (m, 3) from some (c, 3), cut at vertices ``middle`` (c, 3) on their sides, and the original triangle of
+    each (m,). Side k goes from corner k to the next; -1 is a side without a cut. Each triangle has at least one cut."""
     made: list[Array] = []
     which: list[Array] = []
     number, index = (middle >= 0).sum(axis=1), np.arange(len(faces))

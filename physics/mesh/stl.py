@@ -1,4 +1,4 @@
-"""STL, binary and ASCII: the triangles of a small file, and whether a large one is sound.
+"""STL, binary and ASCII: the triangles of a small file, and a check of a large one.
 
 Format: 3D Systems, StereoLithography Interface Specification, 1989.
 """
@@ -14,17 +14,19 @@ from ...support.foreign_bytes import ForeignBytes, RefusedError
 from .number_line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
 from .obj import parse_vertex
 
-_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-#: Bytes before the triangles of a binary file: 80 of a text, then their number.
-_TEXT, _HEADER = 80, 84
+_TRIANGLE_TYPE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+#: Bytes of text at the begin of a binary file.
+_TEXT_BYTES = 80
+#: Bytes before the triangles of a binary file: the text and the number of triangles.
+_HEADER_BYTES = 84
 
 
 def count_triangles(foreign: ForeignBytes) -> int | None:
     """The number of triangles of a binary file, None for another."""
-    head = foreign.part(0, min(foreign.size, _HEADER))
-    count = int.from_bytes(head[_TEXT:], "little") if len(head) == _HEADER else -1
+    head = foreign.part(0, min(foreign.size, _HEADER_BYTES))
+    count = int.from_bytes(head[_TEXT_BYTES:], "little") if len(head) == _HEADER_BYTES else -1
     # A binary file may begin with "solid" too; only its size tells.
-    return count if foreign.size == _HEADER + _TRIANGLE.itemsize * count else None
+    return count if foreign.size == _HEADER_BYTES + _TRIANGLE_TYPE.itemsize * count else None
 
 
 def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
@@ -37,7 +39,7 @@ def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
         corners = _read_ascii(foreign, most)
     else:
         _check_count(count, most)
-        table = foreign.cursor(_HEADER).numbers(_TRIANGLE, count, "triangles")
+        table = foreign.cursor(_HEADER_BYTES).numbers(_TRIANGLE_TYPE, count, "triangles")
         corners = table["corners"].reshape(-1, 3).astype(np.float64)
     return corners, np.arange(len(corners)).reshape(-1, 3)
 
@@ -90,8 +92,8 @@ def _is_vertex(line: bytes) -> bool:
 
 
 def _count_vertices(foreign: ForeignBytes) -> int:
-    """The number of vertices of a text whose lines are usual and right. Raises UnusualError for another."""
-    if not foreign.part(0, min(foreign.size, _TEXT)).lstrip(b" \t").lower().startswith(b"solid"):
+    """The number of vertices of a text whose lines are usual and right. Raises UnusualTextError for another."""
+    if not foreign.part(0, min(foreign.size, _TEXT_BYTES)).lstrip(b" \t").lower().startswith(b"solid"):
         raise UnusualTextError
     forms, count = LineForms(_check_line), 0
     for text in read_whole_lines(foreign):

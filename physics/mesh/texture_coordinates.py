@@ -1,7 +1,7 @@
-"""Texture coordinates of a triangle mesh: where on an image each corner of each face lies.
+"""Texture coordinates of a triangle mesh: the place on an image of each corner of each face.
 
 They belong to corners, not to vertices, because the two sides of a seam lie apart on the image. ``uv`` is (m, 3, 2)
-float32: u to the right and v up, the image's lower left corner at 0, its upper right one at 1.
+float32: u to the right and v up, with 0 at the image's lower left corner and 1 at its upper right one.
 """
 
 from __future__ import annotations
@@ -10,10 +10,12 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Points of the surface that the mean of an image is taken over: right within 1/256 of its contrast.
-_POINTS = 65536
-#: Steps that fill line and square evenly (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
-_LINE, _SQUARE = 0.6180339887498949, (0.7548776662466927, 0.5698402909980532)
+#: Number of surface points over which the mean of an image is taken: right within 1/256 of its contrast.
+_SURFACE_POINTS = 65536
+#: Step that fills a line evenly (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
+_LINE_STEP = 0.6180339887498949
+#: Steps that fill a square evenly.
+_SQUARE_STEPS = (0.7548776662466927, 0.5698402909980532)
 
 
 def halve_coordinates(uv: Array) -> Array:
@@ -26,7 +28,7 @@ def halve_coordinates(uv: Array) -> Array:
 
 
 def repair_coordinates(uv: Array) -> tuple[Array | None, list[str]]:
-    """The coordinates with 0 in place of NaN and infinity, None if they cover no area, and sentences about them."""
+    """The coordinates with 0 in place of NaN and infinity (None if they cover no area), and sentences about them."""
     known = np.isfinite(uv).all(axis=2)
     kept = np.where(known[..., None], uv, np.float32(0.0))
     edges = (kept[:, 1:] - kept[:, :1]).astype(np.float64)
@@ -49,19 +51,17 @@ def _double_areas(positions: Array, faces: Array) -> Array:
 
 
 def sample_surface(positions: Array, faces: Array, uv: Array) -> tuple[Array, Array]:
-    """Coordinates (k, 2) float64 of points spread over the surface of a mesh, and the area (k,) that each stands for.
-
-    ``positions`` are (n, 3) metres, ``faces`` (m, 3) vertices. The weights sum to 1.
-    """
-    rank = np.arange(_POINTS)
-    if len(faces) > _POINTS:  # some triangles by their area, evenly spread
-        face = np.unique((rank * _LINE % 1.0 * len(faces)).astype(np.int64))
+    """Coordinates (k, 2) float64 of points spread over the surface of a mesh, and the share (k,) of the area that each
+    represents; the shares sum to 1. ``positions`` are (n, 3) metres, ``faces`` (m, 3) vertices."""
+    rank = np.arange(_SURFACE_POINTS)
+    if len(faces) > _SURFACE_POINTS:  # some triangles by their area, evenly spread
+        face = np.unique((rank * _LINE_STEP % 1.0 * len(faces)).astype(np.int64))
         weight = _double_areas(positions, faces[face])
     else:  # more points on larger triangles, so that all stand for about the same area
         share = np.cumsum(_double_areas(positions, faces))
-        face = np.searchsorted(share, (rank + 0.5) / _POINTS * share[-1]).clip(max=len(faces) - 1)
-        weight = np.ones(_POINTS)
-    a, b = (np.arange(1, len(face) + 1)[:, None] * _SQUARE % 1.0).T
+        face = np.searchsorted(share, (rank + 0.5) / _SURFACE_POINTS * share[-1]).clip(max=len(faces) - 1)
+        weight = np.ones(_SURFACE_POINTS)
+    a, b = (np.arange(1, len(face) + 1)[:, None] * _SQUARE_STEPS % 1.0).T
     beyond = a + b > 1.0
     a, b = np.where(beyond, 1.0 - a, a), np.where(beyond, 1.0 - b, b)
     at, corner = np.stack([1.0 - a - b, a, b], axis=1), uv[face].astype(np.float64)

@@ -1,4 +1,4 @@
-"""Rings of vertices about a centre and the triangles between them: closed, whatever number each ring has."""
+"""Rings of vertices around a centre and the triangles between them, without cracks for any number per ring."""
 
 from __future__ import annotations
 
@@ -9,17 +9,15 @@ import numpy as np
 
 from ...support.arrays import Array
 
-#: Distance between rings over the spacing along them, which makes the triangles equilateral.
+#: Distance between rings over the spacing along them; this value makes the triangles equilateral.
 RINGS_APART = math.sqrt(3.0) / 2.0
-_FEWEST = 6
+_LEAST_PER_RING = 6
 
 
 @dataclass(frozen=True)
 class VertexRings:
-    """Radii in metres (n,), rising, and numbers of vertices (n,). Every other ring is turned by half a step.
-
-    Vertex 0 is the centre; the rings follow from the inside out, each counter-clockwise from east.
-    """
+    """Increasing radii in metres (n,), and numbers of vertices (n,). Every second ring is turned by half a step. Vertex
+    0 is the centre; the rings follow from the inside out, each counter-clockwise from east."""
 
     radius_m: Array
     count: Array
@@ -27,12 +25,12 @@ class VertexRings:
     @classmethod
     def of(cls, radius_m: Array, spacing_m: Array) -> VertexRings:
         """Rings whose vertices are about ``spacing_m`` (n,) apart."""
-        count = np.maximum(np.rint(2 * np.pi * radius_m / spacing_m), _FEWEST).astype(np.int64)
+        count = np.maximum(np.rint(2 * np.pi * radius_m / spacing_m), _LEAST_PER_RING).astype(np.int64)
         return cls(np.asarray(radius_m, np.float64), count)
 
     @property
     def vertices(self) -> int:
-        """Number of vertices, the centre's included."""
+        """Number of vertices, including the centre."""
         return 1 + int(self.count.sum())
 
     def map_positions(self) -> tuple[Array, Array]:
@@ -49,9 +47,8 @@ class VertexRings:
     def faces(self) -> Array:
         """Triangles (m, 3) int32, counter-clockwise from above.
 
-        Between two rings the edges of both follow one another by the azimuth of their middles; each
-        makes a triangle with the vertex that the other ring has come to. Whole numbers only: no
-        rounding can leave a crack.
+        The edges of two neighbouring rings are sorted by the azimuth of their middles. Each edge makes a triangle with
+        the vertex that the other ring has reached. The computation is in integers, so rounding leaves no crack.
         """
         first = 1 + np.concatenate([[0], np.cumsum(self.count)[:-1]])
         around = np.arange(self.count[0])
@@ -64,14 +61,15 @@ class VertexRings:
         return np.concatenate([fan, outward, inward]).astype(np.int32)
 
     def _ring_places(self) -> tuple[Array, Array]:
-        """Ring and place on it of each vertex but the centre's."""
+        """Ring, and place on it, of each vertex except the centre."""
         ring = np.repeat(np.arange(len(self.count)), self.count)
         return ring, np.arange(len(ring)) - np.repeat(np.cumsum(self.count) - self.count, self.count)
 
     def _strip_triangles(self, ring: Array, place: Array, turned: Array, to: int, first: Array) -> Array:
-        """Triangles of the edges that start at places on rings, with a vertex of the next ring out (1) or in (-1)."""
+        """Triangles of the edges that start at places on rings, with a vertex of the next ring outward (1) or inward
+        (-1)."""
         own, other = self.count[ring], self.count[ring + to]
-        # Edges of the other ring whose middle comes before this one's; of two at one azimuth the inner is first.
+        # Count the edges of the other ring whose middle comes first; at equal azimuths the inner ring's does.
         ahead = (2 * place + 1 + turned) * other - (2 - turned) * own
         passed = -(-ahead // (2 * own)) if to == 1 else ahead // (2 * own) + 1
         apex = first[ring + to] + np.clip(passed, 0, other) % other

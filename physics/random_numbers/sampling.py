@@ -1,7 +1,7 @@
-"""Points that fill the unit cube, and the distributions that they are turned into.
+"""Points that fill the unit cube, and their transformation to distributions.
 
-Blender's Python has no SciPy, and a plan must give the same pairs there as anywhere; hence these few
-functions. They agree with ``scipy.stats.qmc`` and ``torch.quasirandom``.
+Blender's Python has no SciPy, and a plan must give the same pairs everywhere; hence these few functions. They agree
+with ``scipy.stats.qmc`` and ``torch.quasirandom``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from ...support.arrays import Array
 
-_BITS = 32
+_SOBOL_BITS = 32
 #: For each dimension after the first: the primitive polynomial modulo 2 as a binary number, and the initial
 #: direction numbers m. Joe and Kuo 2008, SIAM J. Sci. Comput. 30, 2635: file new-joe-kuo-6.21201.
 _JOE_KUO: tuple[tuple[int, tuple[int, ...]], ...] = (
@@ -41,18 +41,18 @@ _JOE_KUO: tuple[tuple[int, tuple[int, ...]], ...] = (
     (145, (1, 3, 5, 9, 1, 25, 53)),
     (157, (1, 3, 1, 13, 9, 35, 107)),
 )
-#: Dimensions that ``draw_sobol`` has.
+#: Largest number of dimensions of ``draw_sobol``.
 MOST_DIMENSIONS = 1 + len(_JOE_KUO)
 
 
 def _direction_numbers(dimension: int) -> Array:
     """Direction numbers (32,) uint64 of a dimension: the binary fractions that the bits of an index add, modulo 2."""
     if dimension == 0:
-        return np.array([1 << (_BITS - 1 - k) for k in range(_BITS)], np.uint64)
+        return np.array([1 << (_SOBOL_BITS - 1 - k) for k in range(_SOBOL_BITS)], np.uint64)
     polynomial, m = _JOE_KUO[dimension - 1]
     degree = polynomial.bit_length() - 1
-    v = [number << (_BITS - 1 - k) for k, number in enumerate(m)]
-    while len(v) < _BITS:
+    v = [number << (_SOBOL_BITS - 1 - k) for k, number in enumerate(m)]
+    while len(v) < _SOBOL_BITS:
         new = v[-degree] ^ (v[-degree] >> degree)
         for k in range(1, degree):
             if polynomial >> (degree - k) & 1:
@@ -62,11 +62,11 @@ def _direction_numbers(dimension: int) -> Array:
 
 
 def draw_sobol(count: int, randoms: Sequence[np.random.Generator]) -> Array:
-    """The first ``count`` points (count, d) of Sobol's sequence in (0, 1), each of d axes shifted by its random.
+    """The first ``count`` points (count, d) of Sobol's sequence in (0, 1); each of d axes is shifted by its random.
 
-    The order is by Antonov and Saleev (1979). A digital shift (exclusive or with a random number) keeps the property
-    of the sequence: of the first 2^m points one lies in each of 2^m equal parts of every axis. Raises ValueError
-    for more than ``MOST_DIMENSIONS`` axes.
+    The order is by Antonov and Saleev (1979). A digital shift (exclusive or with a random number) keeps the property of
+    the sequence: each of 2^m equal parts of every axis contains one of the first 2^m points. Raises ValueError for more
+    than ``MOST_DIMENSIONS`` axes.
     """
     if len(randoms) > MOST_DIMENSIONS:
         raise ValueError(f"{len(randoms)} axes, Sobol's sequence has {MOST_DIMENSIONS} here")
@@ -77,40 +77,36 @@ def draw_sobol(count: int, randoms: Sequence[np.random.Generator]) -> Array:
         bits = np.zeros(count, np.uint64)
         for k, number in enumerate(_direction_numbers(dimension)):
             bits ^= np.where(gray >> np.uint64(k) & np.uint64(1), number, np.uint64(0))
-        shift = np.uint64(random.integers(0, 1 << _BITS))
-        columns.append(((bits ^ shift).astype(np.float64) + 0.5) / (1 << _BITS))
+        shift = np.uint64(random.integers(0, 1 << _SOBOL_BITS))
+        columns.append(((bits ^ shift).astype(np.float64) + 0.5) / (1 << _SOBOL_BITS))
     return np.stack(columns, axis=1)
 
 
 def draw_latin_hypercube(count: int, randoms: Sequence[np.random.Generator]) -> Array:
-    """``count`` points (count, d) in [0, 1), one in each of ``count`` equal parts of every axis, at random within it.
-
-    McKay, Beckman and Conover 1979, Technometrics 21, 239. An axis is drawn from its own random.
-    """
+    """``count`` points (count, d) in [0, 1), one at random in each of ``count`` equal parts of every axis. McKay,
+    Beckman and Conover 1979, Technometrics 21, 239. Each axis has its own generator in ``randoms``."""
     return np.stack([(random.permutation(count) + random.random(count)) / count for random in randoms], axis=1)
 
 
 def draw_independent(count: int, randoms: Sequence[np.random.Generator]) -> Array:
-    """``count`` independent, uniform points (count, d) in [0, 1), an axis from its own random."""
+    """``count`` independent, uniform points (count, d) in [0, 1); each axis has its own generator in ``randoms``."""
     return np.stack([random.random(count) for random in randoms], axis=1)
 
 
 def to_uniform(share: Array, low: float, high: float) -> Array:
-    """Values below which these shares (0 to 1) of a uniform distribution lie."""
+    """Quantiles of the uniform distribution from ``low`` to ``high`` at shares from 0 to 1."""
     return low + share * (high - low)
 
 
 def to_log_uniform(share: Array, low: float, high: float) -> Array:
-    """The same of a distribution that is uniform in the logarithm; both ends are above 0."""
+    """Quantiles of the distribution that is uniform in the logarithm from ``low`` to ``high``, both above 0."""
     return np.clip(np.exp(to_uniform(share, np.log(low), np.log(high))), low, high)
 
 
 def to_normal(share: Array, mean: float, deviation: float, low: float, high: float) -> Array:
-    """The same of a normal distribution that is cut off at ``low`` and ``high`` (and renormalised).
-
-    A mean beyond them is turned to the nearer tail, where the distribution function is accurate. Raises
-    ValueError where less than 1e-12 of the distribution lies between them.
-    """
+    """Quantiles of a normal distribution cut off at ``low`` and ``high`` (and renormalised). If the mean is beyond
+    them, the tail is mirrored to the side on which the distribution function is accurate. Raises ValueError if less
+    than 1e-12 of the distribution lies between them."""
     law = NormalDist(0.0, 1.0)
     ends = [(end - mean) / deviation for end in (low, high)]
     mirror = -1.0 if ends[0] > 0.0 else 1.0  # above the mean the lower tail is the accurate one
@@ -124,5 +120,5 @@ def to_normal(share: Array, mean: float, deviation: float, low: float, high: flo
 
 
 def to_whole_numbers(share: Array, low: int, high: int) -> Array:
-    """Whole numbers from ``low`` to ``high``, both included, equally often."""
+    """Whole numbers from ``low`` to ``high``, both included, with equal probability."""
     return low + np.minimum((share * (high - low + 1)).astype(np.int64), high - low)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-#: The concerns, in an order that is never changed: the position is the child's spawn key.
+#: The concerns, in an order that never changes: the position is the child's spawn key.
 STREAMS = (
     "terrain",
     "rocks",
@@ -35,7 +35,7 @@ def seed_stream(seed: int, concern: str, *index: int) -> np.random.SeedSequence:
 
 
 def make_generator(seed: int, concern: str, *index: int) -> np.random.Generator:
-    """A numpy generator on ``stream(seed, concern, *index)``."""
+    """A numpy generator on ``seed_stream(seed, concern, *index)``."""
     return np.random.default_rng(seed_stream(seed, concern, *index))
 
 

@@ -1,8 +1,8 @@
 """Rocks beyond the patch, out to where the largest is too small to be seen.
 
-They follow the law of the patch, with as many per square metre. Only those are drawn that are wide enough in the image,
-so that a field of rocks ends nowhere and takes a few thousand of them. How wide they are is counted from the nearest
-place of the patch, so that moving the camera over the patch changes no rock.
+They follow the law of the patch, with as many per square metre. Only rocks that are wide enough in the image are drawn,
+so that the field has no visible edge and needs only a few thousand rocks. The apparent width is computed from the
+nearest place of the patch, so that moving the camera over the patch changes no rock.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from ...support.arrays import Array
 from ..rig.focal_length import focal_px
 from .size_laws import SizeLaw, make_size_law
 
-_STEPS = 2048  # of the table of distances; the trapezoidal rule is then within 1e-5
-_WIDER = 1.05  # by which the angle grows until the rocks are few enough
+_DISTANCE_STEPS = 2048  # of the table of distances; the trapezoidal rule is then within 1e-5
+_ANGLE_STEP = 1.05  # by which the angle grows until the rocks are few enough
 
 
 @dataclass(frozen=True)
 class ViewBeyond:
-    """What decides which rocks are seen: the angle in radians under which the smallest is wide, the height in metres
-    of the eye, and the distance in metres at which the ground ends."""
+    """The view that decides which rocks are drawn: the least apparent width in radians, the height in metres of the
+    eye, and the distance in metres at which the ground ends."""
 
     smallest_rad: float
     height_m: float
@@ -34,8 +34,8 @@ class ViewBeyond:
 
 @dataclass(frozen=True)
 class RocksBeyond:
-    """Places (n, 2) and diameters (n,) in metres, largest first, and the angles (n,) in radians under which they are
-    seen from the nearest place on the patch; ``smallest_rad`` is the angle that was kept to."""
+    """Places (n, 2) and diameters (n,) in metres, largest first, and apparent widths (n,) in radians from the nearest
+    place on the patch. ``smallest_rad`` is the least apparent width that was used."""
 
     places_m: Array
     diameter_m: Array
@@ -52,13 +52,11 @@ def make_view_beyond(settings: Settings) -> ViewBeyond | None:
 
 
 def draw_beyond(rocks: RocksSettings, size_m: float, view: ViewBeyond, random: np.random.Generator) -> RocksBeyond:
-    """Rocks outside a square patch of side ``size_m`` about the origin, at most ``rocks.most``.
-
-    Where there would be more, the angle is larger than the view asks for.
-    """
+    """Rocks outside a square patch of side ``size_m`` about the origin, at most ``rocks.most``. If there would be more,
+    the least apparent width is larger than in the view."""
     law, angle = make_size_law(rocks), view.smallest_rad
     while (count := _count_rocks(law, size_m, view, angle)[1][-1]) > rocks.most:
-        angle *= _WIDER
+        angle *= _ANGLE_STEP
     radii, above = _count_rocks(law, size_m, view, angle)
     n = round(float(count))
     radius = np.interp((np.arange(n) + random.random(n)) / max(n, 1) * count, above, radii)
@@ -74,28 +72,28 @@ def draw_beyond(rocks: RocksSettings, size_m: float, view: ViewBeyond, random: n
 
 
 def _nearest_m(radius_m: Array, size_m: float, view: ViewBeyond) -> Array:
-    """Distance from the nearest eye over the patch of places at distances from its middle, in metres."""
+    """Distance in metres of places from the nearest possible eye over the patch; ``radius_m`` is from its middle."""
     return np.hypot(np.maximum(radius_m - size_m * math.sqrt(0.5), 0.0), view.height_m)
 
 
 def _per_m2_above(law: SizeLaw, diameter_m: Array) -> Array:
-    """Rocks per square metre larger than any diameters, also those outside the law."""
+    """Rocks per square metre larger than diameters, also for diameters outside the law."""
     largest = law.diameter_m(np.zeros(1))
     inside = np.where(diameter_m < largest, law.per_m2_above(np.clip(diameter_m, law.smallest_m, largest)), 0.0)
     return np.where(diameter_m <= law.smallest_m, law.total_per_m2, inside)
 
 
 def _count_rocks(law: SizeLaw, size_m: float, view: ViewBeyond, angle: float) -> tuple[Array, Array]:
-    """Distances in metres from the middle of the patch, and how many rocks lie within each, the patch's corners
-    counted as if they were outside."""
+    """Distances in metres from the middle of the patch, and the number of rocks within each; corners of the patch count
+    as outside."""
     last = min(float(np.max(law.diameter_m(np.zeros(1)))) / angle + size_m * math.sqrt(0.5), view.farthest_m)
-    radii = np.geomspace(size_m / 2, max(last, size_m / 2), _STEPS)
+    radii = np.geomspace(size_m / 2, max(last, size_m / 2), _DISTANCE_STEPS)
     rings = 2.0 * math.pi * radii * _per_m2_above(law, angle * _nearest_m(radii, size_m, view))
     return radii, np.append(0.0, np.cumsum((rings[1:] + rings[:-1]) / 2.0 * np.diff(radii)))
 
 
 def _gather_to_clusters(rocks: RocksSettings, xy: Array, per_m2: float, random: np.random.Generator) -> Array:
-    """Places with the share ``clustering`` of them drawn to clusters; each square of the map has one cluster."""
+    """Places, of which the share ``clustering`` is moved to clusters; each square of the map has one cluster."""
     member = random.random(len(xy)) < rocks.clustering
     away = random.normal(0.0, rocks.cluster_radius_m, xy.shape)
     if not member.any():

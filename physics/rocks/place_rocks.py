@@ -1,7 +1,7 @@
-"""Where rocks lie and how: sizes, places, poses, and resting on the ground.
+"""Places, sizes and poses of rocks that rest on the ground.
 
-Sizes, places and poses are drawn from separate random streams, so that changing how rocks are buried
-moves none of them. Nothing here knows Blender: the ground is a function of position.
+Sizes, places and poses come from separate random streams, so that a change in how rocks are buried moves no rock. The
+code does not use Blender: the ground is a function of position.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .size_laws import draw_diameters, make_size_law
 #: Height of the ground in metres at arrays of east and north coordinates; NaN where there is no ground.
 HeightAt = Callable[[Array, Array], Array]
 
-#: Rocks with a lower rank in size than this have the finest level of their shape, and so on.
+#: Ranks in size at which the level of detail changes: rocks before the first have the finest level.
 LEVEL_RANKS = (500, 5000)
 _SIZES, _PLACES, _POSES, _BEYOND = 1, 2, 3, 4  # children of the "rocks" stream; 0 is the shapes'
 _VARIATION = 0.15  # standard deviation of ln(elongation) and ln(height), between rocks
@@ -33,15 +33,12 @@ _BURIAL_VARIATION = 0.1
 
 @dataclass(frozen=True)
 class Rocks:
-    """``n`` rocks, largest first; those beyond the patch, again largest first, come after those on it.
-
-    ``position_m`` (n, 3) of the centres, ``rotation`` (n, 3) Euler angles XYZ in radians,
-    ``scale_m`` (n, 3) of a shape of unit size, ``level`` and ``shape`` (n,) which shape,
-    ``diameter_m`` (n,) of a circle that covers as much ground, ``reach_m`` (n,) how far a rock goes
-    from its centre to any side. ``smallest_m`` is the smallest diameter that could be drawn, above the
-    setting when the number of rocks was limited. ``beyond_rad`` is the angle that rocks beyond the patch are at least
-    wide, 0 if none were asked for.
-    """
+    """``n`` rocks: first the rocks on the patch, largest first, then those beyond it, largest first. ``position_m`` (n,
+    3) are the centres, ``rotation`` (n, 3) Euler angles XYZ in radians, ``scale_m`` (n, 3) the scale of a shape of unit
+    size; ``level`` and ``shape`` (n,) select the shape. ``diameter_m`` (n,) is the diameter of a circle with the
+    covered area, ``reach_m`` (n,) the largest horizontal distance from the centre. ``smallest_m`` is the smallest
+    diameter that could be drawn; a limit on the number of rocks raises it above the setting. ``beyond_rad`` is the
+    least apparent width of rocks beyond the patch, 0 without such rocks."""
 
     position_m: Array
     rotation: Array
@@ -57,9 +54,9 @@ class Rocks:
 def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.Generator) -> Array:
     """Positions (n, 2) in metres on a square patch centred on the origin.
 
-    A share ``clustering`` of the rocks belongs to a Thomas process: clusters at random places, each
-    rock at a normally distributed distance from a random one of them (Thomas 1949, Biometrika 36).
-    What falls off one side of the patch comes in on the other, so the density is even.
+    A share ``clustering`` of the rocks belongs to a Thomas process: clusters are at random places, and each rock is at
+    a normally distributed distance from a random cluster (Thomas 1949, Biometrika 36). Positions beyond one side of the
+    patch enter at the opposite side, so the density is even.
     """
     where = random.uniform(-size_m / 2, size_m / 2, (n, 2))
     clusters = max(1, round(n * rocks.clustering / rocks.cluster_blocks))
@@ -81,7 +78,7 @@ def _rotation_about(axis: int, angle: Array) -> Array:
 
 
 def _rotation_from_vertical(normal: Array) -> Array:
-    """The least rotations (n, 3, 3) that take the vertical to unit vectors (n, 3) above the horizon."""
+    """The smallest rotations (n, 3, 3) from the vertical to unit vectors (n, 3) above the horizon."""
     nx, ny, nz = normal.T
     k = 1.0 / (1.0 + nz)
     rows = [[1.0 - k * nx * nx, -k * nx * ny, nx], [-k * nx * ny, 1.0 - k * ny * ny, ny], [-nx, -ny, nz]]
@@ -104,8 +101,8 @@ def euler_matrices(angles: Array) -> Array:
 
 
 def _measure_footprint_ground(xy: Array, radius: Array, surface: HeightAt) -> tuple[Array, Array]:
-    """Unit normals (n, 3) of the ground under footprints, and its height (n,) at their centres where the
-    deepest of the sampled points would lie on a plane with that normal; NaN if the centre is off the ground."""
+    """Unit normals (n, 3) of the ground under footprints, and the height (n,) at their centres of planes with these
+    normals through the deepest sampled point; NaN if the centre is off the ground."""
     ring = np.linspace(0, 2 * np.pi, 8, endpoint=False)
     dx, dy = (np.append(f(ring), 0.0) * radius[:, None] for f in (np.cos, np.sin))
     z = surface(xy[:, :1] + dx, xy[:, 1:] + dy)
@@ -126,8 +123,8 @@ def _measure_extent(
     normal: Array,
     shapes: Sequence[Sequence[RockShape]],
 ) -> tuple[Array, Array, Array]:
-    """Of turned rocks: the vertex (n, 3) deepest along the ground's normal, relative to the centre,
-    the thickness (n,) along the normal, and the reach (n,) to any side, all in metres."""
+    """For rotated rocks, all in metres: the vertex (n, 3) deepest along the ground's normal, relative to the centre;
+    the thickness (n,) along the normal; and the horizontal reach (n,)."""
     deepest, thickness, reach = np.empty((len(shape), 3)), np.empty(len(shape)), np.empty(len(shape))
     for kind in np.unique(np.stack([level, shape], 1), axis=0):
         these = np.flatnonzero((level == kind[0]) & (shape == kind[1]))
@@ -151,12 +148,12 @@ def scatter_rocks(
 ) -> Rocks:
     """The rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
 
-    ``shapes[level][shape]`` are what to choose from; ``clear_m`` is a circle (east, north, radius)
-    that no rock may reach into. A rock lies along the slope under it, and its deepest vertex is at
-    or under the deepest ground of its footprint and at or under the ground beneath it: none floats.
-    With a view ``beyond``, rocks also lie outside the patch, and follow the rocks on it. With the law TABLE, places and
-    diameters come from the file ``rocks.file``, whose path is absolute, and no rocks lie outside.
-    Raises IcyMoonError if the settings contradict each other.
+    ``shapes[level][shape]`` are the available shapes; no rock reaches into the circle ``clear_m`` (east, north,
+    radius). A rock lies along the slope under it. Its deepest vertex is at or under the deepest ground of its
+    footprint, and at or under the ground beneath that vertex, so no rock floats. With a view ``beyond``, rocks also lie
+    outside the patch, listed after those on it. With the law TABLE, places and diameters come from the file
+    ``rocks.file``, whose path is absolute, and no rocks lie outside. Raises IcyMoonError if the settings contradict
+    each other.
     """
     xy, diameter, smallest = _read_places(rocks) if rocks.law == TABLE else _draw_places(rocks, size_m, seed)
     level = np.searchsorted(LEVEL_RANKS, np.arange(len(diameter)), side="right")
@@ -186,18 +183,20 @@ def scatter_rocks(
 
 
 def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[Array, Array, float]:
-    """Places (n, 2) and diameters (n,) that follow the law of sizes, largest first, and the smallest diameter."""
+    """Places (n, 2) and diameters (n,) that follow the law of sizes, largest first, and the smallest diameter, in
+    metres."""
     diameter, smallest = draw_diameters(
         make_size_law(rocks), size_m**2, int(rocks.most), make_generator(seed, "rocks", _SIZES)
     )
-    # Rocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
+    # Rocks stay on the patch: places are drawn on all of it, then scaled inward by half a diameter.
     xy = draw_places(rocks, len(diameter), size_m, make_generator(seed, "rocks", _PLACES))
     xy *= np.maximum(1.0 - diameter / size_m, 0.0)[:, None]
     return xy, diameter, smallest
 
 
 def _read_places(rocks: RocksSettings) -> tuple[Array, Array, float]:
-    """The same of the user's table; the smallest diameter is 0 unless some rocks are left out."""
+    """Places, diameters and smallest diameter of the user's table, as ``_draw_places`` returns them; the smallest
+    diameter is 0 unless some rocks are left out."""
     table = read_rock_table(absolute_path(rocks.file, "rocks.file"))
     kept = table[: int(rocks.most)]
     return kept[:, :2].copy(), kept[:, 2].copy(), float(kept[-1, 2]) if 0 < len(kept) < len(table) else 0.0
@@ -228,7 +227,7 @@ def _lay_rocks(
     normal, ground = _measure_footprint_ground(xy, 0.45 * diameter, surface)
     rotation = _rotation_from_vertical(normal) @ loose
     deepest, thickness, reach = _measure_extent(rotation, scale, level, shape, normal, shapes)
-    # The depth below the ground is measured along its normal, the rock moved along the vertical.
+    # Depth below the ground is measured along its normal, and the rock moves along the vertical.
     sunk = np.einsum("nk,nk->n", normal, deepest) + burial * thickness
     z = ground - sunk / normal[:, 2]
     beneath = surface(xy[:, 0] + deepest[:, 0], xy[:, 1] + deepest[:, 1])
@@ -254,11 +253,9 @@ def lay_rocks_again(
     before: HeightAt,
     shapes: Sequence[Sequence[RockShape]],
 ) -> tuple[Array, Array]:
-    """Positions (m, 3) and Euler angles (m, 3) of the rocks ``which`` (m,) laid loosely on other places (m, 2).
-
-    A rock turns from the slope under its footprint on the ground ``before`` to that on ``surface``, and is lowered
-    until it touches it.
-    """
+    """Positions (m, 3) and Euler angles (m, 3) of the rocks ``which`` (m,) laid loosely on other places (m, 2). A rock
+    turns from the slope of its footprint on the ground ``before`` to the slope on ``surface``, and is lowered until it
+    touches the ground."""
     size = 0.45 * rocks.diameter_m[which]
     old, _ = _measure_footprint_ground(rocks.position_m[which, :2], size, before)
     new, _ = _measure_footprint_ground(xy, size, surface)

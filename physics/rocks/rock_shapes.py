@@ -1,16 +1,15 @@
 """Shapes of rocks, as closed triangle meshes.
 
-Fracture leaves convex polyhedra: a rock is the part of space behind a number of planes. Wear
-(sublimation, sputtering, rolling) rounds their edges: the polyhedron is worn back by a radius and a
-ball of that radius rolled around it, which is exact and needs no smoothing. A vanishing radius is
-fresh fracture, one as large as the rock a ball.
+Fracture leaves convex polyhedra: a rock is the part of space behind a number of planes. Wear (sublimation, sputtering,
+rolling) rounds their edges: the polyhedron is worn back by a radius, and a ball of that radius rolls around it. This is
+exact and needs no smoothing. A radius of 0 is fresh fracture; a radius as large as the rock gives a ball.
 
-Broken ice has faces that are not plane: they are cleaved along three nearly perpendicular directions, cut by a few
-other planes, chipped at their corners, and stepped where the crack has run on at another depth. Nobody has seen a rock
-of Europa or Enceladus closer than metres: this look is a guess from glacier and sea ice.
+Faces of broken ice are uneven: the ice is cleaved along three nearly perpendicular directions, cut by a few other
+planes, chipped at its corners, and stepped where the crack went on at another depth. No image shows rocks of Europa or
+Enceladus from nearer than metres: this look is a guess from glacier and sea ice.
 
-A shape has unit size: seen from above it covers pi/4 square metres (a circle of diameter 1) and it
-is 1 m high, so that a rock's diameter and height are its scale.
+A shape has unit size: seen from above it covers pi/4 square metres (a circle of diameter 1) and it is 1 m high, so that
+a rock's diameter and height are its scale.
 """
 
 from __future__ import annotations
@@ -27,23 +26,31 @@ from ..random_numbers.seeds import make_generator
 FAMILIES = ("FRAGMENTS", "BOULDERS", "SLABS", "BROKEN_ICE")
 MIXED = FAMILIES[:3]
 PER_FAMILY = 6
-#: Subdivisions of the sphere that a shape is sampled on, finest first: 5120, 1280 and 320 triangles.
-LEVELS = (4, 3, 2)
+#: Subdivisions of the sphere that samples a shape, finest first: 5120, 1280 and 320 triangles.
+SUBDIVISIONS_BY_LEVEL = (4, 3, 2)
 #: Subdivisions for broken ice, whose faces have relief: 20480, 5120 and 1280 triangles.
 ICE_LEVELS = (5, 4, 3)
 #: Ratio of the height of a slab to the height of other rocks of its width.
-SLAB_HEIGHT = 0.45
-_SHARPEST, _ROUNDEST = 0.03, 0.9  # radius of wear over the radius of the largest ball in the rock
-#: Broken ice: jitter of cleavage planes, depth of its steps over the distance to the face, their mean wavenumbers in
-#: radians over that distance, and the part of a wave in which a step falls back.
-_CLEAVAGE_JITTER, _STEP_DEPTH, _STEP_WAVES, _STEP_FALL = 0.12, 0.05, (5.0, 11.0, 24.0, 50.0), 0.15
+SLAB_HEIGHT_RATIO = 0.45
+#: Least radius of wear, over the radius of the largest ball in the rock.
+_SHARPEST_WEAR = 0.03
+#: Largest radius of wear.
+_ROUNDEST_WEAR = 0.9
+#: Broken ice: random deviation of cleavage planes.
+_CLEAVAGE_JITTER = 0.12
+#: Depth of its steps over the distance to the face.
+_STEP_DEPTH = 0.05
+#: Mean wavenumbers of the steps, in radians over that distance.
+_STEP_WAVENUMBERS = (5.0, 11.0, 24.0, 50.0)
+#: Part of a wave in which a step falls back.
+_STEP_FALL_SHARE = 0.15
 
 
 @dataclass(frozen=True)
 class RockShape:
-    """A rock of unit size: ``vertices`` (n, 3), ``triangles`` (m, 3) int32 counter-clockwise from
-    outside, ``plane`` (m,) whether a triangle is flat, as part of a plane face or of broken ice, and not rounded,
-    ``height`` a factor on the height of rocks of this family, ``face`` (m,) int32 the plane that a triangle lies on."""
+    """A rock of unit size: ``vertices`` (n, 3) and ``triangles`` (m, 3) int32 counter-clockwise from outside. ``plane``
+    (m,) is true for a flat triangle, of a plane face or of broken ice, and false for a rounded one. ``height`` is a
+    factor on the height of rocks of this family, ``face`` (m,) int32 the plane that a triangle lies on."""
 
     vertices: Array
     triangles: Array
@@ -157,11 +164,12 @@ def _hull_area(points: Array) -> float:
 
 
 def _round_edges(normals: Array, depths: Array, wear: float) -> list[tuple[Array, Array]]:
-    """Vertices at every level, and which triangles are plane faces, of a polyhedron whose edges are worn round."""
+    """Vertices at every level, and whether triangles are plane faces, of a polyhedron with edges
+    rounded by ``wear``."""
     radius = wear * depths.min()
     corners = find_polyhedron_corners(normals, depths - radius)
     levels = []
-    for subdivisions in LEVELS:
+    for subdivisions in SUBDIVISIONS_BY_LEVEL:
         directions, triangles = make_icosphere(subdivisions)
         farthest = np.argmax(directions @ corners.T, axis=1)
         a, b, c = farthest[triangles].T
@@ -177,7 +185,7 @@ def _blend_planes(
     power = 4.0 + 8.0 * angularity
     waves, phases = random.normal(0, 2.0, (5, 3)), random.uniform(0, 2 * np.pi, 5)
     levels = []
-    for subdivisions in LEVELS:
+    for subdivisions in SUBDIVISIONS_BY_LEVEL:
         directions, triangles = make_icosphere(subdivisions)
         blend = (np.maximum(directions @ normals.T / depths, 0.0) ** power).sum(axis=1) ** (-1.0 / power)
         swell = 1.0 + 0.03 * np.sin(directions @ waves.T + phases).sum(axis=1)
@@ -186,10 +194,8 @@ def _blend_planes(
 
 
 def _follow_edges(directions: Array, planes: Array, step: float) -> Array:
-    """Unit directions (n, 3), those within 0.4 of a ``step`` (rad) of an edge moved onto it: edges have no teeth.
-
-    ``planes`` (k, 3) are normals over distances from the centre.
-    """
+    """Unit directions (n, 3), moved onto an edge if they are within 0.4 of a ``step`` (rad) of it, so that edges have
+    no teeth. ``planes`` (k, 3) are normals over distances from the centre."""
     order = np.argsort(directions @ planes.T, axis=1)
     across = planes[order[:, -1]] - planes[order[:, -2]]
     off = np.einsum("nk,nk->n", directions, across)
@@ -205,7 +211,7 @@ def _break_ice(
     normals: Array, depths: Array, angularity: float, random: np.random.Generator
 ) -> list[tuple[Array, Array]]:
     """Vertices at every level of a rock of broken ice, all of whose triangles are flat."""
-    waves = [(random.normal(0, number, (3, 4)), random.uniform(0, 1, 4)) for number in _STEP_WAVES]
+    waves = [(random.normal(0, number, (3, 4)), random.uniform(0, 1, 4)) for number in _STEP_WAVENUMBERS]
     power = 8.0 + 42.0 * angularity  # rounds edges by about a step of the finest mesh at 0.9
     planes, levels = normals / depths[:, None], []
     for subdivisions in ICE_LEVELS:
@@ -217,7 +223,10 @@ def _break_ice(
             # The finer steps bend with the coarser ones.
             turn = (points @ wave + 16.0 * steps[:, None] * (octave > 0)) / (2 * np.pi) + phase
             turn -= np.floor(turn)
-            saw = np.where(turn < 1 - _STEP_FALL, turn / (1 - _STEP_FALL), (1 - turn) / _STEP_FALL) - 0.5
+            saw = (
+                np.where(turn < 1 - _STEP_FALL_SHARE, turn / (1 - _STEP_FALL_SHARE), (1 - turn) / _STEP_FALL_SHARE)
+                - 0.5
+            )
             steps += 0.5**octave * saw.mean(axis=1)
         levels.append((points * (1.0 + _STEP_DEPTH * steps)[:, None], np.ones(len(triangles), bool)))
     return levels
@@ -231,18 +240,18 @@ def _assign_faces(vertices: Array, triangles: Array, planes: Array) -> Array:
 def _make_rock(family: str, angularity: float, random: np.random.Generator) -> list[RockShape]:
     """One rock at every level, of unit size."""
     normals, depths = _draw_cleavage(random) if family == "BROKEN_ICE" else _draw_planes(family, random)
-    sampled = ICE_LEVELS if family == "BROKEN_ICE" else LEVELS
+    sampled = ICE_LEVELS if family == "BROKEN_ICE" else SUBDIVISIONS_BY_LEVEL
     if family == "BROKEN_ICE":
         levels = _break_ice(normals, depths, angularity, random)
     elif family == "BOULDERS":
         levels = _blend_planes(normals, depths, angularity, random)
     else:
-        levels = _round_edges(normals, depths, _SHARPEST + (_ROUNDEST - _SHARPEST) * (1.0 - angularity))
+        levels = _round_edges(normals, depths, _SHARPEST_WEAR + (_ROUNDEST_WEAR - _SHARPEST_WEAR) * (1.0 - angularity))
     finest = levels[0][0]
     low, high = finest.min(axis=0), finest.max(axis=0)
     across = np.sqrt(np.pi / 4 / _hull_area(finest[:, :2]))
     scale = np.array([across, across, 1.0 / (high[2] - low[2])])
-    height = SLAB_HEIGHT if family == "SLABS" else 1.0
+    height = SLAB_HEIGHT_RATIO if family == "SLABS" else 1.0
     # A worn boulder has no faces left.
     planes = (normals / depths[:, None])[: 1 if family == "BOULDERS" else None]
     return [
@@ -259,10 +268,8 @@ def _make_rock(family: str, angularity: float, random: np.random.Generator) -> l
 
 @lru_cache(maxsize=4)
 def make_rock_shapes(family: str, angularity: float, seed: int) -> tuple[tuple[RockShape, ...], ...]:
-    """The shapes to choose from, ``[level][shape]``: the same shapes at every level, finest first.
-
-    ``family`` is one of ``FAMILIES`` or "MIXED" for all of ``MIXED``; ``angularity`` from 0, worn round,
-    to 1, freshly broken.
+    """The available shapes as ``[level][shape]``, finest level first, with the same shapes at every level. ``family``
+    is one of ``FAMILIES``, or "MIXED" for all of ``MIXED``; ``angularity`` is from 0, worn round, to 1, freshly broken.
     """
     families = MIXED if family == "MIXED" else (family,)
     rocks = [

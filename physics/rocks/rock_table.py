@@ -1,4 +1,4 @@
-"""Rocks from a table: places and diameters of your own, such as those that were counted in an image."""
+"""Rocks from a table: places and diameters, such as those counted in an image."""
 
 from __future__ import annotations
 
@@ -11,21 +11,18 @@ from ...support.errors import IcyMoonError
 from ...support.file_schemas import read_number_lines
 
 #: Columns that a table must have.
-COLUMNS = ("x_m", "y_m", "diameter_m")
+ROCK_COLUMNS = ("x_m", "y_m", "diameter_m")
 TABLE = "TABLE"
 
 
 def read_rock_table(path: Path) -> Array:
-    """Places east and north and diameters (n, 3) in metres, largest first, from a CSV file whose first line names its
-    columns; others than ``COLUMNS`` are not read.
-
-    Raises IcyMoonError if the file is missing, or a column, or a number.
-    """
-    rows = read_number_lines(path, COLUMNS, "rocks.file")
-    values = np.empty((len(rows), len(COLUMNS)))
+    """Places east and north and diameters (n, 3) in metres, largest first, from a CSV file. Its first line names the
+    columns; only ``ROCK_COLUMNS`` are read. Raises IcyMoonError for a missing file, column or number."""
+    rows = read_number_lines(path, ROCK_COLUMNS, "rocks.file")
+    values = np.empty((len(rows), len(ROCK_COLUMNS)))
     for k, (number, numbers) in enumerate(rows):
         if numbers is None:
-            raise IcyMoonError(f"{path}: line {number} has no number for each of {', '.join(COLUMNS)}; fix it.")
+            raise IcyMoonError(f"{path}: line {number} has no number for each of {', '.join(ROCK_COLUMNS)}; fix it.")
         values[k] = numbers
     wrong = ~np.isfinite(values).all(axis=1) | (values[:, 2] <= 0)
     if wrong.any():

@@ -25,7 +25,7 @@ from ...settings.topics.rocks import RocksSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
-_TABLE = 8192  # nodes of Golombek's law; the trapezoidal rule is then within 1e-6
+_TABLE_NODES = 8192  # nodes of Golombek's law; the trapezoidal rule is then within 1e-6
 
 
 class SizeLaw(Protocol):
@@ -77,11 +77,11 @@ class PowerLaw:
 
     @property
     def _share_above_largest(self) -> float:
-        """Share that the law without an upper end would have above the largest diameter."""
+        """Share of rocks above the largest diameter in the law without an upper end."""
         return (self.smallest_m / self.largest_m) ** self.index
 
     def per_m2_above(self, diameter_m: Array) -> Array:
-        """Rocks per square metre larger than diameters in metres; NaN if there is but one size."""
+        """Rocks per square metre larger than diameters in metres; NaN if smallest and largest diameter are equal."""
         d = np.clip(diameter_m, self.smallest_m, self.largest_m)
         with np.errstate(invalid="ignore"):
             return (
@@ -118,7 +118,7 @@ class GolombekLaw:
     @cached_property
     def _density_table(self) -> tuple[Array, Array]:
         """Diameters from the largest down, and the rocks per square metre above each."""
-        log_d = np.linspace(math.log(self.largest_m), math.log(self.smallest_m), _TABLE)
+        log_d = np.linspace(math.log(self.largest_m), math.log(self.smallest_m), _TABLE_NODES)
         d = np.exp(log_d)
         # -dN/d(ln D) = (-dF/dD) D / (pi D²/4)
         slope = self.q_per_m * self.cover_above(d) * 4.0 / (math.pi * d)
@@ -158,11 +158,11 @@ def make_size_law(rocks: RocksSettings) -> SizeLaw:
 
 
 def draw_diameters(law: SizeLaw, area_m2: float, most: int, random: np.random.Generator) -> tuple[Array, float]:
-    """Diameters in metres of the rocks on an area, largest first, and the smallest that could be drawn.
+    """Diameters in metres of the rocks on an area, largest first, and the smallest diameter that could be drawn.
 
-    The number is the law's, at most ``most``: then the largest ones are drawn, as many as the whole
-    law has of them. One diameter is drawn from each of n equal parts of the law, so that the sizes
-    and the covered share keep to the law as closely as n rocks can.
+    The number follows from the law, up to ``most``; beyond that, only the largest rocks of the law are drawn. One
+    diameter comes from each of n equal parts of the law, so that sizes and covered share follow the law as closely as n
+    rocks can.
     """
     total = law.total_per_m2 * area_m2
     n = round(min(total, most))

@@ -1,7 +1,7 @@
-"""Fractures inside ice: how much light an open crack reflects, and how deep in the ice one can be seen.
+"""Fractures inside ice: the light that an open crack reflects, and the depth to which cracks are visible.
 
-An open crack is a gap of air. Light inside the ice that meets it at more than 50 degrees from its normal is reflected
-totally, so that a crack is a bright veil from one side and nearly invisible from another.
+An open crack is a gap of air. Light inside the ice that meets it at more than 50 degrees from its normal is totally
+reflected, so that a crack is a bright veil from one side and nearly invisible from another.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ def gap_reflectance(cosine: Numbers, refractive_index: float) -> Array:
 
 
 def sight_depth_m(surface: SurfaceSettings) -> float:
-    """How far one sees into ice with ``surface`` settings, in metres: the distance at which 1/e of the light is left
-    unscattered. 0 if the ice is opaque.
+    """Depth of sight in metres into ice with ``surface`` settings: the distance at which 1/e of the light is still
+    unscattered; 0 for opaque ice.
 
-    Bubbles of radius a and share f of the volume scatter after 4 a / (3 f) on average: their cross section is
-    3 f / (4 a) per volume. In ice without any, the nearest fractures hide the rest.
+    Bubbles of radius a and volume share f have a cross section of 3 f / (4 a) per volume, so light is scattered after 4
+    a / (3 f) on average. In ice without bubbles, the nearest fractures hide the rest.
     """
     if surface.bubble_share > 0.0:
         return float(4.0 * surface.bubble_radius_m / (3.0 * surface.bubble_share))
@@ -41,5 +41,5 @@ def sight_depth_m(surface: SurfaceSettings) -> float:
 
 
 def has_fractures(surface: SurfaceSettings) -> bool:
-    """Whether fractures inside the ice are seen."""
+    """Whether fractures inside the ice are visible."""
     return surface.model == "PRINCIPLED" and surface.fracture_share > 0.0 and sight_depth_m(surface) > 0.0

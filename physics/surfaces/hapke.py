@@ -36,19 +36,18 @@ _TINY = 1e-300  # makes 0/0 forms finite and changes nothing else
 class HapkeParameters:
     """Parameters of the model; numbers, or arrays that broadcast with each other and with the angles.
 
-    w: single-scattering albedo, 0 to 1.
-    b, c: two-lobed Henyey-Greenstein phase function in Hapke's 2012 convention, |b| < 1 the width of
+    w: single-scattering albedo, 0 to 1. b, c: two-lobed Henyey-Greenstein phase function in Hapke's 2012 convention,
+    |b| < 1 the width of
         the lobes, (1 + c)/2 the share of the lobe toward the source. c may leave [-1, 1] as far as
-        the phase function stays non-negative. One lobe of asymmetry ξ = <cos scattering angle> is
-        ``single_lobe(ξ)``; McGuire's and ISIS' c' is (1 + c)/2.
-    b_s0, h_s: amplitude and half-width parameter of the shadow-hiding opposition effect.
-    b_c0, h_c: the same of coherent backscatter.
-    theta_bar: mean slope angle of the roughness that is not resolved, in radians, 0 to < π/2.
-    filling_factor: share of the volume that grains fill, 0 (K = 1) to < 0.7522.
-    h_function: "1981", "1993" or "2002", the approximation of the H function. Parameters belong to
+        the phase function stays non-negative. One lobe of asymmetry ξ = <cos scattering angle> is ``single_lobe(ξ)``;
+        McGuire's and ISIS' c' is (1 + c)/2.
+    b_s0, h_s: amplitude and half-width parameter of the shadow-hiding opposition effect. b_c0, h_c: the same of
+    coherent backscatter. theta_bar: mean slope angle of the roughness that is not resolved, in radians, 0 to < π/2.
+    filling_factor: share of the volume that grains fill, 0 (K = 1) to < 0.7522. h_function: "1981", "1993" or "2002",
+    the approximation of the H function. Parameters belong to
         the one that they were fitted with.
 
-    Raises IcyMoonError where a parameter is outside of physics.
+    Raises IcyMoonError where a parameter is physically impossible.
     """
 
     w: Numbers
@@ -108,7 +107,7 @@ class HapkeParameters:
 
 
 def hapke_from_settings(hapke: HapkeSettings) -> HapkeParameters:
-    """Parameters that ``hapke`` settings describe. Raises IcyMoonError if they are outside of physics."""
+    """Parameters that ``hapke`` settings describe. Raises IcyMoonError if they are physically impossible."""
     same = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "filling_factor")
     return HapkeParameters(
         **{key: hapke[key] for key in same}, theta_bar=np.radians(hapke.theta_bar_deg), h_function=hapke.h_function
@@ -116,7 +115,8 @@ def hapke_from_settings(hapke: HapkeSettings) -> HapkeParameters:
 
 
 def single_lobe(asymmetry: float) -> dict[str, float]:
-    """b and c of a one-term Henyey-Greenstein function with ξ = <cos scattering angle>, negative for backscatter."""
+    """b and c of a one-term Henyey-Greenstein function with ξ = <cos scattering angle>, which is negative for
+    backscatter."""
     return {"b": abs(asymmetry), "c": -1.0 if asymmetry > 0 else 1.0}
 
 
@@ -195,8 +195,8 @@ def _apply_roughness(incidence: Array, emission: Array, psi: Array, theta_bar: A
         not_e1, e2 = -np.expm1(-2 / np.pi * slope), np.exp(-(slope**2) / np.pi)
         return tilt, not_e1, e2, chi * (cos + tilt * e2 / (1 + not_e1))
 
-    # Written once for the ray nearer to the normal and the one farther from it: the papers' cases i <= e and e <= i
-    # are the same but for which of them is the Sun's.
+    # One formula for the ray nearer to the normal and the ray farther from it: the papers' cases i <= e and e <= i
+    # differ only in which of the two is the Sun's.
     near, far = np.minimum(incidence, emission), np.maximum(incidence, emission)
     tilt_n, not_e1_n, e2_n, eta_n = terms(near)
     tilt_f, not_e1_f, e2_f, eta_f = terms(far)

@@ -18,7 +18,7 @@ Law = Callable[[Array, Array, Array], Array]
 
 #: Bond albedo of the law 2 µ0/(µ0 + µ), whose normal albedo is 1.
 LOMMEL_SEELIGER_BOND = 16 / 3 * (1 - math.log(2))
-_NODES = 48
+_GAUSS_NODES = 48
 
 
 def lunar_lambert(albedo: Numbers, share: Numbers) -> Law:
@@ -43,8 +43,8 @@ def lunar_lambert_normal_albedo(albedo: Numbers, share: Numbers) -> Numbers:
     return albedo / (1 + share * (LOMMEL_SEELIGER_BOND - 1))
 
 
-def _gauss_nodes(low: Numbers, high: Numbers, nodes: int = _NODES) -> tuple[Array, Array]:
-    """Nodes and weights on [low, high], in a last axis, crowded at both ends where laws have peaks and edges."""
+def _gauss_nodes(low: Numbers, high: Numbers, nodes: int = _GAUSS_NODES) -> tuple[Array, Array]:
+    """Nodes and weights on [low, high] along a last axis, denser at both ends, where laws have peaks and edges."""
     x, weight = np.polynomial.legendre.leggauss(nodes)
     t = (x + 1) / 2
     place, slope = t**3 * (10 - 15 * t + 6 * t * t), 30 * t * t * (1 - t) ** 2
@@ -58,10 +58,10 @@ def normal_albedo(law: Law) -> float:
 
 
 def hemispherical_albedo(law: Law, incidence: Numbers) -> Array:
-    """Share of a beam's light, at incidence angles in radians below π/2, that the surface returns.
+    """Share of a beam's light that the surface returns, at incidence angles in radians below π/2.
 
-    Of a reciprocal law it is also the radiance factor at this emission angle under light from the
-    whole sky. The integration is over polar coordinates about the source, where the surge is.
+    For a reciprocal law it is also the radiance factor at this emission angle under light from the whole sky. The
+    integration uses polar coordinates about the source, where the opposition surge is.
     """
     flat = np.atleast_1d(np.asarray(incidence, np.float64))
     i = flat[:, None, None]
@@ -111,7 +111,8 @@ def hemispherical_fit(law_of: Callable[[float, float], Law], gammas: Array, slop
 
 
 def disc_brightness(law: Law, phase: Numbers) -> Array:
-    """Brightness of a sphere at phase angles in radians relative to a white, facing Lambert disc of its size."""
+    """Brightness of a sphere at phase angles in radians, relative to a white Lambert disc of its size that faces the
+    observer and the Sun."""
     alpha = np.atleast_1d(np.asarray(phase, np.float64))
     longitude, along = _gauss_nodes(alpha - np.pi / 2, np.full_like(alpha, np.pi / 2))
     latitude, across = _gauss_nodes(0.0, np.pi / 2)
@@ -124,7 +125,8 @@ def disc_brightness(law: Law, phase: Numbers) -> Array:
 
 
 def geometric_albedo(law: Law) -> float:
-    """Brightness of a sphere at phase angle 0 relative to a white, facing Lambert disc of its size."""
+    """Brightness of a sphere at phase angle 0, relative to a white Lambert disc of its size that faces the observer and
+    the Sun."""
     return float(disc_brightness(law, 0.0))
 
 
@@ -136,8 +138,8 @@ def phase_curve(law: Law, phase: Numbers) -> Array:
 def equigonal_albedo(law: Law) -> float:
     """Radiance factor I/F on the mirror meridian, i = e = g/2, extrapolated to g = 0 without the opposition surge.
 
-    By a quadratic fit over phase angles g from 10 to 120 degrees, as Filacchione et al. 2022 (arXiv 2111.15541) measure
-    it. It is a reflectance in one geometry and no albedo of a sphere or of a plane.
+    The quadratic fit over phase angles g from 10 to 120 degrees is the method of Filacchione et al. 2022 (arXiv
+    2111.15541). The result is a reflectance in one geometry, not the albedo of a sphere or a plane.
     """
     degrees = np.arange(10.0, 121.0)
     half = np.radians(degrees) / 2
@@ -145,6 +147,6 @@ def equigonal_albedo(law: Law) -> float:
 
 
 def bond_albedo(law: Law) -> float:
-    """Share of the sunlight on a sphere that it returns, p q; also of a plane under an even sky."""
+    """Share of sunlight that a sphere returns, p q; also of light from an even sky that a plane returns."""
     alpha, weight = _gauss_nodes(0.0, np.pi)
     return float(2 * (disc_brightness(law, alpha) * np.sin(alpha)) @ weight)

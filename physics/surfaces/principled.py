@@ -1,11 +1,10 @@
-"""The albedo that Blender's Principled surface really has, and the base colour that gives a wanted albedo.
+"""The real albedo of Blender's Principled surface, and the base colour that gives a wanted albedo.
 
-The base colour of the Principled surface is not its albedo: specular reflection adds to it, the random
-walk under the surface has a different albedo, at most 0.92, and transmitted light is lost. The
-bihemispherical reflectance of a flat surface (light from all sides, to all sides) was measured in a white
-furnace (``python benchmarks furnace``). It is the same from Blender 4.3 to 5.0; 4.2 loses less light on steep bumps,
-5.2 returns up to 2.4 % less of the light that goes under the surface. So each of the three has its table, which is
-interpolated and inverted here.
+The base colour of the Principled surface is not its albedo: specular reflection adds to it, the random walk under the
+surface has a different albedo, at most 0.92, and transmitted light is lost. The bihemispherical reflectance of a flat
+surface (light from all sides, to all sides) was measured in a white furnace (``python benchmarks furnace``). It is the
+same from Blender 4.3 to 5.0. 4.2 loses less light on steep bumps; 5.2 returns up to 2.4 % less of the light that goes
+under the surface. So each of the three has a table, which is interpolated and inverted here.
 """
 
 from __future__ import annotations
@@ -20,25 +19,25 @@ import numpy as np
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 
-#: The measured tables by the Blender that they were measured with; which one holds, ``use_table`` chooses.
-TABLES = {"4.2": "principled_4_2.json", "5.0": "principled.json", "5.2": "principled_5_2.json"}
+#: Files of the measured tables by Blender version; ``use_table`` chooses one.
+TABLE_FILES = {"4.2": "principled_4_2.json", "5.0": "principled.json", "5.2": "principled_5_2.json"}
 #: Relative difference from which on the real albedo is reported.
 REPORTED_FROM = 0.01
 
 
 class _TableInUse:
-    """The table in use, a key of ``TABLES``."""
+    """The table in use, a key of ``TABLE_FILES``."""
 
     blender = "5.0"
 
 
 def use_table(blender: str) -> None:
-    """Use the table of a Blender, a key of ``TABLES``, from now on. Until this is called, the table of 5.0 is used."""
+    """Use the table of a Blender, a key of ``TABLE_FILES``, from now on. The default is the table of 5.0."""
     _TableInUse.blender = blender
 
 
 def _get_table() -> dict[str, Array]:
-    return _read_table(TABLES[_TableInUse.blender])
+    return _read_table(TABLE_FILES[_TableInUse.blender])
 
 
 @functools.cache
@@ -48,14 +47,14 @@ def _read_table(name: str) -> dict[str, Array]:
 
 
 def root_f0(refractive_index: float, specular: float) -> float:
-    """Square root of the reflectance at normal incidence that a refractive index and Blender's specular
-    level give: the level scales the reflectance, 0.5 leaving it as it is."""
+    """Square root of the reflectance at normal incidence, from the refractive index and Blender's specular level. The
+    level scales the reflectance; 0.5 leaves it unchanged."""
     plain = ((refractive_index - 1.0) / (refractive_index + 1.0)) ** 2
     return math.sqrt(plain * 2.0 * specular)
 
 
 def lets_light_through(surface: SurfaceSettings) -> bool:
-    """Whether rocks of this surface let light through."""
+    """Whether rocks with this surface transmit light."""
     return surface.model == "PRINCIPLED" and surface.transmission > 0.0 and surface.transmitted == "THROUGH"
 
 
@@ -92,7 +91,7 @@ def albedo_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
     """
     table = _get_table()
     root = root_f0(surface.refractive_index, surface.specular)
-    # With Burley's profile no less light leaves than from a diffuse surface.
+    # With Burley's profile as much light leaves as from a diffuse surface.
     walks = surface.subsurface_radius_m > 0.0 and surface.subsurface_method == "RANDOM_WALK"
     roughness, weight = surface.roughness, surface.subsurface_weight * walks
     base = table["base"]
@@ -102,16 +101,16 @@ def albedo_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
     entered = (1.0 - weight) * diffuse + weight * walk
     share = surface.transmission
     reflectance = (1.0 - share) * entered + share * _interpolate(table["transmission"], root, roughness)
-    # Bumps lose the light that they send downward. Moved vertices lose none, they light each other.
+    # Bumps lose the light that they send downward. Moved vertices light each other and lose none.
     steepness = surface.grain_amplitude_m / surface.grain_size_m * (surface.relief != "DISPLACEMENT")
     return base, reflectance * np.interp(steepness, table["steepness"], table["bump"])
 
 
 def base_colour_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
-    """Reflectances from 0 to 1 and the base colours that give them, or the nearest that there are, each (n,);
-    straight lines are meant between them."""
+    """Reflectances (n,) from 0 to 1, and the base colours (n,) with these or the nearest possible reflectances; between
+    them the base colour is linear."""
     base, reflectance = albedo_curve(surface)
-    # Where the curve is flat its first point is meant.
+    # On a flat part of the curve, take its first point.
     rising = np.concatenate([[True], np.diff(reflectance) > 1e-9])
     base, reflectance = base[rising], reflectance[rising]
     below, above = int(reflectance[0] > 0.0), int(reflectance[-1] < 1.0)
@@ -122,18 +121,19 @@ def base_colour_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
 
 
 def base_colour(surface: SurfaceSettings, albedo: float) -> float:
-    """Base colour that reflects ``albedo``, or the nearest there is, from 0 to 1."""
+    """Base colour, 0 to 1, with the reflectance ``albedo`` or the nearest possible one."""
     return float(np.interp(albedo, *base_colour_curve(surface)))
 
 
 def real_albedo(surface: SurfaceSettings) -> float:
-    """Bihemispherical reflectance of clean, flat ice with ``surface`` settings: the albedo or the nearest one."""
+    """Bihemispherical reflectance of clean, flat ice with ``surface`` settings: the set albedo, or the nearest possible
+    one."""
     _, reflectance = albedo_curve(surface)
     return float(np.clip(surface.albedo, reflectance[0], reflectance[-1]))
 
 
 def advise_on_albedo(surface: SurfaceSettings) -> str:
-    """A sentence if the surface cannot have the albedo that is asked for; empty if it has."""
+    """A sentence if the surface cannot have the set albedo; else empty."""
     asked, real = float(surface.albedo), real_albedo(surface)
     if abs(real - asked) <= REPORTED_FROM * asked:
         return ""
@@ -144,7 +144,7 @@ def advise_on_albedo(surface: SurfaceSettings) -> str:
 
 
 def _find_largest_loss(surface: SurfaceSettings) -> tuple[str, str]:
-    """The largest loss of light at a surface, in words, and the setting to lower."""
+    """A phrase on the largest loss of light at a surface, and the setting to lower."""
     causes = {
         "transmission": "what is transmitted is lost",
         "grain_amplitude_m": "steep bumps lose light",

@@ -1,7 +1,7 @@
-"""Reflectance of snow by asymptotic radiative transfer: bright snow on Earth, as it was measured.
+"""Reflectance of bright snow on Earth as measured, by asymptotic radiative transfer.
 
 Source: Kokhanovsky and Zege 2004, Applied Optics 43, 1589, with the constants of measured snow in the reflectance of a
-layer that absorbs nothing. Snow whose grains absorb follows from that by its spherical albedo alone.
+layer without absorption. The reflectance of snow whose grains absorb follows from that and its spherical albedo.
 """
 
 from __future__ import annotations
@@ -11,19 +11,25 @@ import numpy as np
 from ...support.arrays import Array, Numbers
 from .photometry import Law
 
-#: Constants of the reflectance without absorption: A, B and C, then the amplitude and the decay per degree of the two
-#: parts of the phase function.
-LEVEL, LINEAR, PRODUCT = 1.247, 1.186, 5.157
-PHASE = ((11.1, 0.087), (1.1, 0.014))
-#: Least sum of the cosines of incidence and emission. Below it the formula, which is not meant for so grazing angles,
+#: Constant A of the reflectance without absorption.
+LEVEL = 1.247
+#: Constant B.
+LINEAR = 1.186
+#: Constant C.
+PRODUCT = 5.157
+#: Amplitude, and decay per degree, of the two parts of the phase function.
+PHASE_TERMS = ((11.1, 0.087), (1.1, 0.014))
+#: Least sum of the cosines of incidence and emission. Below it, at very grazing angles, the formula is invalid and
 #: grows without limit.
-LEAST_COSINES = 0.2
-#: Largest angles, in degrees, for which the law is within about 5 % of measurements, off the principal plane.
-LARGEST_INCIDENCE_DEG, LARGEST_EMISSION_DEG = 70.0, 60.0
+LEAST_COSINE_SUM = 0.2
+#: Largest incidence, in degrees, for which the law is within about 5 % of measurements, off the principal plane.
+LARGEST_INCIDENCE_DEG = 70.0
+#: Largest emission angle of this range.
+LARGEST_EMISSION_DEG = 60.0
 
 
 def escape_function(mu: Numbers) -> Array:
-    """Escape function K of a cosine, which is 1 in the mean over the hemisphere: (3/7)(1 + 2µ)."""
+    """Escape function K of a cosine µ: (3/7)(1 + 2µ); its mean over the hemisphere is 1."""
     return np.asarray(3 / 7 * (1 + 2 * np.asarray(mu, np.float64)))
 
 
@@ -41,8 +47,8 @@ def reflectance_factor(incidence: Numbers, emission: Numbers, azimuth: Numbers, 
     cos_phase = np.clip(mu0 * mu + np.sin(i) * np.sin(e) * np.cos(psi), -1.0, 1.0)
     scattering_deg = 180.0 - np.degrees(np.arccos(cos_phase))
     lit = (mu0 > 0) & (mu >= 0)
-    both = np.maximum(mu0 + mu, LEAST_COSINES)
-    phase = sum(amplitude * np.exp(-decay * scattering_deg) for amplitude, decay in PHASE)
+    both = np.maximum(mu0 + mu, LEAST_COSINE_SUM)
+    phase = sum(amplitude * np.exp(-decay * scattering_deg) for amplitude, decay in PHASE_TERMS)
     white = (LEVEL + LINEAR * both + PRODUCT * mu0 * mu + phase) / (4 * both)
     absorbed = np.asarray(albedo, np.float64) ** (escape_function(mu0) * escape_function(mu) / white)
     return np.asarray(np.where(lit, white * absorbed, 0.0))

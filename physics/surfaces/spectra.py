@@ -1,12 +1,10 @@
 """Reflectance by wavelength of materials on the ground of icy moons, in the visible, 400 to 700 nm.
 
-Snow is computed from the absorption of pure ice. The other materials are tables, since no spectrum of them at the scale
-of a lander's camera is published: a table has the known facts about the colour, and ``Material.source`` states which
-numbers are measured, which are assumed, from memory and without a publication at hand, and which are a guess.
-``validation`` compares snow and the grounds of both moons with published spectra. The light of the Sun is folded in by
-``light.bands``.
-
-All reflectances are bihemispherical: the share of even light from all sides that flat ground returns.
+Snow is computed from the absorption of pure ice. The other materials are tables, because no spectrum of them at the
+scale of a lander's camera is published. A table has the known facts about the colour; ``Material.source`` states which
+numbers are measured, which are assumed (from memory, without a publication at hand), and which are a guess.
+``validation`` compares snow and the grounds of both moons with published spectra. ``light.bands`` multiplies them with
+sunlight. All reflectances are bihemispherical: the share of even light from all sides that flat ground returns.
 """
 
 from __future__ import annotations
@@ -59,15 +57,16 @@ _ICE_K = np.array(
     ]
 )
 
-#: Shape of snow's grains: factor on the absorption and asymmetry of scattering. Libois et al. 2014, Journal of
-#: Glaciology 60, 498: B = 1.6, and g = 0.845 with the absorption of real snow.
-_ABSORPTION_ENHANCEMENT, _ASYMMETRY = 1.6, 0.845
+#: Factor on the absorption by the shape of snow's grains, B = 1.6: Libois et al. 2014, Journal of Glaciology 60, 498.
+_ABSORPTION_ENHANCEMENT = 1.6
+#: Asymmetry g of scattering by snow's grains; 0.845 fits the absorption of real snow (the same source).
+_SNOW_ASYMMETRY = 0.845
 _BUBBLE_ASYMMETRY = 0.79
 
 
 def ice_absorption_1_m(wavelength_nm: Numbers) -> Array:
-    """Absorption coefficient 4πk/λ of pure ice in 1/m, interpolated in logarithms; beyond 400 to 700 nm the k of that
-    end."""
+    """Absorption coefficient 4πk/λ of pure ice in 1/m, interpolated in logarithms; beyond 400 to
+    700 nm, k is constant."""
     wavelength = np.asarray(wavelength_nm, np.float64)
     k = np.exp(np.interp(np.log(wavelength), np.log(_ICE_NM), np.log(_ICE_K)))
     return np.asarray(4 * np.pi * k / (wavelength * 1e-9))
@@ -84,7 +83,7 @@ def snow_reflectance(wavelength_nm: Numbers, grain_radius_m: float) -> Array:
     """
     surface_per_mass = 3 / (ICE_KG_M3 * grain_radius_m)
     coalbedo = 2 * _ABSORPTION_ENHANCEMENT * ice_absorption_1_m(wavelength_nm) / (ICE_KG_M3 * surface_per_mass)
-    return np.asarray(np.exp(-np.sqrt(16 / 3 * coalbedo / (1 - _ASYMMETRY))))
+    return np.asarray(np.exp(-np.sqrt(16 / 3 * coalbedo / (1 - _SNOW_ASYMMETRY))))
 
 
 def bubbly_ice_reflectance(wavelength_nm: Numbers, bubble_radius_m: float, bubble_share: float) -> Array:
@@ -102,7 +101,7 @@ def bubbly_ice_reflectance(wavelength_nm: Numbers, bubble_radius_m: float, bubbl
 
 @dataclass(frozen=True)
 class Material:
-    """A spectrum as straight lines between wavelengths; beyond the first and the last it is even."""
+    """A spectrum, linear between its wavelengths and constant beyond the first and the last."""
 
     title: str
     wavelength_nm: tuple[float, ...]
@@ -110,29 +109,29 @@ class Material:
     source: str  # of its numbers: which are published, which are assumed, which are a guess
 
     def reflectance(self, wavelength_nm: Numbers) -> Array:
-        """Its reflectance at wavelengths, of their shape."""
+        """Reflectances at wavelengths in nm, in their shape."""
         return np.asarray(np.interp(np.asarray(wavelength_nm, np.float64), self.wavelength_nm, self.values))
 
 
-#: Wavelengths of the tables that have a colour only: violet, blue, green, orange, red.
+#: Wavelengths of tables that only describe a colour: violet, blue, green, orange, red.
 _COLOUR_NM = (400.0, 460.0, 550.0, 620.0, 700.0)
 
 
 def _make_coloured(title: str, green: float, over_green: tuple[float, float, float, float], source: str) -> Material:
-    """A material with the reflectance ``green`` at 550 nm; its others are given over it, without the green."""
+    """A material with the reflectance ``green`` at 550 nm; ``over_green`` are its other reflectances over that one."""
     violet, blue, orange, red = over_green
     return Material(title, _COLOUR_NM, tuple(green * part for part in (violet, blue, 1.0, orange, red)), source)
 
 
 def _make_with_band(title: str, level: float, depth: float, centre_nm: float, fwhm_nm: float, source: str) -> Material:
-    """A material that is grey but for one absorption band of Gaussian shape."""
+    """A grey material with one Gaussian absorption band."""
     wavelength = np.arange(400.0, 701.0, 10.0)
     band = np.exp(-4 * np.log(2) * ((wavelength - centre_nm) / fwhm_nm) ** 2)
     return Material(title, tuple(wavelength.tolist()), tuple((level * (1 - depth * band)).tolist()), source)
 
 
-#: Materials by their names in the settings. Replace a number that is called a guess or assumed by a measurement if you
-#: have one.
+#: Materials by their names in the settings. Numbers called a guess or assumed should be replaced by measurements as
+#: these appear.
 MATERIALS: dict[str, Material] = {
     "ENCELADUS_PLAINS": _make_coloured(
         "Plains of Enceladus",

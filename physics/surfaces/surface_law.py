@@ -1,4 +1,4 @@
-"""The photometric law that surface settings describe, and what follows from it."""
+"""The photometric law that surface settings describe, and the normal, geometric and Bond albedos of it."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Albedos(NamedTuple):
 
 
 def make_law(surface: SurfaceSettings, hapke: HapkeSettings) -> photometry.Law | None:
-    """The law of ``surface`` settings, without albedo patches and relief; None for Principled snow, which has no
-    closed form. Raises IcyMoonError if the parameters are outside of physics."""
+    """The law of ``surface`` settings, without albedo patches and relief; None for Principled snow, which has no closed
+    form. Raises IcyMoonError for parameters that are physically impossible."""
     if surface.model == "PRINCIPLED":
         return None
     if surface.model == "HAPKE":
@@ -42,7 +42,7 @@ def _compute_albedos(law: photometry.Law) -> Albedos:
 
 
 def find_albedos(surface: SurfaceSettings, hapke: HapkeSettings) -> Albedos | None:
-    """Albedos of ``surface`` settings; None for Principled snow. Those of Hapke's law are computed once."""
+    """Albedos of ``surface`` settings; None for Principled snow. Those of Hapke's law are cached."""
     if surface.model == "HAPKE":
         return _compute_hapke_albedos(hapke_from_settings(hapke))
     law = make_law(surface, hapke)

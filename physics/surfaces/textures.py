@@ -1,7 +1,7 @@
-"""Small texture sets of ice that the code makes itself: maps that fit together at their edges.
+"""Small texture sets of ice that the code computes: maps whose opposite edges fit together.
 
-Each set is made from one height map, in texture widths; the other maps follow from it, so that bright
-crests, rough hollows and normals belong together. Made up: they stand in where no photograph is at hand.
+Each set is made from one height map, in texture widths. The other maps follow from it, so that bright crests, rough
+hollows and normals belong together. The sets are artificial: they replace photographs.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from ..random_numbers.seeds import make_generator
 
 SETS = ("FROST", "GRAINS", "CRACKS")
 #: Pixels along a side of every map.
-SIZE = 512
+MAP_SIDE_PX = 512
 _SEED = 0  # the sets are the same in every data set; where they lie is not
 
 
 @dataclass(frozen=True)
 class TextureSet:
-    """Maps (SIZE, SIZE) of one set, row 0 at the bottom: ``albedo`` with a mean of 1, ``roughness`` (0 to 1),
+    """Square maps of one set, row 0 at the bottom: ``albedo`` with a mean of 1, ``roughness`` (0 to 1),
     ``height`` from 0 to 1."""
 
     albedo: Array
@@ -32,22 +32,24 @@ class TextureSet:
 
 
 def _draw_waves(random: np.random.Generator, slope: float, shortest: float, longest: float) -> Array:
-    """A periodic random field of unit standard deviation whose amplitude falls as wave number^-slope between
-    two wavelengths in texture widths."""
-    k_x, k_y = np.fft.rfftfreq(SIZE, 1 / SIZE), np.fft.fftfreq(SIZE, 1 / SIZE)
+    """A periodic random field of unit standard deviation, whose amplitude falls as wave number^-slope between the
+    wavelengths ``shortest`` and ``longest``, in texture widths."""
+    k_x, k_y = np.fft.rfftfreq(MAP_SIDE_PX, 1 / MAP_SIDE_PX), np.fft.fftfreq(MAP_SIDE_PX, 1 / MAP_SIDE_PX)
     k = np.hypot(k_x[None, :], k_y[:, None])
     amplitude = np.where((k >= 1 / longest) & (k <= 1 / shortest), np.maximum(k, 1.0) ** -slope, 0.0)
-    field = np.fft.irfft2(amplitude * np.fft.rfft2(random.standard_normal((SIZE, SIZE))), (SIZE, SIZE))
+    field = np.fft.irfft2(
+        amplitude * np.fft.rfft2(random.standard_normal((MAP_SIDE_PX, MAP_SIDE_PX))), (MAP_SIDE_PX, MAP_SIDE_PX)
+    )
     return np.asarray(field / field.std())
 
 
 def _draw_cells(random: np.random.Generator, across: int) -> tuple[Array, Array, Array]:
-    """Distances to the nearest and second nearest of across² points, one in each square of a periodic grid,
-    in squares, and a random number for each cell."""
+    """Distances, in squares, to the nearest and second nearest of across² points, one in each square of a periodic
+    grid, and a random number for each cell."""
     jitter, values = random.random((across, across, 2)), random.random((across, across))
-    axis = (np.arange(SIZE) + 0.5) * across / SIZE
+    axis = (np.arange(MAP_SIDE_PX) + 0.5) * across / MAP_SIDE_PX
     x, y = axis[None, :], axis[:, None]
-    first = np.full((SIZE, SIZE), np.inf)
+    first = np.full((MAP_SIDE_PX, MAP_SIDE_PX), np.inf)
     second, value = first.copy(), first.copy()
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
     for j in range(-2, 3):
@@ -101,5 +103,6 @@ def make_maps(name: str) -> TextureSet:
 
 
 def uses_uv(textures: TexturesSettings) -> bool:
-    """Whether ``textures`` settings lay images on the ground by its UV coordinates; a mesh's own always are."""
+    """Whether ``textures`` settings put images on the ground by its UV coordinates; a mesh's own images always use
+    them."""
     return bool(textures.set == "MESH" or (textures.set != "NONE" and textures.mapping == "UV"))

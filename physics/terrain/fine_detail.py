@@ -1,8 +1,8 @@
 """Fine relief on the vertices of any mesh, imported or sculpted: noise in space, along the normals.
 
-The octaves and their amplitudes are as in the ground's random surface (``roughness``), solved for
-noise in three dimensions cut by a surface, so that a flat mesh gets the same RMS deviation against
-distance as flat ground does. Landforms and layers are height fields and have no place here.
+The octaves are those of the ground's random surface (``roughness``). Their amplitudes are solved for noise in three
+dimensions cut by a surface, so that a flat mesh has the same RMS deviation against distance as flat ground. Landforms
+and layers, which are height fields, are left out.
 """
 
 from __future__ import annotations
@@ -24,12 +24,10 @@ _DIMENSIONS = 3
 def relief_heights_m(
     points_m: Array, settings: Settings, seed: int, longest_m: float = math.inf, shortest_m: Numbers = 0.0
 ) -> Array:
-    """Heights (n,) in metres of the described roughness at points (n, 3) in metres, any order.
-
-    ``longest_m`` leaves out waves that the mesh has already (it is about two of the lengths that the mesh resolves),
-    ``shortest_m`` (a number, or one per point) waves that its vertices cannot carry.
-    Raises IcyMoonError where the cut-offs make no sense.
-    """
+    """Heights (n,) in metres of the described roughness at points (n, 3) in metres, in any order. Waves above
+    ``longest_m`` are left out, because the mesh has them already (it is about two of the lengths that the mesh
+    resolves). Waves below ``shortest_m`` (a number, or one per point) are left out, because its vertices cannot carry
+    them. Raises IcyMoonError for contradictory cut-offs."""
     ground = settings.terrain
     wavelength = octave_wavelengths_m(ground)
     random = make_ground_generator(seed, int(ground.variant), 4)
@@ -55,7 +53,7 @@ def relief_heights_m(
 
 
 def _expected_weight(mixing: float) -> float:
-    """RMS of the multifractal weight over a normal distribution of relief."""
+    """RMS of the multifractal weight over normally distributed relief."""
     # The relief over its span is normal with a deviation of 1/4 about 1/2, cut at 2 deviations.
     mean_square = 1.0 - mixing + mixing**2 * (0.25 + _CUT_VARIANCE)
     return math.sqrt(mean_square)

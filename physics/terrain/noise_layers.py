@@ -19,16 +19,18 @@ from .noise.lattice_noise import gradient_noise
 from .roughness.roughness import carried_share
 from .roughness.structure_function import NOISE_DEVIATION
 
-#: Points on which a layer's mean and RMS are taken, over a square of this many wavelengths.
-_POINTS, _SPAN = 8192, 64.0
+#: Number of points over which a layer's mean and RMS are taken.
+_STATISTICS_POINTS = 8192
+#: Side of the square that contains them, in wavelengths.
+_SPAN_WAVELENGTHS = 64.0
 MOST_OCTAVES = 16
-_TURN = math.radians(37.0)
+_OCTAVE_TURN_RAD = math.radians(37.0)
 
 
 @dataclass(frozen=True)
 class NoiseLayer:
-    """One layer; build it with :func:`make_layer`. an octave that is left out is held at ``signal_mean``;
-    ``centre`` and ``factor`` bring the sum to metres."""
+    """One layer; build it with :func:`make_layer`. An octave that is left out is held at ``signal_mean``; ``centre``
+    and ``factor`` bring the sum to metres."""
 
     basis: str
     fractal: str
@@ -62,16 +64,16 @@ class NoiseLayer:
         return np.broadcast_to((total - self.centre) * self.factor, shape)
 
     def signal(self, k: int, x_m: Array, y_m: Array) -> Array:
-        """The fractal's signal of octave k of the noise."""
+        """The fractal's signal of octave k."""
         wavelength = self.scale_m / self.lacunarity**k
-        cos, sin = math.cos(k * _TURN) / wavelength, math.sin(k * _TURN) / wavelength
+        cos, sin = math.cos(k * _OCTAVE_TURN_RAD) / wavelength, math.sin(k * _OCTAVE_TURN_RAD) / wavelength
         noise = BASES[self.basis](
             (cos * x_m + self.offsets[k, 0]) - sin * y_m, (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k]
         )
         return FRACTALS[self.fractal].signal(noise)
 
     def _warp_points(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
-        """The points moved sideways by noise of the layer's scale and RMS ``warp_m``."""
+        """The points shifted sideways by noise with the layer's scale and the RMS ``warp_m``."""
         x_m, y_m = np.broadcast_arrays(x_m, y_m)
         east, north = (
             gradient_noise(
@@ -90,7 +92,7 @@ def make_layer(settings: TerrainLayer, random: np.random.Generator) -> NoiseLaye
         return None
     parts = {k: settings[k] for k in ("basis", "fractal", "scale_m", "octaves", "lacunarity", "roughness", "warp_m")}
     raw = NoiseLayer(**parts, keys=keys, offsets=offsets)
-    x, y = random.uniform(-0.5, 0.5, (2, _POINTS)) * (_SPAN * raw.scale_m)
+    x, y = random.uniform(-0.5, 0.5, (2, _STATISTICS_POINTS)) * (_SPAN_WAVELENGTHS * raw.scale_m)
     mean = float(f"{raw.signal(0, x, y).mean():.9e}")
     sample = raw.heights(x, y)
     deviation = float(sample.std())

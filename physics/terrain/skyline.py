@@ -1,4 +1,4 @@
-"""The height of distant hills over the horizontal, and whether they hide the Sun from the site."""
+"""The elevation of distant hills above the horizontal, and whether they hide the Sun from the site."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from .terrain import Terrain, make_terrain
 
-#: Ratio of the distances at which the skyline is looked for: steps are a tenth of the narrowest hill there or less.
-_APART = 1.01
+#: Ratio of successive distances at which the skyline is sampled: steps are at most a tenth of the narrowest hill there.
+_DISTANCE_RATIO = 1.01
 
 
 def find_skyline_deg(
@@ -24,7 +24,7 @@ def find_skyline_deg(
     """
     start = ground.size_m * math.sqrt(0.5)
     farthest = max(min(farthest_m, 0.1 * body_radius_m), 2.0 * start)
-    distance = np.geomspace(start, farthest, math.ceil(math.log(farthest / start) / math.log(_APART)) + 1)
+    distance = np.geomspace(start, farthest, math.ceil(math.log(farthest / start) / math.log(_DISTANCE_RATIO)) + 1)
     azimuth = math.radians(azimuth_deg)
     z = ground.heights(site_m[0] + distance * math.sin(azimuth), site_m[1] + distance * math.cos(azimuth), start / 2)
     rise = z - float(ground.heights(*site_m, start / 2)) - distance**2 / (2.0 * body_radius_m)
@@ -32,7 +32,8 @@ def find_skyline_deg(
 
 
 def advise_on_skyline(settings: Settings, toward_sun: Array, sun_diameter_deg: float) -> list[str]:
-    """A sentence if distant hills hide the Sun, whose direction is a unit vector (3,), from the site; else none."""
+    """A sentence if distant hills hide the Sun, in the direction of a unit vector (3,), from the site; else an empty
+    list."""
     elevation = math.degrees(math.asin(float(np.clip(toward_sun[2], -1.0, 1.0))))
     if settings.hills.rms_slope_deg == 0.0 or settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return []

@@ -1,7 +1,7 @@
-"""Where a camera can stand on procedural ground and beside its rocks, without building them.
+"""Places where a camera can stand on procedural ground and beside its rocks, found without building them.
 
-Rocks lie where the build puts them; their heights are on the described ground, which the mesh follows
-to within the error that the settings ask for.
+Rocks lie at the places of a build; their heights are on the described ground, which the mesh follows within the error
+of the settings.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from ..rocks.place_rocks import Rocks, euler_matrices, scatter_rocks
 from ..rocks.rock_shapes import RockShape, make_rock_shapes
 from .terrain import Terrain, make_terrain
 
-#: Places tried for each that is asked for, before too few are returned.
-_TRIES = 1000
+#: Number of places tried for each wanted place before too few are returned.
+_TRIES_PER_PLACE = 1000
 
 
 @dataclass(frozen=True)
 class EyeSurroundings:
-    """Why cameras cannot stand where they do: of each of n, the height in metres of the other eye above the ground
-    (negative under it), and whether that eye is in a rock."""
+    """Obstacles at the right eyes of n cameras: the height in metres of each above the ground (negative below it), and
+    whether it is in a rock."""
 
     above_m: Array
     in_rock: Array
@@ -43,7 +43,7 @@ class RockyGround:
 
     @property
     def shortest_m(self) -> float:
-        """Shortest wavelength in metres of the ground that counts: the shortest that a grid carries, else 0."""
+        """Shortest wavelength in metres of the ground: the shortest that a grid carries, 0 for other meshes."""
         patch = self.settings.terrain
         return 2 * patch.size_m / (patch.resolution - 1) if math.isfinite(self.half_m) else 0.0
 
@@ -60,7 +60,7 @@ class RockyGround:
 
     @cached_property
     def rocks(self) -> Rocks | None:
-        """All rocks, those too that a camera's clear circle will take away."""
+        """All rocks, including those that a camera's clear circle will remove."""
         if self.settings.rocks.coverage <= 0:
             return None
         return scatter_rocks(
@@ -74,7 +74,7 @@ class RockyGround:
         )
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
-        """Distance on the map to the nearest rock in metres, negative over it, infinite without rocks."""
+        """Distance in metres on the map to the nearest rock; negative over a rock, infinite without rocks."""
         rocks = self.rocks
         if rocks is None or not len(rocks.reach_m):
             return math.inf
@@ -82,11 +82,9 @@ class RockyGround:
         return float((away - rocks.reach_m).min())
 
     def eyes(self, x_m: Array, y_m: Array, height_m: Array, aside_m: Array) -> EyeSurroundings:
-        """The surroundings of the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
-
-        ``aside_m`` (n, 3) are the ways from the left to the right eyes. Heights are NaN where there is no ground. A
-        left eye is in no rock: the build leaves such rocks out.
-        """
+        """The surroundings of the right eyes of n cameras whose left eyes are ``height_m`` above the ground.
+        ``aside_m`` (n, 3) are the vectors from the left to the right eyes. Heights are NaN outside the ground. A left
+        eye is in no rock, because the build removes rocks around it."""
         x, y = x_m + aside_m[:, 0], y_m + aside_m[:, 1]
         eye = self.heights(x_m, y_m) + height_m + aside_m[:, 2]
         inside = [
@@ -118,14 +116,12 @@ class RockyGround:
     def choose_places(
         self, count: int, clearance_m: float, margin_m: float, apart_m: float, random: np.random.Generator
     ) -> Array:
-        """Places (k, 2) in metres on the patch, k at most ``count``, at random.
-
-        Each is ``clearance_m`` or more from every rock, ``margin_m`` from the patch's edge and ``apart_m`` from the
-        others. Fewer are found where there is no room.
-        """
+        """Up to ``count`` random places (k, 2) in metres on the patch. Each is at least ``clearance_m`` from every
+        rock, ``margin_m`` from the patch's edge and ``apart_m`` from the others. Fewer are returned if there is too
+        little room."""
         half = self.ground.size_m / 2 - margin_m
         places: list[tuple[float, float]] = []
-        for _ in range(_TRIES * count if half > 0 else 0):
+        for _ in range(_TRIES_PER_PLACE * count if half > 0 else 0):
             x, y = (float(f"{v:.6g}") for v in random.uniform(-half, half, 2))
             if all(math.hypot(x - a, y - b) >= apart_m for a, b in places) and self.clearance_m(x, y) >= clearance_m:
                 places.append((x, y))

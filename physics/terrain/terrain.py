@@ -32,14 +32,14 @@ from .roughness.roughness import (
 )
 from .roughness.structure_function import structure_function
 
-#: Points worked on at a time, so that their arrays stay in the processor's cache.
-_TILE = 128
+#: Side in points of a tile, whose arrays fit the processor's cache.
+_TILE_SIDE = 128
 #: Points per side of the grid on which mean heights of the patch are taken.
-_SAMPLES = 65
-#: RMS slope above which extrapolated roughness is called absurd, degrees.
-_ABSURD_DEG = 50.0
+_MEAN_GRID_SIDE = 65
+#: RMS slope in degrees above which extrapolated roughness gets a warning.
+_STEEPEST_PLAUSIBLE_DEG = 50.0
 #: Share of the RMS deviation that a mesh may lose without a warning.
-_MOST_LOST = 0.1
+_MOST_LOST_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -75,19 +75,20 @@ class Terrain:
         shortest = np.broadcast_to(shortest_m, shape).reshape(-1) if np.ndim(shortest_m) else None
         order = _order_by_place(x, y)
         result = np.empty(x.size)
-        for start in range(0, x.size, _TILE**2):
-            some = order[start : start + _TILE**2]
+        for start in range(0, x.size, _TILE_SIDE**2):
+            some = order[start : start + _TILE_SIDE**2]
             result[some] = self._compute_tile(x[some], y[some], shortest_m if shortest is None else shortest[some])
         return result.reshape(shape)
 
     def with_sharp_crests(self) -> Terrain:
-        """The same ground for a mesh that has edges along the crests of its landforms."""
+        """The same ground for a mesh with edges along the crests of its landforms."""
         return replace(self, landforms=tuple(each.with_sharp_crests() for each in self.landforms))
 
     def _compute_tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
+        """Heights of one tile of points."""
         total = self._sum_ground(x, y, shortest_m)
         for landform in self.landforms:
-            # Only a mesh of one spacing leaves out landforms too fine for it; the error of a graded one is bounded.
+            # Only a uniform mesh leaves out landforms that are too fine for it; a graded mesh bounds their error.
             share = landform.carried_share(shortest_m) if np.ndim(shortest_m) == 0 else 1.0
             if share:
                 total += share * landform.heights(x, y, shortest_m)
@@ -99,14 +100,14 @@ class Terrain:
         return total
 
     def _regional_slope(self, x: Array, y: Array) -> Array:
-        """The regional slope: a plane on the patch, levelling out beyond it to a flank of twice the patch's height."""
+        """The regional slope: a plane on the patch, which levels out beyond it at twice the patch's height."""
         rise = self.slope_east * x + self.slope_north * y
         end = math.hypot(self.slope_east, self.slope_north) * self.size_m * math.sqrt(0.5)
         beyond = np.maximum(np.abs(rise) - end, 0.0)
         return rise if not np.any(beyond) else rise - np.sign(rise) * (beyond + end * np.expm1(-beyond / end))
 
     def _sum_ground(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
-        """The random surface, the layers on it, and the distant hills that it lies on."""
+        """The sum of the random surface, its layers, and the distant hills under them."""
         total = self.base.heights(x, y, shortest_m)
         for each in self.layers:
             total += each.heights(x, y, shortest_m)
@@ -116,16 +117,16 @@ class Terrain:
 
 
 def _list_tiles(rows: int, columns: int) -> Iterator[tuple[slice, slice]]:
-    for j in range(0, rows, _TILE):
-        for i in range(0, columns, _TILE):
-            yield slice(j, j + _TILE), slice(i, i + _TILE)
+    for j in range(0, rows, _TILE_SIDE):
+        for i in range(0, columns, _TILE_SIDE):
+            yield slice(j, j + _TILE_SIDE), slice(i, i + _TILE_SIDE)
 
 
 def _order_by_place(x: Array, y: Array) -> Array:
-    """An order of scattered points in which neighbours are near each other, so that they share lattice cells."""
-    if x.size <= _TILE**2:
+    """An order of scattered points in which neighbours follow each other, so that they share lattice cells."""
+    if x.size <= _TILE_SIDE**2:
         return np.arange(x.size)
-    squares = max(1, round(math.sqrt(x.size) / _TILE))
+    squares = max(1, round(math.sqrt(x.size) / _TILE_SIDE))
     column, row = (
         np.minimum(((a - a.min()) * (squares / max(float(np.ptp(a)), 1e-300))).astype(np.int64), squares - 1)
         for a in (x, y)
@@ -166,8 +167,8 @@ def make_terrain(settings: Settings, seed: int) -> Terrain:
 
 
 def _level_mantle(made: Terrain) -> Terrain:
-    """The terrain with its mantle lying at the mean height of the landforms on the patch."""
-    axis = np.linspace(-made.size_m / 2, made.size_m / 2, _SAMPLES)
+    """The terrain with its mantle at the mean height of the landforms on the patch."""
+    axis = np.linspace(-made.size_m / 2, made.size_m / 2, _MEAN_GRID_SIDE)
     x, y = axis[None, :], axis[:, None]
     mean = sum(float(np.mean(landform.heights(x, y, 0.0))) for landform in made.landforms)
     return replace(made, mantle_level_m=float(f"{mean:.9e}"))
@@ -179,7 +180,7 @@ def law_range_m(ground: TerrainSettings) -> tuple[float, float]:
 
 
 def _share_lost_to_mesh(ground: TerrainSettings, shortest_m: float) -> float:
-    """Share of the stated RMS deviation at three times the shortest wavelength that a mesh carries which it loses."""
+    """Share of the stated RMS deviation that a mesh loses, at three times the shortest wavelength that it carries."""
     wavelength = octave_wavelengths_m(ground)
     lag = 3 * shortest_m
     if not LAW_FROM * wavelength[-1] <= lag <= LAW_TO * wavelength[0]:
@@ -189,23 +190,21 @@ def _share_lost_to_mesh(ground: TerrainSettings, shortest_m: float) -> float:
 
 
 def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
-    """Sentences about what a mesh whose shortest wavelength is ``shortest_m`` cannot show of the ground.
-
-    None if it shows all of it.
-    """
+    """Sentences about features of the ground that a mesh with the shortest wavelength ``shortest_m`` cannot show; else
+    an empty list."""
     ground, notes = settings.terrain, []
     finer = "raise terrain.resolution" if settings.mesh.kind == "GRID" else "lower mesh.edge_px"
     finest = max(ground.inner_scale_m, shortest_m)
     slope = math.tan(math.radians(ground.rms_slope_deg))
     steep = math.degrees(math.atan(slope * (finest / ground.slope_baseline_m) ** (ground.hurst - 1.0)))
-    if ground.hurst < 0.5 and steep > _ABSURD_DEG:
+    if ground.hurst < 0.5 and steep > _STEEPEST_PLAUSIBLE_DEG:
         notes.append(
             f"With a Hurst exponent of {ground.hurst:g}, {ground.rms_slope_deg:g} degrees at "
             f"{ground.slope_baseline_m:g} m become {steep:.0f} degrees at {finest:.2g} m, which no ice "
             "holds; raise terrain.hurst or terrain.inner_scale_m."
         )
     lost = _share_lost_to_mesh(ground, shortest_m)
-    if slope and lost > _MOST_LOST:
+    if slope and lost > _MOST_LOST_SHARE:
         notes.append(
             f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother "
             f"than stated at {3 * shortest_m:.2g} m; {finer} or raise terrain.inner_scale_m."

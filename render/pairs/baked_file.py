@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...physics.light.baked_rocks import TERMS
+from ...physics.light.baked_rocks import TERM_COUNT
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_atomically
@@ -105,7 +105,7 @@ def read_baked_light(path: Path, key: str, checksum: str, vertices: int, rocks: 
 
     None without a file of this SHA-256 checksum, and for a file without such light.
     """
-    most = 16 * vertices + 12 * TERMS * rocks + _HEADER_BYTES
+    most = 16 * vertices + 12 * TERM_COUNT * rocks + _HEADER_BYTES
     data = _read_unchanged(path, checksum, most)
     if data is None:
         return None
@@ -137,7 +137,7 @@ def _parse_baked_light(foreign: ForeignBytes, key: str, vertices: int, rocks: in
     found = parse_npz(foreign, kinds="fS")
     if found.keys() != {*_NUMBER_MEMBERS, *_ARRAY_MEMBERS}:
         raise ValueError("other members")
-    shapes = {"key": (), "values": (vertices, 3), "error": (vertices,), "rocks": (rocks, TERMS, 3)}
+    shapes = {"key": (), "values": (vertices, 3), "error": (vertices,), "rocks": (rocks, TERM_COUNT, 3)}
     types = {"key": np.dtype("S12"), **dict.fromkeys(("values", "error", "rocks"), np.dtype("<f4"))}
     for name, array in found.items():
         if array.shape != shapes.get(name, ()) or array.dtype != types.get(name, np.dtype("<f8")):

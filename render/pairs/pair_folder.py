@@ -44,7 +44,7 @@ from ...support.file_schemas import (
     check_record,
     find_fault,
 )
-from ...support.files import PART, hash_file, quote, read_text, replace_if_unchanged, to_json_text
+from ...support.files import PART_SUFFIX, hash_file, quote, read_text, replace_if_unchanged, to_json_text
 from ...support.foreign_bytes import describe_reason, parse_json
 from .check_pair_record import find_contradictions
 from .dataset_file_names import check_id, check_no_link, is_regular_file, pairs_folder
@@ -387,7 +387,7 @@ def find_pair_folders(path: Path) -> list[Path]:
 
 def _find_pairs_in(path: Path) -> Iterator[Path]:
     root = pairs_folder(path) if pairs_folder(path).is_dir() else path
-    return (p.parent for p in root.glob("*/pair.json") if not p.parent.name.endswith(PART))
+    return (p.parent for p in root.glob("*/pair.json") if not p.parent.name.endswith(PART_SUFFIX))
 
 
 def has_pairs(path: Path) -> bool:

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...physics.camera.eyes import find_light_px
-from ...physics.light.baked_rocks import POINTS
+from ...physics.light.baked_rocks import POINTS_BY_DETAIL
 from ...physics.mesh.vertex_spacing import choose_vertex_spacing
 from ...physics.rig.seen_points import is_in_view
 from ...physics.rocks.place_rocks import LEVEL_RANKS
@@ -156,7 +156,7 @@ def _count_points(settings: Settings) -> float:
     """Points of rocks to which light is baked; for a table of rocks, an upper bound."""
     count = _count_rocks(settings)
     ends = (0.0, *(min(rank, count) for rank in LEVEL_RANKS), count)
-    return sum(points * (end - start) for points, start, end in zip(POINTS, ends, ends[1:], strict=False))
+    return sum(points * (end - start) for points, start, end in zip(POINTS_BY_DETAIL, ends, ends[1:], strict=False))
 
 
 def _count_rocks(settings: Settings) -> float:

@@ -404,7 +404,7 @@ def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | 
     except IcyMoonError as error:  # the sizes of rocks contradict each other
         return [Reason(str(error)) for _ in made]
     for each, reason in zip(made, found, strict=True):
-        if reason is not None and reason.names == scene_checks.OUTSIDE:
+        if reason is not None and reason.names == scene_checks.OUTSIDE_SETTINGS:
             raise _locate_error(IcyMoonError(reason), each.find_place(*reason.names))
     return found
 

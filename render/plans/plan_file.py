@@ -15,7 +15,7 @@ from typing import Any
 
 from ...formats.toml_lines import Place
 from ...settings.description import check
-from ...settings.preset_files import PLANS, plan_names
+from ...settings.preset_files import PLANS_FOLDER, plan_names
 from ...settings.toml_text import read_toml, read_toml_and_text
 from ...support.errors import IcyMoonError
 from ...support.files import is_file, parse_path, quote
@@ -158,7 +158,7 @@ def find_plan(name: str) -> Path:
 
     Raises IcyMoonError if there is no such plan.
     """
-    shipped = PLANS / f"{name.removeprefix('datasets/')}.toml"
+    shipped = PLANS_FOLDER / f"{name.removeprefix('datasets/')}.toml"
     if ".." not in name and is_file(shipped):
         return shipped
     path = parse_path(name, "The plan")

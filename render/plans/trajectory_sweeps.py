@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ...formats.trajectories import KINDS, Trajectory, read_trajectory
+from ...formats.trajectories import TRAJECTORY_KINDS, Trajectory, read_trajectory
 from ...physics.camera.pose_sequence import CAMERA_IN, WORLD_IN, PoseSequence
 from ...physics.light.directions import camera_angles, camera_axes
-from ...physics.scene_checks import LOWEST_M
+from ...physics.scene_checks import LEAST_EYE_HEIGHT_M
 from ...physics.terrain.standing_places import RockyGround
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
@@ -152,7 +152,7 @@ def _world_of(sweep: Sweep, found: Trajectory) -> str:
 def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
     """The content of the file, and its poses with the stamps and of the step that the plan states, in its own axes."""
     check_keys(sweep.table, _TABLE_KEYS, sweep.place, "a trajectory sweep")
-    axes, kind = _read_choice(sweep, "axes", CAMERA_IN, "OPENCV"), _read_choice(sweep, "format", KINDS, "")
+    axes, kind = _read_choice(sweep, "axes", CAMERA_IN, "OPENCV"), _read_choice(sweep, "format", TRAJECTORY_KINDS, "")
     times = _read_path(sweep, "times") if "times" in sweep.table else None
     every, rate = _read_positive(sweep, "every", 1.0), _read_positive(sweep, "rate_hz")
     if every is None or every < 1 or every != int(every):
@@ -223,7 +223,7 @@ def _rig_pose(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGr
 
 def _check_heights(poses: PoseSequence, height_m: Array, sweep: Sweep) -> None:
     """Raise IcyMoonError for a pose beyond the ground or below it."""
-    wrong = np.flatnonzero(~(height_m >= LOWEST_M))
+    wrong = np.flatnonzero(~(height_m >= LEAST_EYE_HEIGHT_M))
     if not len(wrong):
         return
     k = int(wrong[0])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from ...support.errors import IcyMoonError
 from ...support.files import shorten
-from ...support.terminal import ALL
+from ...support.terminal import ALL_WORD
 
 ENVIRONMENT = "ICYMOON_CARDS"
 #: Cycles' names of the programming interfaces of graphics cards; the first one with a card is used.
@@ -41,7 +41,7 @@ def parse_cards(text: str, origin: str = "--cards") -> Cards:
     """Parse a text such as ``0,2`` or ``CUDA:1`` as cards. Raises IcyMoonError for other texts; ``origin`` names the
     source of the text.
     """
-    if text.strip().lower() in ("", ALL):
+    if text.strip().lower() in ("", ALL_WORD):
         return Cards()
     stated = _CARDS_TEXT.fullmatch(text.replace(" ", ""))
     if not stated:

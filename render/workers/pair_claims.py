@@ -20,7 +20,14 @@ from typing import Any
 
 from ...support import system
 from ...support.file_schemas import NUMBER, PROCESS, SHA256, TEXT, Maybe, find_fault
-from ...support.files import PART, explain_disk_errors, find_leftover_parts, make_part_path, read_text, write_text
+from ...support.files import (
+    PART_SUFFIX,
+    explain_disk_errors,
+    find_leftover_parts,
+    make_part_path,
+    read_text,
+    write_text,
+)
 from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
 from ..pairs.dataset_file_names import is_claim_name, pairs_folder, remove_ours
@@ -161,7 +168,7 @@ class Claims:
 
     def clean_up_after(self, pid: int) -> None:
         """Remove the claims of a process of this machine that has ended, and its unfinished folders."""
-        for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART}"):
+        for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART_SUFFIX}"):
             self._settle_leftover(part)
         for path in self._list_claims():
             holder = _read_claim(path)
@@ -171,7 +178,7 @@ class Claims:
     def clean_up(self) -> None:
         """Settle the leftovers of ended processes, and remove the folder of claims if no pair is claimed."""
         # A process claims before it writes: a folder that exists now and has no claim afterwards is a leftover.
-        parts = list(self._pairs.glob(f"*{PART}"))
+        parts = list(self._pairs.glob(f"*{PART_SUFFIX}"))
         claimed = self.find_claimed_elsewhere() | self._held.keys()
         for part in parts:
             if part.name.split(".")[0] not in claimed:
@@ -209,7 +216,7 @@ class Claims:
         remove_ours(path, self._dataset)
 
     def _resolve_leftovers(self, pair: str) -> None:
-        for part in self._pairs.glob(f"{pair}.*{PART}"):
+        for part in self._pairs.glob(f"{pair}.*{PART_SUFFIX}"):
             self._settle_leftover(part)
 
     @staticmethod

@@ -17,7 +17,7 @@ from ...plugins.landforms import PREFIX
 from ...render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
-from ..change_announcements import COLOURS, announce, batch_changes, count_changes, make_update
+from ..change_announcements import COLOURS, announce, batch_changes, count_changes, make_update_callback
 from ..description import check, to_canonical
 from ..landform_releases import fill_in_releases, refuse_missing
 from ..mirrored_properties import make_mirror
@@ -26,9 +26,9 @@ from ..topics.declaration import EFFECTS, Setting, Value
 from ..topics.scene import Settings, typed
 
 #: Settings that were read to be displayed, with the time, by the scene's ``session_uid``.
-_displayed: dict[int, tuple[float, int, Settings]] = {}
-#: Animation changes properties without notice, so displayed settings are read anew after this time, which is longer
-#: than a redraw. Undo also changes them without notice, and may come sooner after a redraw.
+_displayed_settings: dict[int, tuple[float, int, Settings]] = {}
+#: Lifetime in seconds of displayed settings, longer than a redraw. Animation changes properties without notice, so
+#: settings are then read again. Undo also changes them without notice, and may come sooner after a redraw.
 _REDRAW_S = 0.05
 _UNDO = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post)
 
@@ -72,7 +72,7 @@ def make_property(setting: Setting, **other: object) -> object:
 def _make_scene_property(topic: str, setting: Setting) -> object:
     """The property of a setting of the scene, which announces its changes."""
     if setting.kind != "list":
-        return make_property(setting, update=make_update(setting.effect))
+        return make_property(setting, update=make_update_callback(setting.effect))
     entry = _register_group(
         f"ICYMOON_PG_{topic}_{setting.key}",
         setting.description,
@@ -86,7 +86,7 @@ _classes: list[type] = []
 
 def _make_variations() -> object:
     """The property of what varies over the pairs of a data set, which is beside the settings and none of them."""
-    update = make_update("run")
+    update = make_update_callback("run")
     tick = _register_group(
         "ICYMOON_PG_tick",
         "A value of a choice",
@@ -220,7 +220,7 @@ def _shortest_single(value: float) -> float:
 
 
 def write_varied(group: bpy.types.PropertyGroup, varied: VariedSetting) -> None:
-    """Let a setting vary as stated, in the place that it has in the list, or else as the last; and select it."""
+    """Store the varied values of a setting in the list, in its existing place or at the end, and select it."""
     stated, setting = group.variations, varied.setting
     place = next((k for k, item in enumerate(stated.varied) if item.setting == varied.name), len(stated.varied))
     item = stated.varied[place] if place < len(stated.varied) else stated.varied.add()
@@ -250,7 +250,7 @@ def _make_beside_settings() -> dict[str, Any]:
         "live": bpy.props.BoolProperty(
             name="Live Preview",
             default=True,
-            update=make_update(EFFECTS[0]),
+            update=make_update_callback(EFFECTS[0]),
             description="Show changed settings at once in the built scene. The ground is coarse until Build Scene",
         ),
         "follow": bpy.props.BoolProperty(
@@ -267,7 +267,7 @@ def _make_beside_settings() -> dict[str, Any]:
             subtype="DISTANCE",
             unit="LENGTH",
             precision=2,
-            update=make_update(COLOURS),
+            update=make_update_callback(COLOURS),
             description="Depth error with the full colour. Below 1 cm is white, and the scale between is logarithmic",
         ),
         "variations": _make_variations(),
@@ -325,7 +325,7 @@ def read_settings(group: bpy.types.PropertyGroup) -> Settings:
 
 
 def find_left_landforms(group: bpy.types.PropertyGroup) -> list[str]:
-    """The landforms of plug-ins that are not installed here but have settings in the scene, other than 0."""
+    """Landforms of plug-ins that are missing here but have settings other than 0 in the scene."""
     return sorted(
         name
         for name, values in compat.read_stored_groups(group).items()
@@ -334,22 +334,20 @@ def find_left_landforms(group: bpy.types.PropertyGroup) -> list[str]:
 
 
 def read_for_display(group: bpy.types.PropertyGroup) -> Settings:
-    """The settings as ``read_unchecked`` gives them, read once for all panels of a redraw. Do not change them.
-
-    It is the same object as long as they are the same settings, so what follows from them can be kept by identity.
-    """
+    """The settings as ``read_unchecked`` returns them, read once for all panels of a redraw; they must not be changed.
+    Equal settings are the same object, so results computed from them can be cached by identity."""
     now, changes, uid = time.monotonic(), count_changes(), group.id_data.session_uid
-    kept = _displayed.get(uid)
+    kept = _displayed_settings.get(uid)
     if kept is None or kept[1] != changes or now - kept[0] > _REDRAW_S:
         found = read_unchecked(group)
-        kept = _displayed[uid] = now, changes, kept[2] if kept and kept[2] == found else found
+        kept = _displayed_settings[uid] = now, changes, kept[2] if kept and kept[2] == found else found
     return kept[2]
 
 
 @bpy.app.handlers.persistent
 def _forget_displayed(*_: object) -> None:
     """Read the displayed settings anew at the next redraw; called after undo and redo."""
-    _displayed.clear()
+    _displayed_settings.clear()
 
 
 def read_unchecked(group: bpy.types.PropertyGroup) -> Settings:

@@ -32,7 +32,7 @@ class DatasetSettings(Table, label="Data Set"):
         section=ELSEWHERE)
     leave_running: bool = tick(
         "Leave Running", False, "Continue to render the data set after Blender is closed or another file is opened. "
-        "The next Blender shows it again", "run", section=ELSEWHERE)
+        "When Blender is opened again, the sidebar shows its progress", "run", section=ELSEWHERE)
     methods: str = text(
         "Matchers", "bm,sgbm", "Stereo matchers that Evaluate runs, separated by commas: bm, sgbm, sgbm_wls, jplv, "
         "igev, dsmnet. Options are written as in sgbm:window=7; own:NAME is a matcher that you set up in the "

@@ -67,7 +67,7 @@ class Section:
 ADVANCED = Section("advanced", "Advanced", "Settings that few scenes change")
 #: Settings that most scenes change, before the others of their panel.
 TOP = Section("top", "", "")
-#: Settings that the panel of another topic draws, or the code of their own panel.
+#: Settings that another topic's panel draws, or that the panel's own code draws.
 ELSEWHERE = Section("elsewhere", "", "")
 
 
@@ -110,7 +110,7 @@ class Setting:
 
     @cached_property  # asked for each field at every redraw
     def kind(self) -> str:
-        """'choice', 'bool', 'int', 'float', 'text' or 'list'; the ``entries`` describe the tables of a list."""
+        """'choice', 'bool', 'int', 'float', 'text' or 'list'; ``entries`` are the settings of each table of a list."""
         if self.entry:
             return "list"
         if self.choices:
@@ -118,7 +118,7 @@ class Setting:
         return {bool: "bool", int: "int", float: "float", str: "text"}[type(self.default)]
 
     def placed(self, since: str) -> Setting:
-        """This setting with what its section and its topic state for all of theirs."""
+        """This setting, with the values that its section and its topic state for all their settings."""
         shown = self.section.shown if self.section and self.shown is ALWAYS else self.shown
         return replace(self, since=self.since or since, shown=shown)
 
@@ -183,8 +183,8 @@ class Topic:
         return on and self._by_key[key].active(root, self.key)
 
 
-class Attributes(dict[str, Any]):
-    """A dictionary whose keys are attributes too. A subclass declares those that it may have."""
+class AttributeDict(dict[str, Any]):
+    """A dictionary whose keys are also attributes; a subclass declares the possible ones."""
 
     __slots__ = ()
 
@@ -217,8 +217,8 @@ Stated = TypeVar("Stated", bound=float | str)
 Entry = TypeVar("Entry", bound="Table")
 
 
-class _More(TypedDict, total=False):
-    """What a declaration may state of any setting, see ``Setting``."""
+class _CommonArguments(TypedDict, total=False):
+    """Arguments that the declaration of any setting may have, see ``Setting``."""
 
     zero: str
     section: Section
@@ -228,38 +228,38 @@ class _More(TypedDict, total=False):
     before: Value
 
 
-class _Shown(_More, total=False):
+class _DisplayArguments(_CommonArguments, total=False):
     subtype: str
     precision: int
 
 
 def _field(setting: Setting) -> Any:
-    """The setting, for the type checker a value of it: a class has the declaration until it is made, then values."""
+    """The setting, typed as its value: until its class is made, the class has the declaration, and then values."""
     return setting
 
 
 def metres(label: str, default: float, low: float, high: float, soft: tuple[float, float], description: str,
-           effect: str, **more: Unpack[_More]) -> float:
+           effect: str, **more: Unpack[_CommonArguments]) -> float:
     """A length in metres."""
     return _field(Setting(label=label, default=default, description=description, effect=effect, unit="m", minimum=low,
                           maximum=high, soft=soft, subtype="DISTANCE", precision=4, **more))
 
 
 def degrees(label: str, default: float, low: float, high: float, description: str, effect: str,
-            soft: tuple[float, float] | None = None, precision: int = 2, **more: Unpack[_More]) -> float:
+            soft: tuple[float, float] | None = None, precision: int = 2, **more: Unpack[_CommonArguments]) -> float:
     """An angle in degrees; the label gets the unit."""
     return _field(Setting(label=f"{label} (°)", default=default, description=description, effect=effect, unit="deg",
                    minimum=low, maximum=high, soft=soft, precision=precision, **more))
 
 
 def fraction(label: str, default: float, description: str, effect: str, low: float = 0.0, high: float = 1.0,
-             **more: Unpack[_More]) -> float:
+             **more: Unpack[_CommonArguments]) -> float:
     """A share between 0 and 1, with a slider."""
     return _field(Setting(label=label, default=default, description=description, effect=effect, unit="1", minimum=low,
                           maximum=high, subtype="FACTOR", **more))
 
 
-def signed(label: str, description: str, effect: str, **more: Unpack[_More]) -> float:
+def signed(label: str, description: str, effect: str, **more: Unpack[_CommonArguments]) -> float:
     """A number from -1 to 1."""
     # No FACTOR: Blender fills its slider from the minimum, so that 0 would look like a half.
     return _field(Setting(label=label, default=0.0, description=description, effect=effect, unit="1", minimum=-1.0,
@@ -267,42 +267,43 @@ def signed(label: str, description: str, effect: str, **more: Unpack[_More]) -> 
 
 
 def number(label: str, default: Stated, low: float, high: float, soft: tuple[float, float] | None, description: str,
-           effect: str, unit: str = "1", **more: Unpack[_Shown]) -> Stated:
+           effect: str, unit: str = "1", **more: Unpack[_DisplayArguments]) -> Stated:
     """A number, whole if its default is."""
     return _field(Setting(label=label, default=default, description=description, effect=effect, unit=unit, minimum=low,
                           maximum=high, soft=soft, **more))
 
 
-def tick(label: str, default: bool, description: str, effect: str, **more: Unpack[_More]) -> bool:
+def tick(label: str, default: bool, description: str, effect: str, **more: Unpack[_CommonArguments]) -> bool:
     """A switch."""
     return _field(Setting(label=label, default=default, description=description, effect=effect, **more))
 
 
 def choice(label: str, default: Stated, description: str, effect: str, *choices: tuple[str, str, str],
-           **more: Unpack[_More]) -> Stated:
+           **more: Unpack[_CommonArguments]) -> Stated:
     """One of several names, each (name, label, description)."""
     return _field(Setting(label=label, default=default, description=description, effect=effect, choices=choices,
                           **more))
 
 
-def text(label: str, default: str, description: str, effect: str, trust: str, **more: Unpack[_Shown]) -> str:
+def text(label: str, default: str, description: str, effect: str, trust: str, **more: Unpack[_DisplayArguments]) -> str:
     """A text of one of ``trust_boundary.CLASSES``."""
     return _field(Setting(label=label, default=default, description=description, effect=effect, trust=trust, **more))
 
 
-def image_file(label: str, description: str, **more: Unpack[_More]) -> str:
+def image_file(label: str, description: str, **more: Unpack[_CommonArguments]) -> str:
     """A file of an image that is part of the material."""
     return text(label, "", f"{description}. // is the folder of the .blend file", "material", "read",
                 subtype="FILE_PATH", **more)
 
 
-def tables(label: str, entry: type[Entry], description: str, effect: str, **more: Unpack[_More]) -> list[Entry]:
+def tables(label: str, entry: type[Entry], description: str, effect: str,
+           **more: Unpack[_CommonArguments]) -> list[Entry]:
     """A list of tables of one type."""
     return _field(Setting(label=label, default=[], description=description, effect=effect, entry=entry, **more))
 
 
 @dataclass_transform(kw_only_default=True)
-class Table(Attributes):
+class Table(AttributeDict):
     """The table of a topic, or of an entry of a list. A subclass declares its settings.
 
     A topic's class has a ``label`` and what else ``Topic`` has; its docstring is the description. ``since`` is the

@@ -56,8 +56,9 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         "Arc Radius", 0.25, 0.01, 10.0, (0.05, 1.0), "Radius on which the blade swings", "geometry",
         shown=chosen("path", "ARC"))
     cohesion_pa: float = number(
-        "Cohesion (Pa)", 100.0, 0.0, 1.0e8, (0.0, 1000.0), "Cohesion of the ground. Walls lower than a critical "
-        "height, by cohesion, friction, density and gravity, stand upright; others slide to the angle of friction",
+        "Cohesion (Pa)", 100.0, 0.0, 1.0e8, (0.0, 1000.0),
+        "Shear strength of the ground without load; 0 for loose sand. Walls lower than a critical height, "
+        "by cohesion, friction, density and gravity, stand upright; others slide to the angle of friction",
         "geometry", "Pa", precision=1, section=WALLS)
     friction_deg: float = degrees(
         "Friction", 38.0, 5.0, 60.0, "Angle of internal friction, and of repose of what is loose", "geometry",

@@ -11,7 +11,7 @@ from typing import Any, get_type_hints
 
 from .camera import CalibrationErrorSettings, LeftEyeSettings, RightEyeSettings, RigSettings, SensorSettings
 from .data_set import DatasetSettings
-from .declaration import Attributes, Parts, Table, Topic
+from .declaration import AttributeDict, Parts, Table, Topic
 from .excavation import ExcavationSettings
 from .ground import HillsSettings, MeshSettings, SourceSettings, TerrainSettings
 from .lander import ArmSettings, LanderSettings, WorkspaceSettings
@@ -31,7 +31,7 @@ from .rocks import RocksSettings
 from .surfaces import HapkeSettings, RockSurfaceSettings, SurfaceSettings, TexturesSettings
 
 
-class Settings(Attributes):
+class Settings(AttributeDict):
     """All settings of a scene, in the order of the sidebar."""
 
     __slots__ = ()
@@ -81,9 +81,9 @@ def typed(tables: Parts) -> Settings:
     return Settings({topic: typed_table(topic, values) for topic, values in tables.items()})
 
 
-def typed_table(topic: str, values: Mapping[str, Any]) -> Attributes:
+def typed_table(topic: str, values: Mapping[str, Any]) -> AttributeDict:
     """A copy of one table. A table that no topic has today stays a table of undeclared keys."""
-    table: Attributes = TABLES.get(topic, Attributes)(values)
+    table: AttributeDict = TABLES.get(topic, AttributeDict)(values)
     for key, entry in ENTRIES.get(topic, {}).items():
         if key in table:
             table[key] = [entry(each) for each in table[key]]

@@ -6,9 +6,9 @@ must not name a command, program, interpreter or checkpoint. These come only fro
 add-on, from the command line and from environment variables.
 
 Every setting that is a text has one of ``CLASSES``, and ``find_text_fault`` finds text that its class forbids.
-``description.check`` calls it for all settings from any origin. ``LOADS`` contains the options of matchers that name
-programs and checkpoints, and ``stereo.matchers.options.Option`` allows no other text. Imports no other module of Icy
-Moon.
+``description.check`` calls it for all settings from any origin. ``LOADING_OPTIONS`` has the options of matchers that
+name programs and checkpoints, and ``stereo.matchers.options.Option`` allows no other text. Imports no other module of
+Icy Moon.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is
            "decimal": "A number with all of its digits",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
 #: Options of matchers that name a program to run or a file to load; only the user gives them.
-LOADS = ("command", "checkpoint", "python", "model")
-#: Text of a mark that says that no value is missing, even if one looks so.
+LOADING_OPTIONS = ("command", "checkpoint", "python", "model")
+#: Text of a mark that states that no value is missing.
 NO_MARK = "none"
 #: A number with up to 12 digits before the point and 9 after it.
-DECIMAL = re.compile(r"-?[0-9]{1,12}(\.[0-9]{1,9})?")
+DECIMAL_PATTERN = re.compile(r"-?[0-9]{1,12}(\.[0-9]{1,9})?")
 #: Prefix of a matcher that the user has set up, as in own:mine.
-OWN = "own"
+OWN_PREFIX = "own"
 OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
@@ -47,14 +47,14 @@ def split_option(text: str) -> tuple[str, str, str]:
 
 def list_own_names(text: str) -> list[str]:
     """Names of the user's own matchers in a list of matchers, without repetitions."""
-    return list(dict.fromkeys(options[0] for name, options in split_methods(text) if name == OWN and options))
+    return list(dict.fromkeys(options[0] for name, options in split_methods(text) if name == OWN_PREFIX and options))
 
 
 def find_text_fault(kind: str, text: str) -> str:
     """Why settings may not contain this text of one of the ``CLASSES``; empty if they may."""
     if kind == "mark" and text not in ("", NO_MARK) and not _is_finite(text):
         return f"is {text[:40]!r}, which is no number; give one such as -9999, {NO_MARK}, or an empty text."
-    if kind == "decimal" and text and not DECIMAL.fullmatch(text):
+    if kind == "decimal" and text and not DECIMAL_PATTERN.fullmatch(text):
         return f"is {text[:40]!r}, which is no decimal number; give one such as 1305031102.175304, or an empty text."
     if kind != "matchers":
         return ""
@@ -62,7 +62,7 @@ def find_text_fault(kind: str, text: str) -> str:
     if not loaded:
         return ""
     return (f"names a {loaded}, which only you may, not a scene or a file: add it under Own Matchers in the "
-            f"preferences of Icy Moon and write {OWN}:NAME, or give it to a command line's --methods.")
+            f"preferences of Icy Moon and write {OWN_PREFIX}:NAME, or give it to a command line's --methods.")
 
 
 def _is_finite(text: str) -> bool:
@@ -73,4 +73,4 @@ def _is_finite(text: str) -> bool:
 
 
 def _list_loading_options(options: Iterable[str]) -> Iterable[str]:
-    return (key for key, _, _ in map(split_option, options) if key in LOADS)
+    return (key for key, _, _ in map(split_option, options) if key in LOADING_OPTIONS)

@@ -31,7 +31,7 @@ from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
 from ...support.errors import DiskError, IcyMoonError, describe_error
 from ...support.files import escape_cell, write_atomically, write_json, write_text
-from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
+from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC_NAMES
 from ..images.develop import describe_exposure, to_8_bit
 from ..images.image_files import write_bytes, write_png
 from ..measure.prepare_pair import LoadedPair, list_distinct_pairs, load_pair
@@ -155,7 +155,7 @@ def _write_png8(pair: LoadedPair, folder: Path) -> None:
         if semantic is not None:
             write_png(folder / f"semantic_{eye}.png", semantic.astype(np.uint8))
     write_json(
-        folder / "calibration.json", _describe_calibration(pair) | {"semantic": SEMANTIC | {NOT_SEEN: "not seen"}}
+        folder / "calibration.json", _describe_calibration(pair) | {"semantic": SEMANTIC_NAMES | {NOT_SEEN: "not seen"}}
     )
 
 
@@ -286,7 +286,7 @@ def _make_middlebury_calibration(pair: LoadedPair) -> str:
 
 
 def _write_coco(each: Each, out: Path) -> None:
-    categories = [{"id": k, "name": SEMANTIC[k], "supercategory": "thing"} for k in THINGS]
+    categories = [{"id": k, "name": SEMANTIC_NAMES[k], "supercategory": "thing"} for k in THINGS]
 
     def fill(part: Path) -> None:
         with part.open("w", encoding="utf-8", newline="\n") as stream:

@@ -27,7 +27,7 @@ import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...plugins.installed import Found, Plugin, find_installed, load_plugin, read_fact
-from ...settings.topics.trust_boundary import OWN
+from ...settings.topics.trust_boundary import OWN_PREFIX
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.printer import show_controls
@@ -39,7 +39,7 @@ from .result import Result
 from .search_range import SearchRange
 
 #: Names that have another meaning where methods are named.
-_RESERVED_NAMES = (OWN, "prediction")
+_RESERVED_NAMES = (OWN_PREFIX, "prediction")
 
 
 def find_plugins() -> Found:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ...settings.topics.trust_boundary import OWN, OWN_NAME, split_methods, split_option
+from ...settings.topics.trust_boundary import OWN_NAME, OWN_PREFIX, split_methods, split_option
 from ...support.errors import IcyMoonError
 from ...support.suggestions import suggest_nearest
 from . import check_options, get_matcher_title, list_matcher_names, list_option_keys
@@ -90,7 +90,7 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, StatedMethod]:
                 f"--own {text}: write it as NAME:METHOD:KEY=VALUE, as in "
                 "mine:external:command=PROGRAM; a name has letters, digits, - and _."
             )
-        known = found.setdefault(name, StatedMethod(f"{OWN}:{name}", method))
+        known = found.setdefault(name, StatedMethod(f"{OWN_PREFIX}:{name}", method))
         if known.name != method:
             raise IcyMoonError(f"--own {text}: {name} is already {known.name}; give it one method.")
         if option:
@@ -114,7 +114,7 @@ def parse_named_methods(texts: Sequence[str]) -> list[StatedMethod]:
                 f"--method {text}: write it as NAME=MATCHER:KEY=VALUE, as in "
                 "mynet=resident:command=PROGRAM; a name has at most 40 letters, digits, - and _."
             )
-        if name in (*list_matcher_names(), OWN):
+        if name in (*list_matcher_names(), OWN_PREFIX):
             raise IcyMoonError(f"--method {text}: {name} is the name of a matcher; choose another name.")
         if name in (method.label for method in found):
             raise IcyMoonError(f"--method names {name} twice; give each method a name of its own.")
@@ -138,7 +138,7 @@ def parse_methods(
     methods: list[Method] = []
     for name, given in split_methods(text):
         label = ":".join((name, *given))
-        if name == OWN:
+        if name == OWN_PREFIX:
             base = _find_own_matcher(given.pop(0) if given else "", owned)
         else:
             base = StatedMethod(name, name, shared.get(name, {}))
@@ -179,7 +179,7 @@ def _find_own_matcher(name: str, owned: Mapping[str, StatedMethod]) -> StatedMet
     if name not in owned:
         known = f"known are {', '.join(owned)}" if owned else "none is set up"
         raise IcyMoonError(
-            f"There is no matcher {OWN}:{name} on this machine ({known}); add it under Own Matchers in "
+            f"There is no matcher {OWN_PREFIX}:{name} on this machine ({known}); add it under Own Matchers in "
             "the preferences of Icy Moon, or with --own."
         )
     return owned[name]

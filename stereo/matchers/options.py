@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...settings.topics.trust_boundary import LOADS
+from ...settings.topics.trust_boundary import LOADING_OPTIONS
 from ...support.errors import IcyMoonError
 from ...support.files import quote
 from ...support.suggestions import suggest_nearest
@@ -17,7 +17,8 @@ class Option:
     """One option: a whole number (any number if the default is a float), one of ``choices``, or text.
 
     With ``words`` it is a whole number or one of these words. ``opencv`` is its name in OpenCV's manual, which is
-    accepted too. An option that is text must be one of ``trust_boundary.LOADS``, which no scene and no file may set.
+    accepted too. An option that is text must be one of ``trust_boundary.LOADING_OPTIONS``, which no scene or file may
+    set.
     """
 
     key: str
@@ -32,9 +33,9 @@ class Option:
 
     def __post_init__(self) -> None:
         is_text = isinstance(self.default, str) and not self.choices and not self.words
-        if is_text != (self.key in LOADS) or (is_text and self.opencv):
+        if is_text != (self.key in LOADING_OPTIONS) or (is_text and self.opencv):
             raise ValueError(
-                f"{self.key}: options that are text, and only these, are in trust_boundary.LOADS, "
+                f"{self.key}: options that are text, and only these, are in trust_boundary.LOADING_OPTIONS, "
                 "without a second name."
             )
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...plugins.installed import Plugin, explain_failures, find_function, find_source_files, load_plugin, read_summary
-from ...settings.topics.trust_boundary import LOADS
+from ...settings.topics.trust_boundary import LOADING_OPTIONS
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import parse_json
@@ -172,9 +172,9 @@ def _read_option(plugin: Plugin, key: object, facts: object) -> Option:
     if unknown := [name for name in facts if name not in _OPTION_KEYS]:
         raise IcyMoonError(f"{where} has {unknown[0]!r}; an option has {', '.join(_OPTION_KEYS)}.")
     default = facts["default"]
-    if isinstance(default, str) and not facts.get("choices") and key not in LOADS:
+    if isinstance(default, str) and not facts.get("choices") and key not in LOADING_OPTIONS:
         raise IcyMoonError(
-            f"{where} is a text; state its choices. Only {', '.join(LOADS)} may be any text, which no "
+            f"{where} is a text; state its choices. Only {', '.join(LOADING_OPTIONS)} may be any text, which no "
             "scene and no file can set."
         )
     numeric = isinstance(default, (int, float)) and not isinstance(default, bool)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...settings.preset_files import KINDS, is_whole_scene, load_preset, preset_names, read_preset_header
+from ...settings.preset_files import PRESET_KINDS, is_whole_scene, load_preset, preset_names, read_preset_header
 from ...settings.table import TOPICS, list_all_settings
 from ...settings.topics.declaration import Parts
 from ...support.arrays import Array
@@ -164,7 +164,7 @@ def _name_value(name: str, value: str) -> str:
 def _name_presets(levels: Sequence[Sequence[frozenset[str]]]) -> list[str]:
     """The titles of presets of one kind, one for each level: each is a preset of all pairs of that level and of no
     other pair. ``levels`` are the presets of each pair of each level. Empty if there are none."""
-    for kind in KINDS:
+    for kind in PRESET_KINDS:
         found = []
         for own in levels:
             others = frozenset().union(*(pair for other in levels if other is not own for pair in other))

@@ -1,1 +1,1 @@
-"""What differs between versions of Blender."""
+"""Differences between versions of Blender."""

@@ -21,17 +21,15 @@ def list_path_options() -> set[str]:
 
 
 def choose_principled_table() -> str:
-    """The key of ``principled.TABLES`` for this version of Blender."""
+    """The key of ``principled.TABLE_FILES`` for this version of Blender."""
     if bpy.app.version < (4, 3, 0):
         return "4.2"
     return "5.2" if bpy.app.version >= (5, 2, 0) else "5.0"
 
 
 def moves_along_first_corner() -> bool:
-    """Whether Cycles moves a vertex along the normal of its first corner, as it does from 5.2 on.
-
-    Before, it moved along the vertex's normal. Both differ where facets are flat.
-    """
+    """Whether Cycles moves a vertex along the normal of its first corner (from 5.2 on) instead of the vertex's normal.
+    Both differ if facets are flat."""
     return bpy.app.version >= (5, 2, 0)
 
 
@@ -215,7 +213,7 @@ def applies_usd_unit() -> bool:
 
 #: Properties of Normal Map nodes from 5.1 on, with the values that earlier Blenders imply: green is up, and the normal
 #: is taken from the mesh before displacement.
-NORMAL_MAP = {
+NORMAL_MAP_PROPERTIES = {
     name: value
     for name, value in (("convention", "OPENGL"), ("base", "ORIGINAL"))
     if name in bpy.types.ShaderNodeNormalMap.bl_rna.properties

@@ -214,7 +214,7 @@ def is_there(name: str) -> bool:
     folder = name.split("/")[0]
     if folder in {path.split("/")[0] for path in manual.files() if "/" in path}:
         return False
-    if folder in preset_files.KINDS and "." not in name:
+    if folder in preset_files.PRESET_KINDS and "." not in name:
         return name in preset_files.preset_names()
     source, code = texts_of_files()
     file = re.escape(name.split("/")[-1])

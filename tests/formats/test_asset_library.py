@@ -30,7 +30,7 @@ def files_in(folder: Path) -> set[str]:
 
 def list_in_record(folder: Path, *names: str) -> None:
     folder.mkdir(exist_ok=True)
-    (folder / asset_library.RECORD).write_text(json.dumps({"made_with": "0.1.0", "files": list(names)}))
+    (folder / asset_library.RECORD_FILE).write_text(json.dumps({"made_with": "0.1.0", "files": list(names)}))
 
 
 def test_blender_reads_the_catalogs():
@@ -53,7 +53,12 @@ def test_blender_reads_the_catalogs():
 def test_a_second_library_replaces_the_first_and_what_is_gone_from_it(tmp_path, folder):
     install(tmp_path, folder, "scenes/one.blend", "rigs/old.blend")
     install(tmp_path, folder, "scenes/one.blend", "rigs/new.blend", content="newer")
-    assert files_in(folder) == {"scenes/one.blend", "rigs/new.blend", asset_library.RECORD, "blender_assets.cats.txt"}
+    assert files_in(folder) == {
+        "scenes/one.blend",
+        "rigs/new.blend",
+        asset_library.RECORD_FILE,
+        "blender_assets.cats.txt",
+    }
     assert (folder / "scenes" / "one.blend").read_text() == "newer"
     assert asset_library.has_library(folder)
 
@@ -114,7 +119,7 @@ def test_links_are_not_followed(tmp_path, folder, link):
 @pytest.mark.parametrize("text", ["", "[]", '{"files": []}', '{"made_with": "1", "files": [1]}', "\0"])
 def test_a_broken_record_is_reported(folder, text):
     folder.mkdir()
-    (folder / asset_library.RECORD).write_text(text)
+    (folder / asset_library.RECORD_FILE).write_text(text)
     with pytest.raises(IcyMoonError, match="delete the folder by hand"):
         asset_library.uninstall_library(folder)
 
@@ -130,4 +135,9 @@ def test_a_full_disk_leaves_the_library_that_was_there(tmp_path, folder, monkeyp
     with pytest.raises(IcyMoonError, match="the disk is full"):
         install(tmp_path, folder, "scenes/one.blend", "scenes/three.blend", content="newer")
     assert {path.read_text() for path in asset_library.find_files(folder)} == {"asset"}
-    assert files_in(folder) == {"scenes/one.blend", "scenes/two.blend", asset_library.RECORD, "blender_assets.cats.txt"}
+    assert files_in(folder) == {
+        "scenes/one.blend",
+        "scenes/two.blend",
+        asset_library.RECORD_FILE,
+        "blender_assets.cats.txt",
+    }

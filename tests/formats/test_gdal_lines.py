@@ -332,7 +332,7 @@ def test_names_are_one_word_of_a_shell(name, word):
 def test_a_world_file_beside_a_map_without_a_place_is_named_and_written_into_it(tmp_path, suffix):
     path = write_tiff(tmp_path / "a.tif", VALUES)
     plain = geotiff.read(path)
-    assert (plain.unplaced, plain.warnings) == (sidecar_files.NO_SIZE, ())
+    assert (plain.unplaced, plain.warnings) == (sidecar_files.NO_PIXEL_SIZE, ())
     path.with_suffix(suffix).write_text("2\n0\n0\n-3\n1001\n-501.5\n", encoding="utf-8")
     read = geotiff.read(path)
     assert f"a{suffix} beside it is not read" in read.unplaced
@@ -392,7 +392,7 @@ def test_a_world_file_beside_heights_of_png_is_named_and_used(tmp_path):
         out.write(heights, 1)
     for left in tmp_path.glob("*.xml"):
         left.unlink()
-    assert read_heights(tmp_path / "a.png").unplaced == sidecar_files.NO_SIZE
+    assert read_heights(tmp_path / "a.png").unplaced == sidecar_files.NO_PIXEL_SIZE
     (tmp_path / "a.pgw").write_text("2\n0\n0\n-3\n1001\n-501.5\n", encoding="utf-8")
     read = read_heights(tmp_path / "a.png")
     assert "a.pgw beside it" in read.warnings[0]

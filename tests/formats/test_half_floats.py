@@ -7,7 +7,7 @@ import pytest
 from icymoon.formats.exr_parts import assemble, read_pieces
 from icymoon.formats.exr_pixels import Pixels, decode_parts, drop_passes, encode_part, round_passes
 from icymoon.stereo.images.exr import read_view
-from icymoon.support.labels import ROUNDED
+from icymoon.support.labels import HALF_FLOAT_PASSES
 
 #: The largest has all passes.
 FILE = max(
@@ -21,7 +21,7 @@ def channels_of(data):
 
 
 def rounded(data, choice):
-    return assemble([round_passes(piece, ROUNDED[choice]) for piece in read_pieces(data)])
+    return assemble([round_passes(piece, HALF_FLOAT_PASSES[choice]) for piece in read_pieces(data)])
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def stored():
 
 
 def is_rounded(name, choice):
-    return ".".join(name.split(".")[:2]) in ROUNDED[choice]
+    return ".".join(name.split(".")[:2]) in HALF_FLOAT_PASSES[choice]
 
 
 @pytest.mark.parametrize("choice", ["RADIANCE", "RADIANCE_NORMALS"])
@@ -86,7 +86,7 @@ def test_light_that_16_bits_cannot_carry_stays_as_it_is(stored, scale):
             values = pixels.decode()
             values[:, named] *= scale
             other = Pixels(piece).encode(values)
-            assert round_passes(other, ROUNDED["RADIANCE"]) is other
+            assert round_passes(other, HALF_FLOAT_PASSES["RADIANCE"]) is other
             return
     raise AssertionError("there is no radiance in the file")
 

@@ -148,7 +148,7 @@ def many_tags(path: Path, tags: int = 4000) -> Path:
 
 def used_tags(path: Path) -> Path:
     """The same, of tags that are read."""
-    data = made(dict.fromkeys(sorted(tiff._USED), (1, 2000000, 16)), bytes(2_000_000))
+    data = made(dict.fromkeys(sorted(tiff._USED_TAGS), (1, 2000000, 16)), bytes(2_000_000))
     path.write_bytes(data)
     return path
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from icymoon.formats.map_projection import KNOWN, MapSystem, find_local_scale, read_system
+from icymoon.formats.map_projection import KNOWN_SYSTEMS, MapSystem, find_local_scale, read_system
 from map_systems import EUROPA_M, ON_A_SPHERE
 
 
@@ -40,7 +40,7 @@ def test_places_and_scales_are_those_of_proj(text):
     assert found.skew_deg == pytest.approx((turn - 90 + 180) % 360 - 180, abs=1e-4)
 
 
-@pytest.mark.parametrize("code", [*sorted(KNOWN), 32633, 32733, 25832, 26915])
+@pytest.mark.parametrize("code", [*sorted(KNOWN_SYSTEMS), 32633, 32733, 25832, 26915])
 def test_systems_of_earth_by_number_are_right_to_its_flattening(code):
     warp = pytest.importorskip("rasterio.warp", reason="pip install rasterio, which only tests need")
     from rasterio.crs import CRS
@@ -57,7 +57,7 @@ def test_systems_of_earth_by_number_are_right_to_its_flattening(code):
 
 
 def test_a_web_map_at_60_degrees_is_twice_too_wide():
-    found = find_local_scale(KNOWN[3857], 1e6, 8399737.8898)
+    found = find_local_scale(KNOWN_SYSTEMS[3857], 1e6, 8399737.8898)
     assert (found.east, found.north, found.latitude_deg) == (
         pytest.approx(0.5, rel=1e-6),
         pytest.approx(0.5, rel=1e-6),

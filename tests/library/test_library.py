@@ -19,7 +19,7 @@ import pytest
 from icymoon import IcyMoonError, Scene
 from icymoon.formats.tiff_write import encode_tiff
 from icymoon.library.inputs import make_albedo_input, make_heights_input
-from icymoon.library.renderers import Hear
+from icymoon.library.renderers import MessageReceiver
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.mesh.height_map import place_map
 from icymoon.physics.rocks.rock_table import read_rock_table
@@ -240,7 +240,7 @@ class Counting:
     def __init__(self) -> None:
         self.rendered: list[Settings] = []
 
-    def render(self, settings: Settings, dataset: Path, again: bool, hear: Hear) -> list[Path]:
+    def render(self, settings: Settings, dataset: Path, again: bool, hear: MessageReceiver) -> list[Path]:
         self.rendered.append(settings)
         hear({"type": "warning", "message": "a warning"})
         (planned,) = expand_headings(settings, hash_content(settings))

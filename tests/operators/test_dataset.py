@@ -13,7 +13,7 @@ import pytest
 from icymoon.operators import dataset, results
 from icymoon.operators.session import session
 from icymoon.render.pairs.pair_folder import find_pairs
-from icymoon.support.files import PART
+from icymoon.support.files import PART_SUFFIX
 from stand_ins import stand_in
 
 TINY = """
@@ -137,7 +137,7 @@ def test_it_is_stopped_within_a_sample_and_goes_on_later(described, tmp_path):
     assert time.monotonic() - start < 10.0  # of minutes
     assert "was stopped" in job.failure
     assert not list((tmp_path / "set" / "pairs").glob("*/pair.json"))
-    assert not list((tmp_path / "set" / "pairs").glob(f"*{PART}"))
+    assert not list((tmp_path / "set" / "pairs").glob(f"*{PART_SUFFIX}"))
 
 
 @pytest.mark.slow

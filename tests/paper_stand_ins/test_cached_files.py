@@ -19,7 +19,7 @@ from icymoon.formats import ply
 from icymoon.formats.mesh_images import choose_images
 from icymoon.paper_stand_ins import cached_files
 from icymoon.paper_stand_ins.reconstructions import Reconstruction
-from icymoon.paper_stand_ins.shown_items import RECIPE
+from icymoon.paper_stand_ins.shown_items import RECIPE_NUMBER
 from icymoon.paper_stand_ins.texture_maps import make_maps
 from icymoon.settings.topics.stand_ins import find_mesh_item, find_texture_item
 from icymoon.support import cache_folder, files
@@ -30,7 +30,7 @@ from icymoon.support.errors import IcyMoonError
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv(cache_folder.FOLDER_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.setattr(cached_files, "make_maps", lambda key: make_maps(key, size=64))
-    return tmp_path / "cache" / "stand_ins" / str(RECIPE)
+    return tmp_path / "cache" / "stand_ins" / str(RECIPE_NUMBER)
 
 
 def test_a_texture_is_made_once_and_made_again_if_a_file_was_changed(folder):
@@ -111,7 +111,7 @@ def test_what_a_killed_process_leaves_is_not_taken(tmp_path):
         lambda record: put(record, "pipe"),
         lambda record: put(record, "device"),
         lambda record: change(record, sha256={}),
-        lambda record: change(record, recipe=RECIPE + 1),
+        lambda record: change(record, recipe=RECIPE_NUMBER + 1),
         lambda record: change(record, height_m=None),
         lambda record: change(record, sha256={"../x": "0" * 64}),
         lambda record: change(record, sha256={"made.json": "0" * 64}),

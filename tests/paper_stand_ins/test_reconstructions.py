@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from icymoon.paper_stand_ins.periodic_fields import FieldGenerator
 from icymoon.paper_stand_ins.reconstructions import reconstruct
-from icymoon.paper_stand_ins.shown_items import MESH_PIXELS
+from icymoon.paper_stand_ins.shown_items import MESH_IMAGE_SIDE_PX
 from icymoon.paper_stand_ins.triangulation import triangulate
 from icymoon.physics.mesh.mesh_faults import examine_mesh
 from icymoon.physics.random_numbers.seeds import make_generator
@@ -42,7 +42,7 @@ def test_a_mesh_is_as_stated(key):
     assert 0.7 * item.triangles < found.triangles <= 1.01 * item.triangles
     assert 0.88 * item.size_m < min(found.extents_m[:2]) <= max(found.extents_m[:2]) < 1.02 * item.size_m
     assert found.vertices == len(mesh.uv)
-    assert mesh.image.shape == (MESH_PIXELS, MESH_PIXELS, 3)
+    assert mesh.image.shape == (MESH_IMAGE_SIDE_PX, MESH_IMAGE_SIDE_PX, 3)
     assert 0.0 <= mesh.image.min() <= mesh.image.max() <= 1.0
     assert mesh.image[..., 1].mean() == pytest.approx(0.5, abs=0.03)
     _check_uv(item, mesh)

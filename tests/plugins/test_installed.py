@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from icymoon.plugins.installed import find_function, find_installed, load_plugin, read_summary
-from icymoon.support.bundled_wheels import VARIABLE
+from icymoon.support.bundled_wheels import WHEELS_VARIABLE
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
 from plugin_packages import MATCHER, add_package
@@ -133,7 +133,7 @@ def test_a_module_in_the_current_folder_does_not_stand_for_an_installed_one(tmp_
 def test_the_evaluator_of_a_store_build_finds_those_in_other_extensions(tmp_path, monkeypatch):
     """Blender unpacks the wheels of all extensions into one folder."""
     add_package(tmp_path, monkeypatch, "matcher", "twelve", MATCHER)
-    monkeypatch.setenv(VARIABLE, f"{sys.prefix}{os.pathsep}{tmp_path}")
+    monkeypatch.setenv(WHEELS_VARIABLE, f"{sys.prefix}{os.pathsep}{tmp_path}")
     done = subprocess.run(
         [sys.executable, str(ROOT / "__main__.py"), "check-plugin"],
         capture_output=True,

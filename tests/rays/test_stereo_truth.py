@@ -7,7 +7,7 @@ import pytest
 from icymoon.rays import stereo_truth
 from icymoon.rays.embree import EmbreeTracer, load_library
 from icymoon.rays.shapes import Placed, Shape, World
-from icymoon.rays.stereo_truth import NEARER_PX, Eye, Stage, trace_eyes
+from icymoon.rays.stereo_truth import LEAST_GAP_PX, Eye, Stage, trace_eyes
 
 LIBRARY = load_library()
 pytestmark = pytest.mark.skipif(LIBRARY is None, reason="there is no Embree; pip install embreex")
@@ -69,7 +69,7 @@ def test_depth_of_a_slope_is_that_of_its_plane_in_any_direction_of_view():
 @pytest.mark.parametrize("parts", [2**19, 512])
 def test_what_a_wall_hides_is_what_the_formula_says(parts, monkeypatch):
     """A wall at 4 m, from -0.19 to 0.31 m, before one at 10 m."""
-    monkeypatch.setattr(stereo_truth, "_MOST_PIXELS", parts)
+    monkeypatch.setattr(stereo_truth, "_PIXELS_AT_ONCE", parts)
     found = trace_eyes(stage(wall(4.0, -0.19, 0.31, 1), wall(10.0, -40, 40, 2, 2)), eyes(), BASELINE, NEAR, FAR)
     for name, x, other in (("left", 0.0, BASELINE), ("right", BASELINE, 0.0)):
         ahead = (columns() - 44.0) / FOCAL
@@ -84,7 +84,7 @@ def test_what_a_wall_hides_is_what_the_formula_says(parts, monkeypatch):
         assert np.array_equal(found[name].hidden, hidden)
 
 
-@pytest.mark.parametrize(("nearer_px", "hides"), [(0.9 * NEARER_PX, False), (1.1 * NEARER_PX, True)])
+@pytest.mark.parametrize(("nearer_px", "hides"), [(0.9 * LEAST_GAP_PX, False), (1.1 * LEAST_GAP_PX, True)])
 def test_what_is_hardly_nearer_hides_nothing(nearer_px, hides):
     disparity = FOCAL * BASELINE / 10
     front = FOCAL * BASELINE / (disparity + nearer_px)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.rays import embree, engine
+from icymoon.rays import embree, ray_engine
 from icymoon.rays.embree import EmbreeTracer, load_library
 from icymoon.rays.shapes import Placed, World
 from icymoon.rays.surface import Tracer, find_shading_normals, find_surface, intersect_opaque
@@ -202,16 +202,16 @@ def other_engine(world: World) -> Tracer:
 
 
 def test_without_embree_another_engine_is_used_or_the_error_states_what_to_install(monkeypatch, tmp_path):
-    monkeypatch.setattr(engine, "load_library", lambda folders: None)
+    monkeypatch.setattr(ray_engine, "load_library", lambda folders: None)
     with pytest.raises(LookupError):
-        engine.open_tracer(World([]), (tmp_path,), other_engine)
+        ray_engine.open_tracer(World([]), (tmp_path,), other_engine)
     with pytest.raises(IcyMoonError, match=r"lacks Embree; run .* -m pip install embreex"):
-        engine.open_tracer(World([]), (tmp_path,))
+        ray_engine.open_tracer(World([]), (tmp_path,))
 
 
 @pytest.mark.skipif(LIBRARY is None, reason=NO_EMBREE)
 def test_with_embree_no_other_engine_is_used():
-    assert engine.open_tracer(World([]), (), other_engine).name == "Embree"
+    assert ray_engine.open_tracer(World([]), (), other_engine).name == "Embree"
 
 
 @pytest.mark.skipif(LIBRARY is None, reason=NO_EMBREE)
@@ -234,7 +234,7 @@ def test_embree_of_blender_and_of_embreex_give_the_same_bits():
 
 def test_a_file_that_is_no_library_is_passed_over(tmp_path, monkeypatch):
     (tmp_path / "libembree4.so").write_bytes(b"none")
-    monkeypatch.setattr(embree, "_NAMES", ())
+    monkeypatch.setattr(embree, "_LIBRARY_NAMES", ())
     monkeypatch.setitem(sys.modules, "embreex", None)
     monkeypatch.setattr(embree.importlib.util, "find_spec", lambda name: None)
     assert load_library((tmp_path, Path("/nowhere"))) is None

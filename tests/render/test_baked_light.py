@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.nodes import build_scene as scenes
-from icymoon.physics.light.baked_rocks import TERMS
+from icymoon.physics.light.baked_rocks import TERM_COUNT
 from icymoon.render import baked_light
 from icymoon.render.pairs import baked_file
 from icymoon.render.pairs.pair_folder import read_pair
@@ -220,7 +220,7 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
         built, scene, _ = source.prepare(pair)
         key = baked_light.make_bake_key(built, pair.settings)
         values = np.full((len(built.terrain.data.vertices), 3), 0.25, np.float32)
-        made = baked_file.BakedLight(values, values[:, 0], np.zeros((0, TERMS, 3), np.float32), 0.1, 0.2, 16, 1)
+        made = baked_file.BakedLight(values, values[:, 0], np.zeros((0, TERM_COUNT, 3), np.float32), 0.1, 0.2, 16, 1)
         theirs, ours = Claims(tmp_path), Claims(tmp_path)
         assert theirs.take(key)
 

@@ -16,7 +16,7 @@ def on_facets(corners, across):
     """The weights (n, k, k) of the corners of facets at their texels."""
     sides = corners.shape[1]
     if sides == 3:
-        return np.broadcast_to(baked_texels._LINEAR, (len(corners), 3, 3))
+        return np.broadcast_to(baked_texels._LINEAR_WEIGHTS, (len(corners), 3, 3))
     weights = np.zeros((len(corners), 4, 4))
     for k, of in enumerate(
         ((0, 1, 3), (0, 1, 3), (1, 2, 3), (1, 2, 3)) if across else ((0, 1, 2), (0, 1, 2), (0, 2, 3), (0, 2, 3))

@@ -17,7 +17,7 @@ from icymoon.render.worker import render_from
 from icymoon.settings.description import digest, merged
 from icymoon.stereo.images.lens import make_lens
 from icymoon.stereo.images.views import read_eye, read_sensor_truth
-from icymoon.support.labels import SEMANTIC
+from icymoon.support.labels import SEMANTIC_NAMES
 
 #: Rocks that shine on black ground, so that an image is the share of each pixel that rocks cover.
 SHINING: dict[str, dict[str, object]] = {
@@ -29,7 +29,7 @@ SHINING: dict[str, dict[str, object]] = {
     "rocks": {"own_surface": True, "coverage": 0.1, "smallest_m": 0.4},
     "light": {"sun_irradiance_wm2": 0.0, "planet": False},
 }
-ROCK = next(number for number, name in SEMANTIC.items() if name == "rock")
+ROCK = next(number for number, name in SEMANTIC_NAMES.items() if name == "rock")
 #: Subpixels along a side of a pixel, by whose rays its covered share is known to 1 / 16 px at a straight edge.
 FINE = 8
 

@@ -28,6 +28,6 @@ def reachable(function: Callable[..., object]) -> set[str]:
 
 def test_an_update_of_a_property_leads_to_no_blender():
     """Blender as a module keeps such functions, and 4.2 crashes at the end of Python if they keep it."""
-    found = reachable(change_announcements.make_update("light"))
+    found = reachable(change_announcements.make_update_callback("light"))
     assert "icymoon.settings.change_announcements" in found
     assert not {name for name in found if name.split(".")[0] in ("bpy", "_bpy", "bpy_types", "bl_operators")}

@@ -137,7 +137,7 @@ def test_a_setting_may_be_renamed_and_no_id_changes(monkeypatch):
             surface, settings=tuple(replace(s, key="whiteness") if s.key == "albedo" else s for s in surface.settings)
         ),
     )
-    monkeypatch.setitem(pair_ids.RENAMED, "surface.albedo", "surface.whiteness")
+    monkeypatch.setitem(pair_ids.RENAMED_SETTINGS, "surface.albedo", "surface.whiteness")
     now = settings.restore_settings(old, "pair.json")
     assert now.surface["whiteness"] == 0.5
     assert "albedo" not in now.surface

@@ -22,7 +22,7 @@ from icymoon.support.version import ROOT
 MODULES = {name: load_matcher(name) for name in list_matcher_names()}
 OPTIONS = [(name, option) for name, module in MODULES.items() for option in module.OPTIONS]
 EVIL = "external:command=/bin/sh -c evil {left} {right} {out}"
-REFUSED = f"dataset.methods names a ({'|'.join(trust_boundary.LOADS)}), which only you may"
+REFUSED = f"dataset.methods names a ({'|'.join(trust_boundary.LOADING_OPTIONS)}), which only you may"
 
 
 def test_every_text_says_what_it_may_name():
@@ -59,7 +59,7 @@ def test_a_matcher_has_no_text_but_those_that_descriptions_may_not_set():
         Option("script", "", "Something that is run")
     with pytest.raises(ValueError, match="LOADS"):
         Option("command", 3, "Something that is counted", 0, 5)
-    assert {option.key for _, option in OPTIONS if option.range == "text"} == set(trust_boundary.LOADS)
+    assert {option.key for _, option in OPTIONS if option.range == "text"} == set(trust_boundary.LOADING_OPTIONS)
 
 
 @pytest.mark.parametrize(("name", "option"), OPTIONS, ids=[f"{name}.{option.key}" for name, option in OPTIONS])
@@ -115,7 +115,7 @@ def test_it_is_left_out_of_what_an_earlier_version_has_stored(tmp_path):
 SPACES = ["", " ", "\t", "\n", "\r\n", "\v", "\f", "\x1c", "\x85", "\u00a0", "\u2003", "\u2028", "\u3000"]
 
 
-@pytest.mark.parametrize("key", trust_boundary.LOADS)
+@pytest.mark.parametrize("key", trust_boundary.LOADING_OPTIONS)
 @pytest.mark.parametrize("space", SPACES, ids=ascii)
 def test_a_space_hides_no_program(key, space):
     """The evaluator takes spaces off; a gate that did not would let ``external: command=sh`` through."""
@@ -184,7 +184,7 @@ def loaded_by(text: str) -> list[str]:
         (method, key, str(value))
         for method in methods
         for key, value in method.options.items()
-        if key in trust_boundary.LOADS
+        if key in trust_boundary.LOADING_OPTIONS
     ]
     return [
         value
@@ -193,7 +193,7 @@ def loaded_by(text: str) -> list[str]:
     ]
 
 
-_key = st.sampled_from([*trust_boundary.LOADS, "Command", "timeout_s", "window", "preset", "grey"])
+_key = st.sampled_from([*trust_boundary.LOADING_OPTIONS, "Command", "timeout_s", "window", "preset", "grey"])
 _space = st.sampled_from(SPACES)
 _option = st.tuples(
     _space,
@@ -254,7 +254,9 @@ def test_what_passes_the_gate_gives_the_evaluator_no_program(text):
     except IcyMoonError:
         return
     for method in methods:
-        assert method.label.startswith("own:mine") or not any(method.options.get(key) for key in trust_boundary.LOADS)
+        assert method.label.startswith("own:mine") or not any(
+            method.options.get(key) for key in trust_boundary.LOADING_OPTIONS
+        )
         assert method.options.get("command", "sh mine {left} {right} {out}") == "sh mine {left} {right} {out}"
 
 

@@ -13,7 +13,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import Method, parse_methods
 from icymoon.stereo.measure.metrics import COSTS
 from icymoon.support import system
-from icymoon.support.files import PART
+from icymoon.support.files import PART_SUFFIX
 
 pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.usefixtures("undrawn")]
 
@@ -79,7 +79,7 @@ def note_starts(monkeypatch):
 
 
 def write_part(folder, pid):
-    part = folder / f"bm.npz.{system.computer_name()}-{pid}-1{PART}"
+    part = folder / f"bm.npz.{system.computer_name()}-{pid}-1{PART_SUFFIX}"
     part.parent.mkdir(parents=True, exist_ok=True)
     part.write_bytes(b"half")
     return part
@@ -97,7 +97,7 @@ def test_an_interrupt_leaves_nothing_half_written(dataset, tmp_path, monkeypatch
     with pytest.raises(KeyboardInterrupt):
         evaluate([dataset], parse_methods("bm"), tmp_path, on_event=interrupt, jobs=2)
     assert started
-    assert not list(tmp_path.rglob(f"*{PART}"))
+    assert not list(tmp_path.rglob(f"*{PART_SUFFIX}"))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a number may be used again at once there")

@@ -23,7 +23,7 @@ def test_ratios_of_europa_are_the_mean_of_two_spectra():
     assert published.europa_over_green(550.0) == (1.0, 0.0)
     ratio, error = published.europa_over_green(700.0)
     assert (ratio - error, ratio + error) == pytest.approx((0.6394 / 0.6110, 1.0066 / 0.8459))
-    assert all(len(spectrum) == len(published.WAVELENGTH_NM) for spectrum in published.SNOW.values())
+    assert all(len(spectrum) == len(published.WAVELENGTHS_NM) for spectrum in published.SNOW.values())
 
 
 def test_an_albedo_in_a_line_from_larger_phases_leaves_a_narrow_surge_out():

@@ -69,7 +69,7 @@ def test_the_moons_curve_is_compared_beyond_its_surge(rows):
 
 def test_a_sharper_phase_function_takes_the_difference_to_the_moons_curve_away():
     settings = merged(
-        defaults(), load_preset("surfaces/hapke_lunar_like"), check({"hapke": moon_albedos.SHARPER}, "sharper")
+        defaults(), load_preset("surfaces/hapke_lunar_like"), check({"hapke": moon_albedos.SHARPER_LOBE}, "sharper")
     )
     law = make_law(settings.surface, settings.hapke)
     assert photometry.geometric_albedo(law) == pytest.approx(0.12, abs=0.0005)

@@ -30,23 +30,24 @@ from .data_set import (
     View,
 )
 
-_CENTRE = np.array([WIDTH_PX, HEIGHT_PX]) / 2
+_IMAGE_CENTRE_PX = np.array([WIDTH_PX, HEIGHT_PX]) / 2
 #: Directions in the image in which outlines are compared: the upper half, since sand hides the feet of rocks.
-_ANGLES = np.radians(np.arange(0.0, 181.0, 15.0))
-_TOWARD = np.stack([np.cos(_ANGLES), -np.sin(_ANGLES)])
+_OUTLINE_ANGLES_RAD = np.radians(np.arange(0.0, 181.0, 15.0))
+_OUTLINE_DIRECTIONS = np.stack([np.cos(_OUTLINE_ANGLES_RAD), -np.sin(_OUTLINE_ANGLES_RAD)])
 #: Part of a scan's height that may be sand and is left out.
 _SAND_SHARE = 0.25
-#: Of one fit after another: distances in pixels within which an outline belongs to a rock, and beyond which it counts
-#: less.
-_ROUNDS = ((60.0, 15.0), (40.0, 8.0), (30.0, 5.0), (30.0, 4.0))
-_CORE_PX = 10.0
-#: Of the shared parameters: focal length, principal point of left and right eye, distortion, turn and place of the
-#: right eye. Their steps for derivatives, and how far they are expected off their start.
+#: Of each fit: the distance in pixels within which an outline belongs to a rock, and the distance beyond which it
+#: counts less.
+_FIT_ROUNDS_PX = ((60.0, 15.0), (40.0, 8.0), (30.0, 5.0), (30.0, 4.0))
+_MATCHED_PX = 10.0
+#: Steps for derivatives of the shared parameters: focal length, principal point of left and right eye, distortion, turn
+#: and place of the right eye.
 _SHARED_STEPS = (1.0,) * 6 + (1e-3,) * 2 + (1e-4,) * 6
+#: Expected deviations of the shared parameters from their start.
 _SHARED_PRIOR = (200.0, 15.0, 15.0, 200.0, 15.0, 15.0, 0.3, 0.3, 0.02, 0.02, 0.02, 0.03, 0.02, 0.02)
 _POSE_STEPS = (0.01,) * 3 + (1e-3,) * 3
 _POSE_PRIOR = (20.0, 20.0, 10.0, 1.0, 1.0, 1.0)
-_SHARED = len(_SHARED_STEPS)
+_SHARED_COUNT = len(_SHARED_STEPS)
 
 
 def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
@@ -103,7 +104,7 @@ class Calibration:
     @property
     def matched_share(self) -> float:
         """Share of the compared outline points within 10 px."""
-        return float((np.abs(self.left_px) < _CORE_PX).mean())
+        return float((np.abs(self.left_px) < _MATCHED_PX).mean())
 
     @property
     def median_px(self) -> float:
@@ -115,10 +116,10 @@ def _make_eye(x: Array, position: str, eye: str, pose: Array) -> Eye:
     turn = camera_rotation(SURVEYED_YAW_DEG[position] + pose[0], pose[1], pose[2])
     place = np.array(SURVEYED_EYES[position][0]) + pose[3:]
     if eye == "L":
-        return Eye(x[0], _CENTRE + x[1:3], x[6], x[7], turn, place)
+        return Eye(x[0], _IMAGE_CENTRE_PX + x[1:3], x[6], x[7], turn, place)
     # In the left eye's axes a point at q is at turn' q - shift in the right eye's.
     beside = from_vector(x[8:11])
-    return Eye(x[3], _CENTRE + x[4:6], x[6], x[7], beside @ turn, place + turn.T @ beside.T @ x[11:14])
+    return Eye(x[3], _IMAGE_CENTRE_PX + x[4:6], x[6], x[7], beside @ turn, place + turn.T @ beside.T @ x[11:14])
 
 
 def find_extreme_points(points: Array, count: int = 300) -> Array:
@@ -148,7 +149,7 @@ class _Outlines:
 
     def supports(self, eye: Eye) -> Array:
         """How far each reaches in each direction, (n, directions) in pixels."""
-        return np.asarray(np.maximum.reduceat(eye.project(self._points) @ _TOWARD, self._firsts))
+        return np.asarray(np.maximum.reduceat(eye.project(self._points) @ _OUTLINE_DIRECTIONS, self._firsts))
 
 
 def _outline_middles(outlines: Sequence[Array]) -> Array:
@@ -261,10 +262,10 @@ def fit_camera(terrain: Terrain) -> Calibration:
     prior = np.array([*_SHARED_PRIOR, *_POSE_PRIOR * len(positions)])
 
     def eye_of(y: Array, view: View) -> Eye:
-        k = _SHARED + 6 * positions.index(view.position)
+        k = _SHARED_COUNT + 6 * positions.index(view.position)
         return _make_eye(y, view.position, view.eye, y[k : k + 6])
 
-    for reach, width in _ROUNDS:
+    for reach, width in _FIT_ROUNDS_PX:
         targets = {
             view: _measure_outline_supports(terrain, view, outlines.middles(eye_of(x, view)), reach)
             for view in terrain.views
@@ -310,7 +311,7 @@ def measure_compared_share(terrain: Terrain, targets: dict[View, Array]) -> floa
 
 def _measure_outline_supports(terrain: Terrain, view: View, middles: Array, reach_px: float) -> Array:
     """How far the outline of each rock reaches in each direction, the median of the azimuths; NaN if not outlined."""
-    found = np.full((len(terrain.azimuths), len(middles), _TOWARD.shape[1]), np.nan)
+    found = np.full((len(terrain.azimuths), len(middles), _OUTLINE_DIRECTIONS.shape[1]), np.nan)
     for k, azimuth in enumerate(terrain.azimuths):
         outlines = terrain.polygons(view, azimuth, ROCK)
         if not outlines:
@@ -318,6 +319,6 @@ def _measure_outline_supports(terrain: Terrain, view: View, middles: Array, reac
         apart = np.linalg.norm(middles[:, None] - _outline_middles(outlines)[None], axis=2)
         for rock, outline in enumerate(apart.argmin(axis=1)):
             if apart[rock, outline] < reach_px and apart[:, outline].argmin() == rock:
-                found[k, rock] = (outlines[outline] @ _TOWARD).max(axis=0)
+                found[k, rock] = (outlines[outline] @ _OUTLINE_DIRECTIONS).max(axis=0)
     everywhere = np.isnan(found).all(axis=0)
     return np.asarray(np.where(everywhere, np.nan, np.nanmedian(np.where(everywhere, 0.0, found), axis=0)))

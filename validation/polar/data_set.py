@@ -24,7 +24,7 @@ from .skirts import find_skirt, open_corners
 WIDTH_PX, HEIGHT_PX = 1936, 1216
 EYES = ("L", "R")
 GROUND, ROCK, SHADOW = 1, 2, 3
-WHERE = (
+DATA_ADVICE = (
     "get POLAR-Sim (github.com/uwsbel/POLAR-Sim, CC0) and put rocks/terrainTT_rockN.obj and "
     "labels/TT_P_off_AZ_E.txt of a terrain TT into it"
 )
@@ -43,14 +43,19 @@ SURVEYED_LAMPS = {
     270: (-0.271, -4.109, 0.811),
     350: (4.026, -0.896, 0.771),
 }
-#: Sizes in metres that a rock of the sandbox can have; another one means that a mesh is not in metres.
-_LEAST_M, _MOST_M = 0.01, 2.0
-#: Each rock gives a point of two coordinates to a pose of six numbers and a lens; twice as many are asked for.
+#: Least size in metres of a rock; a smaller mesh is not in metres.
+_LEAST_ROCK_M = 0.01
+#: Largest size in metres of a rock.
+_MOST_ROCK_M = 2.0
+#: Least number of rocks. Each gives a point of two coordinates to a pose of six numbers and a lens; twice as many as
+#: necessary are required.
 _LEAST_ROCKS = 8
-#: How far a corner that was drawn by hand may be outside its image, as a share of it.
-_OUTSIDE = 0.05
-#: Largest text of polygons in bytes; most triangles of a rock.
-_MOST_LABEL, _MOST_TRIANGLES = 10_000_000, 2_000_000
+#: Largest distance of a hand-drawn corner outside its image, as a share of the image.
+_MOST_OUTSIDE_SHARE = 0.05
+#: Largest text of polygons in bytes.
+_MOST_LABEL_BYTES = 10_000_000
+#: Maximum number of triangles of a rock.
+_MOST_TRIANGLES = 2_000_000
 _LABEL = re.compile(r"(\d+)_([A-Z])_off_(\d+)_([LR])\.txt")
 _IMAGE = re.compile(r"(\d+)_([A-Z])_off_(\d+)_([LR])\.png")
 _ROCK = re.compile(r"terrain(\d+)_rock(\d+)\.obj")
@@ -128,11 +133,11 @@ def read_terrains(folder: Path) -> list[Terrain]:
     Raises IcyMoonError if it has no whole terrain, or if one of its files cannot be read or is invalid.
     """
     if not folder.is_dir():
-        raise IcyMoonError(f"--polar: there is no folder {folder}; {WHERE}.")
+        raise IcyMoonError(f"--polar: there is no folder {folder}; {DATA_ADVICE}.")
     labels, rocks = (_find_files(folder / name, pattern) for name, pattern in (("labels", _LABEL), ("rocks", _ROCK)))
     for name, found in (("labels", labels), ("rocks", rocks)):
         if not found:
-            raise IcyMoonError(f"{folder / name} has no files of a terrain; {WHERE}.")
+            raise IcyMoonError(f"{folder / name} has no files of a terrain; {DATA_ADVICE}.")
     if lone := {found[1] for _, found in labels} ^ {found[1] for _, found in rocks}:
         raise IcyMoonError(
             f"{folder}: terrain {min(lone)} has labels or rocks, but not both; add what is missing, or "
@@ -191,7 +196,7 @@ def _read_polygons(path: Path) -> tuple[Polygon, ...]:
         lambda foreign: _parse_polygons(path, foreign.text()),
         "a text of polygons",
         "get the file again",
-        most=_MOST_LABEL,
+        most=_MOST_LABEL_BYTES,
     )
 
 
@@ -209,7 +214,7 @@ def _parse_polygons(path: Path, content: str) -> tuple[Polygon, ...]:
                 f"{path}, line {line}: is no polygon (a class from 0 to 3, then at least three pairs "
                 "of x and y); get the file again."
             ) from None
-        if numbers.min() < -_OUTSIDE or numbers.max() > 1 + _OUTSIDE:
+        if numbers.min() < -_MOST_OUTSIDE_SHARE or numbers.max() > 1 + _MOST_OUTSIDE_SHARE:
             raise IcyMoonError(
                 f"{path}, line {line}: has a corner at {max(numbers, key=abs):g}, which is no share of "
                 f"an image from 0 to 1; divide x and y by its {WIDTH_PX} columns and {HEIGHT_PX} rows."
@@ -232,9 +237,9 @@ def read_rock(path: Path, number: int) -> Rock:
     if not len(rock.faces) or not np.isfinite(rock.vertices).all():
         raise IcyMoonError(f"{path}: is no mesh of triangles in OBJ; get the file again.")
     size = float(np.ptp(rock.vertices, axis=0).max())
-    if not _LEAST_M <= size <= _MOST_M:
+    if not _LEAST_ROCK_M <= size <= _MOST_ROCK_M:
         raise IcyMoonError(
-            f"{path}: is {size:.3g} m wide, which no rock of the sandbox is ({_LEAST_M:g} to "
-            f"{_MOST_M:g} m); export it in metres."
+            f"{path}: is {size:.3g} m wide, which no rock of the sandbox is ({_LEAST_ROCK_M:g} to "
+            f"{_MOST_ROCK_M:g} m); export it in metres."
         )
     return rock

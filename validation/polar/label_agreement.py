@@ -20,9 +20,11 @@ from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
 from .lamp import HeightTable
 from .sand import Sand
 
-#: Scale of the masks, and spacing in pixels of the points of an outline that is laid on the sand.
-_SCALE, _STEP_PX = 0.5, 8.0
-_SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
+#: Scale of the masks.
+_MASK_SCALE = 0.5
+#: Spacing in pixels of the points of an outline that is laid on the sand.
+_OUTLINE_STEP_PX = 8.0
+_MASK_SHAPE = (int(HEIGHT_PX * _MASK_SCALE), int(WIDTH_PX * _MASK_SCALE))
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,10 @@ def measure_label_agreement(terrain: Terrain, camera: Calibration, sand: Sand) -
         {position: _mean_of_known(compare_rock_labels(terrain, position)) for position in terrain.positions},
         {
             position: _mean_of_known(
-                [_compare_shadow_labels(terrain, camera, table, position, azimuth) for azimuth in terrain.azimuths]
+                [
+                    _measure_shadow_label_overlap(terrain, camera, table, position, azimuth)
+                    for azimuth in terrain.azimuths
+                ]
             )
             for position in terrain.positions
         },
@@ -56,7 +61,7 @@ def _mean_of_known(found: list[float]) -> float:
 
 
 def _fill_outlines(outlines: list[Array]) -> Array:
-    return fill_polygons(_SHAPE, [each * _SCALE for each in outlines], finer=3)
+    return fill_polygons(_MASK_SHAPE, [each * _MASK_SCALE for each in outlines], finer=3)
 
 
 def compare_rock_labels(terrain: Terrain, position: str) -> list[float]:
@@ -77,7 +82,7 @@ def _share_an_outline(one: list[Array], other: list[Array]) -> bool:
     return not {each.tobytes() for each in one}.isdisjoint(each.tobytes() for each in other)
 
 
-def _compare_shadow_labels(
+def _measure_shadow_label_overlap(
     terrain: Terrain, camera: Calibration, table: HeightTable, position: str, azimuth: int
 ) -> float:
     left, right = View(position, "L"), View(position, "R")
@@ -95,7 +100,7 @@ def _densify_outline(outline: Array) -> Array:
     """The outline (n, 2) with points no more than a step apart."""
     found = []
     for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        count = max(1, int(np.linalg.norm(there - here) / _STEP_PX))
+        count = max(1, int(np.linalg.norm(there - here) / _OUTLINE_STEP_PX))
         found.append(here + (there - here) * np.arange(count)[:, None] / count)
     return np.concatenate(found)
 

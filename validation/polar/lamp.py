@@ -18,24 +18,26 @@ from .data_set import HEIGHT_PX, ROCK, SHADOW, SURVEYED_LAMPS, WIDTH_PX, Terrain
 from .sand import Sand
 from .skirts import BOUND_M
 
-_SCALE = 0.25
-_SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
+_MASK_SCALE = 0.25
+_MASK_SHAPE = (int(HEIGHT_PX * _MASK_SCALE), int(WIDTH_PX * _MASK_SCALE))
 _LAMP_STEPS_M = (0.2, 0.1, 0.05, 0.025, 0.0125)
 #: How far a lamp is expected off its survey, in metres: to the sides as far as the fitted cameras of terrain 04 are off
 #: theirs about their mean (0.2 m of three positions and both axes), in height half as much.
-_SURVEY_M = np.array([0.2, 0.2, 0.1])
+_SURVEY_ERROR_M = np.array([0.2, 0.2, 0.1])
 #: Agreement of shadows that a lamp pays for being off by one such distance: as much as that of both eyes with the same
 #: shadows differs.
 _SURVEY_COST = 0.01
 _NODE_STEPS_M = (0.01, 0.005)
 #: Distance in metres from a node within which a shadow must end or run for the node to be fitted.
 _NODE_REACH_M = 0.2
-#: Metres by which the sand at a node may be higher than the surface through the rocks, and what that costs.
-_MOST_RAISED_M, _RAISED_COST = 0.02, 5.0
-#: Directions in which points of an outline are looked for.
-_DIRECTIONS = 96
+#: Largest height in metres by which the sand at a node may exceed the surface through the rocks.
+_MOST_RAISED_M = 0.02
+#: Cost of this height.
+_RAISED_COST = 5.0
+#: Number of directions in which points of an outline are sought.
+_OUTLINE_DIRECTIONS = 96
 #: Spacing of the table of heights.
-_GRID_M = 0.02
+_TABLE_SPACING_M = 0.02
 
 
 class HeightTable:
@@ -43,14 +45,14 @@ class HeightTable:
 
     def __init__(self, sand: Sand) -> None:
         self.low = sand.nodes.min(axis=0) - 0.5
-        self.count = np.ceil((sand.nodes.max(axis=0) + 0.5 - self.low) / _GRID_M).astype(int) + 1
-        x, y = (self.low[k] + _GRID_M * np.arange(self.count[k]) for k in (0, 1))
+        self.count = np.ceil((sand.nodes.max(axis=0) + 0.5 - self.low) / _TABLE_SPACING_M).astype(int) + 1
+        x, y = (self.low[k] + _TABLE_SPACING_M * np.arange(self.count[k]) for k in (0, 1))
         self.grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         self.heights = sand.heights(self.grid).reshape(len(y), len(x))
 
     def __call__(self, xy: Array) -> Array:
         """Heights (n,) at points (n, 2), linear between the points of the grid."""
-        at = np.clip((xy - self.low) / _GRID_M, 0, self.count - 1.001)
+        at = np.clip((xy - self.low) / _TABLE_SPACING_M, 0, self.count - 1.001)
         k = at.astype(int)
         u, v = (at - k).T
         table, x, y = self.heights, k[:, 0], k[:, 1]
@@ -94,7 +96,7 @@ def locate_surveyed_lamp(azimuth: int, sand: Sand) -> Array:
 def _select_outline_points(points: Array, lamp: Array, level_m: float) -> Array:
     """Those of the points (n, 3) that are on the outline of the shadow on level sand."""
     cast = cast_onto_sand(points, lamp, lambda xy: np.full(len(xy), level_m))
-    angle = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    angle = 2 * np.pi * np.arange(_OUTLINE_DIRECTIONS) / _OUTLINE_DIRECTIONS
     toward = np.stack([np.cos(angle), np.sin(angle)])
     # Shadows are long and thin: equal steps of direction would miss the corners of their tips.
     away = cast[:, :2].mean(axis=0) - lamp[:2]
@@ -127,7 +129,7 @@ class Shadows:
         for view, azimuth in terrain.photographs:
             if view.eye == "L":
                 rocks, shadow = (
-                    fill_polygons(_SHAPE, [each * _SCALE for each in terrain.polygons(view, azimuth, kind)])
+                    fill_polygons(_MASK_SHAPE, [each * _MASK_SCALE for each in terrain.polygons(view, azimuth, kind)])
                     for kind in (ROCK, SHADOW)
                 )
                 self.seen[view, azimuth] = rocks, shadow & ~rocks
@@ -138,8 +140,8 @@ class Shadows:
         found = []
         for (view, at), (rock, shadow) in self.seen.items():
             if at == azimuth:
-                hulls = np.split(self.camera.eyes[view].project(cast) * _SCALE, self.ends[azimuth])
-                found.append(compute_intersection_over_union(fill_hulls(_SHAPE, hulls) & ~rock, shadow))
+                hulls = np.split(self.camera.eyes[view].project(cast) * _MASK_SCALE, self.ends[azimuth])
+                found.append(compute_intersection_over_union(fill_hulls(_MASK_SHAPE, hulls) & ~rock, shadow))
         return float(np.mean(found))
 
 
@@ -163,7 +165,7 @@ def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[i
 
 
 def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, surveyed: Array, lamp: Array) -> float:
-    prior = _SURVEY_COST * float((((lamp - surveyed) / _SURVEY_M) ** 2).sum())
+    prior = _SURVEY_COST * float((((lamp - surveyed) / _SURVEY_ERROR_M) ** 2).sum())
     return prior - shadows.measure_agreement(azimuth, lamp, table)
 
 

@@ -4,10 +4,10 @@ Each scan has some sand around its rock, its skirt, which is a measurement of th
 skirts. At each rock the sand is higher or lower, by the median of its skirt; no outline is used. Between the rocks
 these heights are interpolated as a Gaussian process, which returns to the plane.
 
-The sand is **bounded**: it is at most ``BOUND_M`` off its plane. It is **smooth**: it changes over ``LENGTH_M`` only.
-The lamps are 0.77 to 0.81 m above sand that is up to 5.5 m away, so light falls with a slope of at least 0.14, and a
-Gaussian hill of 4 cm and this width has slopes up to 0.08. So no sand of one hill casts a shadow of its own; the
-comparison measures this in its renders.
+The sand is **bounded**: it is at most ``BOUND_M`` off its plane. It is **smooth**: its height changes over
+``SMOOTHING_LENGTH_M``. The lamps are 0.77 to 0.81 m above sand that is up to 5.5 m away, so light falls with a slope of
+at least 0.14, and a Gaussian hill of 4 cm and this width has slopes up to 0.08. So no sand of one hill casts a shadow
+of its own; the comparison measures this in its renders.
 """
 
 from __future__ import annotations
@@ -22,12 +22,15 @@ from .camera import Calibration, find_extreme_points
 from .data_set import ROCK, Rock, Terrain, View
 from .skirts import BOUND_M, rim_plane
 
-#: The length over which smooth sand changes, and the prior standard deviation of its height at a rock; how well a
-#: height is known there; all in metres. They were chosen on terrain 04.
-LENGTH_M = 0.3
-_SPREAD_M, _KNOWN_M = 0.014, 0.004
-#: Spacing in metres of the nodes at which the sand between the rocks may be raised; each is ``LENGTH_M`` wide.
-NODE_M = 0.25
+#: Length in metres over which smooth sand changes, chosen on terrain 04.
+SMOOTHING_LENGTH_M = 0.3
+#: Prior standard deviation in metres of the height at a rock, chosen on terrain 04.
+_PRIOR_SPREAD_M = 0.014
+#: Standard error in metres of a height at a rock, chosen on terrain 04.
+_HEIGHT_ERROR_M = 0.004
+#: Spacing in metres of the nodes at which the sand between the rocks may be raised; each is ``SMOOTHING_LENGTH_M``
+#: wide.
+NODE_SPACING_M = 0.25
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,9 @@ class Sand:
 
     def heights(self, xy: Array) -> Array:
         """Heights (n,) in metres of the surface at points (n, 2), at most ``BOUND_M`` off the plane."""
-        known = _gaussian_bumps(self.middles, self.middles) + (_KNOWN_M / _SPREAD_M) ** 2 * np.eye(len(self.middles))
+        known = _gaussian_bumps(self.middles, self.middles) + (_HEIGHT_ERROR_M / _PRIOR_SPREAD_M) ** 2 * np.eye(
+            len(self.middles)
+        )
         off = _gaussian_bumps(xy, self.middles) @ np.linalg.solve(known, self.offs)
         used = np.nonzero(self.raised)[0]
         off += _gaussian_bumps(xy, self.nodes[used]) @ self.raised[used]
@@ -77,7 +82,7 @@ class Sand:
 def _gaussian_bumps(xy: Array, middles: Array) -> Array:
     """Gaussians (n, k) about middles (k, 2) at points (n, 2)."""
     apart = ((xy[:, None] - middles[None]) ** 2).sum(axis=2)
-    return np.asarray(np.exp(-apart / (2 * LENGTH_M**2)))
+    return np.asarray(np.exp(-apart / (2 * SMOOTHING_LENGTH_M**2)))
 
 
 def _fit_plane(middles: Array, heights: Array) -> Array:
@@ -86,7 +91,7 @@ def _fit_plane(middles: Array, heights: Array) -> Array:
     weight: Numbers = np.ones(len(middles))
     for _ in range(50):
         plane = np.linalg.solve((basis.T * weight) @ basis, (basis.T * weight) @ heights)
-        weight = 1 / (1 + ((heights - basis @ plane) / _SPREAD_M) ** 2)
+        weight = 1 / (1 + ((heights - basis @ plane) / _PRIOR_SPREAD_M) ** 2)
     return np.asarray(plane)
 
 
@@ -95,7 +100,7 @@ def measure_sand(terrain: Terrain) -> Sand:
     middles = np.array([(rock.vertices.min(axis=0) + rock.vertices.max(axis=0))[:2] / 2 for rock in terrain.rocks])
     rims = np.array([rim_plane(rock.rim, middle)[0] for rock, middle in zip(terrain.rocks, middles, strict=True)])
     low, high = middles.min(axis=0) - 0.8, middles.max(axis=0) + 0.8
-    axes = [np.arange(a, b + NODE_M, NODE_M) for a, b in zip(low, high, strict=True)]
+    axes = [np.arange(a, b + NODE_SPACING_M, NODE_SPACING_M) for a, b in zip(low, high, strict=True)]
     nodes = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     sand = Sand(_fit_plane(middles, rims), middles, np.zeros(len(middles)), nodes, np.zeros(len(nodes)))
     above = rims - sand.on_plane(middles)

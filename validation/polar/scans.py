@@ -17,12 +17,12 @@ from ...support.arrays import Array
 from .camera import Calibration, find_extreme_points
 from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
 
-_SCALE = 0.25
-_SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
+_MASK_SCALE = 0.25
+_MASK_SHAPE = (int(HEIGHT_PX * _MASK_SCALE), int(WIDTH_PX * _MASK_SCALE))
 #: Distance in pixels of the photographs by which a scan may stand off its outline or a shadow off its rock.
 _NEAR_PX = 10.0
-_REACH = round(_NEAR_PX * _SCALE)
-_LEAST_SHARE = 0.5
+_REACH_PX = round(_NEAR_PX * _MASK_SCALE)
+_LEAST_SCANNED_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -40,20 +40,20 @@ class LeftOut:
 def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: int) -> LeftOut:
     """The outlines of a photograph that have no scan."""
     eye = camera.eyes[view]
-    hulls = [eye.project(find_extreme_points(rock.vertices)) * _SCALE for rock in terrain.rocks]
-    near = dilate(fill_hulls(_SHAPE, hulls), _REACH)
-    scanned, bare = np.zeros((2, *_SHAPE), bool)
+    hulls = [eye.project(find_extreme_points(rock.vertices)) * _MASK_SCALE for rock in terrain.rocks]
+    near = dilate(fill_hulls(_MASK_SHAPE, hulls), _REACH_PX)
+    scanned, bare = np.zeros((2, *_MASK_SHAPE), bool)
     rocks = []
     for outline in terrain.polygons(view, azimuth, ROCK):
         mask = _fill_outline(outline)
-        if np.count_nonzero(mask & near) >= _LEAST_SHARE * np.count_nonzero(mask):
+        if np.count_nonzero(mask & near) >= _LEAST_SCANNED_SHARE * np.count_nonzero(mask):
             scanned |= mask
         else:
             bare |= mask
             rocks.append(outline)
     shadows = []
     for outline in terrain.polygons(view, azimuth, SHADOW) if rocks else []:
-        mask = dilate(_fill_outline(outline), _REACH)
+        mask = dilate(_fill_outline(outline), _REACH_PX)
         if np.count_nonzero(mask & bare) > np.count_nonzero(mask & scanned):
             shadows.append(outline)
     area = np.count_nonzero(scanned | bare)
@@ -61,4 +61,4 @@ def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: in
 
 
 def _fill_outline(outline: Array) -> Array:
-    return fill_polygons(_SHAPE, [outline * _SCALE], finer=3)
+    return fill_polygons(_MASK_SHAPE, [outline * _MASK_SCALE], finer=3)

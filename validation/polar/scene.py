@@ -24,19 +24,27 @@ from .camera import Calibration
 from .data_set import EYES, ROCK, SHADOW, Rock, Terrain, View
 from .sand import Sand
 
-#: Extent and spacing of the fine part of the ground, how far the coarse part reaches, and where it becomes level.
-_FINE_M, _SPACING_M, _FAR_M = 2.4, 0.02, 9.0
-_LEVEL_FROM_M, _LEVEL_AT_M = 2.2, 3.4
-_MARGIN = 12
+#: Extent in metres of the fine part of the ground.
+_FINE_EXTENT_M = 2.4
+#: Spacing of its vertices in metres.
+_FINE_SPACING_M = 0.02
+#: Reach of the coarse part in metres.
+_COARSE_REACH_M = 9.0
+#: Distance in metres from which on the ground becomes level.
+_LEVEL_FROM_M = 2.2
+#: Distance at which it is level.
+_LEVEL_AT_M = 3.4
+_WINDOW_MARGIN_PX = 12
 _SENSOR_MM = 20.0
 #: Apparent diameter of the lamp in degrees. It is not published; this one is chosen.
 LAMP_DEG = 0.5
 _SAMPLES = 4
-#: A pixel shows a rock if that is nearer than the sand by more than this, in metres.
-_NEARER_M = 0.002
+#: A pixel shows a rock if the rock is nearer than the sand by more than this, in metres.
+_LEAST_GAP_M = 0.002
 #: A pixel is in shadow if it has less than this share of the light without rocks.
 _SHADOW_SHARE = 0.5
-#: It is in shadow too, of sand, if it has less than this share of the light of most sand at its distance from the lamp.
+#: A pixel of sand is also in shadow if it has less than this share of the light of most sand at its distance from the
+#: lamp.
 _DARK_SHARE = 0.1
 
 
@@ -99,9 +107,9 @@ def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str,
         ]
     )
     low, high = seen.min(axis=0), seen.max(axis=0)
-    scale = (columns - 2 * _MARGIN) / (high[0] - low[0])
-    corner = np.floor(low * scale) - _MARGIN
-    width, height = (np.ceil(high * scale).astype(int) + _MARGIN - corner.astype(int)).tolist()
+    scale = (columns - 2 * _WINDOW_MARGIN_PX) / (high[0] - low[0])
+    corner = np.floor(low * scale) - _WINDOW_MARGIN_PX
+    width, height = (np.ceil(high * scale).astype(int) + _WINDOW_MARGIN_PX - corner.astype(int)).tolist()
     return replace(frame, focal_px=frame.focal_px * scale, corner=corner, size=(width, height))
 
 
@@ -130,8 +138,8 @@ def _rig(camera: Calibration, sand: Sand, position: str) -> Frame:
 
 def _make_ground_mesh(frame: Frame, sand: Sand) -> tuple[Array, Array]:
     """The sand in our world: fine where the rocks are, level at height 0 around them and under the cameras."""
-    fine = np.arange(-_FINE_M, _FINE_M + _SPACING_M / 2, _SPACING_M)
-    coarse = np.linspace(_FINE_M, _FAR_M, 8)[1:]
+    fine = np.arange(-_FINE_EXTENT_M, _FINE_EXTENT_M + _FINE_SPACING_M / 2, _FINE_SPACING_M)
+    coarse = np.linspace(_FINE_EXTENT_M, _COARSE_REACH_M, 8)[1:]
     line = np.concatenate([-coarse[::-1], fine, coarse])
     grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     points = np.column_stack([grid, np.zeros(len(grid))])
@@ -223,7 +231,7 @@ def read_twin(with_rocks: Pair, without: Pair, eye: str) -> Twin:
     name = "left" if eye == "L" else "right"
     here, bare = (read_view(pair.image(name)) for pair in (with_rocks, without))
     nearer = np.where(np.isnan(bare.depth), np.inf, bare.depth) - np.where(np.isnan(here.depth), np.inf, here.depth)
-    rock = np.nan_to_num(nearer, nan=0.0) > _NEARER_M
+    rock = np.nan_to_num(nearer, nan=0.0) > _LEAST_GAP_M
     light, full = (view.radiance.mean(axis=-1) for view in (here, bare))
     # Light falls with the square of the distance to the lamp.
     squared = _distances_to_lamp(with_rocks, name, here.depth) ** 2

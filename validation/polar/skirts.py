@@ -20,7 +20,7 @@ REPOSE_DEG = 35.0
 #: plane.
 BOUND_M = 0.04
 #: How many times normals are averaged over the triangles at a corner: to about a centimetre, since edges have 4 mm.
-_AVERAGED = 2
+_AVERAGING_PASSES = 2
 
 
 def open_corners(faces: Array) -> Array:
@@ -69,7 +69,7 @@ def _steepness(vertices: Array, faces: Array) -> Array:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals *= 1.0 if normals[:, 2].sum() > 0 else -1.0
-    for _ in range(_AVERAGED):
+    for _ in range(_AVERAGING_PASSES):
         at_corners = np.zeros_like(vertices)
         for k in range(3):
             np.add.at(at_corners, faces[:, k], normals)

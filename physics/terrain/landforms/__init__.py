@@ -1,7 +1,7 @@
 """Icy landforms, each a height field of position that is added to the ground, each off by default.
 
-A module holds one feature: where it comes from, its limits, and a maker
-``make(settings, random, size_m) -> Landform | None``, None if its settings ask for none.
+A module holds one feature: its origin, its limits, and a maker ``make(settings, random, size_m) -> Landform | None``.
+The maker returns None if the settings ask for no such feature.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from . import chaos, cracks, craters, hollows, penitentes, pits, ridges
 from .landform import Landform, Walls
 from .plug_in import make_plugin_landforms
 
-#: In the order in which they shape the ground; the position is part of each one's seed.
+#: Makers in the order in which landforms shape the ground; the position is part of the seed.
 MAKERS: dict[str, Callable[[Any, np.random.Generator, float], Landform | None]] = {
     "chaos": chaos.make,
     "ridges": ridges.make,

@@ -30,42 +30,42 @@ from .landform import (
     wander,
 )
 
-#: Slope of the plates' scarps by kind of edge: debris at the foot leaves rounded ones no steeper.
-_SCARP = {"ROUNDED": math.tan(math.radians(60.0)), "BROKEN": math.tan(math.radians(80.0))}
-#: The lowest plate, as a share of the relief.
-_LOWEST = 0.5
-#: RMS of the three octaves of matrix noise below, and of the matrix of fragments.
+#: Slope of the plates' scarps by kind of edge; debris at the foot keeps rounded scarps from being steeper.
+_SCARP_SLOPE = {"ROUNDED": math.tan(math.radians(60.0)), "BROKEN": math.tan(math.radians(80.0))}
+#: Height of the lowest plate, as a share of the relief.
+_LOWEST_PLATE = 0.5
+#: RMS of the matrix by kind of edge: three octaves of noise, or fragments.
 _MATRIX_RMS = {"ROUNDED": 0.350, "BROKEN": 0.2055}
-#: Width of the fragments between broken plates, in plates, from large to small; each is that much lower, too.
-_FRAGMENTS = (0.28, 0.11, 0.04)
+#: Widths of the fragments between broken plates, in plates, from large to small; heights are proportional.
+_FRAGMENT_WIDTHS = (0.28, 0.11, 0.04)
 #: Slope of a fragment's sides.
-_FRAGMENT_SIDE = 2.2
+_FRAGMENT_SLOPE = 2.2
 #: Widths of the chips of broken edges, in plates.
-_CHIPS = (0.09, 0.16, 0.26)
+_CHIP_WIDTHS = (0.09, 0.16, 0.26)
 
 
 def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Plates up to ``relief_m`` above a matrix of RMS height ``matrix_m``."""
-    keys = [draw_key(random) for _ in range(13 + len(_CHIPS))]
+    keys = [draw_key(random) for _ in range(13 + len(_CHIP_WIDTHS))]
     relief, plate, gap, edges = settings.relief_m, settings.plate_m, settings.gap_m, settings.edges
     rough, share = settings.matrix_m / _MATRIX_RMS[edges], settings.plate_share
     if relief == 0.0 and rough == 0.0:
         return None
-    scarp = max(relief / _SCARP[edges], 0.02 * plate)
+    scarp = max(relief / _SCARP_SLOPE[edges], 0.02 * plate)
     tilt = math.tan(math.radians(settings.tilt_deg))
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         v, u = rotate_coordinates(x_m / plate, y_m / plate, 0.0)
         if edges == "BROKEN":
             cells = find_voronoi_cells(u, v, keys[2])
-            inside = broken_step(cells.edge_distance(), u, v, gap / 2 / plate, scarp / plate, _CHIPS, keys[13:])
+            inside = broken_step(cells.edge_distance(), u, v, gap / 2 / plate, scarp / plate, _CHIP_WIDTHS, keys[13:])
         else:
             bend_u, bend_v = (0.08 * wander(1.7 * u, 1.7 * v, k) for k in keys[:2])
             cells = find_voronoi_cells(u + bend_u, v + bend_v, keys[2])
             inside = smooth_step((plate * cells.edge_distance() - gap / 2) / scarp)
         # Random direction of the tilt from a point in the square: no sines needed.
         east, north = (tilt * (2.0 * cells.random(k) - 1.0) for k in keys[3:5])
-        top = relief * (_LOWEST + (1.0 - _LOWEST) * cells.random(keys[5])) - plate * (
+        top = relief * (_LOWEST_PLATE + (1.0 - _LOWEST_PLATE) * cells.random(keys[5])) - plate * (
             east * cells.x1 + north * cells.y1
         )
         inside *= cells.random(keys[6]) < share
@@ -87,11 +87,11 @@ def _lump_heights(u: Array, v: Array, keys: Sequence[int]) -> Array:
 
 
 def _fragment_heights(u: Array, v: Array, keys: Sequence[int]) -> Array:
-    """Tilted fragments of three sizes, the smaller ones between and on the larger."""
+    """Heights of tilted fragments of three sizes; smaller ones lie between and on larger ones."""
     return sum(
         (
-            width / _FRAGMENTS[0] * facet_heights(u / width, v / width, _FRAGMENT_SIDE, key)
-            for width, key in zip(_FRAGMENTS, keys, strict=True)
+            width / _FRAGMENT_WIDTHS[0] * facet_heights(u / width, v / width, _FRAGMENT_SLOPE, key)
+            for width, key in zip(_FRAGMENT_WIDTHS, keys, strict=True)
         ),
         start=np.zeros(()),
     )

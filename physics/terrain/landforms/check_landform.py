@@ -1,4 +1,4 @@
-"""Trying the landform of a plug-in on many points, as a list of checks with what to correct."""
+"""Trial of a plug-in's landform on many points: a list of checks, each with its fix."""
 
 from __future__ import annotations
 
@@ -12,15 +12,19 @@ from ....plugins.installed import Plugin
 from ....plugins.landforms import PluginLandform, read_landform
 from ....support.arrays import Array
 
-#: Side of the patch of the trial in metres, and its points a side: odd and not even, so that rows are not columns.
-_SIZE_M, _ROWS, _COLUMNS = 20.0, 61, 83
+#: Side of the trial's patch in metres.
+_TRIAL_SIZE_M = 20.0
+#: Number of rows of points; it differs from the columns, so that an exchange of the axes shows.
+_TRIAL_ROWS = 61
+#: Number of columns of points.
+_TRIAL_COLUMNS = 83
 _SEED = 12345
-#: Rounding may differ with the place of a point in an array, by vector instructions.
-_SAME_M = 1e-9
+#: Largest difference by rounding; vector instructions may round by the place of a point in an array.
+_ROUNDING_M = 1e-9
 
 
 def check_landform(plugin: Plugin) -> Iterator[Check]:
-    """Try a landform at its defaults, with its size at 1 or its largest, and at both ends of each setting."""
+    """Checks of a landform at its defaults, with its size at 1 or its largest, and at both ends of each setting."""
     first, landform = check_making(
         "it has height(x, y, settings), and its settings are declared", lambda: read_landform(plugin)
     )
@@ -30,8 +34,8 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
     size = landform.settings[0]
     most = min(size.maximum, 1.0) if isinstance(size.default, float) else min(int(size.maximum), 1)
     settings = {number.key: number.default for number in landform.settings} | {size.key: most}
-    x = np.linspace(-_SIZE_M / 2, _SIZE_M / 2, _COLUMNS)[None, :]
-    y = np.linspace(-_SIZE_M / 2, _SIZE_M / 2, _ROWS)[:, None]
+    x = np.linspace(-_TRIAL_SIZE_M / 2, _TRIAL_SIZE_M / 2, _TRIAL_COLUMNS)[None, :]
+    y = np.linspace(-_TRIAL_SIZE_M / 2, _TRIAL_SIZE_M / 2, _TRIAL_ROWS)[:, None]
 
     def run(x: Array = x, y: Array = y, seed: int = _SEED, **changes: float) -> Array:
         return landform.heights(x, y, landform.told(settings | changes, seed))
@@ -58,7 +62,7 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
 
 
 def _check_places(plugin: Plugin, run: Callable[..., Array], x: Array, y: Array, heights: Array) -> Iterator[Check]:
-    """Whether a place always has the height that it has among all others."""
+    """Checks that the height of a place does not depend on the other places."""
     yield check_fault(
         "the same points have the same heights again",
         lambda: _describe_difference(
@@ -84,7 +88,7 @@ def _check_places(plugin: Plugin, run: Callable[..., Array], x: Array, y: Array,
 
 
 def _describe_difference(plugin: Plugin, heights: Array, expected: Array, what: str) -> str:
-    allowed = _SAME_M * max(1.0, float(np.abs(expected).max()))
+    allowed = _ROUNDING_M * max(1.0, float(np.abs(expected).max()))
     return "" if np.allclose(heights, expected, rtol=0.0, atol=allowed) else f"{plugin.title} {what}."
 
 

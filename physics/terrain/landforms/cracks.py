@@ -29,18 +29,23 @@ from .landform import (
     wander,
 )
 
-#: Bending of the cracks, in plates, and its wavelength in plates.
-_BEND, _BEND_LENGTH = 0.06, 0.6
-#: Of broken cracks, in half widths: where the wall starts, and the widths of chips.
-_FOOT, _CHIPS = 0.65, (0.4, 0.8, 1.3)
-#: Fallen fragments: width in half widths, height as a share of the depth, how much of each is buried; slope of the
-#: sides.
-_FALLEN, _FRAGMENT_SIDE = ((1.1, 0.7, 0.35), (0.35, 0.16, 0.1), (0.12, 0.05, 0.0)), 2.2
+#: Sideways bending of the cracks, in plates.
+_BEND_SIZE = 0.06
+#: Wavelength of the bending, in plates.
+_BEND_WAVELENGTH = 0.6
+#: Foot of the wall of a broken crack, in half widths.
+_WALL_FOOT = 0.65
+#: Widths of its chips, in half widths.
+_CHIP_WIDTHS = (0.4, 0.8, 1.3)
+#: Fallen fragments by size: width in half widths, height as a share of the depth, buried part.
+_FALLEN_FRAGMENTS = ((1.1, 0.7, 0.35), (0.35, 0.16, 0.1), (0.12, 0.05, 0.0))
+#: Slope of their sides.
+_FRAGMENT_SLOPE = 2.2
 
 
 def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Cracks ``depth_m`` deep and ``width_m`` wide from edge to edge, with rims over another width to either side."""
-    keys = [draw_key(random) for _ in range(6 + len(_CHIPS))]
+    keys = [draw_key(random) for _ in range(6 + len(_CHIP_WIDTHS))]
     depth, half, rim = settings.depth_m, settings.width_m / 2, settings.rim_m
     if depth == 0.0 and rim == 0.0:
         return None
@@ -51,20 +56,20 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         along, across = rotate_coordinates(x_m, y_m, settings.azimuth_deg)
         u, v = along / long, across / broad
-        bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[1:3])
+        bend_u, bend_v = (_BEND_SIZE * wander(u / _BEND_WAVELENGTH, v / _BEND_WAVELENGTH, k) for k in keys[1:3])
         distance = find_voronoi_cells(u + bend_u, v + bend_v, keys[0]).edge_distance(long, broad) / half
-        # The rim falls off over a crack's width, to nothing with no step.
+        # Over a crack's width the rim falls smoothly to 0.
         outer = np.clip((3.0 - distance) / 2.0, 0.0, 1.0)
         outside = rim * outer * outer
         if not broken:
             return np.where(distance < 1.0, (depth + rim) * smooth_step(distance) - depth, outside)
         x, y = along / half, across / half
-        step = broken_step(distance, x, y, _FOOT, 1.0 - _FOOT, _CHIPS, keys[6:])
+        step = broken_step(distance, x, y, _WALL_FOOT, 1.0 - _WALL_FOOT, _CHIP_WIDTHS, keys[6:])
         fallen = evaluate_where(step < 1.0, lambda x, y: _fallen_fragment_heights(x, y, keys[3:6]), x, y)
         return step * outside - depth * (1.0 - step) * (1.0 - fallen)
 
     return Landform(
-        half * (1.0 - _FOOT if broken else 1.0), heights, walls=Walls(depth, keys[6]) if broken and depth else None
+        half * (1.0 - _WALL_FOOT if broken else 1.0), heights, walls=Walls(depth, keys[6]) if broken and depth else None
     )
 
 
@@ -72,8 +77,8 @@ def _fallen_fragment_heights(x: Array, y: Array, keys: Sequence[int]) -> Array:
     """Height of the fragments on the floor as a share of the depth; coordinates in half widths."""
     return sum(
         (
-            high * np.maximum(facet_heights(x / size, y / size, _FRAGMENT_SIDE, key) - buried, 0.0)
-            for size, high, buried, key in zip(*_FALLEN, keys, strict=True)
+            high * np.maximum(facet_heights(x / size, y / size, _FRAGMENT_SLOPE, key) - buried, 0.0)
+            for size, high, buried, key in zip(*_FALLEN_FRAGMENTS, keys, strict=True)
         ),
         start=np.zeros(()),
     )

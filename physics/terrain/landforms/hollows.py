@@ -14,11 +14,14 @@ from ....support.arrays import Array, Numbers
 from ..noise.voronoi import find_voronoi_cells
 from .landform import Landform, draw_key, rotate_coordinates, wander
 
-#: Bending of the rims, in hollows, and its wavelength in hollows.
-_BEND, _BEND_LENGTH = 0.15, 0.8
+#: Sideways bending of the rims, in hollows.
+_BEND_SIZE = 0.15
+#: Wavelength of the bending, in hollows.
+_BEND_WAVELENGTH = 0.8
 #: The shallowest hollow, as a share of the deepest.
 _SHALLOWEST = 0.6
-#: Half the mean slope beside an edge, in depths per diameter: how deep a hollow is half a crest's width from it.
+#: Half the mean slope beside an edge, in depths per diameter; it gives the depth of a hollow half a crest's width from
+#: the edge.
 _CREST_SLOPE = 3.0
 
 
@@ -33,7 +36,7 @@ def make(settings: HollowsSettings, random: np.random.Generator, size_m: float) 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         along, across = rotate_coordinates(x_m, y_m, settings.azimuth_deg)
         u, v = along / (diameter * settings.elongation), across / diameter
-        bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[2:])
+        bend_u, bend_v = (_BEND_SIZE * wander(u / _BEND_WAVELENGTH, v / _BEND_WAVELENGTH, k) for k in keys[2:])
         cells = find_voronoi_cells(u + bend_u, v + bend_v, keys[0])
         deep = depth * (_SHALLOWEST + (1.0 - _SHALLOWEST) * cells.random(keys[1]))
         # The square of F1 / F2 is 0 at a cell's point and 1 on all its edges.

@@ -1,4 +1,4 @@
-"""Code that the landforms share: their interface, turned coordinates, steps."""
+"""Code that the landforms share: their interface, rotated coordinates, steps."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from ..roughness.roughness import carried_share
 
 #: Largest slope of a facet toward either axis, heights and lengths in facets.
 _FACET_TILT = 0.45
-#: No point of a cell is further than sqrt(2) from its own.
+#: Greatest height of a facet: no point of a cell is farther than sqrt(2) from the cell's own point.
 _HIGHEST_FACET = 1.0 + 2.0 * _FACET_TILT
-#: How deep chips reach, as a share of their width.
-_CHIP_DEPTH = 0.4
+#: Depth of chips as a share of their width.
+_CHIP_DEPTH_SHARE = 0.4
 
 
 @dataclass(frozen=True)
 class Crests:
-    """Sharp crests of a landform: each of ``lines``, as ``line(x_m, y_m)``, is the signed distance from the nearest in
-    metres, and the next is about ``apart_m`` away. Crests of one line do not cross; crests of different lines may. A
-    mesh with edges along them takes ``heights``, sharp where it is fine enough."""
+    """Sharp crests of a landform. Each of ``lines`` is a function ``line(x_m, y_m)`` that returns the signed distance
+    from the nearest crest in metres; the next crest is about ``apart_m`` away. Crests of one line do not cross; crests
+    of different lines may. A mesh with edges along them uses ``heights``, which are sharp where the mesh is fine
+    enough."""
 
     lines: Sequence[Callable[[Array, Array], Array]]
     heights: Callable[[Array, Array, Numbers], Array]
@@ -42,10 +43,8 @@ class Walls:
 
 @dataclass(frozen=True)
 class Landform:
-    """A height field. ``heights(x_m, y_m, shortest_m)`` takes arrays that broadcast and gives metres.
-
-    ``finest_m`` is its smallest length; infinite if the field itself leaves out waves that are too fine.
-    """
+    """A height field. ``heights(x_m, y_m, shortest_m)`` takes arrays that broadcast and returns metres. ``finest_m`` is
+    its smallest length; infinite if the field itself leaves out waves that are too fine."""
 
     finest_m: float
     heights: Callable[[Array, Array, Numbers], Array]
@@ -57,9 +56,9 @@ class Landform:
         return replace(self, heights=self.crests.heights) if self.crests else self
 
     def carried_share(self, shortest_m: Numbers) -> Numbers:
-        """Which share of the heights a mesh shows whose shortest wavelength is ``shortest_m``: all where the
-        smallest length spans 1.5 vertex spacings, none where it spans one, so that no step shows in a mesh
-        that gets coarser."""
+        """Share of the heights on a mesh whose shortest wavelength is ``shortest_m``: 1 if the smallest length spans at
+        least 1.5 vertex spacings, 0 if it spans one or less. The share changes smoothly, so that a mesh that gets
+        coarser shows no step."""
         return carried_share(2.0 * self.finest_m, shortest_m)
 
 
@@ -86,10 +85,8 @@ def wander(u: Array, v: Array, key: int) -> Array:
 
 
 def facet_heights(u: Array, v: Array, side: float, key: int) -> Array:
-    """Flat, tilted tops at random heights between 0 and about 1, one a Voronoi cell of width 1, as of broken ice.
-
-    They fall to 0 at the edges of the cells, with the slope ``side`` or less. ``u`` and ``v`` in facets.
-    """
+    """Flat, tilted tops at random heights between 0 and about 1, one in each Voronoi cell of width 1, as of broken ice.
+    At the edges of the cells they fall to 0, with the slope ``side`` or less. ``u`` and ``v`` are in facets."""
     cells = find_voronoi_cells(u, v, key)
     high = cells.random(key ^ 1)
     # The tilt turns with the height's later digits, so that no further random number is needed.
@@ -115,18 +112,16 @@ def broken_step(
     chips: Sequence[float],
     keys: Sequence[int],
 ) -> Array:
-    """A step from 0 at the distance ``foot`` to 1 at ``foot + width``, with chips broken out of it.
-
-    It has a ledge for each of the widths of ``chips``, from the foot up; chips reach behind the straight edge by up to
-    0.4 of their width. All lengths have the unit of ``distance``, ``u`` and ``v``.
-    """
+    """A step from 0 at the distance ``foot`` to 1 at ``foot + width``, with chips broken out of it. It has a ledge for
+    each of the widths of ``chips``, from the foot up; chips reach behind the straight edge by up to 0.4 of their width.
+    All lengths have the unit of ``distance``, ``u`` and ``v``."""
 
     def ledges(behind: Array, u: Array, v: Array) -> Array:
         total = np.zeros(behind.shape)
         for k, (size, key) in enumerate(zip(chips, keys, strict=True)):
-            lost = _CHIP_DEPTH * size * np.maximum(facet_heights(u / size, v / size, 2.0, key), 0.0)
+            lost = _CHIP_DEPTH_SHARE * size * np.maximum(facet_heights(u / size, v / size, 2.0, key), 0.0)
             total += np.clip((behind - lost) * (len(chips) / width) - k, 0.0, 1.0)
         return total / len(chips)
 
-    whole = distance >= foot + width + _CHIP_DEPTH * _HIGHEST_FACET * max(chips)
+    whole = distance >= foot + width + _CHIP_DEPTH_SHARE * _HIGHEST_FACET * max(chips)
     return whole + evaluate_where((distance > foot) & ~whole, ledges, distance - foot, u, v)

@@ -19,25 +19,37 @@ from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .landform import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
 
-#: Sideways wandering of the rows, in spacings, and its wavelength in blade lengths.
-_WANDER, _WANDER_LENGTH = 0.5, 1.2
-#: Furthest a row's crest is beside the middle between its troughs by chance, and with its lean, in spacings.
-_ASTRAY, _MOST_LEAN = 0.12, 0.35
-#: At full disorder: how much lower the lowest groups of blades are than the tallest, and the width of groups; how far
-#: rows are out of place and over how many rows; how much a blade leans beside its row's lean. All in spacings but the
-#: first.
-_GROUPS, _GROUP, _PUSHED, _PUSHED_OVER, _LEANS = 0.75, 5.0, 0.8, 3.6, 0.3
-#: How much lower the lowest blade is than the tallest, as a share of the variation.
-_LOWER = 0.5
-#: How much shallower the shallowest notch between two blades is than the deepest.
-_SHALLOWER = 0.6
-#: Teeth of a crest: how deep, as a share of the variation, and how long, in blade lengths.
-_TEETH, _TOOTH = 0.4, 0.25
-#: Shortest wavelength of a mesh, in spacings, up to which crests are quite sharp if it has edges along them.
-_SHARP = 0.2
+#: Sideways wandering of the rows, in spacings.
+_WANDER = 0.5
+#: Wavelength of the wandering, in blade lengths.
+_WANDER_WAVELENGTH = 1.2
+#: Largest random offset of a row's crest from the middle between its troughs, in spacings.
+_CREST_OFFSET = 0.12
+#: Largest offset of a crest with its lean, in spacings.
+_MOST_LEAN = 0.35
+#: At full disorder: height loss of the lowest group of blades relative to the tallest.
+_GROUP_HEIGHT_LOSS = 0.75
+#: Width of groups, in spacings.
+_GROUP_WIDTH = 5.0
+#: Shift of rows from their places, in spacings.
+_ROW_SHIFT = 0.8
+#: Number of rows over which the shift varies.
+_ROW_SHIFT_WAVELENGTH = 3.6
+#: Variation of a blade's lean about its row's lean, in spacings.
+_LEAN_VARIATION = 0.3
+#: Height loss of the lowest blade relative to the tallest, as a share of the variation.
+_LEAST_BLADE_LOSS = 0.5
+#: Depth loss of the shallowest notch between two blades relative to the deepest.
+_NOTCH_VARIATION = 0.6
+#: Depth of a crest's teeth, as a share of the variation.
+_TOOTH_DEPTH = 0.4
+#: Length of the teeth, in blade lengths.
+_TOOTH_LENGTH = 0.25
+#: Shortest wavelength of a mesh, in spacings, up to which crests along its edges are fully sharp.
+_SHARP_UP_TO = 0.2
 
 
-def _chance(place: Array, row: Array, key: int) -> Array:
+def _random_along_row(place: Array, row: Array, key: int) -> Array:
     """Random numbers in [0, 1] along each row, linear between whole places: ice breaks to points."""
     first = np.floor(place)
     index = first.astype(np.int64)
@@ -45,41 +57,39 @@ def _chance(place: Array, row: Array, key: int) -> Array:
     return low + (place - first) * (high - low)
 
 
-def _crest(along: Array, row: Array, variation: float, keys: Sequence[int]) -> Array:
+def _crest_height(along: Array, row: Array, variation: float, keys: Sequence[int]) -> Array:
     """Height of the crest line, 0 to 1: blades of random height, toothed, with a notch where one ends.
 
     ``along`` is in lengths of blades.
     """
     place = along + 17.0 * to_uniform(hash_lattice(row, np.int64(0) * row, keys[0]))
-    tall = 1.0 - _LOWER * variation * _chance(place, row, keys[1])
-    toothed = 1.0 - _TEETH * variation * _chance(place / _TOOTH, row, keys[2])
+    tall = 1.0 - _LEAST_BLADE_LOSS * variation * _random_along_row(place, row, keys[1])
+    toothed = 1.0 - _TOOTH_DEPTH * variation * _random_along_row(place / _TOOTH_LENGTH, row, keys[2])
     # Blades end at whole places, in notches of random depth, and are highest half way between.
     end = np.floor(place + 0.5)
-    notch = 1.0 - _SHALLOWER * to_uniform(hash_lattice(end.astype(np.int64), row, keys[3]))
+    notch = 1.0 - _NOTCH_VARIATION * to_uniform(hash_lattice(end.astype(np.int64), row, keys[3]))
     return tall * toothed * (1.0 - variation * notch * (1.0 - 2.0 * np.abs(place - end)))
 
 
-def _group(x: Array, y: Array, disorder: float, key: int) -> Numbers:
-    """How tall the group of blades is, as a share of the tallest; ``x`` and ``y`` are in widths of groups."""
+def _group_height(x: Array, y: Array, disorder: float, key: int) -> Numbers:
+    """Height of a group of blades relative to the tallest group; ``x`` and ``y`` are in group widths."""
     if not disorder:
         return 1.0
     u, v = np.broadcast_arrays(x, y)
     field = wander(u, v, key) + 0.5 * wander(2.7 * u, 2.7 * v, key ^ 1)  # rarely beyond 0.6
-    return 1.0 - disorder * _GROUPS * smooth_step(0.5 + 0.8 * field)
+    return 1.0 - disorder * _GROUP_HEIGHT_LOSS * smooth_step(0.5 + 0.8 * field)
 
 
-def _blade(distance: Array, edge: Array, sharpness: float) -> Array:
-    """Height of a blade between its crest, at a distance of 0, and its trough, at 1.
-
-    A mesh cannot carry an edge: it is as round, over ``edge``, as the mesh is coarse, or it would show as a saw.
-    """
+def _blade_height(distance: Array, edge: Array, sharpness: float) -> Array:
+    """Height of a blade between its crest, at distance 0, and its trough, at 1. A mesh cannot carry a sharp edge and
+    would show it as a saw, so the crest is rounded over ``edge``, which follows from the spacing."""
     distance = (np.hypot(distance, edge) - edge) / (np.hypot(1.0, edge) - edge)
     rounded = 1.0 - smooth_step(distance)
     return rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
 
 
 def make(settings: PenitentesSettings, random: np.random.Generator, size_m: float) -> Landform | None:
-    """Penitentes of the stated height, crest to trough, above the ground."""
+    """Penitentes with the set height from trough to crest, above the ground."""
     keys = [draw_key(random) for _ in range(7)]
     height, spacing = settings.height_m, settings.spacing_m
     if height == 0.0:
@@ -87,34 +97,34 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
     more = [draw_key(random) for _ in range(3)]
     disorder, length = settings.disorder, spacing * settings.elongation
     lean = math.tan(math.radians(settings.lean_deg)) * height / spacing
-    lean = min(lean, _MOST_LEAN - _ASTRAY)
+    lean = min(lean, _MOST_LEAN - _CREST_OFFSET)
 
     def offset(x_m: Array, y_m: Array) -> tuple[Array, Array, Array, Array]:
         """How far a place is beside its row's crest, in spacings; the crest's own place, the row, and the way along."""
         across, along = rotate_coordinates(x_m, y_m, settings.noon_azimuth_deg)
-        u, v = along / (_WANDER_LENGTH * length), across / (_WANDER_LENGTH * length)
+        u, v = along / (_WANDER_WAVELENGTH * length), across / (_WANDER_WAVELENGTH * length)
         place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(2.3 * u, 2.3 * v, keys[5])
         if disorder:
-            over = _PUSHED_OVER * spacing
-            place = place + disorder * _PUSHED * wander(along / over, across / over, more[0])
+            over = _ROW_SHIFT_WAVELENGTH * spacing
+            place = place + disorder * _ROW_SHIFT * wander(along / over, across / over, more[0])
         row = np.floor(place + 0.5)
         index = row.astype(np.int64)
-        middle = lean + _ASTRAY * (2.0 * to_uniform(hash_lattice(index, np.int64(0) * index, keys[6])) - 1.0)
+        middle = lean + _CREST_OFFSET * (2.0 * to_uniform(hash_lattice(index, np.int64(0) * index, keys[6])) - 1.0)
         if disorder:
-            leans = disorder * _LEANS * wander(along / length, 1.7 * row, more[1])
+            leans = disorder * _LEAN_VARIATION * wander(along / length, 1.7 * row, more[1])
             middle = np.clip(middle + leans, -_MOST_LEAN, _MOST_LEAN)
         return place - row - middle, middle, index, along
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         beside, middle, index, along = offset(x_m, y_m)
         distance = np.where(beside > 0.0, beside / (0.5 - middle), -beside / (0.5 + middle))  # 0 crest, 1 trough
-        blade = _blade(distance, np.asarray(shortest_m) / spacing, settings.sharpness)
-        tallest = _group(x_m / (_GROUP * spacing), y_m / (_GROUP * spacing), disorder, more[2])
-        return height * tallest * blade * _crest(along / length, index, settings.variation, keys)
+        blade = _blade_height(distance, np.asarray(shortest_m) / spacing, settings.sharpness)
+        tallest = _group_height(x_m / (_GROUP_WIDTH * spacing), y_m / (_GROUP_WIDTH * spacing), disorder, more[2])
+        return height * tallest * blade * _crest_height(along / length, index, settings.variation, keys)
 
     def sharp_heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         """Rounded only where the mesh is too coarse for an edge along the crest."""
-        return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP * spacing), 0.0, shortest_m))
+        return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP_UP_TO * spacing), 0.0, shortest_m))
 
     crests = Crests([lambda x_m, y_m: spacing * offset(x_m, y_m)[0]], sharp_heights, spacing)
     return Landform(spacing / 2, heights, crests if settings.sharpness > 0.0 else None)

@@ -16,24 +16,26 @@ from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .landform import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
 
-#: Where the crests are, as a share of half the width.
-_CREST = 0.4
-#: Sideways wandering of a ridge, in spacings, and its wavelength in spacings.
-_WANDER, _WANDER_LENGTH = 0.12, 2.5
+#: Distance of the crests from the middle, in half widths.
+_CREST_PLACE = 0.4
+#: Sideways wandering of a ridge, in spacings.
+_RIDGE_WANDER = 0.12
+#: Wavelength of the wandering, in spacings.
+_WANDER_WAVELENGTH = 2.5
 
 
 def ridge_profile(place: Array, trough: float) -> Array:
-    """Height across a ridge, 1 at the crests, against the distance from its middle in half widths."""
+    """Height across a ridge, 1 at the crests, at distances ``place`` from the middle in half widths."""
     place = np.abs(place)
-    inner = 1.0 - trough * (1.0 - place / _CREST)
-    down = np.clip((1.0 - place) / (1.0 - _CREST), 0.0, 1.0)
-    return np.where(place < _CREST, inner, 0.5 * (down + smooth_step(down)))
+    inner = 1.0 - trough * (1.0 - place / _CREST_PLACE)
+    down = np.clip((1.0 - place) / (1.0 - _CREST_PLACE), 0.0, 1.0)
+    return np.where(place < _CREST_PLACE, inner, 0.5 * (down + smooth_step(down)))
 
 
 def distance_to_edges(place: Array) -> Array:
-    """Distance to the nearest edge across a ridge, in half widths, negative on one side: both crests and the trough."""
+    """Signed distance, in half widths, to the nearest edge across a ridge; the edges are both crests and the trough."""
     far = np.abs(place)
-    return np.where(far < _CREST / 2, place, np.sign(place) * (_CREST - far))
+    return np.where(far < _CREST_PLACE / 2, place, np.sign(place) * (_CREST_PLACE - far))
 
 
 def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -> Landform | None:
@@ -52,8 +54,8 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
     def one_set(k: int, x_m: Array, y_m: Array) -> Array:
         """Distance to the ridge of the set's strip, in half widths."""
         along, across = rotate_coordinates(x_m, y_m, settings.azimuth_deg + turns[k] * settings.spread_deg)
-        place = across / spacing + _WANDER * wander(
-            along / (_WANDER_LENGTH * spacing), across / (4 * spacing), keys[2 * k]
+        place = across / spacing + _RIDGE_WANDER * wander(
+            along / (_WANDER_WAVELENGTH * spacing), across / (4 * spacing), keys[2 * k]
         )
         strip = np.floor(place)
         index = strip.astype(np.int64)
@@ -72,5 +74,5 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
     def line(k: int, x_m: Array, y_m: Array) -> Array:
         return width / 2 * distance_to_edges(one_set(k, x_m, y_m))
 
-    crests = Crests([partial(line, k) for k in range(sets)], heights, _CREST * width / 2)
-    return Landform(width * min(_CREST, 1 - _CREST) / 2, heights, crests)
+    crests = Crests([partial(line, k) for k in range(sets)], heights, _CREST_PLACE * width / 2)
+    return Landform(width * min(_CREST_PLACE, 1 - _CREST_PLACE) / 2, heights, crests)

@@ -39,7 +39,7 @@ BASES: dict[str, Noise] = {
 
 @dataclass(frozen=True)
 class Fractal:
-    """A fractal sum: the signal made of an octave's noise, and the sum ``of(signal, octaves, roughness)``."""
+    """A fractal sum: ``signal`` converts an octave's noise, and ``of(signal, octaves, roughness)`` sums the octaves."""
 
     signal: Callable[[Array], Array]
     of: Callable[[Octaves, int, float], Numbers]
@@ -58,7 +58,7 @@ def _crest_noise(noise: Array) -> Array:
 
 
 def add_octaves(signal: Octaves, octaves: int, roughness: float) -> Numbers:
-    """The plain sum: fractional Brownian motion of noise, turbulence of its magnitude."""
+    """The plain sum: fractional Brownian motion if the signal is the noise, turbulence if it is its magnitude."""
     total = signal(0)
     for k in range(1, octaves):
         total = total + roughness**k * signal(k)

@@ -1,12 +1,12 @@
 """Lattice noises as functions of position.
 
-Any points in any order, the same numbers in every Blender, on every machine: integer hashing and
-float64 sums, products and roots only (sines and powers differ between machines in the last bit).
-Source of the method: Perlin, "Improving Noise", SIGGRAPH 2002 (quintic fade); lattice values come
-from a 32-bit integer hash instead of a permutation table, so the lattice repeats after 2³² cells only.
+Points may come in any order. The numbers are the same in every Blender on every machine, because only integer hashing
+and float64 sums, products and roots are used (sines and powers differ between machines in the last bit). Source of the
+method: Perlin, "Improving Noise", SIGGRAPH 2002 (quintic fade). Lattice values come from a 32-bit integer hash instead
+of a permutation table, so the lattice repeats only after 2³² cells.
 
-Where the points crowd on few lattice cells, the cells are hashed once and looked up; where they are
-scattered over many, each point hashes its own. Both ways give the same bits.
+If many points share few lattice cells, the cells are hashed once and looked up; otherwise each point hashes its own
+cell. Both ways give the same bits.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ import numpy as np
 
 from ....support.arrays import Array
 
-_DIRECTIONS = 64
-_ANGLES = [2 * math.pi * k / _DIRECTIONS for k in range(_DIRECTIONS)]
+#: Number of directions of gradients.
+_GRADIENT_DIRECTIONS = 64
+_ANGLES = [2 * math.pi * k / _GRADIENT_DIRECTIONS for k in range(_GRADIENT_DIRECTIONS)]
 #: Gradients of length √2, which gives noise of about unit range.
 _GRADIENT_X, _GRADIENT_Y = (np.array([math.sqrt(2.0) * f(a) for a in _ANGLES]) for f in (math.cos, math.sin))
 #: The twelve edge directions of Perlin's 3-D noise, of length √2.
-_GRADIENT_3 = np.array(
+_GRADIENTS_3D = np.array(
     [(a, b, 0) for a in (-1, 1) for b in (-1, 1)]
     + [(a, 0, b) for a in (-1, 1) for b in (-1, 1)]
     + [(0, a, b) for a in (-1, 1) for b in (-1, 1)],
@@ -69,10 +70,8 @@ def quintic_fade(t: Array) -> Array:
 
 @dataclass(frozen=True)
 class LatticeCells:
-    """Which lattice cell each point is in, and values at lattice corners near it.
-
-    ``dx``, ``dy`` are the places of the points in their cells, in [0, 1).
-    """
+    """The lattice cell of each point, and values at lattice corners near it. ``dx`` and ``dy`` are the places of the
+    points in their cells, in [0, 1)."""
 
     dx: Array
     dy: Array
@@ -86,7 +85,7 @@ class LatticeCells:
 
     @classmethod
     def of(cls, x: Array, y: Array, key: int, reach: int = 0) -> LatticeCells:
-        """The cells of points in lattice units; corners from -reach to reach + 1 are wanted."""
+        """The cells of points in lattice units; values at corners from -reach to reach + 1 are available."""
         left, below = np.floor(x), np.floor(y)
         dx, dy = x - left, y - below
         x_min, y_min = float(left.min()) - reach, float(below.min()) - reach
@@ -129,7 +128,7 @@ class LatticeCells:
 
 
 def _look_up_direction(components: Array) -> Callable[[Array], Array]:
-    return lambda h: components.take((h & np.uint32(_DIRECTIONS - 1)).astype(np.intp))
+    return lambda h: components.take((h & np.uint32(_GRADIENT_DIRECTIONS - 1)).astype(np.intp))
 
 
 def gradient_noise(x: Array, y: Array, key: int) -> Array:
@@ -160,7 +159,7 @@ def gradient_noise(x: Array, y: Array, key: int) -> Array:
 
 
 def cell_noise(x: Array, y: Array, key: int) -> Array:
-    """A value in [-1, 1) for each unit square, constant in it."""
+    """A random value in [-1, 1) for each unit square."""
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
     (value,) = cells.lookup(to_uniform)(0, 0)
     value *= 2.0
@@ -191,8 +190,8 @@ def gradient_noise_3d(points: Array, key: int) -> Array:
     def corner(i: int, j: int, k: int) -> Array:
         layer = hash_lattice(cell[:, 2] + k, np.int64(0) * cell[:, 2], key)
         h = hash_lattice(cell[:, 0] + i, cell[:, 1] + j, key) ^ layer
-        direction = (_mix_bits(h).astype(np.uint64) * np.uint64(len(_GRADIENT_3))) >> np.uint64(32)
-        g = _GRADIENT_3.take(direction.astype(np.intp), axis=0)
+        direction = (_mix_bits(h).astype(np.uint64) * np.uint64(len(_GRADIENTS_3D))) >> np.uint64(32)
+        g = _GRADIENTS_3D.take(direction.astype(np.intp), axis=0)
         return g[:, 0] * (near[:, 0] - i) + g[:, 1] * (near[:, 1] - j) + g[:, 2] * (near[:, 2] - k)
 
     def plane(k: int) -> Array:

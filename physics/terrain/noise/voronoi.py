@@ -1,8 +1,8 @@
-"""Voronoi cells of one random point per lattice square, exactly.
+"""Exact Voronoi cells of one random point per lattice square.
 
-After Worley, "A Cellular Texture Basis Function", SIGGRAPH 1996. The two nearest points of the 3 x 3
-squares around a position are not always the two nearest of all; where a point outside could be
-nearer, the next ring of squares is searched too, which is enough.
+After Worley, "A Cellular Texture Basis Function", SIGGRAPH 1996. The two nearest points of the 3 x 3 squares around a
+position are not always the two nearest of all. If a point outside could be nearer, the next ring of squares is searched
+too; this is sufficient.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ import numpy as np
 from ....support.arrays import Array
 from .lattice_noise import LatticeCells, hash_lattice, to_uniform
 
-_SQUARES = [(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)]
-_RING = [(i, j) for j in range(-2, 3) for i in range(-2, 3) if max(abs(i), abs(j)) == 2]
+#: The 3 x 3 squares around a position.
+_NEAR_SQUARES = [(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)]
+#: The ring of squares around these.
+_OUTER_SQUARES = [(i, j) for j in range(-2, 3) for i in range(-2, 3) if max(abs(i), abs(j)) == 2]
 _HALF_WORD = np.uint32(0xFFFF)
 
 
@@ -30,8 +32,9 @@ def _point_y(h: Array) -> Array:
 
 @dataclass(frozen=True)
 class Voronoi:
-    """The nearest point of each position: ``x1``, ``y1`` is its place relative to it, ``f1`` its distance and
-    ``f2`` the distance of the second nearest, all in lattice units and of the shape of the positions."""
+    """The nearest point of each position. ``x1``, ``y1`` are the position relative to that point, ``f1`` is its
+    distance and ``f2`` the distance of the second nearest point, all in lattice units and in the shape of the
+    positions."""
 
     x1: Array
     y1: Array
@@ -47,20 +50,18 @@ class Voronoi:
         return to_uniform(hash_lattice(self._column, self._row, key))
 
     def edge_distance(self, length_x: float = 1.0, length_y: float = 1.0) -> Array:
-        """Distance to the nearest edge of the cell, in the unit of a lattice square's ``length_x`` and ``length_y``.
-
-        The edge is sought among points of the 5 x 5 squares around a position: exact where it is less than
-        0.29 lattice squares away, seldom too large elsewhere.
-        """
+        """Distance to the nearest edge of the cell, in the unit of ``length_x`` and ``length_y``, the sides of a
+        lattice square. Only points of the 5 x 5 squares around a position are tested: the distance is exact below 0.29
+        lattice squares, and seldom too large above."""
         x1, y1, square = self.x1.ravel(), self.y1.ravel(), self.f1.ravel() ** 2
         nearest = np.full(square.size, np.inf)
-        for i, j in _SQUARES + _RING:
+        for i, j in _NEAR_SQUARES + _OUTER_SQUARES:
             px, py = self._points(i, j)
             px += i
             px -= self._cells.dx
             py += j
             py -= self._cells.dy
-            # How much further this point is than the nearest, over how fast that changes across the edge.
+            # Excess of this point's squared distance over the nearest, divided by its rate of change across the edge.
             further: Array = px * px + py * py
             further -= square
             px -= x1
@@ -76,8 +77,8 @@ class Voronoi:
 
 
 def _find_unsure(cells: LatticeCells, nearest: Array) -> tuple[Array, Array, Array]:
-    """Where the 3 x 3 squares may not hold the two nearest points, as ``nearest`` (2, n), the squared
-    distances found in them, tells; and the square (column, row) that each such position is in."""
+    """Positions for which the 3 x 3 squares may lack one of the two nearest points, judged by ``nearest`` (2, n), the
+    squared distances found in them; and the square (column, row) of each such position."""
     margin = np.minimum(np.minimum(cells.dx, 1.0 - cells.dx), np.minimum(cells.dy, 1.0 - cells.dy))
     margin += 1.0
     unsure = np.flatnonzero(nearest[1] > margin * margin)
@@ -86,8 +87,7 @@ def _find_unsure(cells: LatticeCells, nearest: Array) -> tuple[Array, Array, Arr
 
 
 def nearest_distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
-    """Distances F1 and F2 to the two nearest of the random points, as ``find_voronoi_cells`` has them, at half its
-    cost."""
+    """Distances F1 and F2 to the two nearest random points, as in ``find_voronoi_cells`` at half its cost."""
     shape = np.shape(x)
     cells = LatticeCells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=1)
     points = cells.lookup(_point_x, _point_y)
@@ -105,12 +105,12 @@ def nearest_distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
         px += py
         return px
 
-    for i, j in _SQUARES:
+    for i, j in _NEAR_SQUARES:
         distance = squared(i, j, points(i, j), slice(None))
         np.minimum(second, np.maximum(first, distance), out=second)
         np.minimum(first, distance, out=first)
     unsure, column, row = _find_unsure(cells, nearest)
-    for i, j in _RING if unsure.size else ():
+    for i, j in _OUTER_SQUARES if unsure.size else ():
         h = hash_lattice(column + i, row + j, key)
         distance = squared(i, j, [_point_x(h), _point_y(h)], unsure)
         second[unsure] = np.minimum(second[unsure], np.maximum(first[unsure], distance))
@@ -144,11 +144,11 @@ def find_voronoi_cells(x: Array, y: Array, key: int) -> Voronoi:
         y1[who] = np.where(wins, py, y1[who])
         owner[who] = np.where(wins, np.int8(5 * (j + 2) + i + 2), owner[who])
 
-    for i, j in _SQUARES:
+    for i, j in _NEAR_SQUARES:
         px, py = points(i, j)
         offer(i, j, px, py, slice(None))
     unsure, column, row = _find_unsure(cells, nearest)
-    for i, j in _RING if unsure.size else ():
+    for i, j in _OUTER_SQUARES if unsure.size else ():
         h = hash_lattice(column + i, row + j, key)
         offer(i, j, _point_x(h), _point_y(h), unsure)
     f1, f2 = np.sqrt(nearest)

@@ -1,1 +1,1 @@
-"""Roughness that is stated: slopes over distances, and surfaces that have them."""
+"""Roughness: slopes over distances, and random surfaces that have them."""

@@ -26,30 +26,32 @@ from ..noise.lattice_noise import gradient_noise
 from .statistics import remove_plane
 from .structure_function import NOISE_DEVIATION, structure_function
 
-#: The power law holds from this share of the shortest wavelength to this share of the longest.
-LAW_FROM, LAW_TO = 0.5, 0.3
+#: The power law holds from this multiple of the shortest wavelength
+LAW_FROM = 0.5
+#: to this multiple of the longest.
+LAW_TO = 0.3
 MOST_OCTAVES = 48
 #: Rotation between octaves, so that their lattices do not line up and show as a grid.
-_TURN = math.radians(37.0)
+_OCTAVE_TURN_RAD = math.radians(37.0)
 _LAGS_PER_OCTAVE = 6
 _FIT_STEPS = 400
-#: Logarithm of the range of wavelengths, to either side, that counts as all of them.
-_ALL = 40.0
-#: The patch is measured on a grid of this many points per side.
-_SAMPLES = 129
-#: How far an octave's amplitude may be moved to make up for chance in a patch.
+#: Half the range of the logarithm of wavelengths that is used for an infinite range.
+_LOG_RANGE = 40.0
+#: Points per side of the grid on which the patch is measured.
+_GRID_SIDE = 129
+#: Largest factor on an octave's amplitude that corrects for chance in a patch.
 _MOST_CORRECTION = 3.0
-#: So many wavelengths fit into a patch on which an octave's amplitude may be moved by a factor of 2.
-_WAVES = 3.0
-#: Relief, in standard deviations of the ground so far, over which multifractal weights go from 0 to 1.
+#: Number of wavelengths across a patch at which an octave's amplitude may be corrected by a factor of 2.
+_WAVES_FOR_FACTOR_2 = 3.0
+#: Range of relief, in standard deviations of the ground so far, over which multifractal weights rise from 0 to 1.
 RELIEF_SPAN = 4.0
-#: Octaves that add less than this share to the variance no longer change the weights.
-_RELIEF_SHARE = 0.01
+#: Octaves that add less than this share to the variance leave the weights unchanged.
+_LEAST_VARIANCE_SHARE = 0.01
 
 
 def octave_wavelengths_m(terrain: TerrainSettings) -> Array:
-    """Wavelengths of the octaves, longest first, from one cut-off to the other: evenly spaced in the logarithm
-    and no further apart than the lacunarity. Raises IcyMoonError where the cut-offs make no sense."""
+    """Wavelengths of the octaves, longest first, from one cut-off to the other: evenly spaced in the logarithm, with
+    ratios of at most the lacunarity. Raises IcyMoonError for contradictory cut-offs."""
     outer, inner, lacunarity = (float(terrain[k]) for k in ("outer_scale_m", "inner_scale_m", "lacunarity"))
     if inner > outer:
         raise IcyMoonError(
@@ -73,9 +75,9 @@ def _fit_squared_amplitudes(
     high: Array,
     cross: Array | None = None,
 ) -> Array:
-    """Squared amplitudes between ``low`` and ``high`` that make ``model @ squares`` (plus the cross terms
-    of the first octaves) follow ``target`` in ratio; ``squares`` is the start. Multiplicative updates
-    keep every amplitude positive."""
+    """Squared amplitudes between ``low`` and ``high`` for which ``model @ squares`` (plus the cross terms of the first
+    octaves) has the ratios of ``target``. The start is ``squares``. Multiplicative updates keep every amplitude
+    positive."""
     long = 0 if cross is None else cross.shape[1]
     for _ in range(_FIT_STEPS):
         made = model @ squares
@@ -88,26 +90,27 @@ def _fit_squared_amplitudes(
 
 
 def _law_factor_squared(hurst: float, lacunarity: float, dimensions: int) -> float:
-    """Square of the factor c for which octaves of amplitude c wavelength^H, none missing, sum to nu(dx) = dx^H."""
-    octaves = lacunarity ** np.arange(-1, 2 * math.ceil(_ALL / math.log(lacunarity)), dtype=np.float64)
-    octaves /= math.exp(_ALL)
+    """Square of the factor c for which a complete range of octaves with amplitudes c wavelength^H sums to nu(dx) =
+    dx^H."""
+    octaves = lacunarity ** np.arange(-1, 2 * math.ceil(_LOG_RANGE / math.log(lacunarity)), dtype=np.float64)
+    octaves /= math.exp(_LOG_RANGE)
     lag = lacunarity ** ((np.arange(8) + 0.5) / 8)
     made = structure_function(lag[:, None] / octaves, dimensions) @ octaves ** (2 * hurst)
     return float(np.mean(lag ** (2 * hurst) / made))
 
 
 def fit_amplitudes(wavelength_m: Array, hurst: float, dimensions: int = 2) -> Array:
-    """Amplitudes of octaves whose sum has nu(dx) = dx^H, for independent octaves of unit noise.
+    """Amplitudes of octaves of independent unit noise whose sum has nu(dx) = dx^H.
 
-    They are a power of the wavelength, which is what gives the power spectrum its slope of -(2H + 2); but the first two
-    and the last also stand for the waves that are missing beyond them, and are fitted to the law.
+    They are a power of the wavelength, which gives the power spectrum its slope of -(2H + 2). The first two and the
+    last also represent the missing waves beyond them, and are fitted to the law.
     """
     return np.array(_fit_cached_amplitudes(tuple(np.asarray(wavelength_m, np.float64)), hurst, dimensions))
 
 
 @functools.lru_cache(maxsize=64)
 def _fit_cached_amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensions: int) -> tuple[float, ...]:
-    """See ``fit_amplitudes``; kept, because the many grounds of a plan differ in their seeds only."""
+    """The same as ``fit_amplitudes``, cached, because the many grounds of a plan differ only in their seeds."""
     wavelength_m = np.array(wavelengths)
     first, last = LAW_FROM * wavelength_m[-1], max(LAW_TO * wavelength_m[0], LAW_FROM * wavelength_m[-1] * 1.01)
     lag = np.geomspace(first, last, max(2, math.ceil(_LAGS_PER_OCTAVE * math.log2(last / first))))
@@ -145,9 +148,9 @@ def _asked_amplitudes(terrain: TerrainSettings, wavelength_m: Array) -> Array:
 class RoughSurface:
     """A random surface: its octaves, longest first. Build it with :func:`make_rough_surface`.
 
-    Octave k is amplitude_m[k] times unit noise of wavelength_m[k], times a weight between
-    1 - multifractality in hollows and 1 on heights, over ``level[k]``, the weight's RMS, so that the weights
-    move roughness about and leave its mean square as it is.
+    Octave k is amplitude_m[k] times unit noise of wavelength_m[k], times a weight. The weight is between 1 -
+    multifractality in hollows and 1 on heights, divided by its RMS ``level[k]``. So the weights redistribute roughness
+    and keep its mean square.
     """
 
     wavelength_m: Array
@@ -160,14 +163,17 @@ class RoughSurface:
 
     def octave(self, k: int, x_m: Array, y_m: Array) -> Array:
         """Unit noise of octave k."""
-        cos, sin = math.cos(k * _TURN) / self.wavelength_m[k], math.sin(k * _TURN) / self.wavelength_m[k]
+        cos, sin = (
+            math.cos(k * _OCTAVE_TURN_RAD) / self.wavelength_m[k],
+            math.sin(k * _OCTAVE_TURN_RAD) / self.wavelength_m[k],
+        )
         # In this order a grid's rows and columns cost nothing until they meet.
         return gradient_noise(
             (cos * x_m + self.offsets[k, 0]) - sin * y_m, (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k]
         )
 
     def weight(self, k: int, total_m: Array, variance: float) -> Array:
-        """Multifractal weight of the octave after k, from the relief so far, before its level is taken out."""
+        """Multifractal weight of the octave after k, from the relief so far, before division by its level."""
         relief = total_m * (1.0 / (RELIEF_SPAN * math.sqrt(variance)))
         relief += 0.5
         np.clip(relief, 0.0, 1.0, out=relief)
@@ -201,21 +207,21 @@ class RoughSurface:
             if self.multifractality:
                 added = (self.amplitude_m[k] * NOISE_DEVIATION) ** 2
                 variance += added
-                if added > _RELIEF_SHARE * variance:
+                if added > _LEAST_VARIANCE_SHARE * variance:
                     weight = self.weight(k, total, variance)
         total -= self.mean_m
         return total
 
 
 def carried_share(wavelength_m: Numbers, shortest_m: Numbers) -> Numbers:
-    """How much of a wave a mesh carries: 1 down to 1.5 times its shortest wavelength, 0 below that wavelength."""
+    """Share of a wave that a mesh carries: 1 from 1.5 times its shortest wavelength on, 0 below that wavelength."""
     shortest_m = np.maximum(shortest_m, 1e-300)
     share = np.clip(2.0 * (wavelength_m / shortest_m) - 2.0, 0.0, 1.0)
     return share if np.ndim(share) else float(share)
 
 
 def _round_digits(values: Array) -> Array:
-    """To ten digits: sums and powers differ between machines in the last ones, heights shall not."""
+    """Values rounded to ten digits. Sums and powers differ between machines in the last digits; heights must not."""
     return np.array([float(f"{v:.9e}") for v in values])
 
 
@@ -244,21 +250,21 @@ def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.rando
 
 
 def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[Array, Array]:
-    """The weighted unit octaves (long, n, n) that a coarse grid over the patch carries, and the RMS of the
-    weight of every octave."""
-    axis = np.linspace(-size_m / 2, size_m / 2, _SAMPLES)
+    """The weighted unit octaves (long, n, n) that a coarse grid over the patch carries, and the RMS of the weight of
+    every octave."""
+    axis = np.linspace(-size_m / 2, size_m / 2, _GRID_SIDE)
     x, y = axis[None, :], axis[:, None]
     long = int(np.sum(surface.wavelength_m >= 4 * (axis[1] - axis[0])))
     level = np.ones(len(surface.wavelength_m))
     fields: list[Array] = []
-    total, variance, weight = np.zeros((_SAMPLES, _SAMPLES)), 0.0, None
+    total, variance, weight = np.zeros((_GRID_SIDE, _GRID_SIDE)), 0.0, None
     for k in range(len(level)):
         if weight is not None:
             level[k] = math.sqrt(np.mean(weight**2)) or 1.0
         if k >= long and not surface.multifractality:
             break
         added = (surface.amplitude_m[k] * NOISE_DEVIATION) ** 2
-        if k >= long and added <= _RELIEF_SHARE * (variance + added):
+        if k >= long and added <= _LEAST_VARIANCE_SHARE * (variance + added):
             level[k:] = level[k]
             break
         field = surface.octave(k, x, y) / level[k]
@@ -268,9 +274,9 @@ def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[Array, 
             fields.append(field)
         total += surface.amplitude_m[k] * field
         variance += added
-        if surface.multifractality and added > _RELIEF_SHARE * variance:
+        if surface.multifractality and added > _LEAST_VARIANCE_SHARE * variance:
             weight = surface.weight(k, total, variance)
-    return np.array(fields).reshape(len(fields), _SAMPLES, _SAMPLES), level
+    return np.array(fields).reshape(len(fields), _GRID_SIDE, _GRID_SIDE), level
 
 
 def _fit_to_patch(
@@ -280,9 +286,9 @@ def _fit_to_patch(
     fields, level = _measure_long_octaves(surface, size_m)
     wavelength, long = surface.wavelength_m, len(fields)
     means = fields.mean(axis=(1, 2))
-    # Roughness is about the mean plane, as it is measured.
+    # Roughness is defined relative to the mean plane.
     fields = np.array([remove_plane(field) for field in fields]).reshape(fields.shape)
-    spacing = size_m / (_SAMPLES - 1)
+    spacing = size_m / (_GRID_SIDE - 1)
     first, last = LAW_FROM * wavelength[-1], min(LAW_TO * wavelength[0], size_m / 4)
     squares: Array = surface.amplitude_m**2
     if long and last > max(first, spacing):
@@ -298,8 +304,8 @@ def _fit_to_patch(
         model[:, :long] = own
         np.einsum("kii->ki", cross)[...] = 0.0
         target = (at_baseline * (lag / baseline) ** hurst) ** 2
-        # The shorter the waves, the more of them are on the patch and the less is left to chance.
-        free = np.minimum(1.0 + _WAVES * wavelength / size_m, _MOST_CORRECTION) ** 2
+        # Short waves are many on the patch, so that chance matters less for them.
+        free = np.minimum(1.0 + _WAVES_FOR_FACTOR_2 * wavelength / size_m, _MOST_CORRECTION) ** 2
         free[long:] = 1.0
         low, high = squares / free, squares * free
         squares = _fit_squared_amplitudes(squares, target, model, low, high, cross)

@@ -12,12 +12,12 @@ import numpy as np
 
 from ....support.arrays import Array
 
-#: Lines of a grid on which ``measure_roughness`` looks, along each axis: enough for 1 % and fast on any mesh.
-_LINES = 256
+#: Number of grid lines that ``measure_roughness`` uses along each axis: enough for 1 %, and fast on any mesh.
+_MOST_LINES = 256
 
 
 def remove_plane(heights_m: Array) -> Array:
-    """The heights (rows, columns) less their least-squares plane."""
+    """The heights (rows, columns) minus their least-squares plane."""
     rows, columns = heights_m.shape
     y, x = (np.arange(n) - (n - 1) / 2 for n in (rows, columns))
     slope_x = (heights_m.mean(axis=0) @ x) / max(x @ x, 1.0)
@@ -26,11 +26,8 @@ def remove_plane(heights_m: Array) -> Array:
 
 
 def rms_deviation(heights_m: Array, lag: int, every: int = 1) -> float:
-    """RMS deviation nu in metres of a height grid at a lag of whole vertex spacings.
-
-    nu² = <(z(p + lag) - z(p))²>; both axes count, of each the pairs on ``every``-th line of the grid.
-    NaN where the grid is smaller than the lag.
-    """
+    """RMS deviation nu in metres of a height grid at a lag of whole vertex spacings; NaN if the grid is smaller than
+    the lag. nu² = <(z(p + lag) - z(p))²> over pairs along both axes, on every ``every``-th line of the grid."""
     if not 0 < lag < min(heights_m.shape):
         return math.nan
     along_x = heights_m[::every, lag:] - heights_m[::every, :-lag]
@@ -58,11 +55,11 @@ def power_spectrum(heights_m: Array, spacing_m: float, bins_per_octave: int = 3)
     density = spectrum * spacing_m**2 / np.sum(window**2)
     k_x, k_y = np.fft.rfftfreq(n, spacing_m), np.fft.fftfreq(n, spacing_m)
     radius = np.hypot(k_x[None, :], k_y[:, None])
-    # The window smears over about two wave numbers and the plane is gone: start at the third.
+    # The window smears two wave numbers and the plane was removed, so start at the third.
     bins = max(1, round(bins_per_octave * math.log2(max(n, 8) / 6)))
     edges = np.geomspace(3.0 / (n * spacing_m), 0.5 / spacing_m, bins + 1)
     which = np.digitize(radius.ravel(), edges)
-    # Columns 0 and n/2 stand for themselves, all others for their mirror images too.
+    # Columns 0 and n/2 count once; all others also represent their mirror images.
     weight = np.where((k_x == 0) | (np.arange(len(k_x)) * 2 == n), 1.0, 2.0)
     weight = np.broadcast_to(weight, density.shape).ravel()
     counts, powers, waves = (
@@ -74,10 +71,10 @@ def power_spectrum(heights_m: Array, spacing_m: float, bins_per_octave: int = 3)
 
 @dataclass(frozen=True)
 class Roughness:
-    """The measured roughness of a grid: ``lag_m`` and RMS deviation ``deviation_m`` (equal lengths), the RMS
-    slope ``slope_deg`` at ``baseline_m`` (NaN where the grid cannot tell), the ``hurst`` exponent, which is
-    the slope of the deviation in the logarithm over the range of lags that the law was asked for, and the RMS
-    ``height_m`` about the mean plane."""
+    """The measured roughness of a grid: ``lag_m`` and RMS deviation ``deviation_m`` (equal lengths), the RMS slope
+    ``slope_deg`` at ``baseline_m`` (NaN if the grid has too few lags), the ``hurst`` exponent, and the RMS ``height_m``
+    about the mean plane. ``hurst`` is the slope of the deviation in logarithms over the lags for which the settings ask
+    for the law."""
 
     lag_m: Array
     deviation_m: Array
@@ -87,7 +84,7 @@ class Roughness:
     height_m: float
 
     def numbers(self) -> dict[str, float | None]:
-        """The numbers that ``pair.json`` stores beside the requested ones; None where the grid cannot tell."""
+        """The numbers that ``pair.json`` stores beside the requested ones; None if the grid has too few lags."""
         found = {"rms_slope_deg": self.slope_deg, "rms_height_m": self.height_m, "hurst": self.hurst}
         return {key: None if math.isnan(value) else float(f"{value:.4g}") for key, value in found.items()}
 
@@ -95,14 +92,12 @@ class Roughness:
 def measure_roughness(
     heights_m: Array, spacing_m: float, baseline_m: float, law_m: tuple[float, float] = (0.0, math.inf)
 ) -> Roughness:
-    """Measure the roughness of a square height grid, less its mean plane, at lags up to a quarter of its side.
-
-    ``law_m`` are the shortest and longest lag over which the Hurst exponent is fitted.
-    """
+    """Measure the roughness of a square height grid, relative to its mean plane, at lags up to a quarter of its side.
+    ``law_m`` are the shortest and longest lag over which the Hurst exponent is fitted."""
     level = remove_plane(heights_m)
     whole = np.array(list_lags(max(1, (min(heights_m.shape) - 1) // 4)))
     lag_m = whole * spacing_m
-    every = max(1, min(level.shape) // _LINES)
+    every = max(1, min(level.shape) // _MOST_LINES)
     deviation = np.array([rms_deviation(level, int(k), every) for k in whole])
     slope = math.nan
     if lag_m[0] * 0.999 <= baseline_m <= lag_m[-1] * 1.001 and deviation.min() > 0:

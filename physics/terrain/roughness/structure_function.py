@@ -1,4 +1,4 @@
-"""The structure function of gradient noise: mean square difference of points a distance apart, in closed form."""
+"""The structure function of gradient noise: mean square difference of points at a distance, in closed form."""
 
 from __future__ import annotations
 

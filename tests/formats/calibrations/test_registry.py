@@ -545,7 +545,7 @@ def test_a_hostile_or_wrong_file_is_a_sentence(tmp_path, name, content, words):
         (CAMERAS.replace(" 1.8e-05", ""), IMAGES, "line 3: OPENCV has 7 parameters"),
         (CAMERAS.replace("458.654", "0"), IMAGES, "line 3: fx is 0 px"),
         (CAMERAS.partition("\n2 ")[0], IMAGES, "'right.png' has the camera 2, which is not there"),
-        (CAMERAS, IMAGES.replace("1 1.0 0.0", "1 0.0 0.0"), "quaternion has no length"),
+        (CAMERAS, IMAGES.replace("1 1.0 0.0", "1 0.0 0.0"), "quaternion has length 0"),
         (CAMERAS, IMAGES.replace("1 1.0 0.0", "1 nan 0.0"), "not finite"),
         (CAMERAS, IMAGES[:-60], "line 4 is no image"),
         (CAMERAS, "", "at least one camera"),

@@ -11,7 +11,7 @@ from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.surface.images import load_maps
 from icymoon.nodes.surface.textures import Textured
-from icymoon.physics.surfaces.textures import SETS, SIZE, make_maps
+from icymoon.physics.surfaces.textures import MAP_SIDE_PX, SETS, make_maps
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.description import check, defaults
 from icymoon.support.arrays import Array
@@ -38,7 +38,7 @@ def measured(surface: dict, textures: dict, files=None, **view) -> Array:
 def test_the_sets_go_on_beyond_their_edges(name):
     found = make_maps(name)
     for values in (found.albedo, found.roughness, found.height):
-        assert values.shape == (SIZE, SIZE)
+        assert values.shape == (MAP_SIDE_PX, MAP_SIDE_PX)
         assert np.isfinite(values).all()
         across = np.abs(np.diff(values, axis=1)).mean()
         edge = np.abs(values[:, 0] - values[:, -1]).mean()

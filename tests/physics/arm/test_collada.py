@@ -255,15 +255,15 @@ HOSTILE = {
     "no offset": (primitives(TRIANGLE.replace('offset="0"', "")), "the offset of <input> is ''"),
     "no input": (primitives('<triangles count="1"><p>0 1 2</p></triangles>'), "not one input VERTEX"),
     "no vertices": (document(geometry(source() + TRIANGLE)), "no <vertices> has the id 'v'"),
-    "no position": (document(geometry(source() + '<vertices id="v"/>' + TRIANGLE)), "not one input POSITION"),
+    "no position": (document(geometry(source() + '<vertices id="v"/>' + TRIANGLE)), "exactly one input POSITION"),
     "no source": (document(geometry(vertices() + TRIANGLE)), "no <source> has the id 'p'"),
     "vcount": (polylist(vcount="-3"), "negative"),
     "vcount of few": (polylist(2, "3"), "are 1 numbers in"),
     "huge vcount": (polylist(vcount="999999999999"), "more than 1000000 triangles"),
     "huge polylist": (polylist("999999999"), "more than 3000000 polygons"),
     "polygon": (polylist(vcount="1000003", p=many(1000003, "", "0 ", "")), "more than 1000000 triangles"),
-    "nan": (document(geometry(source(numbers=SQUARE.replace("1", "nan", 1)) + vertices() + TRIANGLE)), "is none"),
-    "infinite": (document(geometry(source(numbers="1e999" + SQUARE[1:]) + vertices() + TRIANGLE)), "is none"),
+    "nan": (document(geometry(source(numbers=SQUARE.replace("1", "nan", 1)) + vertices() + TRIANGLE)), "is no number"),
+    "infinite": (document(geometry(source(numbers="1e999" + SQUARE[1:]) + vertices() + TRIANGLE)), "is no number"),
     "comma": (document(geometry(source(numbers=SQUARE.replace("1", "0,5", 1)) + vertices() + TRIANGLE)), "else than n"),
     "array": (document(geometry(source(count=16) + vertices() + TRIANGLE)), "are 15 numbers in"),
     "huge array": (document(geometry(source(count=999_999_999) + vertices() + TRIANGLE)), "MB of memory"),
@@ -282,11 +282,11 @@ HOSTILE = {
         for k, (tag, text, words) in enumerate(
             [
                 ("matrix", "1 0 0", "are 3 numbers in"),
-                ("matrix", "1 " * 16, "another last row"),
-                ("matrix", "nan " * 16, "a number that is none"),
+                ("matrix", "1 " * 16, "must have the last row 0 0 0 1"),
+                ("matrix", "nan " * 16, "a value that is no number"),
                 ("rotate", "0 0 0 90", "an axis without a length"),
-                ("rotate", "0 0 1 1e999", "a number that is none"),
-                ("scale", "1e300 1 1", "a number that is none"),
+                ("rotate", "0 0 1 1e999", "a value that is no number"),
+                ("scale", "1e300 1 1", "a value that is no number"),
                 ("lookat", "0 " * 9, "<lookat>"),
                 ("skew", "0 " * 7, "<skew>"),
                 ("translate", "", "are 0 numbers in"),
@@ -296,7 +296,7 @@ HOSTILE = {
     },
     "growing": (
         document(nodes="<node><scale>1e9 1 1</scale>" * 40 + '<instance_geometry url="#g"/>' + "</node>" * 40),
-        "at no place",
+        "a place that is not finite",
     ),
 }
 
@@ -331,7 +331,10 @@ HEAVY: dict[str, tuple[Callable[[], str], str]] = {
     "attributes": (lambda: attributes(3_000_000), "MB of memory for its elements"),
     "just not too many": (lambda: attributes(1_040_000), "0 scenes"),
     "references": (lambda: many(6_000_000, "<COLLADA>", "&#300;", "</COLLADA>"), "MB of memory for its elements"),
-    "long numbers": (lambda: document(nodes=f"<node><translate>0 0 {'1' * 38_000_000}</translate></node>"), "is none"),
+    "long numbers": (
+        lambda: document(nodes=f"<node><translate>0 0 {'1' * 38_000_000}</translate></node>"),
+        "is no number",
+    ),
     "all vertices": (
         lambda: document(
             geometry(

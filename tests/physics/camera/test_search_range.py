@@ -54,7 +54,7 @@ def test_the_rocks_beyond_the_patch_are_those_of_the_pairs_own_rig():
     low, high = (merged(defaults(), ROCKY, {"rig": {"height_m": height}}) for height in (1.0, 3.0))
     found = {}
     for order in ((low, high), (high, low)):
-        nearest_ground._last.clear()
+        nearest_ground._last_ground.clear()
         found[order[0].rig.height_m] = [len(nearest_ground._get_ground(settings).rocks.reach_m) for settings in order]
     assert found[1.0] == found[3.0][::-1]
     assert len(set(found[1.0])) == 2
@@ -79,7 +79,7 @@ def test_all_else_that_shapes_it_makes_another_ground():
     settings = merged(defaults(), ROCKY)
     assert name_ground(settings) != name_ground(merged(settings, {"dataset": {"seed": 5}}))
     shaping = {topic.key for topic in TOPICS.values() for each in topic.settings if each.effect == "geometry"}
-    assert not (shaping - {"dataset", "excavation"}) & nearest_ground._NOT_GROUND
+    assert not (shaping - {"dataset", "excavation"}) & nearest_ground._TOPICS_NOT_OF_GROUND
 
 
 @pytest.mark.heavy

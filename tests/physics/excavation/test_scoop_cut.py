@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.excavation.dig_grid import ExcavationGrid, make_covering_grid
-from icymoon.physics.excavation.scoop_cut import Pull, cut_heights, fit_plane
+from icymoon.physics.excavation.scoop_cut import Pull, fit_plane, measure_cut_depth_m
 from icymoon.physics.excavation.scoop_paths import make_pulls
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
@@ -23,7 +23,7 @@ def flat(half=0.3):
 
 
 def volume(grid, top, pulls, plane=(0.0, 0.0, 0.0)):
-    return float(cut_heights(grid, top, np.array(plane), pulls).sum()) * grid.cell_m**2
+    return float(measure_cut_depth_m(grid, top, np.array(plane), pulls).sum()) * grid.cell_m**2
 
 
 def prism(heading=0.0, x=0.0, y=0.0):
@@ -68,9 +68,9 @@ def test_an_arc_has_the_volume_of_a_segment_of_a_circle():
 
 def test_a_second_pull_through_the_same_place_takes_nothing():
     grid, top = flat()
-    first = cut_heights(grid, top, np.zeros(3), [prism(20.0)])
+    first = measure_cut_depth_m(grid, top, np.zeros(3), [prism(20.0)])
     # A cell that was cut in part is at its mean height, above the blade in the part that was cut.
-    again = cut_heights(grid, top - first, np.zeros(3), [prism(20.0)])
+    again = measure_cut_depth_m(grid, top - first, np.zeros(3), [prism(20.0)])
     inside = first == first.max()
     assert np.abs(again[inside]).max() < 1e-15
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.light.baked_rocks import TERMS, RockPoints, draw_points, evaluate_terms, fit_terms
+from icymoon.physics.light.baked_rocks import TERM_COUNT, RockPoints, draw_points, evaluate_terms, fit_terms
 from icymoon.physics.rocks.rock_shapes import make_icosphere
 from icymoon.support.arrays import Array
 
@@ -67,7 +67,7 @@ def test_noise_of_points_is_less_in_the_numbers():
     noise = np.random.default_rng(5).normal(0.0, 0.1, (len(points.rock), 3))
     numbers = fit_terms(points, of_a_hemisphere(points.normal) + noise, np.ones(len(noise), bool), 5)
     off = light_of(numbers, points) - of_a_hemisphere(points.normal)
-    assert np.sqrt(np.mean(off**2)) == pytest.approx(0.1 * np.sqrt(TERMS / 400), rel=0.3)
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(0.1 * np.sqrt(TERM_COUNT / 400), rel=0.3)
 
 
 def test_hidden_points_do_not_count_and_a_hidden_rock_has_no_light():

@@ -305,7 +305,7 @@ def test_ground_of_one_body_gets_no_sky_of_another(way, body, other):
 
 
 def test_the_manuals_ganymede_has_no_europas_sky(tmp_path):
-    page = (preset_files.PRESETS.parent / "docs" / "howto" / "another-body.md").read_text(encoding="utf-8")
+    page = (preset_files.PRESETS_FOLDER.parent / "docs" / "howto" / "another-body.md").read_text(encoding="utf-8")
     (tmp_path / "ganymede.toml").write_text(page.split("```toml\n")[1].split("```")[0], encoding="utf-8")
     found = described(preset_files.load(tmp_path / "ganymede.toml"), {"light": {"directions_from": "DATE"}})
     check_body(found)

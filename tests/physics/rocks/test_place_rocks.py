@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from icymoon.physics.rocks.place_rocks import draw_places, euler_xyz, scatter_rocks
 from icymoon.physics.rocks.rock_shapes import (
     FAMILIES,
-    LEVELS,
+    SUBDIVISIONS_BY_LEVEL,
     find_polyhedron_corners,
     make_icosphere,
     make_rock_shapes,
@@ -362,7 +362,7 @@ def test_corners_of_a_cube():
     }
 
 
-@pytest.mark.parametrize("subdivisions", LEVELS)
+@pytest.mark.parametrize("subdivisions", SUBDIVISIONS_BY_LEVEL)
 def test_the_sphere_is_a_sphere(subdivisions):
     directions, triangles = make_icosphere(subdivisions)
     assert len(directions) == 10 * 4**subdivisions + 2

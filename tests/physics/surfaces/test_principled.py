@@ -13,7 +13,7 @@ from icymoon.settings.description import defaults
 from icymoon.settings.topics.surfaces import SurfaceSettings
 
 
-@pytest.fixture(autouse=True, scope="module", params=principled.TABLES)
+@pytest.fixture(autouse=True, scope="module", params=principled.TABLE_FILES)
 def table(request):
     """Every test with the table of every Blender."""
     principled.use_table(request.param)

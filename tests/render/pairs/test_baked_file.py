@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.physics.light.baked_rocks import TERMS
+from icymoon.physics.light.baked_rocks import TERM_COUNT
 from icymoon.render.pairs import baked_file
 from icymoon.render.pairs.baked_file import BakedLight
 from icymoon.support.arrays import Array
@@ -26,7 +26,7 @@ def light() -> BakedLight:
     return BakedLight(
         random.random((VERTICES, 3)).astype(np.float32),
         random.normal(size=VERTICES).astype(np.float32),
-        random.normal(size=(ROCKS, TERMS, 3)).astype(np.float32),
+        random.normal(size=(ROCKS, TERM_COUNT, 3)).astype(np.float32),
         0.02,
         0.2,
         64,
@@ -138,9 +138,9 @@ class Runs:
         {"key": np.array([KEY], "S12")},
         {"key": np.zeros((), "S13")},
         {"key": np.zeros((), "V12")},
-        {"rocks": np.zeros((ROCKS + 1, TERMS, 3), np.float32)},
-        {"rocks": np.zeros((ROCKS, TERMS, 3), np.float64)},
-        {"rocks": np.full((ROCKS, TERMS, 3), np.inf, np.float32)},
+        {"rocks": np.zeros((ROCKS + 1, TERM_COUNT, 3), np.float32)},
+        {"rocks": np.zeros((ROCKS, TERM_COUNT, 3), np.float64)},
+        {"rocks": np.full((ROCKS, TERM_COUNT, 3), np.inf, np.float32)},
         {"noise": np.float64(np.inf)},
         {"noise": np.zeros(2)},
         {"noise": None},

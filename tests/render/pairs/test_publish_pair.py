@@ -16,7 +16,7 @@ from icymoon.render.pairs.publish_pair import discard_unfinished, publish_pair
 from icymoon.render.workers.pair_claims import CLAIMS_FOLDER, Claims
 from icymoon.settings.description import defaults, merged
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.files import PART, make_part_path
+from icymoon.support.files import PART_SUFFIX, make_part_path
 from marks import heavy_but
 
 PAIR = "0123456789ab"
@@ -294,7 +294,7 @@ def test_settings_stated_anew_never_meet_the_images_of_another_pair(tmp_path, wa
         if not came:
             break
         assert stated["settings"]["sensor"]["gain"] in (7.0, defaults().sensor.gain)
-        assert not list((place.pairs / PAIR).glob(f"*{PART}"))
+        assert not list((place.pairs / PAIR).glob(f"*{PART_SUFFIX}"))
         place.assert_tidy()
     assert 5 < k < 99
     assert stated["settings"]["sensor"]["gain"] == 7.0

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from icymoon.physics.light.baked_rocks import TERMS
+from icymoon.physics.light.baked_rocks import TERM_COUNT
 from icymoon.render.pairs import baked_file
 from icymoon.render.pairs.baked_file import BakedLight
 from icymoon.render.workers import pair_claims as claims_module
@@ -33,7 +33,7 @@ def light(level: float = 1.0, seconds: float = 2.0) -> BakedLight:
     return BakedLight(
         np.full((VERTICES, 3), level, np.float32),
         np.zeros(VERTICES, np.float32),
-        np.zeros((0, TERMS, 3), np.float32),
+        np.zeros((0, TERM_COUNT, 3), np.float32),
         0.02,
         0.2,
         64,

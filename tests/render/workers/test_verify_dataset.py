@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.commands.cli import main
-from icymoon.physics.light.baked_rocks import TERMS
+from icymoon.physics.light.baked_rocks import TERM_COUNT
 from icymoon.render.baked_light import IndirectLight
 from icymoon.render.pairs import baked_file, pair_folder
 from icymoon.render.pairs.baked_file import BakedLight
@@ -34,7 +34,7 @@ def light(level: float = 1.0) -> BakedLight:
     return BakedLight(
         np.full((9, 3), level, np.float32),
         np.zeros(9, np.float32),
-        np.zeros((0, TERMS, 3), np.float32),
+        np.zeros((0, TERM_COUNT, 3), np.float32),
         0.02,
         0.2,
         64,

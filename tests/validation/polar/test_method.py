@@ -11,20 +11,20 @@ from icymoon.validation.polar import METHOD, camera, label_agreement, lamp, sand
 FROZEN: dict[int, dict[Any, dict[str, object]]] = {
     3: {
         polar_comparison: {
-            "_COLUMNS": 480,
-            "_ROCKS": 0.85,
-            "_SHADOWS": 0.75,
-            "_TIP": 0.02,
-            "_OUTLINE_PX": 1.0,
-            "_BASELINE_M": 0.01,
-            "_LAMP_M": 0.3,
-            "_DISPARITY_PX": 1.0,
+            "_RENDER_COLUMNS": 480,
+            "_LEAST_ROCK_OVERLAP": 0.85,
+            "_LEAST_SHADOW_OVERLAP": 0.75,
+            "_MOST_TIP_ERROR": 0.02,
+            "_MOST_OUTLINE_ERROR_PX": 1.0,
+            "_MOST_BASELINE_ERROR_M": 0.01,
+            "_MOST_LAMP_ERROR_M": 0.3,
+            "_MOST_DISPARITY_ERROR_PX": 1.0,
             "_LEAST_SHADOW_M": 0.15,
-            "_BARE": 0.02,
-            "_OWN_SHADOW": 0.005,
+            "_MOST_UNSCANNED_SHARE": 0.02,
+            "_MOST_SAND_SHADOW_SHARE": 0.005,
         },
-        camera: {"_SAND_SHARE": 0.25, "_CORE_PX": 10.0},
-        label_agreement: {"_SCALE": 0.5, "_STEP_PX": 8.0},
+        camera: {"_SAND_SHARE": 0.25, "_MATCHED_PX": 10.0},
+        label_agreement: {"_MASK_SCALE": 0.5, "_OUTLINE_STEP_PX": 8.0},
         lamp: {
             "_LAMP_STEPS_M": (0.2, 0.1, 0.05, 0.025, 0.0125),
             "_SURVEY_COST": 0.01,
@@ -34,14 +34,14 @@ FROZEN: dict[int, dict[Any, dict[str, object]]] = {
             "_RAISED_COST": 5.0,
         },
         sand: {
-            "LENGTH_M": 0.3,
-            "NODE_M": 0.25,
-            "_SPREAD_M": 0.014,
-            "_KNOWN_M": 0.004,
+            "SMOOTHING_LENGTH_M": 0.3,
+            "NODE_SPACING_M": 0.25,
+            "_PRIOR_SPREAD_M": 0.014,
+            "_HEIGHT_ERROR_M": 0.004,
         },
-        skirts: {"REPOSE_DEG": 35.0, "BOUND_M": 0.04, "_AVERAGED": 2},
-        scans: {"_NEAR_PX": 10.0, "_LEAST_SHARE": 0.5},
-        scene: {"_SHADOW_SHARE": 0.5, "_DARK_SHARE": 0.1, "_NEARER_M": 0.002, "LAMP_DEG": 0.5, "_SAMPLES": 4},
+        skirts: {"REPOSE_DEG": 35.0, "BOUND_M": 0.04, "_AVERAGING_PASSES": 2},
+        scans: {"_NEAR_PX": 10.0, "_LEAST_SCANNED_SHARE": 0.5},
+        scene: {"_SHADOW_SHARE": 0.5, "_DARK_SHARE": 0.1, "_LEAST_GAP_M": 0.002, "LAMP_DEG": 0.5, "_SAMPLES": 4},
     }
 }
 
@@ -50,4 +50,4 @@ def test_the_constants_are_those_of_the_method():
     for module, constants in FROZEN[METHOD].items():
         for name, value in constants.items():
             assert getattr(module, name) == value, f"{module.__name__}.{name}"
-    assert lamp._SURVEY_M.tolist() == [0.2, 0.2, 0.1]
+    assert lamp._SURVEY_ERROR_M.tolist() == [0.2, 0.2, 0.1]
