@@ -17,7 +17,7 @@ import numpy as np
 from ..nodes.datablocks.fingerprint import TAG
 from ..nodes.light.celestial_meshes import TRANSMISSION
 from ..nodes.tree.evaluate_field import read_numbers
-from ..rays.ray_engine import open_tracer
+from ..rays.engine import open_tracer
 from ..rays.shapes import Placed, Shape, World
 from ..rays.stereo_truth import Stage
 from ..rays.surface import Tracer

@@ -23,8 +23,8 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import cycles_settings
 from .plans.planned_pair import PlannedPair
+from .ray_stage import SceneRays
 from .render_pair import check_camera, open_render_scene
-from .traced_triangles import SceneRays
 
 #: The scene of a pair: the built objects, the scene to render, and the seconds of the build.
 PreparedScene = tuple[Built, bpy.types.Scene, float]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.rays import embree, ray_engine
+from icymoon.rays import embree, engine
 from icymoon.rays.embree import EmbreeTracer, load_library
 from icymoon.rays.shapes import Placed, World
 from icymoon.rays.surface import Tracer, find_shading_normals, find_surface, intersect_opaque
@@ -202,16 +202,16 @@ def other_engine(world: World) -> Tracer:
 
 
 def test_without_embree_another_engine_is_used_or_the_error_states_what_to_install(monkeypatch, tmp_path):
-    monkeypatch.setattr(ray_engine, "load_library", lambda folders: None)
+    monkeypatch.setattr(engine, "load_library", lambda folders: None)
     with pytest.raises(LookupError):
-        ray_engine.open_tracer(World([]), (tmp_path,), other_engine)
+        engine.open_tracer(World([]), (tmp_path,), other_engine)
     with pytest.raises(IcyMoonError, match=r"lacks Embree; run .* -m pip install embreex"):
-        ray_engine.open_tracer(World([]), (tmp_path,))
+        engine.open_tracer(World([]), (tmp_path,))
 
 
 @pytest.mark.skipif(LIBRARY is None, reason=NO_EMBREE)
 def test_with_embree_no_other_engine_is_used():
-    assert ray_engine.open_tracer(World([]), (), other_engine).name == "Embree"
+    assert engine.open_tracer(World([]), (), other_engine).name == "Embree"
 
 
 @pytest.mark.skipif(LIBRARY is None, reason=NO_EMBREE)

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.nodes.build_scene import Built, build_scene
-from icymoon.rays import ray_engine
+from icymoon.rays import engine
 from icymoon.render import displaced_vertices
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
@@ -204,7 +204,7 @@ def test_blenders_trees_find_the_same_truth_where_there_is_no_embree(tmp_path, m
     1e-7 of a pixel wide."""
     settings = complete(WIDE, {"rocks": ROCKS, "surface": {**ROUGH, "relief": "DISPLACEMENT"}})
     (ours,) = shoot(tmp_path / "embree", settings)
-    monkeypatch.setattr(ray_engine, "load_library", lambda folders: None)
+    monkeypatch.setattr(engine, "load_library", lambda folders: None)
     monkeypatch.setattr(compat, "list_library_folders", lambda: (tmp_path,))  # what is found in a folder is kept
     (others,) = shoot(tmp_path / "trees", settings)
     assert [pair.data["truth"] for pair in (ours, others)] == [{"by": "Embree"}, {"by": "BVHTree"}]
@@ -222,7 +222,7 @@ def test_blenders_trees_find_the_same_truth_where_there_is_no_embree(tmp_path, m
 
 
 def test_truth_that_comes_with_the_light_needs_no_rays(tmp_path, monkeypatch):
-    monkeypatch.setattr(ray_engine, "load_library", pytest.fail)
+    monkeypatch.setattr(engine, "load_library", pytest.fail)
     (pair,) = shoot(tmp_path, complete({"quality": {"truth": "DEPTH"}}))
     assert "truth" not in pair.data
 

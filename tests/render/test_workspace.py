@@ -13,8 +13,8 @@ from icymoon.render.ground_maps import make_heights, make_materials
 from icymoon.render.pairs.pair_folder import find_changed_files
 from icymoon.render.pairs.workspace_cells import find_workspace_extent
 from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.render.ray_stage import CannotTrace, SceneRays
 from icymoon.render.render_pair import open_render_scene
-from icymoon.render.traced_triangles import CannotTrace, SceneRays
 from icymoon.render.worker import render_pairs
 from icymoon.settings.description import digest
 from rendering import complete, empty_scene, on_height_map, render
