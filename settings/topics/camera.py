@@ -118,8 +118,8 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         active=nonzero(
         "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s"))
     head_file: str = text(
-        "Head", "", "TOML file with cameras beside the pair, each with its model and pose. They are rendered with it. "
-        "Empty for none. // is the folder of the .blend file", "camera", "read", subtype="FILE_PATH", section=HEAD,
+        "Head", "", "TOML file with cameras beside the pair, each with its model and pose; empty for no others. "
+        "// is the folder of the .blend file", "camera", "read", subtype="FILE_PATH", section=HEAD,
         since="0.4")
     images: Literal["PAIR", "HEAD"] = choice(
         "Images", "PAIR", "Which cameras are rendered", "camera",

@@ -55,9 +55,9 @@ def test_a_text_that_is_only_read_may_be_any(kind):
 
 
 def test_a_matcher_has_no_text_but_those_that_descriptions_may_not_set():
-    with pytest.raises(ValueError, match="LOADS"):
+    with pytest.raises(ValueError, match="LOADING_OPTIONS"):
         Option("script", "", "Something that is run")
-    with pytest.raises(ValueError, match="LOADS"):
+    with pytest.raises(ValueError, match="LOADING_OPTIONS"):
         Option("command", 3, "Something that is counted", 0, 5)
     assert {option.key for _, option in OPTIONS if option.range == "text"} == set(trust_boundary.LOADING_OPTIONS)
 
