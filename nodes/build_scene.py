@@ -315,7 +315,7 @@ def _link_objects(collection: bpy.types.Collection, objects: list[bpy.types.Obje
 
 
 def _name_blocks(objects: list[bpy.types.Object], kept: list[Any], skies: list[bpy.types.World]) -> None:
-    """Give the data-blocks their names, except where the names of earlier blocks are kept."""
+    """Give the data-blocks their names, except where the names of earlier data-blocks are kept."""
     made, others = find_parts(objects)
     named = [*made, *(item.data for item in made), *others, *find_materials(made), *skies]
     free_names([block for block in named if block not in kept])

@@ -267,8 +267,8 @@ def _find_contradictions(pair: Pair) -> Iterator[str]:
     if len({each.name.lower() for each in pair.head}) < len(pair.head):
         yield "head has two cameras of one name"
     wanted, there = _list_file_names(pair.settings, camera) | _list_head_files(pair), pair.data["files"].keys()
-    yield from (f"files has no {name}, and its settings give it" for name in sorted(wanted - there))
-    yield from (f"files has {name}, and its settings give no such file" for name in sorted(there - wanted))
+    yield from (f"files lacks {name}, which its settings require" for name in sorted(wanted - there))
+    yield from (f"files has {name}, which its settings exclude" for name in sorted(there - wanted))
 
 
 def _numbers_of(camera: StereoCamera) -> dict[str, Any]:

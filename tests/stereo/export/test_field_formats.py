@@ -102,7 +102,9 @@ def mapped(dataset, tmp_path):
     return tmp_path / "mapped"
 
 
-@pytest.mark.parametrize("kind", sorted(set(find_plugins().usable) - {*exports_with_blender(), "bop", "parquet-index"}))
+@pytest.mark.parametrize(
+    "kind", sorted(set(find_plugins().usable) - {*exports_with_blender(), "bop", "head", "parquet-index"})
+)
 def test_every_layout_states_the_exact_place_on_the_map(mapped, tmp_path, kind):
     if kind == "ros2":
         pytest.importorskip("rosbags", reason="pip install icymoon[ros]")
