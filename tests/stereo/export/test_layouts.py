@@ -27,6 +27,7 @@ RIG = pairs.camera(192, 96)
 #: Layouts that have tests of their own: ``test_field_formats`` and ``test_bop``, whose pairs have poses,
 #: ``test_training``, ``test_parquet_index`` and ``test_sequences``.
 TESTED_ELSEWHERE = {
+    "head",
     *("bop", "cahvor", "colmap", "fits", "tiff", "ros2", "webdataset", "sceneflow", "parquet-index"),
     *("tum", "kitti-odometry", "flow"),
 }
