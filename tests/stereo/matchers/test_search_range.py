@@ -17,6 +17,8 @@ RIGS = {
     "rigs/mars2020_navcam": (0, 319),
     "rigs/mer_navcam": (0, 287),
     "rigs/mer_pancam": (96, 783),
+    "rigs/mast_and_arm": (48, 335),
+    "rigs/trinocular": (0, 159),
 }
 SEARCHING = ("bm", "sgbm", "sgbm_wls", "jplv")
 RANGES = {"auto": SearchRange(16, 63, "rig"), "truth": SearchRange(32, 47, "truth")}
