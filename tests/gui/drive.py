@@ -780,7 +780,7 @@ def undo_by_key() -> Waiting:
         (operators.add_block, {}),
         (operators.layer_add, {}),
         (operators.load_settings, {"filepath": str(file)}),
-        (operators.varied_settings, {"setting": "surface.albedo"}),
+        (operators.vary, {"setting": "surface.albedo"}),
         (operators.variation_remove, {}),
         (operators.choose_plan, {"plan": "datasets/guiss_snow"}),
         (operators.load_preset, {"preset": "lights/guiss_europa"}),
