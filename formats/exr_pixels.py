@@ -44,8 +44,8 @@ class Pixels:
         self.channels = list(self._stated)
         left, self._top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
         self._compression = piece.value(b"compression")[0]
-        self._find_crest_lines = _LINES_PER_CHUNK[self._compression]
-        self._width, self._highest_at = right - left + 1, bottom - self._top + 1
+        self._rows_per_chunk = _LINES_PER_CHUNK[self._compression]
+        self._width, self._height = right - left + 1, bottom - self._top + 1
 
     def is_half(self, channel: str) -> bool:
         """Whether a channel is stored as 16-bit floats."""
@@ -60,7 +60,7 @@ class Pixels:
 
     def decode(self) -> Array:
         """Values (height, channel, width) float32. Raises ValueError for chunks of another size."""
-        found, stored = np.empty((self._highest_at, len(self.channels), self._width), "<f4"), self._line
+        found, stored = np.empty((self._height, len(self.channels), self._width), "<f4"), self._line
         if not self._compression:
             chunks = self._view_raw(stored)
             for k, name in enumerate(self.channels):
@@ -68,7 +68,7 @@ class Pixels:
             return found
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0] - self._top
-            rows = min(self._find_crest_lines, self._highest_at - line)
+            rows = min(self._rows_per_chunk, self._height - line)
             lines = np.frombuffer(_unpack(chunk[8:], rows * stored.itemsize), stored)
             for k, name in enumerate(self.channels):
                 found[line : line + rows, k] = lines[name]
@@ -85,7 +85,7 @@ class Pixels:
         """The part, compressed by ZIP unless it is compressed already. Raises as ``decode`` does."""
         if self._compression:
             return self._piece
-        starts = _empty_chunks(self._top, self._highest_at)
+        starts = _empty_chunks(self._top, self._height)
         stated = {
             **self._piece.attributes,
             b"compression": encode_attribute("compression", "compression", bytes([_ZIP_COMPRESSION])),
@@ -130,8 +130,8 @@ class Pixels:
     def _encode_chunks(self, values: Array, stored: np.dtype[Any]) -> list[bytes]:
         """Chunks of values, with lines of the numpy type ``stored``."""
         if not self._compression:
-            lines = np.empty(self._highest_at, _raw_chunk_type(stored))
-            lines["line"], lines["bytes"] = np.arange(self._top, self._top + self._highest_at), stored.itemsize
+            lines = np.empty(self._height, _raw_chunk_type(stored))
+            lines["line"], lines["bytes"] = np.arange(self._top, self._top + self._height), stored.itemsize
             for k, name in enumerate(stored.names or ()):
                 lines["values"][name] = values[:, k]
             whole, step = lines.tobytes(), lines.itemsize
@@ -139,7 +139,7 @@ class Pixels:
         chunks = []
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0]
-            part = values[line - self._top : line - self._top + self._find_crest_lines]
+            part = values[line - self._top : line - self._top + self._rows_per_chunk]
             lines = np.empty(len(part), stored)
             for k, name in enumerate(stored.names or ()):
                 lines[name] = part[:, k]

@@ -29,7 +29,7 @@ class FirstPicture:
     """The picture that is drawn over the view of a scene, if there is one."""
 
     def __init__(self) -> None:
-        self._find_scene = ""
+        self._scene_name = ""
         self._left: int | None = None  # number of draws that remain; None until the fine ground exists
         self._texture: Any = None
         self._handler: object = None
@@ -38,7 +38,7 @@ class FirstPicture:
         """Draw a picture over the view of a built scene, if there are a window and the file."""
         self.remove()
         if not bpy.app.background and path.is_file() and scenes.find_collection(scene) is not None:
-            self._find_scene, self._left, self._texture = scene.name, None, _read_texture(path)
+            self._scene_name, self._left, self._texture = scene.name, None, _read_texture(path)
             self._handler = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
 
     def count(self, scene: bpy.types.Scene) -> None:
@@ -48,7 +48,7 @@ class FirstPicture:
 
     def is_shown(self, scene: bpy.types.Scene) -> bool:
         """Whether a picture covers the view of a scene."""
-        return self._handler is not None and self._find_scene == scene.name
+        return self._handler is not None and self._scene_name == scene.name
 
     def remove(self) -> None:
         """Take the picture away, if there is one."""

@@ -94,13 +94,13 @@ class ICYMOON_OT_trade(_MeasureDialog, bpy.types.Operator):
     bl_label = "Compare Qualities"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        self._find_scene = context.scene.name
+        self._scene_name = context.scene.name
         # For security, the page to open later is fixed here, and not taken from a message.
         self._page = _find_folder(scene_properties.read_settings(context.scene.icymoon)) / "trade.html"
         return _start_measuring(context, "trade", self.bl_label, *self._common_arguments())
 
     def report_success(self, context: bpy.types.Context) -> None:
-        last_results[self._find_scene] = tuple(self._job.result["advice"])
+        last_results[self._scene_name] = tuple(self._job.result["advice"])
         self.report({"INFO"}, show_controls(f"The report is {self._page}"))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())

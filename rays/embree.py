@@ -117,7 +117,7 @@ class EmbreeTracer:
         self._kept: list[Array] = []
         self._device = library.rtcNewDevice(None)
         self._top: int | None = None
-        self._read_shapes = [self._build_shape(each.shape.vertices, each.shape.triangles) for each in world.placed]
+        self._shape_scenes = [self._build_shape(each.shape.vertices, each.shape.triangles) for each in world.placed]
         self.place(world)
 
     def _build_shape(self, vertices: Array, triangles: Array) -> int:
@@ -154,7 +154,7 @@ class EmbreeTracer:
         """Move the shapes to their places in another world with the same shapes."""
         library, geometries = self._library, []
         self._counts = np.concatenate([[0], np.cumsum([len(each.places) for each in world.placed])])
-        for scene, each in zip(self._read_shapes, world.placed, strict=True):
+        for scene, each in zip(self._shape_scenes, world.placed, strict=True):
             columns = np.ascontiguousarray(each.places[:, :3].swapaxes(1, 2), np.float32)
             for matrix in columns:
                 geometry = library.rtcNewGeometry(self._device, _INSTANCE_GEOMETRY)
@@ -168,7 +168,7 @@ class EmbreeTracer:
     def close(self) -> None:
         """Free the trees."""
         if self._top is not None:
-            for scene in (self._top, *self._read_shapes):
+            for scene in (self._top, *self._shape_scenes):
                 self._library.rtcReleaseScene(scene)
             self._library.rtcReleaseDevice(self._device)
             self._top, self._kept = None, []

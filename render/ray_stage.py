@@ -63,7 +63,7 @@ class SceneRays:
 
     def __init__(self, scene: bpy.types.Scene, still_m: float) -> None:
         """For ``still_m`` see ``displaced_vertices.open_rendered_mesh``."""
-        self._find_scene, self._still_m = scene, still_m
+        self._scene, self._still_m = scene, still_m
         self._meshes: list[Any] = []
         self._standing: list[Any] = []
         self._parts: list[_LabelledMesh] = []
@@ -99,7 +99,7 @@ class SceneRays:
 
     def _refresh(self) -> None:
         """Read the changed parts of the scene again."""
-        items = [item for item in self._find_scene.objects if item.type not in _SURFACELESS_TYPES]
+        items = [item for item in self._scene.objects if item.type not in _SURFACELESS_TYPES]
         meshes = [(item.name_full, item.data.as_pointer(), item.hide_render) for item in items]
         standing = [tuple(map(tuple, item.matrix_world)) for item in items]
         if meshes != self._meshes:
@@ -110,11 +110,11 @@ class SceneRays:
 
     def _read_scene(self) -> None:
         self.close()
-        self._parts, self._refused = _collect_parts(self._find_scene, self._still_m)
+        self._parts, self._refused = _collect_parts(self._scene, self._still_m)
 
     def _move_shapes(self) -> None:
         """Move the same shapes to their new places."""
-        made = _find_meshes(self._find_scene, read=False)
+        made = _find_meshes(self._scene, read=False)
         found, self._refused = list(made.parts.values()), made.refused
         if len(found) != len(self._parts):
             self._read_scene()

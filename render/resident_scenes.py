@@ -26,7 +26,7 @@ class ResidentScenes:
 
     def __init__(self) -> None:
         self._send: Callable[..., None] = lambda *args, **facts: None
-        self._find_position_source = self._open_source()
+        self._source = self._open_source()
 
     def _open_source(self) -> ScenesFromSettings:
         return ScenesFromSettings(lambda warning: self._send("warning", message=warning))
@@ -41,10 +41,10 @@ class ResidentScenes:
         pairs = expand_headings(complete, make_extra(complete))
         send("progress", fraction=0.0, message="Building the scene")
         try:
-            render_from(self._find_position_source, pairs, dataset, send, again)
+            render_from(self._source, pairs, dataset, send, again)
         except ReferenceError:  # another file was opened in this Blender meanwhile
-            self._find_position_source = self._open_source()
-            render_from(self._find_position_source, pairs, dataset, send, again)
+            self._source = self._open_source()
+            render_from(self._source, pairs, dataset, send, again)
         folders = [pair.folder(dataset) for pair in pairs]
         if missing := [folder for folder in folders if not is_complete(folder)]:
             raise IcyMoonError(f"{missing[0]} is incomplete after its render; render it again.")
@@ -52,7 +52,7 @@ class ResidentScenes:
 
     def close(self) -> None:
         """Remove the scene of the renders, and free the data that Cycles keeps for it."""
-        self._find_position_source.__exit__(None, None, None)
+        self._source.__exit__(None, None, None)
 
 
 class RendererInThisProcess:

@@ -40,13 +40,13 @@ class FixedScene:
         check_camera(built)
         self._built, self._frame, self._seconds = built, frame, seconds_build
         self._held = ExitStack()
-        self._find_scene: bpy.types.Scene | None = None
+        self._scene: bpy.types.Scene | None = None
         self.rays: SceneRays | None = None
 
     def __enter__(self) -> Self:
-        self._find_scene = self._held.enter_context(open_render_scene(self._built, self._frame))
+        self._scene = self._held.enter_context(open_render_scene(self._built, self._frame))
         self.rays = self._held.enter_context(
-            closing(SceneRays(self._find_scene, still_spacing_m(self._built.settings.surface)))
+            closing(SceneRays(self._scene, still_spacing_m(self._built.settings.surface)))
         )
         return self
 
@@ -57,15 +57,15 @@ class FixedScene:
 
     def prepare(self, planned: PlannedPair) -> PreparedScene:
         """The scene in which a pair is rendered."""
-        assert self._find_scene is not None
+        assert self._scene is not None
         cycles_settings.check_possible(planned.settings.quality)
         _raise_reasons(
             [
                 *scene_checks.find_reasons_in_settings(planned.settings),
-                *eyes_above_ground.find_reasons(self._built, planned.turn_deg, self._find_scene),
+                *eyes_above_ground.find_reasons(self._built, planned.turn_deg, self._scene),
             ]
         )
-        return self._built, self._find_scene, self._seconds
+        return self._built, self._scene, self._seconds
 
 
 class ScenesFromSettings:
@@ -76,7 +76,7 @@ class ScenesFromSettings:
         self._warn, self._extra = warn, extra
         self._warned: set[str] = set()
         self._built: Built | None = None
-        self._find_scene: bpy.types.Scene | None = None
+        self._scene: bpy.types.Scene | None = None
         self.rays: SceneRays | None = None
         self._held = ExitStack()
 
@@ -105,15 +105,15 @@ class ScenesFromSettings:
         _check_id(planned, built, self._extra)
         if not shared or not kept:
             self._held.close()
-            self._find_scene = self._held.enter_context(open_render_scene(built, bpy.context.scene.frame_current))
+            self._scene = self._held.enter_context(open_render_scene(built, bpy.context.scene.frame_current))
             self.rays = self._held.enter_context(
-                closing(SceneRays(self._find_scene, still_spacing_m(built.settings.surface)))
+                closing(SceneRays(self._scene, still_spacing_m(built.settings.surface)))
             )
-        assert self._find_scene is not None
+        assert self._scene is not None
         self._built = built
         # A scene that comes and goes would make Cycles build its tree of triangles again.
-        _raise_reasons(eyes_above_ground.find_reasons_when_built(built, self._find_scene))
-        return built, self._find_scene, time.perf_counter() - start
+        _raise_reasons(eyes_above_ground.find_reasons_when_built(built, self._scene))
+        return built, self._scene, time.perf_counter() - start
 
     def _warn_once(self, warnings: list[str] | tuple[str, ...]) -> None:
         for warning in warnings:

@@ -189,7 +189,7 @@ class ForeignBytes:
     """A file, or bytes from one, and its reading budget. ``name`` is the file's name, for commands on it."""
 
     def __init__(self, source: bytes | IO[bytes], size: int, budget: Budget, name: str = "in.tif") -> None:
-        self._find_position_source, self.size, self.budget, self.name = source, size, budget, name
+        self._source, self.size, self.budget, self.name = source, size, budget, name
         self._readable = _MOST_READINGS * size + 2**16
 
     def part(self, start: int, count: int) -> bytes:
@@ -200,10 +200,10 @@ class ForeignBytes:
         if count > self._readable:
             raise OverBudgetError("refers to the same bytes again and again")
         self._readable -= count
-        if isinstance(self._find_position_source, bytes):
-            return self._find_position_source[start : start + count]
-        self._find_position_source.seek(start)
-        data = self._find_position_source.read(count)
+        if isinstance(self._source, bytes):
+            return self._source[start : start + count]
+        self._source.seek(start)
+        data = self._source.read(count)
         if len(data) != count:
             raise ValueError(f"it ends {count - len(data)} bytes early")
         return data

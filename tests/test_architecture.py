@@ -466,6 +466,37 @@ def test_drivers_of_the_window_name_modules_that_exist():
     assert missing == []
 
 
+def list_stored(tree: ast.Module) -> set[str]:
+    """The private attributes with names of several words that a file stores values under."""
+    return {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.ctx, ast.Store)
+        and node.attr.startswith("_")
+        and "_" in node.attr[1:]
+    }
+
+
+def list_functions(tree: ast.Module) -> set[str]:
+    return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+
+
+def test_no_value_has_the_name_of_a_function_elsewhere():
+    """A script that renames a private function by its name alone renames values of other files too."""
+    files = {path: (list_stored(tree_of(path)), list_functions(tree_of(path))) for path in SOURCES}
+    functions = set().union(*(own for _, own in files.values()))
+    misnamed = {
+        f"{name_of(path)}.{name}" for path, (stored, own) in files.items() for name in stored & (functions - own)
+    }
+    assert misnamed == {"stereo.export.plug_in._write_pair"}  # the function of a plug-in
+
+
+def test_a_value_with_the_name_of_a_function_is_found():
+    assert list_stored(ast.parse("self._find_scene, x._of = 1, 2; self._go(y)")) == {"_find_scene"}
+    assert list_functions(ast.parse("class A:\n    def _find_scene(self): pass")) == {"_find_scene"}
+
+
 DRAWN = [
     path
     for path in SOURCES

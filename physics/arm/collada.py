@@ -64,7 +64,7 @@ class _ColladaDocument:
             if name := item.get("id"):
                 self.by_id.setdefault((item.tag, name), []).append(item)
         # A file may refer to one element from everywhere.
-        self.array_of, self.find_relative_places, self.source_of = (
+        self.array_of, self.positions_of, self.source_of = (
             cache(self._read_float_array),
             cache(self._read_positions),
             cache(self._find_position_source),
@@ -179,7 +179,7 @@ class _ColladaDocument:
         found = [self._read_primitive(item) for item in mesh if item.tag in _PRIMITIVES] if mesh is not None else []
         starts, points, count = dict[ElementTree.Element, int](), [np.empty((0, 3))], 0
         for source, corners in found:
-            places = self.find_relative_places(source)
+            places = self.positions_of(source)
             if corners.size and not 0 <= corners.min() <= corners.max() < len(places):
                 wrong = corners[(corners < 0) | (corners >= len(places))][0]
                 raise ValueError(f"a face has vertex {wrong}, and the vertices are 0 to {len(places) - 1}")

@@ -52,19 +52,19 @@ class LineRows:
     """The lines of a text from byte ``start`` on, taken in groups of as many rows as each table has."""
 
     def __init__(self, foreign: ForeignBytes, start: int) -> None:
-        self._parts, self._share_above_largest = read_whole_lines(foreign, start), b""
+        self._parts, self._rest = read_whole_lines(foreign, start), b""
 
     def take(self, count: int) -> Iterator[bytes]:
         """The next ``count`` lines, many at a time. Raises UnusualTextError if there are fewer."""
         while count:
-            text = self._share_above_largest or next(self._parts, b"")
+            text = self._rest or next(self._parts, b"")
             if not text:
                 raise UnusualTextError
             ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n")) + 1
             if not text.endswith(b"\n"):
                 ends = np.append(ends, len(text))
             cut = int(ends[min(count, len(ends)) - 1])
-            text, self._share_above_largest = text[:cut], text[cut:]
+            text, self._rest = text[:cut], text[cut:]
             count -= min(count, len(ends))
             yield text
 

@@ -43,7 +43,7 @@ class DetachedProcess(ProcessOutput):
         self._stem, self._watch, self._process = stem, watch, process
         self._pid = int(facts["pid"])
         self._log = system.open_regular(stem.with_suffix(".log"))
-        self._share_above_largest = b""
+        self._begun_line = b""
         self._ended = False
 
     @classmethod
@@ -90,9 +90,9 @@ class DetachedProcess(ProcessOutput):
     def poll(self) -> list[dict[str, Any]]:
         """The messages since the last call."""
         gone = not self._is_alive()  # checked before reading, so that the file then has its last lines
-        *lines, self._share_above_largest = (self._share_above_largest + self._log.read()).split(b"\n")
+        *lines, self._begun_line = (self._begun_line + self._log.read()).split(b"\n")
         if gone:
-            lines, self._share_above_largest = [*lines, self._share_above_largest], b""
+            lines, self._begun_line = [*lines, self._begun_line], b""
             self._close()
         return [message for line in lines if (message := self._read_line(line.decode("utf-8", "replace"))) is not None]
 

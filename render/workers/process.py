@@ -86,21 +86,21 @@ class Process(ProcessOutput):
             self._process = system.start_ours(command, environment)
         except OSError as error:
             raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; check its path.") from None
-        self._find_crest_lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._reader = threading.Thread(target=self._queue_lines, args=(self._process.stdout,), daemon=True)
         self._reader.start()
         self._ended = False
 
     def _queue_lines(self, stream: IO[bytes]) -> None:
         for line in stream:
-            self._find_crest_lines.put(line.decode("utf-8", "replace"))
-        self._find_crest_lines.put(None)
+            self._lines.put(line.decode("utf-8", "replace"))
+        self._lines.put(None)
 
     def poll(self) -> list[Message]:
         """The messages since the last call."""
         messages = []
-        while not self._find_crest_lines.empty():
-            line = self._find_crest_lines.get()
+        while not self._lines.empty():
+            line = self._lines.get()
             if line is None:
                 self._ended = True
                 self._process.wait()

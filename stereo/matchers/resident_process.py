@@ -73,7 +73,7 @@ class _Resident:
     def __init__(self, program: Program) -> None:
         """Start it and wait until it is ready. Raises _ProgramError; IcyMoonError if there is no temporary folder."""
         self._program, self._folder = program, make_scratch_folder()
-        self._find_crest_lines: queue.Queue[bytes] = queue.Queue(_MOST_LINES)
+        self._lines: queue.Queue[bytes] = queue.Queue(_MOST_LINES)
         self._stray, self._id = "", 0
         paths = [os.environ.get("PYTHONPATH", ""), str(ADAPTERS)]
         begun = time.monotonic()
@@ -175,7 +175,7 @@ class _Resident:
         end = time.monotonic() + limit_s
         while (left_s := end - time.monotonic()) > 0:
             try:  # in short steps, since Windows cannot interrupt a long wait
-                line = self._find_crest_lines.get(timeout=min(_POLL_S, left_s))
+                line = self._lines.get(timeout=min(_POLL_S, left_s))
             except queue.Empty:
                 if self._process.poll() is None:
                     continue
@@ -223,10 +223,10 @@ class _Resident:
     def _queue_lines(self, stream: IO[bytes]) -> None:
         with suppress(OSError, ValueError), stream:  # it was closed
             while line := stream.readline(_LONGEST_LINE):
-                self._find_crest_lines.put(line)  # a full queue makes a program wait that prints without end
+                self._lines.put(line)  # a full queue makes a program wait that prints without end
                 while len(line) == _LONGEST_LINE and not line.endswith(b"\n"):
                     line = stream.readline(_LONGEST_LINE)  # the rest of a line that is no message
-        self._find_crest_lines.put(b"")
+        self._lines.put(b"")
 
     def stop(self, grace_s: float) -> None:
         """Give the program some time to end by itself, then end it with all processes that it has started."""
@@ -239,7 +239,7 @@ class _Resident:
         end = time.monotonic() + _GRACE_S
         while self._reader.is_alive() and time.monotonic() < end:  # the reader may wait for room in the queue
             with suppress(queue.Empty):
-                self._find_crest_lines.get(timeout=0.01)
+                self._lines.get(timeout=0.01)
         system.remove_folder(self._folder)
 
 

@@ -256,8 +256,8 @@ class _ShiftedImage:
 
     def __init__(self, image: Array, column: Array) -> None:
         """``column`` (H, W) lies inside the image."""
-        self._read_special, self._above = int(np.ceil(SHIFTS_PX.max())) + 1, int(ROWS_PX.max())
-        self._padded = np.pad(image, ((self._above,) * 2, (self._read_special,) * 2), mode="edge")
+        self._side_columns, self._above = int(np.ceil(SHIFTS_PX.max())) + 1, int(ROWS_PX.max())
+        self._padded = np.pad(image, ((self._above,) * 2, (self._side_columns,) * 2), mode="edge")
         self._width = self._padded.shape[1]
         rows = np.arange(image.shape[0])[:, None] * self._width
         self._places = {}
@@ -269,7 +269,7 @@ class _ShiftedImage:
         """The image (H, W), ``shift_px`` (of SHIFTS_PX) to the right of those columns and ``rows`` below; constant
         beyond its edges."""
         place, weight = self._places[shift_px % 1.0]
-        start = (self._above + rows) * self._width + self._read_special + int(np.floor(shift_px))
+        start = (self._above + rows) * self._width + self._side_columns + int(np.floor(shift_px))
         before, after = (self._padded.ravel()[start + k :].take(place) for k in (0, 1))
         return np.asarray(before + weight * (after - before))
 
@@ -278,19 +278,19 @@ class _Contrasts:
     """The local contrast of a first image, and of other images over the same pixels to compare with it."""
 
     def __init__(self, image: Array, where: Array) -> None:
-        self._count_text, self._count = where.astype(image.dtype), int(where.sum())
-        self._share = np.maximum(_smooth(self._count_text, _CONTRAST_PX), 1e-9)
+        self._mask, self._count = where.astype(image.dtype), int(where.sum())
+        self._share = np.maximum(_smooth(self._mask, _CONTRAST_PX), 1e-9)
         self.own = self.of(image)
         self._energy = sum_over_tiles(self.own**2)[:, 0]
 
     def of(self, image: Array) -> Array:
         """Brightness of a pixel above the mean around it, in standard deviations of the surroundings, limited to 1; 0
         where no pixel counts."""
-        light = image * self._count_text
+        light = image * self._mask
         light /= max(float(light.sum(dtype=np.float64)) / self._count, float(np.finfo(light.dtype).tiny))
         mean = _smooth(light, _CONTRAST_PX)
         mean /= self._share
-        above = np.multiply(np.subtract(light, mean, out=light), self._count_text, out=light)
+        above = np.multiply(np.subtract(light, mean, out=light), self._mask, out=light)
         spread = _smooth(above * above, _CONTRAST_PX)
         np.sqrt(np.divide(spread, self._share, out=spread), out=spread)
         spread += _LEAST_LOCAL_CONTRAST * mean + _LEAST_GLOBAL_CONTRAST
