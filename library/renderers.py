@@ -157,7 +157,7 @@ class InProcess:
             raise IcyMoonError(f"{sys.executable} has no Blender as a module; render with icymoon.Worker(blender=…).")
         # Imported by name, since this package may not import Blender.
         module = importlib.import_module("..render.resident_scenes", __package__)
-        self._scenes: Any = module.InThisProcess()
+        self._scenes: Any = module.RendererInThisProcess()
 
     def __repr__(self) -> str:
         return "<InProcess: Blender in this process>"

@@ -29,7 +29,7 @@ def render_head(
     part: Path,
     built: Built,
     scene: bpy.types.Scene,
-    stage: Stage,
+    stage: Stage | None,
     settings: Settings,
     rounded: Collection[str],
     render_radiance: Callable[[Path], dict[str, Path]],
@@ -37,8 +37,11 @@ def render_head(
     """Render the cameras of ``rig.head_file`` where they stand in the ``built`` scene.
 
     ``render_radiance`` lets Cycles render what ``scene`` is set up for into a file at a stem. ``stage`` is for the
-    truth, whose passes ``rounded`` are stored as 16-bit floats. Raises IcyMoonError if a camera is missing.
+    truth, whose passes ``rounded`` are stored as 16-bit floats; None for settings without a head. Raises IcyMoonError
+    if a camera is missing.
     """
+    if stage is None:
+        return {}, []
     cameras, poses = read_head_cameras(settings), find_head_poses(built.collection, built.camera)
     if len(cameras) != len(poses):
         raise IcyMoonError(

@@ -319,16 +319,14 @@ def _render_takes(
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
             files |= _files_on_sensors(traced)
-            head: list[dict[str, Any]] = []
-            if head_stage is not None:
-                render = partial(_render_light, scene, built, lights, planned=planned, truth="FULL")
-                more, head = render_head(part, built, scene, head_stage, settings, rounded, render)
-                files |= more
+            render = partial(_render_light, scene, built, lights, planned=planned, truth="FULL")
+            more, head = render_head(part, built, scene, head_stage, settings, rounded, render)
+            files |= more
         light = make_light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
             _write_workspace(part, rays, built, scene.frame_current)
     seconds = {"render": round(time.perf_counter() - start, 3), "sampling": round(sampling.seconds, 3)}
-    if head_stage is not None and not has_eyes:
+    if head_stage and not has_eyes:
         engine = {"by": head_stage.ground_tracer.name}
     return _Rendered(files, poses, light, engine, seconds, head)
 

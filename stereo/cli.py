@@ -337,6 +337,25 @@ def _choose_methods(parsed: argparse.Namespace) -> list[Method]:
     return parse_methods(chosen, parsed.option, parsed.own, parsed.method) if some else []
 
 
+def _check_maps(parsed: argparse.Namespace) -> None:
+    """Raise IcyMoonError for a size of a cell that no map has, and for maps of an unfinished data set."""
+    if parsed.maps is None:
+        return
+    if not (math.isfinite(parsed.maps) and parsed.maps >= 0):
+        raise IcyMoonError(f"--maps is {parsed.maps:g}; give the size of a cell in metres, above 0, or no number.")
+    if parsed.follow:
+        raise IcyMoonError("--maps is for a whole evaluation; run evaluate again without --follow.")
+
+
+def _check_follow(parsed: argparse.Namespace) -> None:
+    """Raise IcyMoonError for options that ``--follow`` cannot have beside it."""
+    if len(parsed.path) > 1 or parsed.predictions or parsed.dask or (parsed.jobs or 1) > 1:
+        raise IcyMoonError(
+            "--follow measures one data set in one process, without --predictions; give one folder "
+            "and leave --predictions, --dask and --jobs out."
+        )
+
+
 def run_evaluate(parsed: argparse.Namespace) -> int:
     """Run ``evaluate`` with its parsed arguments; return the exit code."""
     packages.require_modules(*packages.PACKAGES)
@@ -347,16 +366,9 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
     response = _read_response([], parsed.set)
     check_least(parsed, 0, "seed")
     check_least(parsed, 1, "jobs")
-    if parsed.maps is not None and not (math.isfinite(parsed.maps) and parsed.maps >= 0):
-        raise IcyMoonError(f"--maps is {parsed.maps:g}; give the size of a cell in metres, above 0, or no number.")
+    _check_maps(parsed)
     if parsed.follow:
-        if parsed.maps is not None:
-            raise IcyMoonError("--maps is for a whole evaluation; run evaluate again without --follow.")
-        if len(parsed.path) > 1 or parsed.predictions or parsed.dask or (parsed.jobs or 1) > 1:
-            raise IcyMoonError(
-                "--follow measures one data set in one process, without --predictions; give one folder "
-                "and leave --predictions, --dask and --jobs out."
-            )
+        _check_follow(parsed)
         measure_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points)
         return 0
     with tell_events("Evaluating", parsed.json_lines) as on_event:

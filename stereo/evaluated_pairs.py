@@ -60,6 +60,15 @@ class RenderedPair:
         return prepare_pair(self.folder, response)
 
 
+def _refuse_without_eyes(folder: Path) -> None:
+    """Raise IcyMoonError for a pair of a head's cameras alone. A broken pair is reported when its turn comes."""
+    try:
+        pair = read_pair(folder)
+    except IcyMoonError:
+        return
+    pair.image("left")
+
+
 def find_sources(paths: Sequence[Path]) -> list[Source]:
     """All pairs at ``paths``, each once: pair folders, data sets, and folders in the layout of other data sets.
 
@@ -70,8 +79,8 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
     found: list[Source] = [
         RenderedPair(folder) for folder in (sort_by_time(list_distinct_pairs(rendered)) if rendered else ())
     ]
-    for source in found[:1]:  # the sets of one plan are alike; another pair fails by itself
-        read_pair(source.folder).image("left")
+    for source in found[:1]:  # the pairs of one plan are alike; another pair fails by itself
+        _refuse_without_eyes(source.folder)
     found += [pair for path in dict.fromkeys(paths) if path not in rendered for pair in _find_foreign(path)]
     first: dict[str, Source] = {}
     for source in found:

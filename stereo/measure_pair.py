@@ -87,6 +87,25 @@ def _make_row_event(row: Row, kind: str = "row") -> dict[str, Any]:
     return {"type": kind, "row": row}
 
 
+def _warn_of_files_left_out(
+    prepared: PreparedPair, run: MeasureRun, points: bool, maps: bool
+) -> Iterator[dict[str, Any]]:
+    """Warnings where a run asks for points or maps that the pair cannot have."""
+    record = prepared.pair.folder / "pair.json"
+    if run.points and not points:
+        yield {
+            "type": "warning",
+            "message": f"{record} does not contain the position of the camera, so no points are written; render the "
+            "pair again.",
+        }
+    if run.maps is not None and not maps:
+        yield {
+            "type": "warning",
+            "message": f"{record} states no map with a coordinate system, so no maps are written; give the ground as a "
+            "GeoTIFF that has one, and render the pair again.",
+        }
+
+
 def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask) -> Iterator[dict[str, Any]]:
     """Make the missing rows of a pair, and the numbers that depend on two of its methods."""
     disparities: dict[str, Array] = {}
@@ -115,19 +134,8 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
         yield _make_row_event(rows[label])
     common = measure_common_pixels(prepared, disparities)
     points = run.points and find_left_pose(prepared) is not None
-    if run.points and not points:
-        yield {
-            "type": "warning",
-            "message": f"{prepared.pair.folder / 'pair.json'} does not contain the position of "
-            "the camera, so no points are written; render the pair again.",
-        }
     frame = find_map_frame(prepared) if run.maps is not None else None
-    if run.maps is not None and frame is None:
-        yield {
-            "type": "warning",
-            "message": f"{prepared.pair.folder / 'pair.json'} states no map with a coordinate system, so no maps are "
-            "written; give the ground as a GeoTIFF that has one, and render the pair again.",
-        }
+    yield from _warn_of_files_left_out(prepared, run, points, frame is not None)
     for method in (method for method in run.methods if method.label in disparities):
         label, disparity = method.label, disparities[method.label]
         beside = {other: numbers | {"key": task.keys[other]} for other, numbers in common[label].items()}

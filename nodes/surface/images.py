@@ -24,7 +24,7 @@ from ...physics.surfaces.textures import MAP_SIDE_PX, make_maps
 from ...settings.topics.surfaces import TexturesSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.foreign_bytes import ForeignBytes, explain_errors, parse_part, read
+from ...support.foreign_bytes import ForeignBytes, explain_errors, parse_json, parse_part, read
 from ...support.labels import UV_LAYER
 
 #: Custom properties: the key of an image, and the mean of its linear values.
@@ -91,7 +91,7 @@ def load_placed_map(
     state = path.stat()
     key = f"{path} {state.st_size} {state.st_mtime_ns} {frame} {size_m!r}"
     if (there := _find_map(key)) is not None:
-        placed, sentences = there.image[_PLACED_PROPERTY], json.loads(there.image[_LACKS_PROPERTY])
+        placed, sentences = there.image[_PLACED_PROPERTY], parse_json(there.image[_LACKS_PROPERTY])
         return there, (placed[0], placed[1], placed[2], placed[3]), sentences
     found = read_map_image(path, frame, size_m)
     rows, columns = found.values.shape

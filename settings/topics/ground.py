@@ -67,7 +67,7 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         "Site", "OFFSET", "How the place of the site on the map is stated. Origin East and Origin North are distances "
         "from it", "geometry",
         ("OFFSET", "Centre or Origin", "The centre of the map, or the origin of its coordinates"),
-        ("DEGREES", "Longitude and Latitude", "By planetocentric longitude and latitude, east and north positive"),
+        ("DEGREES", "Degrees", "By planetocentric longitude and latitude, east and north positive"),
         ("MAP", "Map Coordinates", "By easting and northing, in the unit of the file's coordinate system"),
         shown=chosen("kind", "HEIGHT_MAP"), since="0.4")
     site_longitude_deg: str = text(

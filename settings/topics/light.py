@@ -44,7 +44,7 @@ class LightSettings(Table, label="Light"):
         "light",
         ("SITE", "Site of the Map", "The site of the height map, with north as on its map; Latitude and Longitude "
          "have no effect"),
-        ("STATED", "Latitude and Longitude", "The place of Latitude and Longitude, whose north is the map's up"),
+        ("STATED", "Stated Place", "The place of Latitude and Longitude, whose north is the map's up"),
         shown=DATED & MAP & ~chosen("source.site", "OFFSET"), since="0.4")
     kernels: str = text(
         "Kernels", "", "A meta-kernel, or a folder from which all kernels are loaded", "light", "read",

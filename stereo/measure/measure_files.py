@@ -25,6 +25,16 @@ _MOST_UNPACKED_BYTES = 2**27
 _MOST_DISPARITY_PX = 2**20
 
 
+def _measure_as_reference_code(
+    given: Array, true: Array, disparity: Path | None, bm_min_disparity: int | None
+) -> dict[str, float]:
+    """The numbers of the reference code: of the depths ``given`` in m, or of disparities in px if a file has them."""
+    if disparity is None:
+        return compute_depth_map_metrics(given, true)
+    least = _read_bm_min_disparity(disparity) if bm_min_disparity is None else bm_min_disparity
+    return compute_reference_metrics(given, true, least)
+
+
 def measure_files(
     prediction: Path | None,
     disparity: Path | None,
@@ -72,16 +82,7 @@ def measure_files(
         totals = compute_total_metrics(depth, true, pixels, true_pixels, result["dod"])
         result |= {f"total_{key}": value for key, value in totals.items()}
     if guiss:
-        least = (
-            _read_bm_min_disparity(disparity)
-            if bm_min_disparity is None and disparity is not None
-            else bm_min_disparity
-        )
-        result |= (
-            compute_reference_metrics(given, true, least)
-            if disparity is not None
-            else compute_depth_map_metrics(given, true)
-        )
+        result |= _measure_as_reference_code(given, true, disparity, bm_min_disparity)
     return result
 
 

@@ -137,6 +137,18 @@ class ResultTable:
         return list((total / count).tolist()) if count else []
 
 
+def _pool_over_pixels(table: ResultTable, method: int) -> dict[str, float | None]:
+    """The means of ``POOLED_METRICS`` over the pixels of all pairs of a method, as ``pooled_*``."""
+    weights = table.column(method, "n")
+    pooled: dict[str, float | None] = {}
+    for metric in POOLED_METRICS:
+        numbers = table.column(method, metric)
+        known = ~np.isnan(numbers) & (weights > 0)
+        total = float((numbers * weights)[known].sum())
+        pooled[f"pooled_{metric}"] = _divide_or_none(total, float(weights[known].sum()))
+    return pooled
+
+
 def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
     """Summarise one method over all pairs that count.
 
@@ -170,12 +182,7 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
         for key, (low, high) in zip(_AVERAGED_NUMBERS, bounds, strict=True)
         if np.isfinite(low) and result[key] is not None
     }
-    weights = table.column(method, "n")
-    for metric in POOLED_METRICS:
-        numbers = table.column(method, metric)
-        known = ~np.isnan(numbers) & (weights > 0)
-        total = float((numbers * weights)[known].sum())
-        result[f"pooled_{metric}"] = _divide_or_none(total, float(weights[known].sum()))
+    result |= _pool_over_pixels(table, method)
     result["pooled_coverage"] = _divide_or_none(result["n"], float(np.nansum(table.column(method, "true_pixels"))))
     result["error_curve"] = table.curve(method, "error_curve")
     result["sparsification"] = {key: table.curve(method, key) for key in ("texture", "best")}

@@ -58,9 +58,7 @@ def write_results(
     rows = LazyRows(
         len(names) * len(labels), lambda k: _shorten_row(log.read(names[k // len(labels)], labels[k % len(labels)]))
     )
-    usable = [
-        name for name in names if find_facts(out, name) is not None and not _make_all_failed_error(log, name, labels)
-    ]
+    usable = [name for name in names if find_facts(out, name) and not _make_all_failed_error(log, name, labels)]
     facts = LazyRows(len(usable), lambda k: read_facts(out, usable[k]))
     table, notes = ResultTable(labels, names), Notes(methods, faults)
     places = {name: k for k, name in enumerate(names)}

@@ -119,6 +119,11 @@ def _find_time_margin(rows: Sequence[Row]) -> float:
     return max(_LEAST_SAVED_SHARE, 2 * (sum(spreads) / len(spreads)) ** 0.5) if repeated else 2 * _LEAST_SAVED_SHARE
 
 
+def _format_perhaps(row: Row, methods: Sequence[str]) -> str:
+    """The end of a line for a cheaper variant that is possibly within the tolerance."""
+    return f"; perhaps “{row['name']}”, {row['cpu_s']:.1f} s, {_format_worst_loss(row, methods)}"
+
+
 def _make_matcher_advice(
     name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float
 ) -> list[str]:
@@ -150,13 +155,7 @@ def _make_matcher_advice(
             hidden += [f"{px:g} px"] * (perhaps is not None)
         elif best is not before:
             before = best
-            cheaper = (
-                ""
-                if perhaps is None
-                else (
-                    f"; perhaps “{perhaps['name']}”, {perhaps['cpu_s']:.1f} s, {_format_worst_loss(perhaps, methods)}"
-                )
-            )
+            cheaper = "" if perhaps is None else _format_perhaps(perhaps, methods)
             lines.append(
                 f"{name}, within {px:g} px: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
                 f"{_format_ratio(scene, best, margin)}, adds {_format_worst_loss(best, methods)}{cheaper}."

@@ -5,6 +5,7 @@ Runs in the evaluator's Python, as ``measure_variants`` does.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,12 @@ _MOST_RENDERS = 4
 _MOST_LIGHT_CHANGE_SHARE, _LEAST_SAVED_SHARE = 0.01, 0.05
 #: Settings of the quality that are always written, even if the choice does not change them.
 _ALWAYS_WRITTEN = ("samples", "denoiser", "noise_threshold")
+
+
+def _is_leaner(found: Mapping[str, Any], cost_s: float) -> bool:
+    """Whether a candidate without a part of the light saves time and keeps the radiance."""
+    saves = found["cpu_s"] < (1 - _LEAST_SAVED_SHARE) * cost_s
+    return bool(saves and abs(found["bias"]) <= _MOST_LIGHT_CHANGE_SHARE)
 
 
 def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, Any]:
@@ -67,11 +74,7 @@ def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, 
     for name, part in parts.items():
         trial = replace(chosen, name=f"{chosen.name}, {name}", settings=merged(chosen.settings, part))
         found = search.try_variant(trial) and search.tried[-1]
-        if (
-            found
-            and found["cpu_s"] < (1 - _LEAST_SAVED_SHARE) * cost
-            and abs(found["bias"]) <= _MOST_LIGHT_CHANGE_SHARE
-        ):
+        if found and _is_leaner(found, cost):
             chosen, cost = trial, found["cpu_s"]
     quality = chosen.settings.quality
     keys = {*_ALWAYS_WRITTEN, *changed(chosen.settings, bench.settings).get("quality", {})}

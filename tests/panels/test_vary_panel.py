@@ -45,7 +45,7 @@ def test_the_selected_setting_is_drawn_with_its_unit(scene):
         ("quality.samples", "Samples: 16 to 64 samples, 5"),
         ("light.planet", "Planet: off, on"),
         ("mesh.crests", "Crests: Rounded, "),
-        ("textures.mapping", "Mapping: 3 values"),
+        ("textures.mapping", "Mapping: 4 values"),
         ("surface.model", "Model: 6 values"),
         ("rig.baseline_m", "Baseline: 0.125 to 0.5 m, 5"),
     ],

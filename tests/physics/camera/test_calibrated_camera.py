@@ -203,7 +203,7 @@ def test_what_is_no_camera_is_refused(changes, words):
         (lambda: Brown((0.1, 0.2, 0.3, 0.4)), "5 or 8 or 12 coefficients, not 4"),
         (lambda: Brown((math.nan, 0, 0, 0, 0)), "no finite number"),
         (lambda: Fisheye((0.1,) * 5), "4 coefficients, not 5"),
-        (lambda: Cahvore((0.0, 0.0, -1.0), (0.0,) * 3), "points backward"),
+        (lambda: Cahvore((0.0, 0.0, -1.0), (0.0,) * 3), "point forward"),
         (lambda: Cahvore((0.0, 0.0, 1.0), (-1.5, 0, 0)), "mirrors"),
         (lambda: CalibratedRig(()), "at least one"),
     ],
@@ -230,7 +230,7 @@ def test_rotations_come_back_from_vectors_and_quaternions(degrees):
 
 
 def test_a_quaternion_without_length_is_refused():
-    with pytest.raises(ValueError, match="no length"):
+    with pytest.raises(ValueError, match="length 0"):
         from_quaternion(np.zeros(4))
 
 
