@@ -54,5 +54,5 @@ def test_the_recipe_counts_in_the_id_and_the_file_does_not(monkeypatch):
     one = built(textures={"set": "STAND_IN", "stand_in": "FIRN"}).content
     monkeypatch.setattr(cached_files, "make_maps", lambda key: make_maps(key, seed=1, size=64))
     assert built(textures={"set": "STAND_IN", "stand_in": "FIRN"}).content == one
-    monkeypatch.setattr("icymoon.settings.user_files.RECIPE", 99)
+    monkeypatch.setattr("icymoon.settings.user_files.RECIPE_NUMBER", 99)
     assert built(textures={"set": "STAND_IN", "stand_in": "FIRN"}).content != one
