@@ -21,7 +21,7 @@ def test_a_folder_of_files_has_to_be_there(tmp_path, capsys):
     assert "is no folder" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_folder_of_files_has_to_replace_something(tmp_path, capsys):
     words = ["reproduce", "guiss", "--pairs", "1", "--dry-run", "--out", str(tmp_path / "out")]
     (tmp_path / "files").mkdir()

@@ -123,7 +123,7 @@ def test_it_is_evaluated_afterwards_if_asked(described, tmp_path):
         bpy.ops.icymoon.render_dataset()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_is_stopped_within_a_sample_and_goes_on_later(described, tmp_path):
     (tmp_path / "plan.toml").write_text(
         '[plan]\ntitle = "Long"\n' + TINY.replace("samples = 1", "samples = 20000") + GRID

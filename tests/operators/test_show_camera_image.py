@@ -82,6 +82,7 @@ def test_the_shown_camera_image_follows_the_response_once_the_hand_rests(small, 
     assert live_exposure.list_lines() == []
 
 
+@pytest.mark.long
 def test_nothing_follows_where_it_is_switched_off_or_not_shown_and_failures_are_told(small, shown, monkeypatch):
     small.icymoon.follow = False
     small.icymoon.sensor.auto_target = 0.1

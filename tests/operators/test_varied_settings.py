@@ -288,7 +288,7 @@ def test_another_data_set_is_not_overwritten(tiny, tmp_path):
     assert before == {path: path.read_bytes() for path in (tmp_path / "set").iterdir()}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_path, monkeypatch):
     bpy.ops.icymoon.vary(setting=ELEVATION, first=20, last=40, count=2)
     group = tiny.icymoon.dataset

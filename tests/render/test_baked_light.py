@@ -108,6 +108,7 @@ def test_a_closed_sphere_has_the_light_of_the_integrating_sphere(registered, bou
     assert not any(each.name.startswith(BAKED_ATTRIBUTES["Sun"]) for each in made.data.attributes)
 
 
+@pytest.mark.long
 def test_noise_falls_with_the_root_of_the_samples_and_is_what_differs_from_many(registered):
     with ScenesFromSettings(lambda warning: None) as source:
 
@@ -377,6 +378,7 @@ def groups_of(pair: PlannedPair, dataset: Path) -> dict[str, float]:
     }
 
 
+@pytest.mark.long
 def test_light_of_sun_and_planet_is_baked_into_its_own_group(registered, tmp_path):
     """Both within 2 % of the traced mean: 1 % as for the Sun alone, and noise, since the samples of direct light
     are shared by the two lamps."""
@@ -419,6 +421,7 @@ def test_a_surface_that_stays_while_the_lander_goes_shows_baked_light(registered
     assert np.array_equal(after, alone)
 
 
+@pytest.mark.long
 def test_light_on_rocks_and_around_them_is_the_light_that_is_traced(registered, tmp_path):
     """The mean over pixels of rocks is within 4 %, since twelve numbers do not hold the light near a rock's foot; that
     of the ground within 2 %. Without light on rocks theirs would be 15 % less."""

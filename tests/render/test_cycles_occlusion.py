@@ -33,7 +33,7 @@ def shoot(folder: Path, *parts: dict) -> Pair:
     )
 
 
-@pytest.mark.heavy
+@pytest.mark.long
 def test_hidden_pixels_are_those_of_another_ray_caster(tmp_path):
     """The bounds are those of the issue: 99 % of what is behind something more than 1 px nearer, 0.1 % false."""
     pair = shoot(tmp_path, ROCKS, {"rocks": {"coverage": 0.25}})

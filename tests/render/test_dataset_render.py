@@ -155,7 +155,7 @@ def test_several_workers_make_what_one_makes(reference, tmp_path):
     assert manifest["seconds"].keys() == {"build", "render", "sampling", "write"}
 
 
-@pytest.mark.heavy
+@pytest.mark.long
 def test_shares_put_together_are_the_data_set(reference, tmp_path):
     dataset = freeze(tmp_path)
     for number in ("1/2", "2/2"):
@@ -261,7 +261,7 @@ def test_a_worker_dies_with_its_runner(tmp_path):
         time.sleep(0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_two_runners_on_one_data_set_do_no_pair_twice(reference, tmp_path):
     dataset = freeze(tmp_path)
@@ -289,7 +289,7 @@ def test_an_interrupted_run_stops_at_once_and_says_so(tmp_path):
     assert not (dataset / "claims").exists()
 
 
-@pytest.mark.heavy
+@pytest.mark.long
 def test_a_disk_that_fills_up_ends_the_run_with_a_sentence_and_the_next_run_goes_on(tmp_path, reference):
     dataset = freeze(tmp_path)
 

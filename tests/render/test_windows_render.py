@@ -51,7 +51,7 @@ def files_in(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_pair_is_rendered_again_and_evaluated(drive):
     words = (
         "render",

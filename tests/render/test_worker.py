@@ -36,6 +36,7 @@ def assert_nothing_half_written(out: Path) -> None:
         assert (folder / "pair.json").is_file()
 
 
+@pytest.mark.long
 def test_two_processes_give_the_same_truth_and_the_same_images(tmp_path):
     for name in ("a", "b"):
         done = run(tmp_path / name, "rocks.coverage=0.05")

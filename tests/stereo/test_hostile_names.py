@@ -97,6 +97,7 @@ def test_a_name_that_results_cannot_have_is_refused_at_once(tmp_path, name):
         find_sources([tmp_path / "set"])
 
 
+@pytest.mark.long
 def test_without_standard_error_good_pairs_are_read(tmp_path):
     """OpenEXR is silenced by exchanging that stream: of one that is closed there is nothing to exchange."""
     pairs.write_pair(tmp_path / "set" / "pairs" / "a", rig=pairs.camera(96, 48))

@@ -129,6 +129,7 @@ def test_a_dialog_that_is_closed_has_nothing_to_stop():
     JobOperator().cancel(None)  # as Blender calls it at Esc in the dialog, before any job
 
 
+@pytest.mark.long
 def test_this_machine_is_measured_by_a_button_and_shown(tmp_path, monkeypatch):
     import bpy
 

@@ -57,7 +57,7 @@ def test_facets_reflect_nearly_all_light_that_snow_does(share):
     assert 0.9 * (1 - 0.2 * share) < made < 0.9 * 1.005
 
 
-@pytest.mark.heavy
+@pytest.mark.long
 def test_they_shine_toward_the_sun_and_leave_the_mean(tmp_path):
     none, toward, away = (
         _radiance(tmp_path / str(k), *changes)

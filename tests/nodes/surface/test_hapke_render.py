@@ -463,7 +463,7 @@ def reflected(place: Array, eye: Array, sun: Array, law, often: int, rng: np.ran
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_the_reference_level_has_the_law_at_every_end_of_three_interreflections(tmp_path):
     """Light between a wall and the ground, against paths in double precision."""

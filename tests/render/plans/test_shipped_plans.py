@@ -108,6 +108,7 @@ def test_each_type_has_the_papers_factors_and_number_of_pairs(mine, name, form):
         assert set(sites.values()) == {180}
 
 
+@pytest.mark.long
 def test_the_suns_are_the_papers_or_the_true_ones(mine):
     lamps = {
         name: {
@@ -177,6 +178,7 @@ def test_each_scene_of_the_papers_sets_has_its_own_ground(mine, name):
     assert set(grounds_of(mine(name).pairs()).values()) != {1}
 
 
+@pytest.mark.long
 def test_meshes_and_albedos_are_compared_on_one_ground(mine):
     for name in ("guiss_reconstructions", "guiss_albedo"):
         assert values(mine(name, "").pairs(), "dataset.seed").keys() == {1}

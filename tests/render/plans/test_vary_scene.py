@@ -109,6 +109,7 @@ def test_a_plan_states_no_folder_and_no_matchers():
     assert set(stated["dataset"]) == {"seed", "headings"}
 
 
+@pytest.mark.long
 @trials(max_examples=12)  # each checks grounds
 @given(
     st.lists(st.sampled_from([ELEVATION, ALBEDO, SAMPLES, MODEL, PLANET]), unique=True, max_size=3),

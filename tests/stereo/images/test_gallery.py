@@ -60,7 +60,7 @@ def test_a_sheet_keeps_to_its_bytes_and_holds_every_picture(tmp_path):
         write_sheet(shown, tmp_path / "sheet.jpg")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_renders_a_scene_once_and_shows_it(tmp_path):
     command = [
         sys.executable,

@@ -29,7 +29,7 @@ def test_settings_and_files_of_the_user_are_over_those_of_the_plan(tmp_path):
     assert f'files = "{tmp_path}"' in made.text
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_sets_are_the_papers_and_a_part_keeps_their_shares(monkeypatch):
     monkeypatch.setattr(paper_datasets, "_CHECKED_GROUNDS", 1)
     data = make_parts(502, 1.0, {})["data"]

@@ -142,7 +142,7 @@ def test_the_frame_of_our_rig_sees_what_the_eyes_see(scene):
     assert level == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_known_scene_agrees_with_its_labels(scene, tmp_path):
     folder, *_ = scene

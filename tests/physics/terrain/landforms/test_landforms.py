@@ -181,6 +181,7 @@ def test_long_plates_make_sub_parallel_cracks():
     assert np.mean(heights < -0.25) > 0.05
 
 
+@pytest.mark.long
 def test_broken_cracks_are_steeper_than_rounded_ones_and_hold_fallen_fragments():
     asked: dict[str, Any] = {"depth_m": 0.5, "width_m": 0.4, "plate_m": 3.0}
     rounded, broken = (_grid(_made("cracks", edges=edges, **asked), 16.0, 1601) for edges in ("ROUNDED", "BROKEN"))
