@@ -290,8 +290,7 @@ def _render_takes(
     """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is."""
     settings = planned.settings
     camera, blur, others = camera_of(settings), find_blur(settings), len(read_head_cameras(settings))
-    has_eyes = settings.rig.images == "PAIR"
-    takes = _list_camera_setups(camera, blur, _has_full_truth(planned)) if has_eyes else []
+    takes = _list_camera_setups(camera, blur, _has_full_truth(planned)) if settings.rig.images == "PAIR" else []
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
     with turn_about_eye(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
@@ -300,9 +299,9 @@ def _render_takes(
         clip_m = built.camera.data.clip_start, built.camera.data.clip_end
         stage, asked, engine = _plan_rays(part, rays, settings, takes, camera)
         head_stage = _stage_of_rays(rays, "of cameras beside the pair", "empty rig.head_file") if others else None
-        truths = 0 if asked.keys() - {_SENSOR_TRUTH_NUMBER} or not has_eyes else _count_truths(takes, planned)
+        truths = 0 if asked.keys() - {_SENSOR_TRUTH_NUMBER} or not takes else _count_truths(takes, planned)
         with (
-            watch_samples(len(lights) * int(quality.samples), truths, report, others, 2 * has_eyes) as sampling,
+            watch_samples(len(lights) * int(quality.samples), truths, report, others, 2 * bool(takes)) as sampling,
             trace_in_background(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded) as traced,
         ):
             for k, take in enumerate(takes):
@@ -326,7 +325,7 @@ def _render_takes(
         if settings.workspace.cell_m > 0:
             _write_workspace(part, rays, built, scene.frame_current)
     seconds = {"render": round(time.perf_counter() - start, 3), "sampling": round(sampling.seconds, 3)}
-    if head_stage and not has_eyes:
+    if head_stage and not takes:
         engine = {"by": head_stage.ground_tracer.name}
     return _Rendered(files, poses, light, engine, seconds, head)
 

@@ -82,9 +82,9 @@ def test_what_a_killed_process_leaves_is_not_taken(tmp_path):
     """Killed at a moment of its work that differs from try to try, a process leaves whole files, parts, or nothing; the
     next one returns whole files only."""
     code = (
-        "import sys; from icymoon.paper_stand_ins import cached_files, items, texture_maps;"
+        "import sys; from icymoon.paper_stand_ins import cached_files, shown_items, texture_maps;"
         "make = texture_maps.make_maps; cached_files.make_maps = lambda key: make(key, size=64);"
-        "print('go', flush=True); cached_files.make_files(items.texture_item('FIRN'))"
+        "print('go', flush=True); cached_files.make_files(shown_items.find_texture_item('FIRN'))"
     )
     whole = cached_files.make_files(find_texture_item("FIRN"), tmp_path / "whole")
     known = {path.name: path.read_bytes() for path in whole.iterdir()}

@@ -189,7 +189,7 @@ def unseen(built: Built) -> None:
         (pane, "the object Block may let rays pass"),
         (finer, "the object Block has another mesh in renders"),
         (unseen, "the camera does not see the object Block"),
-        (lambda built: add_block(built, Matrix.Scale(0.2, 4), "CURVE"), "the object Block is no mesh"),
+        (lambda built: add_block(built, Matrix.Scale(0.2, 4), "CURVE"), "the object Block has no mesh"),
     ],
 )
 def test_cycles_renders_the_truth_of_what_rays_would_not_meet_and_the_pair_states_why(tmp_path, change, why):

@@ -94,7 +94,7 @@ def test_heights_are_of_ground_and_rocks_alone_and_rays_meet_the_rest_again_afte
         stage = rays.prepare()
         assert stage.ground_tracer.intersect(eye, down, 0.0, np.inf).along == pytest.approx(6.0)
         add(built, bpy.data.curves.new("Own", "CURVE"), 4.0)
-        with pytest.raises(CannotTrace, match=r"the object Own.* is no mesh"):
+        with pytest.raises(CannotTrace, match=r"the object Own.* has no mesh"):
             rays.prepare()
         again = make_heights(rays, extent)
     assert np.abs(ground - slope(east[None, :], north[:, None])).max() < 1e-6

@@ -77,5 +77,5 @@ def test_all_cards_are_used_unless_some_are_named():
 def test_a_card_that_is_not_there_is_named_beside_those_that_are():
     with pytest.raises(IcyMoonError, match=r"no graphics card 3; .*0: Card A, 1: Card B, 2: Card C"):
         choose_card_numbers(Cards("", (0, 3)), FOUND)
-    with pytest.raises(IcyMoonError, match=r"no graphics card 0 .*\(none\)"):
+    with pytest.raises(IcyMoonError, match=r"no graphics card 0; .*\(none\)"):
         choose_card_numbers(Cards("", (0,)), [])

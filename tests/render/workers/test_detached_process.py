@@ -62,8 +62,8 @@ def test_it_outlives_the_python_that_started_it(tmp_path):
     starter = (
         f"import sys; sys.path[:0] = {sys.path!r}\n"
         "from pathlib import Path\n"
-        "from icymoon.render.workers.detached_process import Detached\n"
-        f"Detached.start([sys.executable, '-c', {TALKS!r}, '40'], Path({str(tmp_path / 'one')!r}), {FACTS!r})\n"
+        "from icymoon.render.workers.detached_process import DetachedProcess\n"
+        f"DetachedProcess.start([sys.executable, '-c', {TALKS!r}, '40'], Path({str(tmp_path / 'one')!r}), {FACTS!r})\n"
         "import os; os._exit(1)"
     )
     subprocess.run([sys.executable, "-c", starter], check=False, timeout=60)
