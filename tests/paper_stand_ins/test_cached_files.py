@@ -91,7 +91,7 @@ def test_what_a_killed_process_leaves_is_not_taken(tmp_path):
     folder = cached_files.find_folder(find_texture_item("FIRN"))
     for delay in (0.0, 0.02, 0.05, 0.1):
         process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
-        process.stdout.readline()
+        assert process.stdout.readline() == b"go\n"
         time.sleep(delay)
         process.send_signal(signal.SIGKILL)
         process.wait()
