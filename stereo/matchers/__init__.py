@@ -4,7 +4,7 @@ A matcher is a plug-in, ours or of a package that the user installed; ``plugins/
 ``match``, see ``plug_in``, or the longer interface of the modules here: ``OPTIONS``, ``PRESETS`` (named sets of
 options) and ``compute(left, right, options, camera)``. This function takes two uint8 images of one size, a complete
 dict of options and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or RGB (H, W, 3) for a
-module with ``COLOUR``. A module may have three more functions: ``check(options)`` raises IcyMoonError if a file or
+module with ``COLOUR``. A module may have four more functions: ``check(options)`` raises IcyMoonError if a file or
 program that the options name does not exist, ``load(options)`` does work that is not part of matching a pair,
 ``files(options)`` returns words within options that may be files, and ``settle(options, ranges, shape)`` returns the
 options with numbers for those that follow from the pair, and the ``SearchRange``. With ``SPARSE`` a pair without any
