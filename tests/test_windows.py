@@ -190,6 +190,7 @@ def test_pairs_are_measured_and_exported(pair_set, drive, words):
     assert not any(system.find_name_fault(part) for name in files_in(out) for part in name.split("/"))
 
 
+@pytest.mark.long
 def test_pairs_are_evaluated_and_a_report_that_a_viewer_has_open_is_a_sentence(pair_set, drive):
     words = ("stereo", "evaluate", pair_set, "--methods", "bm,bm:window=9", "--points", "--out", drive / "out")
     done = icymoon(*words)

@@ -501,6 +501,7 @@ def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypat
     assert heard == [frozenset({"light"}), frozenset({"camera"})]
 
 
+@pytest.mark.long
 def test_a_surface_that_knows_the_sun_follows_light_and_accuracy(watched):
     for name, value, traced in (
         ("surface.model", "HAPKE", False),

@@ -307,7 +307,7 @@ def test_a_disk_that_fills_up_ends_the_run_with_a_sentence_and_the_next_run_goes
     assert images(dataset) == images(reference)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="only root may mount a small disk")
 def test_a_small_disk_that_really_fills_up(tmp_path, reference):
     size = sum(map(len, images(reference).values())) // 2

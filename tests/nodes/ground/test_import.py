@@ -643,7 +643,7 @@ def test_the_operator_imports_builds_and_takes_back_what_failed(scene, tmp_path)
     assert {"*.ply", "*.tif", "*.asc", "*.hgt", "*.img", "*.lbl"} <= set(shown)
 
 
-@pytest.mark.heavy
+@pytest.mark.long
 def test_the_command_line_renders_an_imported_ground(tmp_path):
     pytest.importorskip("rich")  # which the command line shows its progress with
     write_ply(tmp_path / "a.ply", *hill())

@@ -81,6 +81,7 @@ def test_nodes_follow_the_planet_when_the_sun_is_down(tmp_path, light):
     assert view.radiance[ground].mean() == pytest.approx(truth[ground].mean(), rel=1e-2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "hapke",
     [

@@ -100,7 +100,7 @@ def _share_in_both_eyes(folder, baseline_m):
     return np.any([right[rows, np.minimum(match + k, right.shape[1] - 1)] for k in (-1, 0, 1)], axis=0).mean()
 
 
-@pytest.mark.heavy
+@pytest.mark.long
 def test_the_further_apart_the_eyes_are_the_fewer_glints_they_share(tmp_path):
     """Of eyes 1 cm apart both see a facet; of eyes 1 m apart, which see it 20 degrees apart, mostly one does."""
     near, far = (_share_in_both_eyes(tmp_path / str(apart), apart) for apart in (0.01, 1.0))

@@ -38,7 +38,7 @@ def across(**surface: float | str):
     return furnace.radiance(scene, 0.0, VIEW_M, 16).mean(axis=(0, 2))[::-1]
 
 
-@pytest.mark.heavy
+@pytest.mark.long
 def test_light_under_the_surface_leaves_it_in_the_shadow():
     full = 10.0 * 0.8 / math.pi
     walk = across(subsurface_weight=1.0, subsurface_radius_m=PATH_M)

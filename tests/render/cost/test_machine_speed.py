@@ -137,6 +137,7 @@ def test_plans_take_as_much_longer_as_the_machine_is_slower():
     assert estimate.format_duration(known.left_s) + " of a processor" in known.lines()[2]
 
 
+@pytest.mark.long
 def test_the_dry_run_of_a_plan_uses_what_was_measured(capsys):
     said = []
     for factor in (1.0, 4.0):

@@ -102,6 +102,7 @@ def test_a_pair_without_a_lander_is_named(tmp_path):
     assert "shows no lander" in failed
 
 
+@pytest.mark.long
 def test_a_pair_that_fails_is_nowhere(rendered, tmp_path, monkeypatch):
     """At the masks of its right eye, after images and models are written; the next one is as if it were the first."""
     folder = rendered[0].folder
