@@ -26,11 +26,6 @@ def normalise(field: Array) -> Array:
     return np.asarray((field - field.mean()) / field.std())
 
 
-def stretch_to_unit(field: Array) -> Array:
-    """The field from 0 to 1."""
-    return np.asarray((field - field.min()) / np.ptp(field))
-
-
 def smooth_step(field: Array, low: float, high: float) -> Array:
     """0 below ``low``, 1 above ``high``, and smooth between."""
     t = np.clip((field - low) / (high - low), 0.0, 1.0)

@@ -24,6 +24,7 @@ from . import exr
 from .develop import Channels, expose_eye, merge_frames, scale_radiance
 from .disparity_and_occlusion import find_scene_depth
 from .exr import Light
+from .lens import make_pixel_grid
 from .spline import sample
 
 
@@ -70,14 +71,8 @@ class HeadImage:
         return self.grey if self.colour is None else self.colour[..., ::-1]
 
 
-def _pixels(camera: HeadCamera) -> Array:
-    """Columns and rows (H, W, 2) of the centres of pixels."""
-    width, height = camera.projection.size_px
-    return np.stack(np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)), axis=-1)
-
-
 def _rays(camera: HeadCamera) -> tuple[Array, Array]:
-    return rays_of(camera.projection, _pixels(camera))
+    return rays_of(camera.projection, make_pixel_grid(*camera.projection.size_px))
 
 
 def read_head_views(pair: Pair, groups: bool = True) -> Iterator[HeadView]:

@@ -114,7 +114,7 @@ def rectify(numbers: Array, rectified_in_sensor: Array) -> Array:
 
 @lru_cache(maxsize=2)  # both eyes: maps are large
 def _make_lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
-    pixels = _pixel_grid(camera.width_px, camera.height_px) + 0.5
+    pixels = make_pixel_grid(camera.width_px, camera.height_px) + 0.5
     principal, margin = np.array([camera.cx_px, camera.cy_px]), np.array([camera.margin_x_px, camera.margin_y_px])
     points = (pixels - principal) / camera.focal_px
     refuse_folds(points, k)
@@ -136,7 +136,7 @@ def _make_calibrated_lens(camera: StereoCamera, own: CalibratedCamera) -> Lens:
     """The lens of a calibrated eye whose rendered image is the one of the parallel rig, or its panorama."""
     rays = _rectified_rays(camera)
     return Lens(
-        in_light(rays_in_rig(own, _pixel_grid(*own.size_px)), camera).astype(np.float32),
+        in_light(rays_in_rig(own, make_pixel_grid(*own.size_px)), camera).astype(np.float32),
         own.show(rays @ own.rotation.T).astype(np.float32),
         in_light(rays, camera).astype(np.float32),
         camera.light_px,
@@ -146,12 +146,12 @@ def _make_calibrated_lens(camera: StereoCamera, own: CalibratedCamera) -> Lens:
 
 def _rectified_rays(camera: StereoCamera) -> Array:
     """Directions (H, W, 3) of the pixels of the rectified image, 1 long ahead."""
-    pixels = _pixel_grid(camera.width_px, camera.height_px)
+    pixels = make_pixel_grid(camera.width_px, camera.height_px)
     points = (pixels + 0.5 - np.array([camera.cx_px, camera.cy_px])) / camera.focal_px
     return np.concatenate([points, np.ones_like(pixels[..., :1])], axis=-1)
 
 
-def _pixel_grid(width: int, height: int) -> Array:
+def make_pixel_grid(width: int, height: int) -> Array:
     """Columns and rows (H, W, 2) of the centres of pixels, from the centre of the first one."""
     return np.stack(np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)), axis=-1)
 

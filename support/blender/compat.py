@@ -103,7 +103,7 @@ def disable_light_factors(light: bpy.types.Light) -> None:
 def set_equidistant_fisheye(lens: bpy.types.Camera, field_rad: float) -> None:
     """Make a lens Cycles' equidistant fisheye with this field. From 5.0 on, its properties are the lens' own."""
     lens.type = "PANO"
-    own = lens if hasattr(lens, "panorama_type") else lens.cycles
+    own = _panorama_of(lens)
     own.panorama_type, own.fisheye_fov = "FISHEYE_EQUIDISTANT", field_rad
 
 
