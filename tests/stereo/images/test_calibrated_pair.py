@@ -124,7 +124,7 @@ def test_a_matcher_measures_the_rectified_pair(tmp_path):
             r"eyes\.right\.width_px is 99, .* give 96",
         ),
         (lambda data: data["eyes"]["right"]["R"][0].reverse(), r"eyes\.right\.R\[0\]\[0\]"),
-        (lambda data: data["files"].pop("left_raw_truth.exr"), "files has no left_raw_truth.exr"),
+        (lambda data: data["files"].pop("left_raw_truth.exr"), "files lacks left_raw_truth.exr"),
         (lambda data: data["settings"]["rig"].update(eyes="ALIKE"), "eyes|files has left_raw_truth.exr"),
         (
             lambda data: data["settings"]["left_eye"].update(lens="CAHVORE", r0=-2.0),
