@@ -13,6 +13,7 @@ import shutil
 import signal
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -54,7 +55,15 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what was measured to take more than half a second of a processor, by ``make measure-tests``."""
+    """Mark what was measured to take more than half a second of a processor, by ``make measure-tests``, and the cases
+    beyond those that CI takes."""
+    cases: Counter[str] = Counter()
+    for item in items:
+        if limit := item.get_closest_marker("ci_takes"):
+            function = item.nodeid.partition("[")[0]
+            cases[function] += 1
+            if cases[function] > limit.args[0]:
+                item.add_marker("long")
     measured = set((config.rootpath / "tests" / "over_half_a_second.txt").read_text(encoding="utf-8").splitlines())
     for item in items:
         if item.nodeid in measured:

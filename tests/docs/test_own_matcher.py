@@ -29,6 +29,7 @@ def put_python_on_path(folder, monkeypatch):
     monkeypatch.setenv("PATH", str(folder), prepend=":")
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     ("file", "program", "command", "name"),
     [

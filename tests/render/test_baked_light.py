@@ -188,6 +188,7 @@ def test_a_pair_states_the_noise_of_its_image(registered, tmp_path):
     assert 0.5 < told["noise_of_image"] / told["noise"] < 2
 
 
+@pytest.mark.long
 def test_direct_and_baked_light_are_the_light_that_is_traced(registered, tmp_path):
     """Within 1.5 % of the mean at 24 degrees: 1 % for relief that a bake does not see, and for vertices that are 31 cm
     apart, and noise of 0.5 %."""

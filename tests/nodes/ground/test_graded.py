@@ -106,6 +106,7 @@ _MARKS = {
 }
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("case", [pytest.param(c, marks=_MARKS.get(c, ())) for c in CASES])
 def test_the_bound_holds_in_every_heading_and_both_eyes(tmp_path, case):

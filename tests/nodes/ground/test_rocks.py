@@ -87,6 +87,7 @@ def test_every_point_is_an_instance_with_the_pose_that_was_computed():
     assert np.array_equal(labels, FIRST_ROCK_INSTANCE + np.arange(len(found)))
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     ("terrain", "kind"),
     [

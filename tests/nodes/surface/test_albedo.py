@@ -23,6 +23,7 @@ def surface(**changes: Any) -> SurfaceSettings:
     return defaults().surface | {"grain_amplitude_m": 0.0} | check({"surface": changes}, "test").surface
 
 
+@pytest.mark.ci_takes(6)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -55,6 +56,7 @@ def test_a_white_furnace_measures_the_albedo(changes):
     assert measured(settings, view_m=1.0) == pytest.approx(real_albedo(settings), rel=0.01, abs=1e-4)
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("subsurface", [0.0, 0.5, 1.0])
 def test_bumps_as_high_as_they_are_wide_lose_the_light_that_is_reckoned_with(subsurface):
     settings = surface(

@@ -77,6 +77,7 @@ def test_every_part_of_the_law(tmp_path, made_of, changes):
     assert np.quantile(errors(pair), 0.999) < SMOOTH
 
 
+@pytest.mark.ci_takes(3)
 @BOTH
 @pytest.mark.parametrize("azimuth_deg", [120.0, *slow(180.0, 60.0)])
 def test_a_sphere_is_as_bright_as_the_reference(tmp_path, made_of, azimuth_deg):
@@ -91,6 +92,7 @@ def test_a_sphere_is_as_bright_as_the_reference(tmp_path, made_of, azimuth_deg):
     assert np.quantile(errors(pair), 0.999) < FACETS
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("level", ["ACCURATE", "REFERENCE"])
 def test_the_traced_sun_is_the_lamp(tmp_path, level):
     for change in (None, ball):
@@ -106,6 +108,7 @@ def test_the_traced_sun_is_the_lamp(tmp_path, level):
         assert np.quantile(errors(pair), 0.999) < (FACETS if change else SMOOTH)
 
 
+@pytest.mark.ci_takes(4)
 @BOTH
 @pytest.mark.parametrize(
     ("azimuth_deg", "theta_bar_deg"),
@@ -130,6 +133,7 @@ def by_distance(pair: Pair) -> list[Array]:
     return np.array_split(image[ground][np.argsort(view.depth[ground], kind="stable")], 5)
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -259,6 +263,7 @@ def test_the_other_laws(tmp_path):
         assert np.quantile(errors(pair, photometry.lunar_lambert(0.4, share)), 0.999) < SMOOTH
 
 
+@pytest.mark.ci_takes(6)
 @pytest.mark.parametrize("made_of", ["AUTO", "NODES", "OSL", "OSL ACCURATE"])
 @pytest.mark.parametrize("case", [(0.9, 60.0), *slow((0.3, 20.0), (1.0, 4.0))])
 def test_the_snow_law(tmp_path, made_of, case):

@@ -183,6 +183,7 @@ def calls_of(watched: Watched, folder: Path, before: str, again: bool) -> int:
     return watched.count
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("theirs", heavy_but([True], [False, True], [False]))
 @pytest.mark.parametrize(("before", "again"), CASES)
 def test_whoever_stood_still_takes_nothing_from_who_went_on(tmp_path, watched, before, again, theirs):

@@ -69,6 +69,7 @@ def values(pairs, name):
     return Counter(pair.settings[topic][key] for pair in pairs)
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("form", heavy_but([""], ["", "_true_sun"], ["_true_sun"]))
 @pytest.mark.parametrize("name", TYPES)
 def test_each_type_has_the_papers_factors_and_number_of_pairs(mine, name, form):
@@ -139,6 +140,7 @@ def test_the_suns_are_the_papers_or_the_true_ones(mine):
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["guiss_all_true_sun", pytest.param("guiss_all", marks=pytest.mark.long)])
 def test_all_types_together_are_the_papers_5020(mine, name):
     pairs = mine(name).pairs()
@@ -159,6 +161,7 @@ def grounds_of(pairs):
     return Counter((seed, terrain) for seed, _, terrain, *_ in scenes)
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     "name",
     heavy_but(

@@ -257,6 +257,7 @@ def test_the_rest_of_a_killed_installation_is_no_evaluator_and_is_removed_with_t
     assert not (tmp_path / "evaluator").exists()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("variable", [pytest.param("PIP_DRY_RUN", marks=pytest.mark.long), "PIP_TARGET"])
 def test_packages_that_pip_installed_elsewhere_make_no_evaluator(registry, tmp_path, monkeypatch, capsys, variable):

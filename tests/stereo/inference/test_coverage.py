@@ -53,6 +53,7 @@ def find_wrong(cell, procedure=of_product):
     return counts / RUNS
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("cell", [("beta", 0.0, 6, 2), ("exponential", 0.25, 8, 3), ("beta", 0.1, 10, 5)], ids=str)
 def test_verdicts_and_intervals_hold_at_each_effect(cell):
     false, misses, found = find_wrong(cell)

@@ -87,6 +87,7 @@ def test_rows_of_an_earlier_run_are_measured_again_with_it(evaluate):
     assert all(row["plug_ins"]["own_epe"] > 0 for row in report["rows"])
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize(
     ("value", "said"),
     [
@@ -108,6 +109,7 @@ def test_one_that_fails_is_told_and_stops_nothing(evaluate, value, said):
     assert report["summary"][0]["l1_m"] > 0
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("value", ["float('nan')", "np.float32('inf')"])
 def test_an_undefined_number_is_null(evaluate, value):
     _, _, report = evaluate(returning(value))
@@ -115,6 +117,7 @@ def test_an_undefined_number_is_null(evaluate, value):
     assert not any("own_epe" in note for note in report["notes"])
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     ("sources", "said"),
     [
@@ -131,6 +134,7 @@ def test_one_that_cannot_be_used_is_left_out_aloud(evaluate, sources, said):
     assert report["plug_ins"] == []
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("name", ["l1_m", "status"])
 def test_one_with_the_name_of_ours_is_refused(evaluate, name):
     _, _, report = evaluate(METRIC, name=name)

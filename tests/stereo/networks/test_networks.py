@@ -65,6 +65,7 @@ def test_names_and_shapes_of_the_parameters_are_the_officials(name, states):
     assert {golden.checksum(states[name])} == expected
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     "case",
     [case if case in QUICK else pytest.param(case, marks=[pytest.mark.slow, pytest.mark.long]) for case in CASES],
@@ -148,6 +149,7 @@ def test_dsmnet_sees_all_of_an_image_by_default(checkpoints):
     assert_single(disparity, case)
 
 
+@pytest.mark.ci_takes(4)
 @pytest.mark.parametrize("method", BUILD)
 @pytest.mark.parametrize("shape", [(1, 1), (3, 70)])
 @pytest.mark.parametrize("level", [0, 255])

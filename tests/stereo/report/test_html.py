@@ -27,7 +27,7 @@ from icymoon.stereo.report.summary import ResultTable, summarise_method
 pytestmark = pytest.mark.filterwarnings("error")
 
 METHODS = parse_methods("bm,sgbm")
-COUNT = 300
+COUNT = 100
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +101,7 @@ def test_in_a_browser(many):
     assert body.count("<button>pair0") == 25
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("count", [1, 2])
 def test_one_and_two_pairs(tmp_path, count):
     for k in range(count):
