@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
 
 from ..nodes import build_scene as scenes
+from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
+from ..nodes.ground.user_ground import is_from_file
 from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
@@ -23,6 +26,7 @@ from ..support.printer import show_controls
 from . import jobs
 from .build import find_views_through, frame_and_expose, leave_edit_mode, look_through
 from .job_operators import JobOperator
+from .refine_ground import begin_refining
 from .sidebar_text import format_for_window
 from .user_render import prepare_render
 from .window_areas import find_scene, push_undo
@@ -61,11 +65,36 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
     return _build_anew(scene, settings)
 
 
-def _build_anew(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
+def show_rendered_scene(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
+    """The built scene that is rendered as the user edited it; None if another process builds it from its settings.
+
+    The window must not wait for the second kind. It shows the ground coarsely, unless it shows the settings already,
+    and the fine ground follows. Ground from a file stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
+    """
+    built = scenes.find_built(scene)
+    if built is not None:
+        scenes.separate_copies(built)
+        if built.outdated:
+            raise IcyMoonError(built.outdated)
+        if built.edited:
+            return bring_up_to_date(scene, settings)
+    shown = built is not None and not built.preview and not scenes.list_changed_settings(built, settings)
+    if not shown and not is_from_file(settings):
+        if not preview.awaits_ground(scene, settings):
+            _build_anew(scene, settings, preview.build_coarse)
+        begin_refining()
+    return None
+
+
+def _build_anew(
+    scene: bpy.types.Scene,
+    settings: Settings,
+    build: Callable[[bpy.types.Scene, Settings], scenes.Built] = scenes.build_scene,
+) -> scenes.Built:
     leave_edit_mode()
     earlier = scenes.find_built(scene)
     before = earlier.settings if earlier else None
-    built = scenes.build_scene(scene, settings)
+    built = build(scene, settings)
     prepare_render(scene, built)
     frame_and_expose(scene, settings, before)
     push_undo("Build Scene")
@@ -97,20 +126,19 @@ class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
         check_possible(settings.quality)
         before = scenes.find_built(context.scene)
         views = find_views_through(context, before.camera if before else None)
-        built = bring_up_to_date(context.scene, settings)
-        look_through(views, built)
-        self._warn(built)
+        edited = show_rendered_scene(context.scene, settings)
+        if built := scenes.find_built(context.scene):
+            look_through(views, built)
         self._scene_uid = context.scene.session_uid
         self._rendered: list[str] = []
-        # The worker can use the built scene; other headings have their own meshes.
-        as_built = bool(built.edited) or settings.dataset.headings == 1
         files = JobFiles(
             find_dataset_folder(settings),
             make_paths_absolute(settings),
             again=self.again,
-            scene=context.scene.name if as_built else None,
+            scene=context.scene.name if edited else None,
         )
-        if as_built:
+        if edited:
+            self._warn(edited)
             bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)
         command, device = blender_command(jobs.find_this_blender(), "worker", str(files.file)), settings.quality.device
         return jobs.Job.start("Render Stereo Pair", command, self._hear, files.remove, device=device, clean=False)

@@ -10,9 +10,11 @@ from typing import Any
 
 import bpy
 import pytest
+from icymoon.nodes import build_scene as scenes
+from icymoon.nodes import preview
 from icymoon.operators import jobs, render
 from icymoon.render.pairs.pair_folder import find_pairs
-from icymoon.render.workers.job_commands import Job, blender_command, read_job
+from icymoon.render.workers.job_commands import blender_command, read_job
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.files import hash_file
@@ -32,7 +34,7 @@ def started(monkeypatch):
     def start(context):
         operator: Any = SimpleNamespace(again=False, _warn=lambda built: None, _hear=lambda message: None)
         job = render.ICYMOON_OT_render_pair.start(operator, context)
-        return job, read_job(Path(commands[-1][-1]))
+        return job, read_job(Path(commands[-1][-1])) | {"job": commands[-1][-1]}
 
     return start
 
@@ -41,20 +43,45 @@ def read_settings() -> Settings:
     return scene_properties.read_settings(bpy.context.scene.icymoon)
 
 
-def test_the_worker_opens_what_is_built_and_makes_the_pair_that_the_settings_give(small, started, tmp_path):
+def test_the_worker_builds_what_was_not_edited_and_makes_the_pair_that_is_built_here(small, started, tmp_path):
     small.icymoon.rocks.coverage = 0.05
     small.icymoon.penitentes.height_m = 0.5
     small.icymoon.mesh.crests = "CUT"
+    small.icymoon.dataset.folder = str(tmp_path / "here")
+    assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
+    small.icymoon.dataset.folder = str(tmp_path / "there")
     job, facts = started(bpy.context)
-    assert Path(facts["blend"]).is_file()
-    other = Job(tmp_path / "other", read_settings())
-    for file in (Path(facts["blend"]).with_name("job.json"), other.file):
-        subprocess.run(blender_command(sys.executable, "worker", str(file)), check=True, timeout=240)
+    assert facts["blend"] is None
+    subprocess.run(blender_command(sys.executable, "worker", facts["job"]), check=True, timeout=240)
     job.clean_up()
-    one, two = find_pairs(Path(facts["dataset"]))[0], find_pairs(tmp_path / "other")[0]
+    one, two = (find_pairs(tmp_path / name)[0] for name in ("here", "there"))
     assert one.id == two.id
     for eye in ("left", "right"):
         assert hash_file(one.image(eye)) == hash_file(two.image(eye))
+
+
+def test_the_window_shows_a_coarse_ground_and_the_fine_one_follows(small, started, monkeypatch):
+    """The ground at full resolution is never made while the window waits."""
+    small.icymoon.terrain.resolution = 1025
+    small.icymoon.mesh.kind = "GRID"
+    job, _ = started(bpy.context)
+    job.clean_up()
+    built = scenes.find_built(small)
+    assert len(built.terrain.data.vertices) <= preview.MOST_VERTICES
+    assert preview.awaits_ground(small, read_settings())
+    monkeypatch.setattr(render.preview, "build_coarse", None)  # the coarse ground is not made once more
+    job, _ = started(bpy.context)
+    job.clean_up()
+
+
+def test_ground_from_a_file_is_not_read_while_the_window_waits(small, started, monkeypatch):
+    small.icymoon.source.kind = "STAND_IN"
+    monkeypatch.setattr(scenes, "build_scene", None)
+    monkeypatch.setattr(render.preview, "build_coarse", None)
+    job, facts = started(bpy.context)
+    job.clean_up()
+    assert facts["blend"] is None
+    assert scenes.find_built(small) is None
 
 
 def test_headings_have_meshes_of_their_own_so_each_is_built(small, started):
