@@ -162,6 +162,8 @@ _PROJECTED = 1
 _GEOGRAPHIC = 2
 #: Value of a GeoKey: a system that the file defines itself.
 _USER_DEFINED = 32767
+#: Radii of one body in maps of several sources differ by less than this share.
+_SAME_BODY = 0.01
 _PIXEL_IS_POINT = 2  # value of GTRasterTypeGeoKey: coordinates refer to pixel centres
 #: A turned grid counts as one along the axes if its rotation moves no pixel by more than this over the whole length.
 _MOST_TURN_PX = 1e-3
@@ -354,8 +356,20 @@ class _Placed:
     warnings: list[str]
 
 
-def _describe_place(map_of: _Map, place: MapPlace) -> tuple[list[str], list[str]]:
-    """Sentences for the report, and warnings, about a map's scale at a place and the direction of north there."""
+def _warn_other_body(radius_m: float, body_radius_m: float) -> list[str]:
+    """A warning if a map is of a body of another size than the one whose horizon and sky a site gets."""
+    if abs(radius_m / body_radius_m - 1) <= _SAME_BODY:
+        return []
+    return [
+        f"it is a map of a body with a radius of {radius_m / 1000:.6g} km, but terrain.body_radius_m is "
+        f"{body_radius_m / 1000:.6g} km, and a date has the sky of light.body; if the map is right, set "
+        f"terrain.body_radius_m to {radius_m:.7g} and light.directions_from to ANGLES"
+    ]
+
+
+def _describe_place(map_of: _Map, place: MapPlace, body_radius_m: float) -> tuple[list[str], list[str]]:
+    """Sentences for the report, and warnings, about a map's scale at a place and the direction of north there.
+    ``body_radius_m`` is the radius of the body of the settings, or 0 where it does not matter."""
     report: list[str] = []
     warnings: list[str] = []
     if map_of.system is not None and place.scale != (1.0, 1.0):
@@ -366,6 +380,8 @@ def _describe_place(map_of: _Map, place: MapPlace) -> tuple[list[str], list[str]
             f"Map ({map_of.system.name}) at {where}: a metre of it is {place.scale[0]:.6g} m of ground along "
             f"x, {place.scale[1]:.6g} m along y"
         )
+    if map_of.system is not None and body_radius_m:
+        warnings += _warn_other_body(map_of.system.radius_m, body_radius_m)
     if abs(place.north_deg) > _TURNED_DEG:
         turned = (
             f"orth is {place.north_deg:.1f}° clockwise of the map's up, from which azimuths and headings are counted"
@@ -403,7 +419,7 @@ def _place_site(
         scale = _locate_on_map(map_of, base).scale
         origin = base[0] + site.origin_m[0] / scale[0], base[1] + site.origin_m[1] / scale[1]
     place = replace(_locate_on_map(map_of, origin), geokeys=stored, bounds=extent.in_file_unit())
-    report, warnings = _describe_place(map_of, place)
+    report, warnings = _describe_place(map_of, place, site.body_radius_m if site.point else 0.0)
     pixel = size[0] * place.scale[0], size[1] * place.scale[1]
     window, west, south = None, 0, 0
     if shape[0] * shape[1] > _MOST_WHOLE_PIXELS:
@@ -488,7 +504,7 @@ def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
     if abs(found.skew_deg) > _SKEW_DEG:
         raise UnreadError(
             f"has a map ({system.name}) whose directions are {90 - abs(found.skew_deg):.1f}° apart at "
-            "the origin, so its squares are none on the ground; set source.centre with "
+            "the origin, so its squares are not square on the ground; set source.centre with "
             "source.origin_x_m = source.origin_y_m = 0 for the part that you make in its folder with: "
             + _cut_command(map_of, system, found)
         )
@@ -688,7 +704,13 @@ def _find_height_unit(
         )
     if code is None and system not in (0, _USER_DEFINED):
         code = VERTICAL.get(system, 0)
-    if code is not None:
+    if code == _USER_DEFINED:  # GeoTIFF has no key for the size of such a unit, so GDAL loses it too
+        if not named:
+            raise UnreadError(
+                "states heights by a vertical system of its own, whose unit a GeoTIFF cannot contain; name the one "
+                f"that they are in, such as m or ft, in its folder with: {gdal_lines.edit_command(file, '-units m')}"
+            )
+    elif code is not None:
         if code not in _METRES_PER_EPSG_UNIT:
             raise UnreadError(
                 f"states heights by the vertical system {system} in the unit {code or 'of that system'}, "

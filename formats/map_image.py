@@ -188,7 +188,7 @@ def _find_way(
         major, minor = ellipsoid_m(stated)
         if not major or abs(major - minor) > _SPHERE * major:
             raise UnreadError(
-                f"has another map than the ground, of an ellipsoid, which is known here to its flattening{with_fix}"
+                f"has another coordinate system than the ground, and one of both is of an ellipsoid{with_fix}"
             )
 
     return _make_way(ground, system, frame, there.grid)

@@ -13,7 +13,8 @@ from .map_forward import project_point
 from .map_projection import MapSystem, ellipsoid_m, make_crs_text, states_degrees
 from .tiff import UnreadError
 
-_WEB_MERCATOR, _PROJECTED_KEY, _MERIDIAN_KEY = 3857, 3072, 2061
+_WEB_MERCATOR, _MODEL_KEY, _PROJECTED_KEY, _MERIDIAN_KEY = 3857, 1024, 3072, 2061
+_NO_SYSTEM = "states no coordinate system, so it has no longitudes"
 #: Half axes of WGS 84, for systems of Earth that a file states by number only.
 _WGS84_M = (6378137.0, 6356752.314245)
 #: Relative difference of the half axes of a sphere, as writers round it.
@@ -76,8 +77,8 @@ def find_point(
         )
     if system is None:
         raise UnreadError(
-            "has a map whose longitudes and latitudes are not known here; set source.site to MAP, with "
-            "source.site_easting and source.site_northing."
+            ("is in a projection whose longitudes are not known here" if keys.get(_MODEL_KEY) else _NO_SYSTEM)
+            + "; set source.site to MAP, with source.site_easting and source.site_northing."
         )
     where = show_place(point.y, point.x, ".9g")
     latitude = _find_map_latitude(point, keys, extent.unit_m, name)
@@ -137,7 +138,7 @@ def _find_map_latitude(point: MapPoint, keys: Mapping[int, Any], unit_m: float, 
         return latitude
     body = f"+proj=longlat +a={major!r} +b={minor!r} +no_defs"
     raise UnreadError(
-        "has a map of an ellipsoid, on which a longitude and latitude are found here to its flattening only; set "
+        "is in a projection of an ellipsoid, where Icy Moon has no exact place of a longitude and latitude; set "
         "source.site to MAP, with the easting and northing that this prints: "
         + gdal_lines.transform_command(body, make_crs_text(keys, unit_m), (point.x, latitude))
     )

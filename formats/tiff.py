@@ -301,7 +301,7 @@ def _find_number_type(image: Directory) -> np.dtype[Any]:
     """The number type of the only band; bool for one bit. Raises UnreadError for any other kind."""
     bands = image.number(277, 1)
     if bands != 1:
-        raise UnreadError(f"has {bands} bands, a height map has one; {_convert_fix(image)}")
+        raise UnreadError(f"has {bands} bands, and one is read; {_convert_fix(image)}")
     if image.number(262, 1) == 3:
         raise UnreadError("holds colours of a palette, not heights; give a file with the numbers themselves.")
     if image.number(274, 1) != 1:  # GDAL would copy the rows as they are

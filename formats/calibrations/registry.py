@@ -21,6 +21,10 @@ from .transforms import read_transforms, why_not_transforms, write_transforms
 
 #: Bytes at the beginning of a file from which its format is detected.
 _HEAD_BYTES = 2**16
+#: Share of the size of an image by which the principal point of a real lens may be off its middle.
+_OFF_MIDDLE = 0.1
+#: Sizes, as shares of the stated one, of images that a calibration was probably made from: binned or scaled ones.
+_RESIZED = (0.5, 2.0, 0.25)
 _KALIBR_PATTERN = re.compile(r"^cam0:", re.MULTILINE)
 _ROS_PATTERN = re.compile(
     r"\b(?:image_width|image_height|camera_name|camera_matrix|distortion_\w+|rectification_matrix|projection_matrix)"
@@ -145,12 +149,34 @@ def _doubts(rig: CalibratedRig) -> list[str]:
                 f"The principal point of {camera.name}, ({camera.cx_px:g}, {camera.cy_px:g}) px, is outside its images "
                 f"of {camera.width_px} x {camera.height_px} px."
             )
+        elif doubt := _doubt_size(camera):
+            found.append(doubt)
         if dark := camera.dark_share():
             found.append(
                 f"{dark:.1%} of the pixels of {camera.name} see nothing: the polynomial of its lens turns back "
                 "before them."
             )
     return found
+
+
+def _doubt_size(camera: CalibratedCamera) -> str:
+    """A sentence if the principal point is where that of images of another size would be; empty if not."""
+    at, size = (camera.cx_px, camera.cy_px), (camera.width_px, camera.height_px)
+    if _is_near_middle(at, size):
+        return ""
+    others = [size[::-1], *((round(size[0] * share), round(size[1] * share)) for share in _RESIZED)]
+    likely = next((other for other in others if _is_near_middle(at, other)), None)
+    if likely is None:
+        return ""
+    return (
+        f"The principal point of {camera.name}, ({at[0]:g}, {at[1]:g}) px, is far from the middle of its images of "
+        f"{size[0]} x {size[1]} px, but near the middle of images of {likely[0]} x {likely[1]} px; is the size right?"
+    )
+
+
+def _is_near_middle(at: tuple[float, float], size: tuple[int, int]) -> bool:
+    """Whether a principal point is as near the middle as real lenses have it."""
+    return all(abs(at[k] - (size[k] - 1) / 2) <= _OFF_MIDDLE * size[k] for k in range(2))
 
 
 def write_calibration(rig: CalibratedRig, paths: Sequence[Path], name: str) -> None:

@@ -385,7 +385,6 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     if not known.all():
         warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was interpolated smoothly.")
     heights = height_map.fill_holes(values) * source.height_scale_m
-    rows, columns = read.file_shape or heights.shape
     surface, moved, place = _place_heights(heights, pixel, read, source, size_m)
     west, east, south, north = surface.bounds_m
     extents = np.array([max(east - west, 0.0), max(north - south, 0.0), float(np.ptp(heights))])
@@ -396,9 +395,11 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
         )
     steep = "set source.height_scale_m, or mark the heights that are missing."
     warnings += _check_size(path, extents, "set source.metres_per_pixel.", steep)
+    warnings += _warn_near_edge(path, surface, settings)
     if source.detail:
         surface = height_map.add_roughness(surface, make_procedural(settings))
     positions, faces = _make_grid_mesh(surface, shortest_wavelength_m(terrain) / 2)
+    rows, columns = read.file_shape or heights.shape
     whole = (columns - 1) * pixel[0], (rows - 1) * pixel[1]
     part = f", of which {heights.shape[1]} x {heights.shape[0]} were read" * (heights.shape != (rows, columns))
     report = (
@@ -426,6 +427,19 @@ def _refuse_unplaced_site(path: Path, read: import_heights.Heights, source: Sour
         return
     fix = "" if " with: " in read.unplaced else "; set source.site to OFFSET, or give a GeoTIFF with a map."
     raise IcyMoonError(f"{path}: {read.unplaced}{fix}")
+
+
+def _warn_near_edge(path: Path, surface: HeightMap, settings: Settings) -> list[str]:
+    """A warning if the map ends nearer to a stated site than the ground should."""
+    size_m, pixel_m = float(settings.terrain.size_m), max(surface.pixel_m)
+    west, east, south, north = surface.bounds_m
+    nearest, side = min((-west, "west"), (east, "east"), (-south, "south"), (north, "north"))
+    if settings.source.site == "OFFSET" or nearest >= size_m / 2 - pixel_m:
+        return []
+    return [
+        f"{path.name}: ends {nearest:.4g} m {side} of the site by the map's up, and the ground ends there, nearer than "
+        f"half of terrain.size_m = {size_m:g} m; choose a site farther from the edge, or a map that reaches farther."
+    ]
 
 
 def _find_pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings) -> tuple[float, float]:

@@ -71,17 +71,17 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         ("MAP", "Map Coordinates", "By easting and northing, in the unit of the file's coordinate system"),
         shown=chosen("kind", "HEIGHT_MAP"), since="0.4")
     site_longitude_deg: str = text(
-        "Site Longitude", "", "East longitude of the site in degrees, with all of its digits", "geometry", "decimal",
+        "Site Longitude", "", "East longitude of the site in degrees, with all of its digits", "geometry", "coordinate",
         shown=IN_DEGREES, since="0.4")
     site_latitude_deg: str = text(
         "Site Latitude", "", "Planetocentric latitude of the site in degrees, with all of its digits", "geometry",
-        "decimal", shown=IN_DEGREES, since="0.4")
+        "coordinate", shown=IN_DEGREES, since="0.4")
     site_easting: str = text(
         "Site Easting", "", "Easting of the site in the unit of the file's coordinate system; of a map in degrees the "
-        "longitude that it counts", "geometry", "decimal", shown=ON_MAP, since="0.4")
+        "longitude that it counts", "geometry", "coordinate", shown=ON_MAP, since="0.4")
     site_northing: str = text(
-        "Site Northing", "", "Northing of the site in the unit of the file's coordinate system", "geometry", "decimal",
-        shown=ON_MAP, since="0.4")
+        "Site Northing", "", "Northing of the site in the unit of the file's coordinate system", "geometry",
+        "coordinate", shown=ON_MAP, since="0.4")
     origin_x_m: float = metres(
         "Origin East", 0.0, -1.0e7, 1.0e7, (-100.0, 100.0), "Distance of the origin of the site east of the ground's "
         "centre, or of the file's origin", "geometry", shown=FROM_FILE)

@@ -20,14 +20,16 @@ from collections.abc import Iterable
 #: Classes of texts in settings. None of them is a program.
 CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is read as data",
            "written": "A folder that results are written to", "mark": "A number that stands for what is missing",
-           "decimal": "A number with all of its digits",
+           "decimal": "A number with all of its digits", "coordinate": "A place with all of its digits",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
 #: Options of matchers that name a program to run or a file to load; only the user gives them.
 LOADING_OPTIONS = ("command", "checkpoint", "python", "model")
 #: Text of a mark that states that no value is missing.
 NO_MARK = "none"
-#: A number with up to 12 digits before the point and 9 after it.
+#: A number with up to 12 digits before the point and 9 after it, which is down to the nanosecond of a time.
 DECIMAL_PATTERN = re.compile(r"-?[0-9]{1,12}(\.[0-9]{1,9})?")
+#: A number of up to 12 digits before the point and 20 after it: what Python and PROJ print of any place on a map.
+COORDINATE_PATTERN = re.compile(r"[+-]?[0-9]{1,12}(\.[0-9]{1,20})?")
 #: Prefix of a matcher that the user has set up, as in own:mine.
 OWN_PREFIX = "own"
 OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
@@ -55,7 +57,11 @@ def find_text_fault(kind: str, text: str) -> str:
     if kind == "mark" and text not in ("", NO_MARK) and not _is_finite(text):
         return f"is {text[:40]!r}, which is no number; give one such as -9999, {NO_MARK}, or an empty text."
     if kind == "decimal" and text and not DECIMAL_PATTERN.fullmatch(text):
-        return f"is {text[:40]!r}, which is no decimal number; give one such as 1305031102.175304, or an empty text."
+        return (f"is {text[:40]!r}, which is no number of up to 12 digits before the point and 9 after it; give one "
+                "such as 1305031102.175304, or an empty text.")
+    if kind == "coordinate" and text and not COORDINATE_PATTERN.fullmatch(text):
+        return (f"is {text[:40]!r}, which is no coordinate; write digits with a point, as in -145244.5798, without a "
+                "unit, an exponent or a letter of the compass.")
     if kind != "matchers":
         return ""
     loaded = next(iter(_list_loading_options(option for _, options in split_methods(text) for option in options)), "")

@@ -133,6 +133,7 @@ def test_a_mark_is_that_number_and_no_height_beside_it(tmp_path, sign):
         ),
         ({"keys": {4099: 9999}}, "9999"),
         ({"keys": {4096: 1234}}, "1234"),
+        ({"keys": {4096: 32767, 4099: 32767}}, r"whose unit a GeoTIFF cannot contain.*gdal_edit\.py -units m a\.tif$"),
         ({"pixel": (2.0, -3.0)}, "negative size.*gdal_translate"),
         ({"scale_z": 2.0}, "third number"),
         ({"matrix": (2.0, 0.1, 0, 0, 0.1, -3.0, 0, 0, *(0.0,) * 7, 1.0)}, "turned.*gdalwarp"),
@@ -188,6 +189,13 @@ def test_heights_without_a_unit_on_a_map_that_is_not_in_metres_are_doubted(tmp_p
     found = [each for each in read.warnings if "no unit for its heights" in each]
     assert len(found) == (fix is not None)
     assert all(re.search(fix or "", each) for each in found)
+
+
+def test_a_unit_that_is_named_counts_where_the_vertical_system_has_one_of_its_own(tmp_path):
+    """As ``gdal_edit.py -units ft`` writes it, to which the refusal of such a file points."""
+    named = METADATA.format(1, '<Item name="U" sample="0" role="unittype">ft</Item>')
+    read = geotiff.read(small(tmp_path, keys={4096: 32767, 4099: 32767}, metadata=named))
+    np.testing.assert_allclose(read.heights_m, VALUES * 0.3048)
 
 
 def test_metadata_with_entities_is_not_unfolded(tmp_path):

@@ -45,6 +45,22 @@ def test_what_is_no_finite_number_is_no_mark(text):
     assert trust_boundary.find_text_fault("mark", text).startswith(f"is {text!r}, which is no number")
 
 
+@pytest.mark.parametrize("text", ["", "0", "+5", "-145244.57981808594", "-0.00012345678901234567", "360.0"])
+def test_a_coordinate_has_every_digit_that_programs_print(text):
+    assert trust_boundary.find_text_fault("coordinate", text) == ""
+
+
+@pytest.mark.parametrize("text", ["33E", "33,5", "-1.45e5", "nan", " 5", "5 m"])
+def test_what_is_no_coordinate_is_told_how_to_write_one(text):
+    fault = trust_boundary.find_text_fault("coordinate", text)
+    assert fault.startswith(f"is {text!r}, which is no coordinate; write digits")
+
+
+@pytest.mark.parametrize("text", ["1305031102.1753040001", "now"])
+def test_a_time_is_refused_with_the_digits_that_it_may_have(text):
+    assert "12 digits before the point and 9 after it" in trust_boundary.find_text_fault("decimal", text)
+
+
 def test_of_a_long_mark_the_first_forty_letters_are_shown():
     assert trust_boundary.find_text_fault("mark", 99 * "x").startswith(f"is {40 * 'x'!r}, ")
 

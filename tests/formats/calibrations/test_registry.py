@@ -585,6 +585,24 @@ def test_a_principal_point_outside_the_image_is_told(tmp_path):
     assert notes[0].startswith("The principal point of cam0, (367.215, 248.375) px, is outside its images of 240 x 480")
 
 
+@pytest.mark.parametrize(
+    ("stated", "likely"),
+    [
+        ((480, 752), "752 x 480"),
+        ((1504, 960), "752 x 480"),
+        ((368, 249), "736 x 498"),
+        ((752, 480), ""),
+        ((900, 500), ""),
+    ],
+)
+def test_a_size_of_which_another_is_likelier_is_told(tmp_path, stated, likely):
+    """Exchanged, or of images that were scaled; a cropped image has no likelier size."""
+    (path,) = write(tmp_path, camchain__yaml=KALIBR.replace("[752, 480]", str(list(stated))))
+    notes = [note for note in read_calibration([path]).notes if "principal point of cam0" in note]
+    ends = f"near the middle of images of {likely} px; is the size right?"
+    assert [note.endswith(ends) for note in notes] == [True] * bool(likely)
+
+
 def test_a_lens_that_folds_inside_the_image_is_told(tmp_path):
     (path,) = write(tmp_path, camchain__yaml=KALIBR.replace("[-0.28, 0.07, 0.0002", "[-0.58, 0.07, 0.0002"))
     (note,) = read_calibration([path]).notes

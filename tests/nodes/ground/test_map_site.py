@@ -344,6 +344,25 @@ def test_the_stated_system_leads_from_the_origin_to_its_longitude_and_latitude(t
     assert wanted in place.datum
 
 
+@pytest.mark.parametrize(("off_m", "side"), [((60.0, 0.0), "east"), ((0.0, -55.0), "south"), ((40.0, 0.0), "")])
+def test_ground_that_ends_near_a_stated_site_is_told(tmp_path, off_m, side):
+    """Of a map of 160 m about its middle, around a site off it by so many metres of the map."""
+    path, (x, y) = written(tmp_path / "dem.tif", "UTM")
+    site = {"site": "MAP", "site_easting": str(x + off_m[0]), "site_northing": str(y + off_m[1])}
+    near = [each for each in ground_of(path, **site).warnings if "and the ground ends there" in each]
+    reached = 80.0 - max(map(abs, off_m)) - 1.0  # to the middle of the last pixel, of 2 m
+    assert [f"ends {reached:g} m {side} of the site" in each for each in near] == [True] * bool(side)
+
+
+def test_a_map_of_another_body_is_told_where_a_site_is_stated(tmp_path):
+    """Its site would get the horizon of Enceladus, and the sky there."""
+    path, (x, y) = written(tmp_path / "dem.tif", "Mercator")
+    stated = ground_of(path, site="MAP", site_easting=str(x), site_northing=str(y)).warnings
+    (told,) = [each for each in stated if "radius of 1560.8 km" in each]
+    assert told.endswith("set terrain.body_radius_m to 1560800 and light.directions_from to ANGLES.")
+    assert not [each for each in ground_of(path).warnings if "radius of" in each]
+
+
 def test_the_record_has_the_exact_place(tmp_path):
     path, (x, y) = written(tmp_path / "dem.tif", "web map at 60°")
     place = json.loads(json.dumps(ground_of(path, origin_x_m=4.0).ground["map"]))
