@@ -1,4 +1,4 @@
-"""Descriptions: settings as plain data, ``{topic: {key: value}}``. They are checked, merged and hashed to an id here.
+"""Descriptions: settings as plain data, ``{topic: {key: value}}``, checked and merged.
 
 Blender silently clamps values that are out of range. Here an unknown key, a wrong type or a value out of range raises
 :class:`~icymoon.support.errors.IcyMoonError`, which names the key, the value, the range and the unit. Float settings
@@ -8,8 +8,6 @@ window or from a file.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
@@ -323,18 +321,3 @@ def override(text: str) -> Settings:
         except ValueError:
             parsed = value
     return check({topic_key: {key: parsed}}, f"--set {shorten(text)}")
-
-
-def digest(
-    settings: Mapping[str, Mapping[str, Value]],
-    extra: str = "",
-    count: Callable[[Mapping[str, Mapping[str, Value]]], list[str]] | None = None,
-) -> str:
-    """The id of the pair with these settings: twelve hexadecimal digits.
-
-    Settings that cannot change a rendered pixel (camera response, paths, threads) do not count. Newer settings count
-    only if they differ from their ``old_value``. ``extra`` identifies content that the settings do not describe: files
-    of the ground, and edited or added geometry. ``count`` is ``pair_ids.make_counter()`` for many pairs.
-    """
-    first, *later = (count or pair_ids.make_counter())(settings)
-    return hashlib.sha256(f"[{', '.join((first, json.dumps(extra), *later))}]".encode()).hexdigest()[:12]

@@ -1,4 +1,4 @@
-"""The settings from which ids of pairs are made; no later version may change the id of a pair.
+"""The id of a pair, a hash of its settings; no later version may change it.
 
 An id is made from the settings of the first release, in the order of their declaration; this list is closed. A newer
 setting, whose declaration states ``since``, counts only if it differs from the value with the effect of releases
@@ -7,6 +7,7 @@ without it (``Setting.old_value``). Imports no Blender.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -20,8 +21,23 @@ from .table_cache import TableCache
 from .topics.declaration import Setting, Value
 from .topics.scene import Settings, typed
 
+#: A function that returns the values of settings that count in an id, as JSON, see ``make_counter``.
+Counter = Callable[[Mapping[str, Mapping[str, Any]]], list[str]]
 #: Present names of settings that were renamed, by their old names (``topic.key``), as ids contain the old ones.
 RENAMED_SETTINGS: dict[str, str] = {}
+
+
+def make_pair_id(
+    settings: Mapping[str, Mapping[str, Value]], extra: str = "", counter: Counter | None = None
+) -> str:
+    """The id of the pair with these complete settings: twelve hexadecimal digits.
+
+    Settings that cannot change a rendered pixel (camera response, paths, threads) do not count. Newer settings count
+    only if they differ from their ``old_value``. ``extra`` identifies content that the settings do not describe: files
+    of the ground, and edited or added geometry. For many pairs, give one ``counter`` from ``make_counter`` to all.
+    """
+    first, *later = (counter or make_counter())(settings)
+    return hashlib.sha256(f"[{', '.join((first, json.dumps(extra), *later))}]".encode()).hexdigest()[:12]
 
 
 def find_present_name(name: str) -> str:
@@ -58,7 +74,7 @@ def list_counted_values(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
     return [json.loads(text) for text in make_counter()(settings)]
 
 
-def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[str]]:
+def make_counter() -> Counter:
     """Return a function that does the work of ``list_counted_values`` for many descriptions. It returns each list as
     JSON.
 
