@@ -50,7 +50,8 @@ def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict
 
 
 def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
-    """A hash of the content of the files in use and of the recipes of stand-ins; empty without files and stand-ins.
+    """A hash of the content of the files that the settings use and of the recipes of stand-ins; empty if they use
+    neither.
 
     Raises IcyMoonError if a file cannot be read.
     """
@@ -71,7 +72,7 @@ def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
 
 
 def do_files_exist(settings: Settings, blend_folder: str | None = None) -> bool:
-    """Whether all files in use exist, with the files that belong to them."""
+    """Whether all files that the settings use exist, including files that belong to them, such as an arm's meshes."""
     return all(
         path.is_file() and all(part.is_file() for part in _list_parts(settings, name, path))
         for name, path in find_used_files(settings, blend_folder).items()

@@ -86,8 +86,9 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The content of a text file of ours, see ``foreign_bytes.decode_text``. Raises OSError as opening does, ValueError
-    for other content than text, or more than ``MOST_TEXT`` bytes."""
+    """The content of a text file that Icy Moon wrote, see ``foreign_bytes.decode_text``. Raises OSError as opening
+    does, ValueError for other content than text, or more than ``MOST_TEXT`` bytes.
+    """
     return decode_text(read_regular(path, MOST_TEXT_BYTES))
 
 

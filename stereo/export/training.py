@@ -212,7 +212,7 @@ class _Shards:
         self._count: Counter[str] = Counter()
 
     def add(self, split: str, key: str, files: Mapping[str, bytes]) -> str:
-        """Add the files of a pair; the name of their shard."""
+        """Add the files of a pair, and return the name of their shard."""
         if split not in self._open:
             name = f"{split}-{self._count[split]:06d}.tar"
             self._count[split] += 1

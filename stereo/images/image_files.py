@@ -49,7 +49,7 @@ def encode_image(image: Array, suffix: str, quality: int = 85) -> bytes:
 
 
 def decode_in_this_process(image: EncodedImage) -> Array:
-    """The pixels of an image of ours, decoded by OpenCV in this process.
+    """The pixels of an image that Icy Moon wrote, decoded by OpenCV in this process.
 
     Foreign images are decoded by ``bounded_decoding.decode``. Raises ValueError if the image is damaged.
     """
