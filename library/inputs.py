@@ -21,7 +21,7 @@ from ..render.pairs.dataset_file_names import INPUTS
 from ..settings.description import defaults
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.files import read_checksum, write_atomically
+from ..support.files import read_checksum, write_bytes
 from ..support.number_text import format_count
 
 #: A quantity over the patch: an array, or a function of arrays of east and north coordinates in metres.
@@ -41,9 +41,6 @@ class Input:
     suffix: str
     text: str
 
-    def _write_part(self, part: Path) -> None:
-        part.write_bytes(self.content)
-
     def store(self, dataset: Path) -> Path:
         """Write the file into a data set, unless it exists, and return its path.
 
@@ -57,7 +54,7 @@ class Input:
                 "link, or choose another folder."
             )
         if not path.is_file() or read_checksum(path) != hashlib.sha256(self.content).hexdigest():
-            write_atomically(path, self._write_part)
+            write_bytes(path, self.content)
         return path
 
 

@@ -27,7 +27,7 @@ from ..settings.topics.scene import Settings
 from ..settings.user_files import hash_content
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.files import write_atomically
+from ..support.files import write_bytes
 
 #: Verdict of a row that agrees.
 PASSES = "passes"
@@ -131,10 +131,7 @@ class Bench:
         """Write a picture (H, W, 3), uint8, to ``pictures/<name>.png`` in the folder."""
         data = encode_png(picture)
 
-        def write(part: Path) -> None:
-            part.write_bytes(data)
-
-        write_atomically(self.folder / "pictures" / f"{name}.png", write)
+        write_bytes(self.folder / "pictures" / f"{name}.png", data)
 
 
 @dataclass(frozen=True)
