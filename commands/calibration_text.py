@@ -60,7 +60,7 @@ def _measure_field_deg(camera: CalibratedCamera, axis: int) -> tuple[float, bool
     size = camera.size_px[axis]
     places = np.array([[camera.cx_px, camera.cy_px]] * (4 * size + 1))
     places[:, axis] = np.linspace(-0.5, size - 0.5, len(places))
-    # Each angle to the axis by itself, so that a field of more than 180 degrees is no smaller one.
+    # The angles to the axis are added, so that a field of more than 180 degrees is correct.
     rays = camera.unproject(places)
     angles = np.degrees(np.arctan2(rays[:, axis], rays[:, 2]))
     seen = angles[np.isfinite(angles)]

@@ -10,7 +10,7 @@ from ..support.terminal import add_list, as_path
 
 
 def add_scene_options(parser: argparse.ArgumentParser) -> None:
-    """Add ``--preset``, ``--settings`` and ``--set``."""
+    """Add the options ``--preset``, ``--settings`` and ``--set`` to a parser."""
     add_list(parser, "--preset", None, "shipped preset, see icymoon presets; may repeat")
     add_list(parser, "--settings", None, "TOML file; may repeat", type=as_path)
     add_list(parser, "--set", "TOPIC.KEY=VALUE", "one setting; may repeat", dest="overrides")

@@ -1,4 +1,6 @@
-"""The verb ``study``: render a preregistered study, measure it and write its tables; an interrupted one goes on."""
+"""The verb ``study``: render a preregistered study, measure it and write its tables; a second run continues an
+interrupted one.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The verb ``twin``: photographed pairs beside their twins, rendered with the same rig; an interrupted one goes on."""
+"""The verb ``twin``: photographed pairs beside their twins, rendered with the same rig; a second run continues an
+interrupted one.
+"""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class GeoKeys:
     def for_areas_in_metres(self) -> GeoKeys:
         """The keys for values that are means of areas, with heights in metres above the zero of the same system.
 
-        A vertical system whose unit is another one is left out, since the heights then are not in it.
+        A vertical system with another unit is left out, because the heights are in metres.
         """
         entries = [tuple(self.directory[k : k + 4]) for k in range(4, len(self.directory) - 3, 4)]
         stated = {entry[0]: entry[3] for entry in entries if entry[1] == 0}

@@ -204,7 +204,7 @@ def describe_map_place(ground: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def describe_map_notes(ground: Mapping[str, Any] | None) -> dict[str, str]:
-    """``describe_map_place`` as texts by name, for the metadata of a file."""
+    """The result of ``describe_map_place`` as {"map": JSON text}, for the metadata of a file; empty without a map."""
     place = describe_map_place(ground)
     return {"map": json.dumps(place)} if place else {}
 

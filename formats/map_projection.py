@@ -367,7 +367,8 @@ _GREENWICH = 8901
 
 def make_crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
     """The map system that GeoKeys state, as PROJ and GDAL take it: ``EPSG:`` and its number, or a PROJ string in the
-    unit of the file; empty if they state none, or one that is not known here."""
+    unit of the file; empty if they state no system or an unknown one.
+    """
     geographic = states_degrees(keys)
     code = keys.get(_GEOGRAPHIC_KEY if geographic else _PROJECTED_KEY)
     if isinstance(code, int) and code not in (0, _USER_DEFINED):

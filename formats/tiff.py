@@ -3,7 +3,9 @@
 The file may come from a stranger and be far larger than memory. Only used tags and the tiles of a window are read, and
 the values of both are counted before memory is allocated. All lossless compressions that Python can undo are supported:
 none, deflate, LZW, PackBits, LZMA, and ZSTD where Python has ``zstandard``, as official Blenders and Blender as a
-Python module do. Their OpenImageIO cannot help: its TIFF library is built without ZSTD (measured in 5.0).
+Python module do. Their OpenImageIO cannot help: its TIFF library is built without ZSTD (measured in 5.0). The package
+``tifffile`` cannot help either: height maps are read in Blender's own Python, and the extension's zip contains no
+wheels. For LZW, it also needs ``imagecodecs``, a binary wheel for each Python and platform.
 """
 
 from __future__ import annotations

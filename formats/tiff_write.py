@@ -61,7 +61,7 @@ class MapPlace:
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def make_tags(self) -> dict[int, tuple[tuple[int, str], list[float] | bytes]]:
-        """The tags that state it."""
+        """The GeoTIFF tags that state this place."""
         keys = self.geokeys.for_areas_in_metres()
         return {
             33550: (_DOUBLE, [*self.pixel, 0.0]),

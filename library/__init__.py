@@ -1,1 +1,1 @@
-"""Icy Moon as a Python library: what ``import icymoon`` offers to programs and notebooks."""
+"""Icy Moon as a Python library: the names that ``import icymoon`` offers to programs and notebooks."""

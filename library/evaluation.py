@@ -1,4 +1,4 @@
-"""Pairs matched and measured, by our matchers and by functions of your own."""
+"""Evaluates pairs with Icy Moon's matchers and with your own functions."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Evaluation:
 
     @property
     def report(self) -> Path:
-        """The page that shows everything."""
+        """The HTML page with all results."""
         return self.folder / "report.html"
 
     def __repr__(self) -> str:
@@ -81,7 +81,7 @@ def evaluate(
     disparity that the rig can see, ``camera`` the rig. ``presets`` and ``changes`` describe another sensor, as for
     ``RenderedPair.develop``. Results in ``out`` of the same pairs, matchers and settings are not computed again;
     functions of your own run always. ``jobs`` is the number of processes. Raises IcyMoonError for an unknown matcher, a
-    function that returns something else, and where nothing can be measured.
+    function that returns something else, and if nothing can be measured.
     """
     from ..stereo.environment import packages
 

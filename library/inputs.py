@@ -1,4 +1,4 @@
-"""Heights, albedos and rocks that a program gives as arrays or functions, as files that a data set keeps.
+"""Writes a program's own heights, albedos and rocks (arrays or functions) as files of a data set.
 
 A file is named after its content, so the same array is stored once, and the id of a pair depends on the content.
 """
@@ -21,7 +21,7 @@ from ..render.pairs.dataset_file_names import INPUTS
 from ..settings.description import defaults
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.files import read_checksum, write_atomically
+from ..support.files import read_checksum, write_bytes
 from ..support.number_text import format_count
 
 #: A quantity over the patch: an array, or a function of arrays of east and north coordinates in metres.
@@ -32,20 +32,19 @@ _LARGEST_MEAN_ALBEDO = 1.0
 
 @dataclass(frozen=True)
 class Input:
-    """The content of a file that the setting ``setting`` names, and a text about it for whoever looks at the scene."""
+    """The ``content`` of a file that the setting ``setting`` names, and a ``text`` that describes it in the ``repr`` of
+    a scene.
+    """
 
     setting: str
     content: bytes
     suffix: str
     text: str
 
-    def _write_part(self, part: Path) -> None:
-        part.write_bytes(self.content)
-
     def store(self, dataset: Path) -> Path:
-        """Write the file into a data set, unless it is there, and return its path.
+        """Write the file into a data set, unless it exists, and return its path.
 
-        Raises IcyMoonError where a link is in its place, which may lead out of the data set.
+        Raises IcyMoonError if its path is a link, which may lead out of the data set.
         """
         name = hashlib.sha256(self.content).hexdigest()[:16]
         path = dataset / INPUTS / f"{name}{self.suffix}"
@@ -55,7 +54,7 @@ class Input:
                 "link, or choose another folder."
             )
         if not path.is_file() or read_checksum(path) != hashlib.sha256(self.content).hexdigest():
-            write_atomically(path, self._write_part)
+            write_bytes(path, self.content)
         return path
 
 

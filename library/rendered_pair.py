@@ -56,7 +56,7 @@ class RenderedEye:
 
     @cached_property
     def seen(self) -> Array:
-        """Whether the sensor sees the pixel, bool (H, W); not all of them if the eyes are toed in or calibrated."""
+        """Whether the sensor sees the pixel, bool (H, W). Some are not seen if the eyes are toed in or calibrated."""
         camera = self._pair.camera
         lens = make_lens(camera, self._pair.settings.rig, self.name) if camera.looks_elsewhere else None
         return np.ones((camera.height_px, camera.width_px), bool) if lens is None else lens.sees
@@ -108,17 +108,17 @@ class RenderedPair:
 
     @property
     def id(self) -> str:
-        """Its id: twelve hexadecimal digits, a hash of all that its pixels depend on."""
+        """The id of the pair: twelve hexadecimal digits, a hash of everything that its pixels depend on."""
         return self._pair.id
 
     @property
     def folder(self) -> Path:
-        """Its folder."""
+        """The folder of the pair."""
         return self._pair.folder
 
     @property
     def settings(self) -> Settings:
-        """The complete settings that it was rendered with, a copy."""
+        """A copy of the complete settings of the render."""
         return description.merged(self._pair.settings)
 
     @property
@@ -149,7 +149,7 @@ class RenderedPair:
 
     @cached_property
     def visible(self) -> Array:
-        """Whether the right camera sees the point of a left pixel too, bool (H, W)."""
+        """Whether the right camera also sees the point that a left pixel shows, bool (H, W)."""
         if self._pair.camera.looks_elsewhere:
             from ..stereo.measure.prepare_pair import make_check_eyes
             from ..stereo.measure.self_check import find_visibility

@@ -1,4 +1,4 @@
-"""Where scenes are rendered: by a worker that stays, or in this process."""
+"""Renderers of scenes: a worker process that is kept for the next scene, or this process."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class Renderer(Protocol):
 
 
 def ignore_message(message: Message) -> None:
-    """Take no notice of a message."""
+    """Ignore a message."""
 
 
 def issue_warnings(hear: MessageReceiver) -> MessageReceiver:
-    """A receiver that passes messages on to ``hear`` and also issues warnings as Python's."""
+    """A receiver that passes messages on to ``hear`` and issues their warnings as Python warnings."""
 
     def hear_all(message: Message) -> None:
         if message["type"] == "warning":
@@ -54,7 +54,7 @@ def issue_warnings(hear: MessageReceiver) -> MessageReceiver:
 class Worker:
     """A process of Blender that is started at the first render and stays for the next ones.
 
-    A crash of Blender is an error of that render, and the next one starts another process. Use it in a ``with``
+    If Blender crashes, that render raises an error, and the next one starts another process. Use it in a ``with``
     statement, or ``close`` it; it ends with this process at the latest. ``blender`` is a Blender or a Python with
     Blender as a module, by default this one; ``threads`` takes the place of ``quality.threads``.
     """
@@ -149,7 +149,7 @@ class InProcess:
     """Blender in this process: in the background (``blender -b``), or as a module of this Python.
 
     It opens a new file for each ground, so the file that is open in this Blender is lost. Use it in a ``with``
-    statement, or ``close`` it. Raises IcyMoonError where there is no Blender, and in one with a window.
+    statement, or ``close`` it. Raises IcyMoonError without Blender, and in a Blender with a window.
     """
 
     def __init__(self) -> None:
@@ -181,5 +181,5 @@ class InProcess:
 
 @cache
 def default_renderer() -> Worker:
-    """The worker that renders where none is given: one for all scenes."""
+    """The worker that all scenes share if no renderer is given."""
     return Worker()

@@ -1,4 +1,4 @@
-"""A scene as settings, with what a program gives as arrays; and its pairs."""
+"""A scene: settings, and arrays or functions of a program's own; renders its pairs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Scene:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The settings that differ from their defaults, by name (``topic.key``)."""
+        """The values that differ from their defaults, by setting (``topic.key``)."""
         changed = description.changed(self._settings, description.defaults())
         return {f"{topic}.{key}": value for topic, values in changed.items() for key, value in values.items()}
 
@@ -66,7 +66,9 @@ class Scene:
         return f"<Scene {self._title}: {rig.width_px} x {rig.height_px} px, baseline {rig.baseline_m:g} m{own}>"
 
     def to_toml(self) -> str:
-        """Its settings as a TOML file, which ``icymoon render --settings`` reads; without arrays that were given."""
+        """The text of a TOML file with its settings, for ``icymoon render --settings``. It lacks the arrays of
+        ``with_heights``, ``with_albedo`` and ``with_rocks``.
+        """
         return to_toml(self._settings)
 
     def change(self, *presets: str | Path, **changes: Mapping[str, Any]) -> Scene:
@@ -85,7 +87,7 @@ class Scene:
         return self._make_changed(stated, {}, ", ".join(shown))
 
     def with_heights(self, heights: Field, *, metres_per_pixel: float | None = None, detail: bool = False) -> Scene:
-        """This scene on ground of your own.
+        """A copy of this scene with your own ground.
 
         ``heights`` is a function f(x_m, y_m) -> z_m of arrays of east and north coordinates, sampled at the
         ``terrain.resolution`` x ``terrain.resolution`` vertices of the patch of ``terrain.size_m``, or an array (rows,
@@ -100,7 +102,7 @@ class Scene:
         return self._make_changed(description.check(stated, "heights"), {given.setting: given})
 
     def with_albedo(self, albedo: Field, *, resolution: int = 512) -> Scene:
-        """This scene with the albedo of the ground of your own, over the whole patch.
+        """A copy of this scene with your own albedo over the whole patch of ground.
 
         ``albedo`` is a function f(x_m, y_m) of arrays, sampled at ``resolution`` x ``resolution`` places, or an array
         (rows, columns) or (rows, columns, 3) of numbers from 0 to 1, north first. Other variations of the albedo are
@@ -110,8 +112,8 @@ class Scene:
         return self._make_changed(description.check(stated, "albedo"), {given.setting: given})
 
     def with_rocks(self, rocks: ArrayLike) -> Scene:
-        """This scene with rocks of your own: an array (n, 3) of places east and north of the origin and diameters, in
-        metres.
+        """A copy of this scene with your own rocks: an array (n, 3) of places east and north of the origin, and of
+        diameters, in metres.
 
         Their shapes, tilt and burial follow the ``rocks`` settings; each rests on the ground. Rocks off the ground are
         left out, with a warning. Raises IcyMoonError for an array of another shape, for numbers that are not finite,
@@ -121,7 +123,7 @@ class Scene:
         return self._make_changed(description.check(stated, "rocks"), {given.setting: given})
 
     def stored(self, dataset: str | Path) -> Settings:
-        """The complete settings, with arrays that were given stored as files in a data set (its folder ``inputs``)."""
+        """The complete settings. Writes arrays of the program to files in the folder ``inputs`` of the data set."""
         folder = Path(dataset).absolute()
         paths: dict[str, dict[str, str]] = {}
         for name, given in self._inputs.items():
@@ -140,10 +142,10 @@ class Scene:
         """Render this scene into the folder of a data set, or read its pair if the folder already contains it.
 
         ``dataset`` is by default the folder that ``dataset.folder`` states. ``renderer`` is by default a ``Worker``
-        that all scenes share; warnings are issued as Python's. With ``again`` a pair that is there is rendered anew.
-        ``on_event`` receives the messages of the render, as
-        dictionaries: ``progress`` with ``fraction``, ``warning`` with ``message``. Raises IcyMoonError if the scene
-        cannot be built or rendered, and if ``dataset.headings`` asks for several pairs.
+        that all scenes share; its warnings are Python warnings. With ``again`` an existing pair is rendered again.
+        ``on_event`` receives the messages of the render as dictionaries: ``progress`` with ``fraction``, ``warning``
+        with ``message``. Raises IcyMoonError if the scene cannot be built or rendered, and if ``dataset.headings`` asks
+        for several pairs.
         """
         if (count := self._settings.dataset.headings) != 1:
             raise IcyMoonError(f"dataset.headings is {count}, so this scene has {count} pairs; use render_all.")

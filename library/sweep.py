@@ -1,4 +1,6 @@
-"""Many scenes that differ in a few things, rendered one after the other; a restart goes on where it stopped."""
+"""Renders all combinations of varied settings and inputs of a scene. A second run continues where the first one
+stopped.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from .rendered_pair import RenderedPair
 from .renderers import MessageReceiver, Renderer, ignore_message
 from .scene import Scene
 
-#: What varies beside settings, and the scene's method that takes it.
+#: Inputs that can vary besides settings, and the method of ``Scene`` that takes each.
 _ARRAY_METHODS: dict[str, Callable[[Scene, Any], Scene]] = {
     "heights": Scene.with_heights,
     "albedo": Scene.with_albedo,
@@ -24,7 +26,7 @@ _ARRAY_METHODS: dict[str, Callable[[Scene, Any], Scene]] = {
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """One combination: its ``values`` by what varies, its ``scene`` and its ``pair``."""
+    """One combination: its ``values`` by setting or input, its ``scene`` and its ``pair``."""
 
     values: dict[str, Any]
     scene: Scene

@@ -1,4 +1,4 @@
-"""The cameras of a head as Blender's cameras in the built scene, and what a render needs of them."""
+"""The cameras of a head as Blender's cameras in the built scene, and their properties for a render."""
 
 from __future__ import annotations
 

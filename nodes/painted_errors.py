@@ -19,7 +19,8 @@ from ..physics.mesh.halve_edges import halve_edges
 from ..render.pairs.pair_folder import Pair
 from ..render.plans.planned_pair import expand_headings
 from ..settings import rebuilt_parts
-from ..settings.description import digest, merged
+from ..settings.description import merged
+from ..settings.pair_ids import make_pair_id
 from ..stereo.ground_errors import (
     COARSE,
     MOST_EDGE_PX,
@@ -99,7 +100,7 @@ def _describe_differing(names: Sequence[str]) -> str:
 def _has_same_edits(built: Built, pair: Pair) -> bool:
     """Whether ground and camera have the same edits by hand as when a pair was rendered."""
     if pair.data.get("edited_by_hand"):  # the id identifies all edits
-        return digest(pair.settings, built.extra + describe_blur_identity(pair.settings)) == pair.id
+        return make_pair_id(pair.settings, built.extra + describe_blur_identity(pair.settings)) == pair.id
     return not find_added_objects(built.collection) and not built.edited_parts(*_GROUND_AND_CAMERA)
 
 

@@ -1,4 +1,4 @@
-"""Operators that go on until a job beside the window has ended, so that the window stays usable."""
+"""Operators that start a job in another process and run until it ends, so that the window stays usable."""
 
 from __future__ import annotations
 

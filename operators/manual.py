@@ -72,7 +72,7 @@ table{border-collapse:collapse}th,td{border:1px solid #999;padding:.2em .5em;tex
 
 @lru_cache(maxsize=1)
 def list_page_names() -> tuple[str, ...]:
-    """The pages of the manual that this copy of Icy Moon has, such as ``tutorial/window``, the first one first."""
+    """The names of the manual's pages in this copy of Icy Moon, such as ``tutorial/window``, in reading order."""
     found = sorted(path.relative_to(_DOCS_FOLDER).with_suffix("").as_posix() for path in _DOCS_FOLDER.rglob("*.md"))
     return tuple(sorted(found, key=lambda name: name != FIRST_PAGE))
 

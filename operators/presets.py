@@ -20,7 +20,7 @@ from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
 from ..support.errors import IcyMoonError
-from ..support.files import explain_disk_errors, write_atomically, write_text
+from ..support.files import explain_disk_errors, write_bytes, write_text
 from ..support.printer import show_controls
 from ..support.system import find_name_fault, remove
 from . import dialogs, live_preview, refine_ground
@@ -78,10 +78,6 @@ def find_picture(name: str) -> Path:
     )
 
 
-def _write_part(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
-
-
 def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) -> bool:
     """Save the left image of the rendered pair of ``settings`` beside a preset; whether there is such a pair."""
     try:
@@ -91,7 +87,7 @@ def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) 
     except IcyMoonError:
         return False
     content = encode_png(views.pictures("LEFT")[0])
-    write_atomically(target, lambda part: _write_part(part, content))
+    write_bytes(target, content)
     return True
 
 

@@ -339,7 +339,7 @@ def _find_files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
 
 
 def find_curves(scene: bpy.types.Scene) -> dict[str, Path]:
-    """The pictures of the error against each setting (``topic.key``) that varies, of the last evaluation."""
+    """The charts of the last evaluation, error against setting, by varied setting (``topic.key``)."""
     try:
         folder = find_report_folder(scene)
         listed = _read_report(folder).get("curves", {})

@@ -104,7 +104,7 @@ def format_for_window(message: object) -> str:
 
 
 def measure_line_length() -> int:
-    """Characters that fit the sidebar that is being drawn; LINE where none is."""
+    """Number of characters that fit into a line of the drawn sidebar; ``LINE`` if no sidebar is drawn."""
     region = bpy.context.region
     if region is None or region.type != "UI":
         return LINE

@@ -1,4 +1,4 @@
-"""What a topic's panel contains besides settings: buttons above them, derived values below them."""
+"""The content of a topic's panel besides settings: buttons above them, derived values below them."""
 
 from __future__ import annotations
 

@@ -6,7 +6,6 @@ whole. A file that was changed, cut off or removed since is made again.
 
 from __future__ import annotations
 
-import functools
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -21,7 +20,7 @@ from ..support.arrays import Array
 from ..support.cache_folder import FOLDER_VARIABLE, own_cache_folder
 from ..support.errors import DiskError, IcyMoonError
 from ..support.file_schemas import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
-from ..support.files import PART_SUFFIX, explain_disk_errors, hash_file, write_atomically, write_json
+from ..support.files import PART_SUFFIX, explain_disk_errors, hash_file, hash_file_once, write_bytes, write_json
 from ..support.system import remove
 from .reconstructions import reconstruct
 from .shown_items import RECIPE_NUMBER
@@ -88,19 +87,10 @@ def _is_whole(folder: Path, item: TextureItem | MeshItem) -> bool:
         return (
             record["recipe"] == RECIPE_NUMBER
             and record["sha256"].keys() >= {item.stem + end for end in suffixes}
-            and all(
-                _checksum(folder / name, (folder / name).stat().st_size, (folder / name).stat().st_mtime_ns) == known
-                for name, known in record["sha256"].items()
-            )
+            and all(hash_file_once(folder / name) == known for name, known in record["sha256"].items())
         )
     except (OSError, IcyMoonError):
         return False
-
-
-@functools.lru_cache(maxsize=256)
-def _checksum(path: Path, size: int, modified_ns: int) -> str:
-    """Checksum of a file, read once for each size and time of change."""
-    return hash_file(path)
 
 
 def _write_all(folder: Path, height_m: float, encoded: Mapping[str, bytes]) -> None:
@@ -112,15 +102,11 @@ def _write_all(folder: Path, height_m: float, encoded: Mapping[str, bytes]) -> N
                     remove(part)
         remove(folder / _RECORD_FILE)  # it is about to become untrue
     for name, data in encoded.items():
-        write_atomically(folder / name, functools.partial(_write_part, data))
+        write_bytes(folder / name, data)
     write_json(
         folder / _RECORD_FILE,
         {"recipe": RECIPE_NUMBER, "height_m": height_m, "sha256": {name: hash_file(folder / name) for name in encoded}},
     )
-
-
-def _write_part(data: bytes, part: Path) -> None:
-    part.write_bytes(data)
 
 
 def _encode_texture(item: TextureItem) -> tuple[float, dict[str, bytes]]:

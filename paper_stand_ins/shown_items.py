@@ -24,7 +24,7 @@ def list_items(settings: Settings) -> list[TextureItem | MeshItem]:
 
 
 def describe_item(item: TextureItem | MeshItem) -> str:
-    """A sentence on what a stand-in is."""
+    """A sentence that describes a stand-in."""
     what = "mesh" if isinstance(item, MeshItem) else "texture"
     return (
         f"{item.title} ({item.key}) is a {what} made by code, in place of {item.paper} of the GUISS paper: "

@@ -17,8 +17,8 @@ _MOST_FLIP_ROUNDS = 80  # of flips; the triangles that could still be better are
 def triangulate(random: np.random.Generator, heights: Array, triangles: int, flat: float) -> tuple[Array, Array]:
     """Places (k, 2) of vertices in pixels (column, row) and faces (m, 3), counter-clockwise, of about ``triangles``.
 
-    ``heights`` is (2^j + 1, 2^j + 1) in pixels. ``flat`` is by what share of its edge a flat triangle counts as missing
-    the heights, so that flat ground has triangles too.
+    ``heights`` is (2^j + 1, 2^j + 1) in pixels. ``flat`` is the error that a flat triangle counts at least, as a share
+    of its edge, so that flat ground has triangles too.
     """
     error = _measure_errors(heights, flat)
     low, high = 0.0, float(error.max())

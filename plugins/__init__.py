@@ -1,1 +1,1 @@
-"""Plug-ins: what packages that the user installed in this Python add to ours."""
+"""Plug-ins: additions from packages that the user installed in this Python."""

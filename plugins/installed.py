@@ -1,8 +1,8 @@
 """Finding, loading and calling the plug-ins of Icy Moon and of installed packages.
 
-A plug-in is an entry point in one of ``GROUPS``. ``entry_points.txt`` beside this file declares Icy Moon's, as
-the metadata of a package declares its own. A name from a file, a scene or a command line is only looked up among them.
-What lies in the current folder is never one, however Python was started. Nothing of a plug-in is imported before it is
+A plug-in is an entry point in one of ``GROUPS``. ``entry_points.txt`` beside this file declares Icy Moon's, as the
+metadata of a package declares its own. A name from a file, a scene or a command line is only looked up among them.
+Modules in the current folder never count, however Python was started. Nothing of a plug-in is imported before it is
 used; the facts that lists show of it are literals of its module, which are read without an import.
 """
 
@@ -158,7 +158,7 @@ def _scan_packages(path: tuple[str, ...]) -> tuple[list[Plugin], dict[str, tuple
 
 
 def load_plugin(plugin: Plugin) -> Any:
-    """The module, or what else the entry point names, imported. Raises IcyMoonError if it cannot be used."""
+    """Import the module or other object that the entry point names. Raises IcyMoonError if it cannot be used."""
     with (
         explain_failures(plugin, "cannot be loaded", "correct it, or uninstall the package"),
         _import_without_current_folder(),
@@ -214,7 +214,7 @@ def _find_source(plugin: Plugin) -> Path:
 
 
 def read_summary(loaded: object) -> str:
-    """The first line of what a plug-in states about itself."""
+    """The first line of a plug-in's own description."""
     stated = getattr(loaded, "__doc__", "")
     return show_controls(next(iter(stated.strip().splitlines()), "")) if isinstance(stated, str) else ""
 

@@ -109,8 +109,9 @@ def _group_by_shape(world: World, hits: Hits) -> Iterator[tuple[int, Array]]:
 
 
 def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Array, near: float, far: float) -> Hits:
-    """The first hits of rays (n, 3) from ``origin``, (3,) or (n, 3), on what lets at most half of the light pass; see
-    ``Tracer.intersect``."""
+    """The first hits of rays (n, 3) from ``origin``, (3,) or (n, 3), on surfaces that transmit at most half of the
+    light; see ``Tracer.intersect``.
+    """
     hits = tracer.intersect(origin, direction, near, far)
     if all(each.shape.passing is None for each in world.placed):
         return hits

@@ -26,7 +26,8 @@ from ..physics.camera.blur import describe_blur_identity
 from ..physics.mesh.finer_in_view import still_spacing_m
 from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
-from ..settings.description import digest, merged
+from ..settings.description import merged
+from ..settings.pair_ids import make_pair_id
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -217,12 +218,13 @@ def _lower_quality(planned: PlannedPair) -> PlannedPair:
     """
     settings = planned.settings
     known = (
-        digest(settings, hash_content(settings) + nodes + describe_blur_identity(settings)) for nodes in ("", OF_NODES)
+        make_pair_id(settings, hash_content(settings) + nodes + describe_blur_identity(settings))
+        for nodes in ("", OF_NODES)
     )
     if planned.id not in known:
         return planned
     plain = merged(settings, {"quality": {"denoiser": "NONE", "device": "CPU"}, "hapke": {"backend": "AUTO"}})
-    return PlannedPair(digest(plain, make_extra(plain) + describe_blur_identity(plain)), plain, 0.0)
+    return PlannedPair(make_pair_id(plain, make_extra(plain) + describe_blur_identity(plain)), plain, 0.0)
 
 
 def run_job(

@@ -225,7 +225,7 @@ def _list_camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> 
 
 @dataclass(frozen=True)
 class _Rendered:
-    """What the renders of a pair made, before its files are put together."""
+    """The results of a pair's renders, before its files are put together."""
 
     files: dict[str, dict[str, Path]]  # by name in the pair, then by layer
     poses: dict[str, Any]

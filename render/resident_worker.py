@@ -1,4 +1,4 @@
-"""The worker that stays: it renders job after job, and each scene reuses parts of the one before.
+"""The resident worker: it renders one job after another, and each scene reuses parts of the previous one.
 
 For each job the starter puts a file into the worker's inbox, with the number of the job as name and the path of the
 job's file as content. The worker's standard input stays empty; its end means that the starter has ended.

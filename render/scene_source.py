@@ -18,7 +18,7 @@ from ..physics import scene_checks
 from ..physics.camera.blur import describe_blur_identity
 from ..physics.mesh.finer_in_view import still_spacing_m
 from ..settings import rebuilt_parts
-from ..settings.description import digest
+from ..settings.pair_ids import make_pair_id
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import cycles_settings
@@ -142,7 +142,7 @@ def _same_scene_and_light(one: Settings, other: Settings) -> bool:
 
 
 def _check_id(planned: PlannedPair, built: Built, extra: str) -> None:
-    if digest(planned.settings, built.extra + extra + describe_blur_identity(planned.settings)) != planned.id:
+    if make_pair_id(planned.settings, built.extra + extra + describe_blur_identity(planned.settings)) != planned.id:
         why = (
             "a file that its settings name has changed since the plan"
             if built.content

@@ -1,1 +1,1 @@
-"""The settings of a scene: the table of all there are, how they are read, what pairs are named by."""
+"""The settings of a scene: their table, how they are read and checked, and the ids of pairs."""

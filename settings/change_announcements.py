@@ -27,7 +27,7 @@ _state = _State()
 
 
 def count_changes() -> int:
-    """How many changes were announced so far, those that are held back among them."""
+    """The number of changes so far, including those that ``batch_changes`` holds back."""
     return _state.count
 
 
@@ -43,7 +43,7 @@ def announce(scene: object, effect: str) -> None:
 
 @contextmanager
 def batch_changes() -> Iterator[None]:
-    """Tell the listeners of all changes inside it at once, at its end."""
+    """Within this context, hold changes back and announce them together at its end."""
     if _state.held is not None:
         yield
         return

@@ -1,4 +1,4 @@
-"""Descriptions: settings as plain data, ``{topic: {key: value}}``. They are checked, merged and hashed to an id here.
+"""Descriptions: settings as plain data, ``{topic: {key: value}}``, checked and merged.
 
 Blender silently clamps values that are out of range. Here an unknown key, a wrong type or a value out of range raises
 :class:`~icymoon.support.errors.IcyMoonError`, which names the key, the value, the range and the unit. Float settings
@@ -8,8 +8,6 @@ window or from a file.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
@@ -151,7 +149,7 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
 
 
 def _join_tables(parts: Iterable[Tables]) -> Tables:
-    """The tables of descriptions in one; of a setting that several state, the last value."""
+    """All tables in one description. If several state a setting, the last value counts."""
     tables: Tables = {}
     for part in parts:
         for topic, values in part.items():
@@ -189,9 +187,9 @@ def _was_renamed_topic(topic: str) -> bool:
 
 
 def suggest_topic(topic: str, known: Iterable[str], cutoff: float = 0.5) -> str:
-    """The end of a sentence about an unknown topic, as ``suggestions.suggest_nearest`` has it.
+    """The end of an error sentence about an unknown topic, as from ``suggestions.suggest_nearest``.
 
-    In quotes TOML takes the whole name of a setting for one key, and so for a topic.
+    TOML reads a quoted name such as "terrain.size_m" as a single key, so it looks like an unknown topic.
     """
     if topic.partition(".")[0] in TOPICS:
         return f"because quotes make one name of it; write {topic} without quotes."
@@ -220,8 +218,9 @@ def restore_settings(data: Mapping[str, Any], where: str, written_by: str = "") 
 
 
 class Restorer:
-    """``restore_settings`` for many descriptions. Equal tables are checked once and are one object in all results, so
-    they must not be changed."""
+    """``restore_settings`` for many descriptions. Equal tables are checked once and shared by all results, so do not
+    change them.
+    """
 
     def __init__(self) -> None:
         self._before = _make_older_defaults()
@@ -258,7 +257,7 @@ def _make_once(known: dict[tuple[str, str], Made], topic: str, values: object, m
 
 
 def _make_older_defaults() -> Settings:
-    """The complete description with the effect of versions without newer settings."""
+    """The complete description in which every newer setting has the effect of versions without it."""
     return typed(
         {topic.key: {s.key: to_canonical(s, s.old_value) for s in topic.settings} for topic in TOPICS.values()}
     )
@@ -288,13 +287,14 @@ def merged(*parts: Parts) -> Settings:
 
 
 def overlaid(base: Settings, part: Parts) -> Settings:
-    """As ``merged`` for a description and a part that overrides it; the result shares unchanged
-    tables with ``base``."""
+    """A description with a part that overrides it, as from ``merged``. The result shares unchanged tables with
+    ``base``.
+    """
     return Settings({**base, **merged({topic: base.get(topic, {}) for topic in part}, part)})
 
 
 def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapping[str, Value]]) -> Settings:
-    """The settings whose values differ from ``base`` or that it does not contain."""
+    """The settings that ``base`` lacks or has with another value."""
     found = Settings()
     for topic, values in settings.items():
         for key, value in values.items():
@@ -323,18 +323,3 @@ def override(text: str) -> Settings:
         except ValueError:
             parsed = value
     return check({topic_key: {key: parsed}}, f"--set {shorten(text)}")
-
-
-def digest(
-    settings: Mapping[str, Mapping[str, Value]],
-    extra: str = "",
-    count: Callable[[Mapping[str, Mapping[str, Value]]], list[str]] | None = None,
-) -> str:
-    """The id of the pair with these settings: twelve hexadecimal digits.
-
-    Settings that cannot change a rendered pixel (camera response, paths, threads) do not count. Newer settings count
-    only if they differ from their ``old_value``. ``extra`` identifies content that the settings do not describe: files
-    of the ground, and edited or added geometry. ``count`` is ``pair_ids.make_counter()`` for many pairs.
-    """
-    first, *later = (count or pair_ids.make_counter())(settings)
-    return hashlib.sha256(f"[{', '.join((first, json.dumps(extra), *later))}]".encode()).hexdigest()[:12]

@@ -1,8 +1,8 @@
-"""The release of a plug-in's package that made a landform, which every description of such ground states.
+"""The release of the plug-in package that makes a landform; every description with such a landform states it.
 
 The table of such a landform, ``[landform_NAME]``, has the setting ``made_by``. It is filled in if the landform is on,
-and empty if it is off. The pair's id contains it with all settings of the table, because another release may make other
-ground.
+and empty if it is off. It counts in the pair's id with all settings of the table, because another release may make
+other ground.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ _LONGEST_RELEASE = 200
 
 
 def fill_in_releases(settings: Settings) -> Settings:
-    """The same settings, complete or not, with ``made_by`` as it must be; changes them in place."""
+    """Fill in ``made_by`` of each plug-in landform of settings, complete or partial. Changes and returns the same
+    settings.
+    """
     for topic, values in settings.items():
         known = TOPICS.get(topic)
         if known is None or not known.plugin or known.settings[0].key not in values:
@@ -35,7 +37,9 @@ def fill_in_releases(settings: Settings) -> Settings:
 
 
 def check_release(topic: str, values: Mapping[str, Any], where: str) -> None:
-    """Raise IcyMoonError if a table states another release than is installed; ``where`` names its origin."""
+    """Raise IcyMoonError if a table states a release other than the installed one; ``where`` names the origin of the
+    table.
+    """
     stated, installed = values.get(RELEASE), TOPICS[topic].plugin
     if stated and stated != installed:
         raise IcyMoonError(
@@ -47,8 +51,8 @@ def check_release(topic: str, values: Mapping[str, Any], where: str) -> None:
 def keep_missing_table(topic: str, values: Mapping[str, Any], where: str) -> dict[str, Any]:
     """The stored table of a landform that is not installed here; empty if it was off.
 
-    It is only kept, so that the pair can be read and has its id. Raises IcyMoonError if it contains anything but
-    numbers, and the release.
+    It is kept unchecked, so that the pair can be read and keeps its id. Raises IcyMoonError if it contains anything
+    other than numbers and the release.
     """
     release = values.get(RELEASE, "")
     if release == "":
@@ -74,7 +78,7 @@ def refuse_missing(settings: Mapping[str, Mapping[str, Any]], where: str) -> Non
 
 
 def list_counted_landforms(settings: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:
-    """[name, value] of every setting of the plug-ins' landforms that are on, for the id of a pair."""
+    """[name, value] of every setting of plug-in landforms that are on, for the id of a pair."""
     tables = {topic: Table(values) for topic, values in settings.items() if topic.startswith(PREFIX)}
     return [
         [f"{topic}.{key}", value]

@@ -1,4 +1,4 @@
-"""The settings from which ids of pairs are made; no later version may change the id of a pair.
+"""The id of a pair, a hash of its settings; no later version may change it.
 
 An id is made from the settings of the first release, in the order of their declaration; this list is closed. A newer
 setting, whose declaration states ``since``, counts only if it differs from the value with the effect of releases
@@ -7,6 +7,7 @@ without it (``Setting.old_value``). Imports no Blender.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -20,8 +21,21 @@ from .table_cache import TableCache
 from .topics.declaration import Setting, Value
 from .topics.scene import Settings, typed
 
+#: A function that returns the values of settings that count in an id, as JSON, see ``make_counter``.
+Counter = Callable[[Mapping[str, Mapping[str, Any]]], list[str]]
 #: Present names of settings that were renamed, by their old names (``topic.key``), as ids contain the old ones.
 RENAMED_SETTINGS: dict[str, str] = {}
+
+
+def make_pair_id(settings: Mapping[str, Mapping[str, Value]], extra: str = "", counter: Counter | None = None) -> str:
+    """The id of the pair with these complete settings: twelve hexadecimal digits.
+
+    Settings that cannot change a rendered pixel (camera response, paths, threads) do not count. Newer settings count
+    only if they differ from their ``old_value``. ``extra`` identifies content that the settings do not describe: files
+    of the ground, and edited or added geometry. For many pairs, give one ``counter`` from ``make_counter`` to all.
+    """
+    first, *later = (counter or make_counter())(settings)
+    return hashlib.sha256(f"[{', '.join((first, json.dumps(extra), *later))}]".encode()).hexdigest()[:12]
 
 
 def find_present_name(name: str) -> str:
@@ -35,7 +49,7 @@ def affects_pixels(setting: Setting) -> bool:
 
 
 def list_first_settings() -> list[str]:
-    """The names of the settings of the first release that count, as it called them, in the order of an id."""
+    """The settings of the first release that count in an id, by their names in that release, in the order of the id."""
     old = {new: name for name, new in RENAMED_SETTINGS.items()}
     return [
         old.get(name, name)
@@ -50,16 +64,14 @@ def list_first_settings() -> list[str]:
 
 
 def list_counted_values(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
-    """The values of complete settings from which a pair's id is made.
-
-    They are the list of the first release and, if there are any, the newer settings that differ from their
-    ``old_value``.
+    """The values of complete settings from which a pair's id is made: the list of the first release and, if there are
+    any, the newer settings that differ from their ``old_value``.
     """
     return [json.loads(text) for text in make_counter()(settings)]
 
 
-def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[str]]:
-    """Return a function that does the work of ``list_counted_values`` for many descriptions. It returns each list as
+def make_counter() -> Counter:
+    """Make a function that lists the counted values of many descriptions, as ``list_counted_values`` does, each as
     JSON.
 
     The result for a table is kept and used for all descriptions that share the table, so do not change a table in
@@ -97,7 +109,9 @@ def _group_names_by_topic(
     columns: Sequence[tuple[str, str, str]],
     special: Collection[str],
 ) -> list[tuple[str, list[tuple[str, str, str]]]]:
-    """Neighbours of one topic, with that topic; those whose values depend on other topics one by one, without any."""
+    """Group neighbouring columns by topic. A column whose value depends on other topics stays alone, with an empty
+    topic.
+    """
     runs = [
         (topic, list(run))
         for topic, run in itertools.groupby(columns, lambda column: "" if column[0] in special else column[1])
@@ -137,7 +151,7 @@ def _find_newer(
 
 
 def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Value:
-    """The value of a setting (``topic.key``) from which a pair's id is made."""
+    """The value of a setting (``topic.key``) as it counts in a pair's id."""
     topic, _, key = find_present_name(name).partition(".")
     value = settings[topic][key]
     if (

@@ -97,7 +97,7 @@ def _check_header(header: object, path: Path) -> list[str]:
 
 
 def make_paths_relative_to(folder: Path, settings: Settings) -> Settings:
-    """The settings, with relative paths of files changed to paths in ``folder``."""
+    """The settings, with relative paths of files resolved against ``folder``."""
     for topic, values in settings.items():
         for key, value in values.items():
             if TOPICS[topic][key].subtype == "FILE_PATH" and value and not value.startswith(("~", "//")):
@@ -141,7 +141,7 @@ def find_preset(name: str) -> Path:
 def find_preview(name: str) -> Path:
     """The picture of a shipped preset, or 'choose' for one picture of all scenes. Not every preset has a picture.
 
-    Pictures of presets of a part are in a folder of their kind.
+    The picture of a preset that describes only a part of a scene is in a folder of its kind.
     """
     kind, _, stem = name.rpartition("/")
     return PRESETS_FOLDER / "previews" / ("" if not kind or is_whole_scene(name) else kind) / f"{stem}.jpg"

@@ -66,12 +66,12 @@ def _select_geometry_cached(settings: Settings) -> dict[str, dict[str, Any]]:
 
 
 def select_scene(settings: Settings) -> Parts:
-    """``select_geometry`` and all other settings on which a built scene depends: pairs that differ in them cannot share
-    one.
+    """``select_geometry`` and all other settings on which a built scene depends. Pairs that differ in them cannot share
+    a scene.
 
-    A graded mesh depends on the rig, and on fine relief where that is geometry. Ground from a file depends on the site,
-    whose height only a build tells, unless the camera's own is stated.
-    Attributes and images of the mesh are made with it. Whether Hapke's law uses OSL depends on the device.
+    A graded mesh depends on the rig, and on fine relief that is geometry. Ground from a file depends on the site,
+    because only a build finds the height there, unless the camera's height is stated. Attributes and images of the mesh
+    are made with it. Whether Hapke's law uses OSL depends on the device.
     """
     procedural = settings.source.kind == "PROCEDURAL"
     placed = procedural or settings.rig.height_from == "ZERO"
@@ -91,7 +91,9 @@ def select_scene(settings: Settings) -> Parts:
 
 
 def describe_mesh_relief(settings: Settings) -> str:
-    """Text that is equal for settings whose meshes have the same fine relief and broken walls; empty for neither."""
+    """A text that is equal for settings whose meshes have the same fine relief and broken walls; empty if they have
+    neither.
+    """
     if settings.mesh.kind != "GRADED":
         return "grid" if is_carried_by_grid(settings) else ""
     relief, walls = find_fine_relief(settings), breaks_walls(settings)
@@ -113,8 +115,9 @@ def select_materials(settings: Settings) -> Parts:
 
 
 def select_look(settings: Settings) -> Parts:
-    """``select_materials``, and for each surface whether subsurface light is traced, and the distance of a lamp near
-    it."""
+    """``select_materials``, with the distance of a nearby lamp and, for each surface, whether subsurface light is
+    traced.
+    """
     return {
         **select_materials(settings),
         "walks": {topic: traces_random_walk(settings, topic) for topic in SURFACE_TOPICS},
@@ -138,7 +141,7 @@ def select_camera(settings: Settings) -> Parts:
 
 
 def select_sampling(settings: Settings) -> Parts:
-    """The settings of sampling, on which no built part depends."""
+    """The settings of Cycles' sampling; no built part depends on them."""
     return _select_settings(settings, _SAMPLING)
 
 

@@ -12,7 +12,7 @@ Tables = dict[str, dict[str, Any]]
 
 
 def find_shared(descriptions: Iterable[Parts]) -> Tables:
-    """The settings that all of these descriptions have with the same value."""
+    """The settings that have the same value in all of these descriptions."""
     first: Parts = {}
     shared: Tables = {}
     for k, settings in enumerate(descriptions):
@@ -31,7 +31,7 @@ def _is_same(table: Mapping[str, Any], key: str, value: object) -> bool:
 
 
 def remove_shared(settings: Parts, shared: Parts) -> Tables:
-    """The settings of a description that are not shared."""
+    """The settings of a description without the shared ones."""
     own = {
         topic: {key: value for key, value in table.items() if key not in shared.get(topic, {})}
         for topic, table in settings.items()
@@ -40,5 +40,5 @@ def remove_shared(settings: Parts, shared: Parts) -> Tables:
 
 
 def add_shared(own: Parts, shared: Parts) -> Tables:
-    """A description from its own and the shared settings; its own override the shared ones."""
+    """Join the shared settings with a description's own, which override them."""
     return {topic: {**shared.get(topic, {}), **own.get(topic, {})} for topic in {**shared, **own}}

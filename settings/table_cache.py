@@ -1,4 +1,4 @@
-"""Results made from the tables of many descriptions, once for each shared table. Imports no Blender.
+"""Caches of results that are made from tables of descriptions, once for each shared table. Imports no Blender.
 
 The pairs of a plan differ in a few tables and share the others, so most results for a pair are known from another pair.
 """
@@ -22,7 +22,7 @@ class TableCache(Generic[Made]):
         self._known: dict[int, tuple[Mapping[str, Any], Made]] = {}
 
     def of(self, table: Mapping[str, Any]) -> Made:
-        """The result for this table, made if it is new."""
+        """The cached result for this table; it is made at the first call."""
         known = self._known.get(id(table))
         if known is None:
             known = self._known[id(table)] = (table, self._make(table))
@@ -34,7 +34,7 @@ def _make_text(keys: Sequence[str], table: Mapping[str, Any]) -> str:
 
 
 class SettingsTexts:
-    """Texts that are equal for descriptions in which these settings (topic, key) are."""
+    """Makes texts that are equal for descriptions in which these settings (topic, key) have equal values."""
 
     def __init__(self, names: Sequence[tuple[str, str]]) -> None:
         keys: dict[str, list[str]] = {}

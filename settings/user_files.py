@@ -5,7 +5,6 @@ The id of a pair depends on the content of these files, not on their paths. Impo
 
 from __future__ import annotations
 
-import functools
 import hashlib
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from ..paper_stand_ins.shown_items import RECIPE_NUMBER, list_items
 from ..physics.arm.own_arm import arm_files
 from ..physics.light.kernels import list_kernel_files
 from ..support.errors import IcyMoonError
-from ..support.files import absolute_path, hash_file
+from ..support.files import absolute_path, hash_file_once
 from ..support.foreign_bytes import describe_reason
 from .table import TOPICS
 from .topics.scene import Settings
@@ -50,17 +49,15 @@ def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict
 
 
 def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
-    """A hash of the content of the files in use and of the recipes of stand-ins; empty without files and stand-ins.
+    """A hash of the content of the files that the settings use and of the recipes of stand-ins; empty if they use
+    neither.
 
     Raises IcyMoonError if a file cannot be read.
     """
     marks = []
     for name, path in find_used_files(settings, blend_folder).items():
         try:
-            states = [
-                (part, part.stat().st_size, part.stat().st_mtime_ns) for part in _list_parts(settings, name, path)
-            ]
-            marks.append(name + "".join(_sha256(*state) for state in states))
+            marks.append(name + "".join([hash_file_once(part) for part in _list_parts(settings, name, path)]))
         except OSError as error:
             raise IcyMoonError(
                 f"{error.filename or path}: cannot be read ({describe_reason(error)}); check {name}."
@@ -71,7 +68,7 @@ def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
 
 
 def do_files_exist(settings: Settings, blend_folder: str | None = None) -> bool:
-    """Whether all files in use exist, with the files that belong to them."""
+    """Whether all files that the settings use exist, including files that belong to them, such as an arm's meshes."""
     return all(
         path.is_file() and all(part.is_file() for part in _list_parts(settings, name, path))
         for name, path in find_used_files(settings, blend_folder).items()
@@ -89,9 +86,3 @@ def _list_parts(settings: Settings, name: str, path: Path) -> list[Path]:
     if name == "rig.head_file":
         return list_head_files(path)
     return list_kernel_files(path)
-
-
-@functools.lru_cache(maxsize=256)
-def _sha256(path: Path, size: int, modified_ns: int) -> str:
-    """Checksum of a file, read once for each size and time of change."""
-    return hash_file(path)

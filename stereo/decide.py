@@ -20,7 +20,7 @@ from ..physics.random_numbers.seeds import make_generator
 from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError, describe_error
 from ..support.file_schemas import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
-from ..support.files import write_json
+from ..support.files import write_bytes, write_json
 from ..support.version import version
 from .decisions import pictures
 from .decisions.excavation_progress import find_progress, name_series, name_site
@@ -43,7 +43,7 @@ from .decisions.workspace import (
 from .evaluate import digest_json, list_method_inputs
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
 from .evaluation_files import check_output_folder, named_files_exist, remove_leftovers
-from .images.image_files import write_bytes, write_png
+from .images.image_files import write_png
 from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents

@@ -1,4 +1,4 @@
-"""Writing what a method on another machine needs: the images of each pair and their camera, without the truth."""
+"""Writes the input of a method on another machine: the images of each pair and their camera, without the truth."""
 
 from __future__ import annotations
 

@@ -18,9 +18,9 @@ from ..physics.camera.stereo_camera import StereoCamera
 from ..render.pairs.pair_folder import Pair
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
+from ..support.files import write_bytes
 from .decisions.dem import Grid, back_project_depth, make_dem, mean_by_cell
 from .decisions.workspace import find_ground_pixels
-from .images.image_files import write_bytes
 from .matchers.methods import Method
 from .measure.prepare_pair import PreparedPair
 from .measure.row_metrics import disparity_to_depth

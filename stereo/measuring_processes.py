@@ -151,7 +151,7 @@ class _Process:
             self._process.stdin.flush()
 
     def end(self) -> str:
-        """How it ended, in words."""
+        """Wait for the end of the process, and describe it as the end of a sentence."""
         status = self._process.wait()
         return f"was ended by signal {-status}" if status < 0 else f"ended with status {status}"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import errno
+import functools
 import glob
 import hashlib
 import itertools
@@ -69,7 +70,7 @@ def explain_disk_errors(what: str, where: Path) -> Iterator[None]:
         raise DiskError(f"Cannot {what} {where}: {fix}.") from error
 
 
-def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a file beside ``path``, see ``make_part_path``, then flush it and rename it to ``path``. Makes
     the parent folders. Raises IcyMoonError if the disk refuses; the part is then removed."""
     part = make_part_path(path)
@@ -86,8 +87,9 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The content of a text file of ours, see ``foreign_bytes.decode_text``. Raises OSError as opening does, ValueError
-    for other content than text, or more than ``MOST_TEXT`` bytes."""
+    """The content of a text file that Icy Moon wrote, see ``foreign_bytes.decode_text``. Raises OSError as opening
+    does, ValueError for other content than text, or more than ``MOST_TEXT`` bytes.
+    """
     return decode_text(read_regular(path, MOST_TEXT_BYTES))
 
 
@@ -124,11 +126,12 @@ def remove_leftover_parts(folder: Path) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a UTF-8 text file atomically."""
-    write_atomically(path, lambda part: _write_text(part, text))
+    write_atomically(path, lambda part: part.write_text(text, encoding="utf-8", newline="\n"))
 
 
-def _write_text(part: Path, text: str) -> None:
-    part.write_text(text, encoding="utf-8", newline="\n")
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file atomically, see ``write_atomically``."""
+    write_atomically(path, lambda part: part.write_bytes(content))
 
 
 def to_json_text(data: object) -> str:
@@ -152,7 +155,7 @@ def replace_if_unchanged(path: Path, before: str, text: str) -> bool:
     if another process moves the folder away and puts another in its place: the part is then in the moved folder."""
 
     def write(part: Path) -> None:
-        _write_text(part, text)
+        part.write_text(text, encoding="utf-8", newline="\n")
         if read_text(path) != before:
             raise _ChangedError
 
@@ -176,6 +179,17 @@ def hash_file(path: Path) -> str:
         while part := stream.read(_CHECKSUM_STEP_BYTES):
             found.update(part)
     return found.hexdigest()
+
+
+def hash_file_once(path: Path) -> str:
+    """Checksum of a regular file's content, read again only if its size or time of change differs. Raises OSError."""
+    state = path.stat()
+    return _hash_state(path, state.st_size, state.st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=256)
+def _hash_state(path: Path, size: int, modified_ns: int) -> str:
+    return hash_file(path)
 
 
 def read_checksum(path: Path, most: float = math.inf) -> str:

@@ -124,7 +124,7 @@ class Cursor:
 
     @property
     def at(self) -> int:
-        """The place of the next byte in the file."""
+        """The offset of the next byte in the file."""
         return self._start + self._at
 
     @property

@@ -1,1 +1,1 @@
-"""Comparisons with what no one here made: measurements, other programs, another renderer. Imports no Blender."""
+"""Comparisons with independent results: measurements, other programs, another renderer. Imports no Blender."""

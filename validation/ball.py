@@ -1,4 +1,4 @@
-"""Renders of a ball: everything that a surface does to sunlight, for all angles, in a few images.
+"""Renders a ball, whose few images show how a surface reflects sunlight at all angles.
 
 The ball is a mesh from a file, rendered in the same way as a user's own ground: it has a radius of 1 m and lies at the
 origin. The camera looks at it from the south, a little from above. The Sun stands as high as the camera, so the phase

@@ -1,4 +1,4 @@
-"""Colours of the materials, beside published spectra that were not used to make them."""
+"""Compares colours of the materials with published spectra that were not used to make them."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""A comparison: its rows, the bench that it works on, and how a user adds one.
+"""Comparisons: their rows, the bench that they use, and the way to add one's own.
 
-A comparison gives rows. Each row has a number of ours, the number that it is held against, the largest difference that
-counts as agreement, and the source. The numbers alone decide whether a row passes or fails: a stated cause changes no
-verdict. A row that cannot be decided is not judged, with a reason that does not depend on the difference.
+A comparison gives rows. Each row has a number of Icy Moon, an independent number, the largest difference that counts as
+agreement, and the source. The numbers alone decide whether a row passes or fails: a stated cause changes no verdict. A
+row that cannot be decided is not judged, for a reason that does not depend on the difference.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from ..settings.topics.scene import Settings
 from ..settings.user_files import hash_content
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.files import write_atomically
+from ..support.files import write_bytes
 
 #: Verdict of a row that agrees.
 PASSES = "passes"
@@ -43,12 +43,12 @@ _WHY_FITTED = "ours was fitted to it"
 
 @dataclass(frozen=True)
 class Row:
-    """One number of ours beside one that no one here made.
+    """A number of Icy Moon beside an independent number.
 
     ``allowed`` is the largest difference with which the row passes, in the unit of both. ``fitted`` marks a number that
-    ours was fitted to: agreement then shows only the fit and is not judged, and a larger difference fails. ``why`` is
-    what is known about the cause of a difference, for the reader. It begins with ``Likely cause`` if the cause was not
-    tested. ``unjudged`` is the reason for which the row is not judged at all.
+    ours was fitted to: agreement then shows only the fit and is not judged, and a larger difference fails. ``why``
+    states the known cause of a difference, for the reader. It begins with ``Likely cause`` if the cause was not tested.
+    ``unjudged`` is the reason for which the row is not judged at all.
     """
 
     quantity: str
@@ -63,7 +63,7 @@ class Row:
 
     @property
     def difference(self) -> float:
-        """Ours minus theirs."""
+        """Our number minus the independent one."""
         return self.ours - self.theirs
 
     @property
@@ -77,7 +77,7 @@ class Row:
 
     @property
     def note(self) -> str:
-        """Beside a row that fails, the cause if known; beside one that is not judged, the reason; else empty."""
+        """The known cause of a failed row, the reason of a row that is not judged; otherwise empty."""
         if self.verdict == NOT_JUDGED:
             return f"Not judged: {self.unjudged or _WHY_FITTED}"
         return self.why if self.verdict == FAILS else ""
@@ -104,7 +104,7 @@ Say = Callable[[dict[str, Any]], None]
 
 @dataclass(frozen=True)
 class Bench:
-    """The means of a comparison: a folder for its files, a Blender, and whether it is to be ``quick``.
+    """The bench of a comparison: a folder for its files, a Blender, and whether it should be ``quick``.
 
     ``polar`` and ``frost`` are the user's folders of the POLAR data and of the FROST scans, None without these data.
     """
@@ -117,7 +117,7 @@ class Bench:
     frost: Path | None = None
 
     def render(self, described: Sequence[Settings]) -> list[Pair]:
-        """The first pair of each of these complete descriptions, rendered in one worker.
+        """Render the first pair of each complete description in one worker, and return the pairs.
 
         Pairs that are already in the folder are not rendered again. Raises IcyMoonError if one cannot be rendered.
         """
@@ -131,20 +131,17 @@ class Bench:
         """Write a picture (H, W, 3), uint8, to ``pictures/<name>.png`` in the folder."""
         data = encode_png(picture)
 
-        def write(part: Path) -> None:
-            part.write_bytes(data)
-
-        write_atomically(self.folder / "pictures" / f"{name}.png", write)
+        write_bytes(self.folder / "pictures" / f"{name}.png", data)
 
 
 @dataclass(frozen=True)
 class Comparison:
     """A comparison: ``name`` on the command line, title and text for the page, and the function for its rows.
 
-    Each line of the ``text`` is a paragraph or an item of a list. A comparison that is not ``quick`` is left out of a
-    quick run; the others may look at fewer cases there. ``needs`` names the option that gives the folder of its data;
+    Each line of the ``text`` is a paragraph or an item of a list. A quick run leaves out a comparison that is not
+    ``quick``; the others may take fewer cases there. ``needs`` names the option that gives the folder of its data;
     without that option, a run of all comparisons leaves it out. ``figure`` is a picture of the page, in Markdown, that
-    was made with the tables.
+    is made with the tables.
     """
 
     name: str
@@ -157,14 +154,14 @@ class Comparison:
 
     @property
     def command(self) -> str:
-        """The command that makes it."""
+        """The command that runs it."""
         data = f" --{self.needs} FOLDER" if self.needs else ""
         return f"python -m icymoon validate{data} --only {self.name}"
 
 
 @dataclass(frozen=True)
 class Result:
-    """The rows that a comparison found, and the seconds it took; ``error`` is a sentence if it could not be made."""
+    """The rows of a comparison, and its run time in seconds; ``error`` is a sentence if it failed."""
 
     comparison: Comparison
     rows: tuple[Row, ...]
@@ -173,7 +170,7 @@ class Result:
 
     @property
     def passes(self) -> bool:
-        """Whether it could be made, something of it was judged, and every judged row passes."""
+        """Whether it ran, at least one row was judged, and every judged row passes."""
         verdicts = {row.verdict for row in self.rows}
         return not self.error and PASSES in verdicts and FAILS not in verdicts
 
@@ -190,7 +187,7 @@ class Result:
 
 
 def run_comparison(comparison: Comparison, bench: Bench) -> Result:
-    """Make a comparison in its own folder below the folder of the bench. A failure is a result too."""
+    """Run a comparison in its own folder below the folder of the bench. A failure is stored in ``Result.error``."""
     start = time.perf_counter()
     rows: tuple[Row, ...] = ()
     error = ""
@@ -204,9 +201,10 @@ def run_comparison(comparison: Comparison, bench: Bench) -> Result:
 
 
 def load_own_comparison(path: Path) -> Comparison:
-    """The ``COMPARISON`` of a user's Python file, which is run. Only a path of the command line may come here.
+    """Run a user's Python file and return its ``COMPARISON``. The path may come from the command line only.
 
-    Raises IcyMoonError if the file is missing, cannot be run or has none. What fails in it later is one too.
+    Raises IcyMoonError if the file is missing, cannot be run or has no comparison. Later failures in it also become
+    IcyMoonError.
     """
     fix = "write COMPARISON = Comparison(...) into it, see Validation in the manual"
     if not path.is_file():

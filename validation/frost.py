@@ -1,7 +1,7 @@
 """Scans of real ground, NASA's FROST, beside the terrain presets: slopes, Hurst exponents, relief and spectra.
 
-One number of a scan chooses the preset that is held beside it. The others test whether ground with that slope also has
-the scan's other statistics.
+The slope of a scan chooses the preset for the comparison. The other numbers test whether ground with that slope also
+has the scan's other statistics.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _CHOOSING_STATISTIC = "slope"
 
 @dataclass(frozen=True)
 class Statistic:
-    """A number of a patch, and its standard error by how much the four quadrants differ."""
+    """A number of a patch, and its standard error from the differences of the four quadrants."""
 
     value: float
     error: float
@@ -114,7 +114,7 @@ def _fill_holes(path: Path, sums: Array, counts: Array) -> Array:
 
 
 def measure_statistics(heights_m: Array) -> dict[str, Statistic]:
-    """The numbers of a patch (n, n) that are compared."""
+    """Measure the compared statistics of a patch of heights (n, n)."""
     half = len(heights_m) // 2
     quadrants = [_measure_numbers(heights_m[y : y + half, x : x + half]) for y in (0, half) for x in (0, half)]
     return {
@@ -141,14 +141,14 @@ def _measure_numbers(heights_m: Array) -> dict[str, float]:
 
 @cache
 def measure_preset(name: str) -> dict[str, Statistic]:
-    """The same numbers of the middle of a terrain preset."""
+    """Measure the statistics of the middle of a terrain preset, as ``measure_statistics`` does."""
     ground = make_terrain(merged(defaults(), load_preset(name)), _SEED)
     axis = (np.arange(int(SIZE_M / SPACING_M + 1e-6)) + 0.5) * SPACING_M - SIZE_M / 2
     return measure_statistics(ground.heights(axis[None, :], axis[:, None], 2 * SPACING_M))
 
 
 def compare_scan(path: Path) -> list[Row]:
-    """The rows of a scan: the slope that chooses the preset, and what that preset predicts."""
+    """The rows of a scan: the slope that chooses the preset, and the numbers that this preset predicts."""
     theirs = measure_statistics(read_scan(path))
     presets = {name: measure_preset(name) for name in preset_names("terrains")}
     name = min(

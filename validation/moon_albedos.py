@@ -1,4 +1,4 @@
-"""Albedos of the presets with Hapke's law, beside those that were measured of whole moons."""
+"""Compares albedos of the presets with Hapke's law with measured albedos of whole moons."""
 
 from __future__ import annotations
 
@@ -152,9 +152,10 @@ def read_preset_law(preset: str) -> photometry.Law:
 
 
 def find_contradicting_measurement(each: Measured, ours: float) -> Measured | None:
-    """Another measurement of the same number that ours meets, if both differ by more than their errors together.
+    """Another measurement of the same number that agrees with ours, if both measurements differ by more than their
+    joint error.
 
-    No number meets both, so a preset cannot be judged by the one that it does not meet.
+    No number can agree with both, so a preset cannot be judged by the measurement with which it disagrees.
     """
     return next(
         (

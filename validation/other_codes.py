@@ -1,4 +1,4 @@
-"""Hapke's formula beside what other programs return for the same angles and parameters."""
+"""Compares Hapke's formula with the results of other programs for the same angles and parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The comparison: labels of photographs beside renders of the scene that was built again."""
+"""Compares the labels of photographs with renders of the rebuilt scene."""
 
 from __future__ import annotations
 
@@ -68,8 +68,9 @@ _MASK_COLOURS = np.array([[70, 70, 80], [235, 235, 225], [20, 30, 140]], np.uint
 
 @dataclass(frozen=True)
 class Rebuilt:
-    """A terrain that was built again: its camera, its sand, the places (3,) in metres of its lamps by azimuth, what has
-    no scan in each photograph, and our rig at each position."""
+    """A rebuilt terrain: its camera, its sand, the positions (3,) in metres of its lamps by azimuth, the unscanned
+    objects in each photograph, and our rig at each position.
+    """
 
     terrain: Terrain
     camera: Calibration
@@ -80,7 +81,7 @@ class Rebuilt:
 
 
 def compare_terrains(bench: Bench) -> list[Row]:
-    """The rows of every terrain of the folder. Raises IcyMoonError without a folder, or if it cannot be used."""
+    """The rows of every terrain in the folder. Raises IcyMoonError without a usable folder."""
     if bench.polar is None:
         raise IcyMoonError(f"No folder of the POLAR data is given; pass --polar FOLDER: {DATA_ADVICE}.")
     terrains = read_terrains(bench.polar)
@@ -105,7 +106,7 @@ def _compare_terrain(bench: Bench, terrain: Terrain) -> list[Row]:
 
 
 def judge_terrain(built: Rebuilt, masks: dict[tuple[View, int], Masks]) -> list[Row]:
-    """The rows of a terrain that was built again, from the masks of its twins."""
+    """The rows of a rebuilt terrain, from the masks of its twins."""
     terrain, camera, sand, lamps = built.terrain, built.camera, built.sand, built.lamps
     return [
         *_camera_rows(camera),

@@ -1,4 +1,4 @@
-"""NASA's POLAR sandbox: a real scene that is built and rendered again."""
+"""The comparison with NASA's POLAR sandbox, a real scene that is rebuilt and rendered."""
 
 from __future__ import annotations
 

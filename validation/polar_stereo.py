@@ -1,7 +1,7 @@
 """Matchers on the photographs and on their twins: does the twin predict the errors that the photograph gives?
 
-Errors are known where scans give the truth: on pixels that show a scanned rock, by the labels and by the twin, two
-pixels inside its outline, and that both eyes see. The truth is the twin's disparity, so it has the error of the camera
+Errors are measured where scans give the truth: at pixels that both eyes see and that show a scanned rock in the labels
+and in the twin, two pixels inside its outline. The truth is the twin's disparity. It contains the errors of the camera
 and of the scans, which the rows of disparity state.
 """
 

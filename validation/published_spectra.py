@@ -1,4 +1,4 @@
-"""Spectra that others published, at the few wavelengths that comparisons use.
+"""Published spectra, at the few wavelengths that comparisons use.
 
 Read from the tables of the program TrueColorTools (github.com/Askaniy/TrueColorTools, ``spectra/``), not from the
 papers. None of them was used to make a material or a preset.

@@ -1,4 +1,4 @@
-"""Scenes rendered in Cycles and in Mitsuba 3, a renderer that others wrote."""
+"""Compares scenes rendered in Cycles and in Mitsuba 3, an independent renderer."""
 
 from __future__ import annotations
 
@@ -44,9 +44,11 @@ _RENDER_TIMEOUT_S = 1800.0
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene of the comparison: what differs from the common settings, how many bounces, light paths per pixel.
+    """A scene of the comparison: its changes of the common settings, its number of bounces and its light paths per
+    pixel.
 
-    ``flat`` is for the ground of the scene before as facets that share no vertex, so that both renderers shade it flat.
+    With ``flat``, it takes the ground of the previous scene as facets that share no vertex, so both renderers shade it
+    flat.
     """
 
     name: str
@@ -161,7 +163,7 @@ def describe_scene(scene: Scene) -> Settings:
 
 
 def write_facets(mesh: Path, target: Path) -> None:
-    """Write a mesh of an export again with three separate vertices for each triangle, so that nothing smooths it.
+    """Rewrite an exported mesh with three separate vertices for each triangle, so that no renderer smooths it.
 
     Triangles are larger by a thousandth: vertices in one place would be merged, and gaps would let light through.
     """
@@ -222,7 +224,7 @@ def measure_edge_shift_px(one: Array, other: Array) -> float:
 
 
 def draw_twins(ours: Array, theirs: Array) -> Array:
-    """A picture (H, 3 W, 3), uint8: both images, and ours over theirs: grey where equal, red where 10 % more."""
+    """A picture (H, 3 W, 3), uint8: both images, and their ratio: grey where equal, red where ours is 10 % brighter."""
     white = max(float(np.quantile(theirs, 0.99)), 1e-30)
     shown = [np.repeat(np.clip(image / white, 0, 1)[..., None] ** (1 / 2.2), 3, axis=-1) for image in (ours, theirs)]
     apart = np.clip((ours - theirs) / np.maximum(theirs, _DARK_REGION_SHARE * theirs.mean()) / 0.1, -1, 1)[..., None]

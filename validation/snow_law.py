@@ -1,4 +1,4 @@
-"""Snow as it is rendered, beside the reflectance of snow as it was measured on Earth."""
+"""Compares rendered snow with the measured reflectance of snow on Earth."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _describe_surface(model: str, albedo: float, **changes: object) -> Settings:
 
 
 def lambert_errors() -> tuple[Array, Array]:
-    """Relative differences of a white Lambert surface on a grid of 5 degrees, and the angles."""
+    """Relative differences of a white Lambert surface from measured snow on a grid of 5 degrees, and the angles."""
     i, e, azimuth = (
         axis.ravel()
         for axis in np.radians(

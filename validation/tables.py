@@ -43,7 +43,7 @@ def list_sources(rows: Sequence[Row]) -> list[str]:
 
 
 def summarise_result(result: Result) -> str:
-    """A comparison in one line."""
+    """Summarise a comparison in one line."""
     if result.error:
         return f"{result.comparison.title}: not made. {result.error}"
     counted = [row.verdict for row in result.rows]
@@ -56,7 +56,7 @@ def summarise_result(result: Result) -> str:
 
 
 def make_markdown_section(result: Result) -> str:
-    """The section of a comparison on the page, without what differs from run to run."""
+    """The section of a comparison on the page, without values that differ from run to run."""
     comparison = result.comparison
     command = f"`{comparison.command}`"
     lines = [f"## {comparison.title}", "", *_wrap_text(comparison.text), "", command, ""]
@@ -87,7 +87,7 @@ def _wrap_text(text: str) -> list[str]:
 
 
 def replace_sections(page: str, results: Sequence[Result]) -> str:
-    """The page with the sections of these results renewed; a section that it lacks comes before the last one."""
+    """Replace the sections of these results in the page. A new section is inserted before the last one."""
     for result in results:
         new = make_markdown_section(result)
         found = _find_section(page, result.comparison)

@@ -1,4 +1,4 @@
-"""A ball of a preset's surface rendered in Cycles, beside the integral of the formula over a sphere."""
+"""Compares a ball of a preset's surface, rendered in Cycles, with the integral of the formula over a sphere."""
 
 from __future__ import annotations
 

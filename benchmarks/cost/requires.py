@@ -27,7 +27,7 @@ from icymoon.benchmarks.common.processor import seconds_of, seconds_of_all
 from icymoon.benchmarks.common.renders import only_own_words, render_planned, settings_of, start_blender
 from icymoon.render import cycles_settings
 from icymoon.render.plans.planned_pair import PlannedPair
-from icymoon.settings import description
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.topics.rendering import QualitySettings
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.arrays import Array
@@ -150,7 +150,7 @@ def _forced_osl(on: bool) -> Iterator[None]:
 def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, Array]:
     """Processor seconds of a scene and a pair of it, mean radiance and depth of its left image."""
     settings = settings_of((), SMALL, changes)
-    planned = PlannedPair(description.digest(settings), settings, 0.0)
+    planned = PlannedPair(make_pair_id(settings), settings, 0.0)
     seconds = seconds_of(lambda: render_planned([planned], folder))
     view = read_view(planned.folder(folder) / "left.exr", "left")
     return seconds, float(view.radiance.mean()), view.depth

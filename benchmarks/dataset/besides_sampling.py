@@ -27,6 +27,7 @@ from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.plans.render_order import order_pairs
 from icymoon.settings import description
+from icymoon.settings.pair_ids import make_pair_id
 
 SCENES, WARM_UP = 50, 5
 SAMPLES = 64
@@ -38,7 +39,7 @@ def planned(*parts: dict[str, Any]) -> PlannedPair:
     settings = description.merged(
         description.defaults(), {"quality": {"threads": 1}}, *(description.check(part, "benchmark") for part in parts)
     )
-    return PlannedPair(description.digest(settings), settings, 0.0)
+    return PlannedPair(make_pair_id(settings), settings, 0.0)
 
 
 def rendered(pairs: list[PlannedPair], folder: Path, after: Callable[[], object] = lambda: None) -> list[float]:

@@ -322,7 +322,7 @@ def trade_front(figure: Figure) -> None:
                 color=colour,
                 label=kind,
             )
-        best = [report["rows"][k] for k in find_pareto_front(report["rows"], "cpu_s", ("loss", method, "epe_px"))]
+        best = [report["rows"][k] for k in find_pareto_front(report["rows"], ("loss", method, "epe_px"))]
         axes.loglog(
             [row["cpu_s"] for row in best],
             [row["loss"][method]["epe_px"] for row in best],

@@ -112,9 +112,9 @@ def is_mesh(settings: Settings) -> bool:
 
 
 def find_ground_file(settings: Settings) -> Path:
-    """The absolute path of the ground's file; a stand-in is made if it is not there.
+    """The absolute path of the ground's file. A missing stand-in is made.
 
-    Raises IcyMoonError if the settings name none, or a stand-in cannot be written.
+    Raises IcyMoonError if the settings name no file, or if a stand-in cannot be written.
     """
     if settings.source.kind == "STAND_IN":
         return find_mesh_file(settings.source.stand_in)

@@ -248,7 +248,7 @@ def add_face_variation(tree: Tree, surface: SurfaceSettings) -> tuple[Any, Any]:
 
 
 def find_darkest_factor(surface: SurfaceSettings) -> float:
-    """The minimum of the factor of ``add_brightness``, and of the faces of rocks."""
+    """The smallest factor on the albedo by ``add_brightness`` and by the faces of rocks."""
     dirt = ("trough_dirt", "slope_dirt") if surface.dirt == "BLACK" else ()
     return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", "face_variation", *dirt)))
 

@@ -91,7 +91,7 @@ class Sampler:
         return self.tree.vector("MAXIMUM", "At Least Black", total, (0.0, 0.0, 0.0)) if kind == "albedo" else total
 
     def sample(self, kind: str, of: Map) -> Socket:
-        """Output socket of the blended colour of a map."""
+        """Output socket of a map's colour, blended between its repeats; ``kind`` is the name of the map."""
         return self._add_blend(kind, self._add_images(kind, of), of.mean)
 
     def sample_normal(self, of: Map) -> Socket:

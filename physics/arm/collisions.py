@@ -93,7 +93,7 @@ def ground_clearances_m(arm: Arm, joints_rad: Array, heights: Heights) -> dict[s
 
 
 def find_link_around(arm: Arm, joints_rad: Array, point: Array) -> str:
-    """Name of the link whose capsule contains a world point (3,), such as an eye; empty if none does."""
+    """Name of the link whose capsule contains a world point (3,) in metres, such as an eye; empty if no link does."""
     for line in place_capsules(arm, joints_rad):
         if segment_distance(line.start, line.end, point, point) < line.radius_m:
             return arm.links[line.link]

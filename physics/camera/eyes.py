@@ -204,7 +204,8 @@ def _dark_share(eye: CalibratedCamera, camera: StereoCamera) -> float:
 
 def in_light(rays: Array, camera: StereoCamera) -> Array:
     """Columns and rows (..., 2) of rays (..., 3) of any length in the images of the light, counted from the centre of
-    the first pixel; NaN where those do not show a ray."""
+    the first pixel; NaN where the images do not show a ray.
+    """
     if camera.panorama is not None:
         return camera.panorama.show(rays)
     middle = np.array([camera.cx_px + camera.margin_x_px, camera.cy_px + camera.margin_y_px]) - 0.5

@@ -20,14 +20,14 @@ from .calibrated_camera import CORNER, CalibratedCamera
 from .lens_models import Brown, Fisheye, LensModel, lens_from_json, lens_json
 from .rotations import rotation_error
 
-#: What a camera is for, as a word that users choose by.
+#: The purpose of a camera, as a word by which users choose it.
 ROLES = ("hazcam", "mast", "arm", "navigation", "context")
 #: The axes that a pose belongs to: those of the rig's left eye; or east, north and up, from the site's origin, with the
 #: height above the ground beneath or above the site's zero.
 FRAMES = ("RIG", "GROUND", "ZERO")
 #: The most cameras of a head.
 MOST_CAMERAS = 16
-#: What a matrix of a pose in Blender's single precision is off from a rotation at most.
+#: Largest deviation of a pose's matrix in Blender's single precision from a rotation.
 _SINGLE = 1e-5
 #: Largest angle off the axis, in degrees, up to which a calibrated camera is rendered as a pinhole.
 _WIDEST_PINHOLE_DEG = 60.0

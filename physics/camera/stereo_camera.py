@@ -110,7 +110,7 @@ class StereoCamera:
 
     @property
     def light_px(self) -> tuple[int, int]:
-        """Columns and rows of the images of the light, from which those of the sensors are taken."""
+        """Columns and rows of the rendered light, from which the sensors' images are made."""
         return self.rendered_px if self.panorama is None else (self.panorama.size_px,) * 2
 
     def eye_rotation(self, eye: str) -> Array:

@@ -1,1 +1,1 @@
-"""Digging: what a scoop takes out of the ground, whether walls stand, and the heap beside the trench."""
+"""Digging: the volume that a scoop removes, walls that stand or slide, and the heap beside the trench."""

@@ -92,7 +92,7 @@ def format_date(date: np.datetime64) -> str:
 
 
 def _describe_missing_date(year: int, month: int, day: int, hour: int, minute: int, second: float) -> str:
-    """A clause on why there is no such day or time of day, with the fix; empty if the date exists."""
+    """The reason, as a clause with the fix, why a day or time of day does not exist; empty if the date exists."""
     if not 1 <= month <= 12:
         return "a year has 12 months; write a month from 01 to 12"
     first = np.datetime64(f"{year:04}-{month:02}", "M")

@@ -181,7 +181,7 @@ class CapNodes:
 
 
 def make_cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
-    """The quadrature that ``make_light_rays`` uses."""
+    """Make Gauss-Legendre nodes (``nodes``, 2 ``nodes``) over the visible part of the planet."""
     planet = seen.planet
     x, weight = np.polynomial.legendre.leggauss(nodes)
     angle = seen.half_angle * (x + 1) / 2

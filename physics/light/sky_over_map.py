@@ -1,4 +1,4 @@
-"""The sky of a date or of kernels over the site of a map, and whether it is the one over that site."""
+"""The sky at a date or from kernels over the site of a map, and a check that the stated sky belongs to that site."""
 
 from __future__ import annotations
 

@@ -15,7 +15,8 @@ _ON_SIDE_DISTANCE = 1.0e-3
 def cut_hole(
     positions: Array, faces: Array, bounds_m: tuple[float, float, float, float], free_m: float
 ) -> tuple[Array, Array] | None:
-    """Which triangles (m,) of a mesh stay around a hole, and the counter-clockwise loop of vertices around the hole.
+    """Mask (m,) of the triangles of a mesh that stay around a hole, and the counter-clockwise loop of vertices around
+    the hole.
 
     Triangles are removed if their box meets the rectangle west, south, east, north, widened by ``free_m``; if they are
     at a vertex where the rim would meet itself; or if they are across a seam from removed ones, where several small

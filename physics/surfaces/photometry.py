@@ -43,9 +43,9 @@ def lunar_lambert_normal_albedo(albedo: Numbers, share: Numbers) -> Numbers:
     return albedo / (1 + share * (LOMMEL_SEELIGER_BOND - 1))
 
 
-def _gauss_nodes(low: Numbers, high: Numbers, nodes: int = _GAUSS_NODES) -> tuple[Array, Array]:
+def _gauss_nodes(low: Numbers, high: Numbers) -> tuple[Array, Array]:
     """Nodes and weights on [low, high] along a last axis, denser at both ends, where laws have peaks and edges."""
-    x, weight = np.polynomial.legendre.leggauss(nodes)
+    x, weight = np.polynomial.legendre.leggauss(_GAUSS_NODES)
     t = (x + 1) / 2
     place, slope = t**3 * (10 - 15 * t + 6 * t * t), 30 * t * t * (1 - t) ** 2
     width = np.asarray(high - low, np.float64)[..., None]

@@ -81,7 +81,7 @@ class Terrain:
         return result.reshape(shape)
 
     def with_sharp_crests(self) -> Terrain:
-        """The same ground for a mesh with edges along the crests of its landforms."""
+        """The same ground with sharp crests, for a mesh that has edges along the crests of its landforms."""
         return replace(self, landforms=tuple(each.with_sharp_crests() for each in self.landforms))
 
     def _compute_tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:

@@ -1,1 +1,1 @@
-"""What a render costs in time, memory and accuracy, and which ways of rendering there are."""
+"""The cost of a render in time, memory and accuracy, and the possible ways of rendering."""

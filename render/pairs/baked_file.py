@@ -19,7 +19,7 @@ import numpy as np
 from ...physics.light.baked_rocks import TERM_COUNT
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.files import write_atomically
+from ...support.files import write_bytes
 from ...support.foreign_bytes import ForeignBytes, parse_npz, parse_part, read_regular
 from .dataset_file_names import check_no_link
 
@@ -92,12 +92,8 @@ def write_baked_light(dataset: Path, key: str, light: BakedLight) -> tuple[Path,
     path = dataset / LIGHT / make_file_name(key, checksum)
     check_no_link(path.parent)
     if _read_unchanged(path, checksum, len(data)) is None:
-        write_atomically(path, lambda part: _write_bytes(part, data))
+        write_bytes(path, data)
     return path, checksum
-
-
-def _write_bytes(part: Path, data: bytes) -> None:
-    part.write_bytes(data)
 
 
 def read_baked_light(path: Path, key: str, checksum: str, vertices: int, rocks: int = 0) -> BakedLight | None:

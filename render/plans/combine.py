@@ -18,8 +18,8 @@ from ...physics.camera.blur import describe_blur_identity
 from ...physics.random_numbers.seeds import make_generator, seed_stream
 from ...physics.scene_checks import Reason
 from ...physics.terrain.standing_places import RockyGround, make_rocky_ground
-from ...settings.description import defaults, digest, merged
-from ...settings.pair_ids import make_counter
+from ...settings.description import defaults, merged
+from ...settings.pair_ids import make_counter, make_pair_id
 from ...settings.preset_files import make_paths_relative_to
 from ...settings.table import TOPICS, list_all_settings
 from ...settings.table_cache import SettingsTexts
@@ -182,7 +182,9 @@ def combine(
     count = make_counter()
     described = choose_indirect([each.settings for each in made])
     pairs = [
-        PlannedPair(digest(settings, _read_content(each) + describe_blur_identity(settings), count), settings, 0.0)
+        PlannedPair(
+            make_pair_id(settings, _read_content(each) + describe_blur_identity(settings), count), settings, 0.0
+        )
         for each, settings in zip(made, described, strict=True)
     ]
     refused = {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error}

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from ...physics.camera.blur import describe_blur_identity
 from ...physics.random_numbers.seeds import seed_stream
-from ...settings.description import digest, merged
+from ...settings.description import merged
+from ...settings.pair_ids import make_pair_id
 from ...settings.topics.scene import Settings
 from ..pairs.dataset_file_names import folder_of_pair
 from .baked_or_traced import choose_indirect
@@ -43,8 +44,8 @@ def compute_turned_heading_deg(settings: Settings, k: int, headings: int) -> flo
 def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
     """The pairs of a complete description: ``dataset.headings`` equal turns at the site.
 
-    ``extra`` identifies content beside the settings (see ``settings.description.digest``). Raises IcyMoonError for blur
-    that cannot be rendered.
+    ``extra`` identifies content beside the settings, see ``settings.pair_ids.make_pair_id``. Raises IcyMoonError for
+    blur that cannot be rendered.
     """
     headings = int(settings.dataset.headings)
     described = choose_indirect(
@@ -54,6 +55,6 @@ def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
         ]
     )
     return [
-        PlannedPair(digest(turned, extra + describe_blur_identity(turned)), turned, 360.0 * k / headings)
+        PlannedPair(make_pair_id(turned, extra + describe_blur_identity(turned)), turned, 360.0 * k / headings)
         for k, turned in enumerate(described)
     ]

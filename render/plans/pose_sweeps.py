@@ -128,7 +128,7 @@ def _make_sites(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]
     check_keys(
         sweep.table, ("count", "clearance_m", "margin_m", "apart_m", "random_headings"), sweep.place, "a sites sweep"
     )
-    count, turned = read_count(sweep, "count"), sweep.table.get("random_headings", False)
+    count, turned = read_count(sweep), sweep.table.get("random_headings", False)
     if not isinstance(turned, bool):
         raise IcyMoonError(f"{sweep.place.at('random_headings')}: random_headings must be true or false.")
     clearance, margin, apart = (

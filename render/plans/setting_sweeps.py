@@ -103,13 +103,13 @@ def make_axis_generator(sweep: Sweep, axis: str, seed: int) -> np.random.Generat
     return make_generator(seed, "plan", zlib.crc32(sweep.name.encode()), zlib.crc32(axis.encode()))
 
 
-def read_count(sweep: Sweep, key: str, least: int = 1) -> int:
-    """Read a count that a sweep must state."""
-    value = sweep.table.get(key)
-    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+def read_count(sweep: Sweep) -> int:
+    """Read the ``count`` that a sweep must state."""
+    value = sweep.table.get("count")
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
         problem = "is missing" if value is None else f"is {quote(value)}"
-        raise IcyMoonError(f"{sweep.place.at(key)}: {key} {problem}, but must be a whole number from {least} up.")
-    check_pair_count(value, sweep.place.at(key))
+        raise IcyMoonError(f"{sweep.place.at('count')}: count {problem}, but must be a whole number from 1 up.")
+    check_pair_count(value, sweep.place.at("count"))
     return value
 
 
@@ -319,7 +319,7 @@ def _check_range(setting: Setting, name: str, low: float, high: float, place: Pl
 
 
 def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
-    count = read_count(sweep, "count")
+    count = read_count(sweep)
     factors = _read_factors(sweep, ("count",))
     if sweep.kind == "sobol" and len(factors) > sampling.MOST_DIMENSIONS:
         raise IcyMoonError(

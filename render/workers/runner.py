@@ -203,7 +203,7 @@ class Runner:
         return [pair for pair in worker.pairs if pair.id not in self.failed and pair.id not in self._complete]
 
     def _reassign(self, worker: _Worker) -> None:
-        """Give the pairs that a worker has not begun to another worker. If the first one goes on, it finds them
+        """Give the pairs that a worker has not begun to another worker. If the first one continues, it finds them
         complete or claimed.
         """
         waiting = [pair for pair in self._get_pairs_left(worker) if pair.id != worker.current]

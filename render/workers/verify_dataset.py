@@ -12,8 +12,8 @@ from ...formats.exr_layout import read_sizes
 from ...physics.camera.blur import describe_blur_identity
 from ...physics.camera.eyes import camera_of
 from ...physics.camera.stereo_camera import StereoCamera
-from ...settings.description import Restorer, digest
-from ...settings.pair_ids import affects_pixels, make_counter, value_in_id
+from ...settings.description import Restorer
+from ...settings.pair_ids import affects_pixels, make_counter, make_pair_id, value_in_id
 from ...settings.table import list_all_settings
 from ...support.errors import IcyMoonError, describe_error
 from ...support.file_schemas import FILE_NAME, SHA256, Each, find_fault
@@ -43,7 +43,7 @@ from .shared_light import LightFile, VouchedLight
 
 #: Files and folders that a data set's folder may contain.
 _EXPECTED_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
-#: Texts for content beside the settings, see ``settings.description.digest`` and ``nodes.surface.hapke_nodes``.
+#: Texts for content beside the settings, see ``settings.pair_ids.make_pair_id`` and ``nodes.surface.hapke_nodes``.
 _EXTRA_TEXTS = ("", "Hapke of nodes")
 #: Shape of the entries by which a pair's files are checked: only names in its folder, no device and no other folder.
 _FILES_SHAPE = {"files": Each({"sha256": SHA256}, FILE_NAME)}
@@ -314,7 +314,9 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
     elif (
         not edited
         and not others
-        and not any(wanted.id == digest(wanted.settings, own + each + blur, shared.count) for each in _EXTRA_TEXTS)
+        and not any(
+            wanted.id == make_pair_id(wanted.settings, own + each + blur, shared.count) for each in _EXTRA_TEXTS
+        )
     ):
         yield f"{path}: its settings and own files do not give the id {wanted.id}"
     seeds = pair.data.get("seeds", {})

@@ -1,1 +1,1 @@
-"""The settings as properties of Blender."""
+"""The settings as properties of a Blender scene."""

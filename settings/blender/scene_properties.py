@@ -1,4 +1,4 @@
-"""The settings as Blender's properties, ``Scene.icymoon``: made from the table, read, written and listened to.
+"""The settings as Blender's properties, ``Scene.icymoon``: makes them from the table, reads and writes them.
 
 Listeners are told of each change of a property, with the effect of its setting as in the table.
 """
@@ -42,7 +42,7 @@ def _register_group(name: str, doc: str, annotations: dict[str, Any]) -> type:
 
 
 def make_property(setting: Setting, **other: object) -> object:
-    """A property with the label, tooltip, default and range of a setting that is no list.
+    """A Blender property with the label, tooltip, default and range of a setting that is not a list.
 
     ``other`` are keywords of Blender's property that replace or join the setting's own.
     """
@@ -145,7 +145,7 @@ def _make_variations() -> object:
 
 
 def make_varied_fields(**common: object) -> dict[str, Any]:
-    """The properties of the values of a number that varies, the same in the list and in the dialog."""
+    """The Blender properties of the values of a varied number, for the list and for the dialog."""
     ends = (("first", "From", "The first value"), ("last", "To", "The last value"))
     shown = {
         shown_property_name(end, precision): bpy.props.FloatProperty(
@@ -183,7 +183,8 @@ def make_varied_fields(**common: object) -> dict[str, Any]:
 
 
 def shown_property_name(end: str, precision: int) -> str:
-    """The property that shows an end of a number that varies, ``first`` or ``last``, with ``precision`` decimals.
+    """The name of the property that shows the ``first`` or ``last`` value of a varied number with ``precision``
+    decimals.
 
     The decimals of a property are fixed, and each setting has its own.
     """
@@ -191,7 +192,7 @@ def shown_property_name(end: str, precision: int) -> str:
 
 
 def read_variations(group: bpy.types.PropertyGroup) -> SceneVariations:
-    """What varies, of a ``Scene.icymoon`` property group; unchecked."""
+    """The varied settings of a ``Scene.icymoon`` property group, unchecked."""
     stated = group.variations
     return SceneVariations(tuple(map(read_item, stated.varied)), stated.combine, stated.draws, stated.seeds)
 
@@ -202,7 +203,7 @@ def read_item(item: bpy.types.PropertyGroup) -> VariedSetting:
 
 
 def read_varied(fields: bpy.types.PropertyGroup, name: str, values: tuple[str, ...]) -> VariedSetting:
-    """The setting of this name with the values that ``make_varied_fields`` state."""
+    """The varied setting of this name, from properties that ``make_varied_fields`` made."""
     topic, _, key = name.partition(".")
     setting = next((s for s in TOPICS[topic].settings if s.key == key), None) if topic in TOPICS else None
     if setting is None or setting.kind not in ("int", "float"):
@@ -325,7 +326,7 @@ def read_settings(group: bpy.types.PropertyGroup) -> Settings:
 
 
 def find_left_landforms(group: bpy.types.PropertyGroup) -> list[str]:
-    """Landforms of plug-ins that are missing here but have settings other than 0 in the scene."""
+    """Landforms of plug-ins that are not installed here, although the scene uses them."""
     return sorted(
         name
         for name, values in compat.read_stored_groups(group).items()

@@ -1,1 +1,1 @@
-"""The declaration of every setting, by topic."""
+"""The declaration of every setting, by topic. ``docs/extend.md`` lists the steps for a new setting."""

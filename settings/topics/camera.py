@@ -133,7 +133,7 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera", "camera",
         section=ADVANCED)
     height_from: Literal["GROUND", "ZERO"] = choice(
-        "Height From", "GROUND", "What the height of the left camera is measured from", "camera",
+        "Height From", "GROUND", "Reference level of the left camera's height", "camera",
         ("GROUND", "Ground", "Height above Ground is above the ground beneath the camera"),
         ("ZERO", "Zero", "Height above Zero is exact. Height above Ground should be about right, since costs and "
          "search ranges use it"),
@@ -145,8 +145,9 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         "Frame", 0, 0, 10000000, (0, 100), "Number of this pair in a sequence; exports and reports follow it. Frames "
         "with one pose differ in their noise", "camera", section=ADVANCED, since="0.4")
     stamp: str = text(
-        "Stamp (s)", "", "Time of the middle of the exposure in a sequence, in seconds with up to nine decimals; empty "
-        "outside of one. No image depends on it", "camera", "decimal", section=ADVANCED, since="0.4")
+        "Stamp (s)", "",
+        "Time of the middle of the exposure in a sequence, in seconds with up to nine decimals; empty without"
+        " a sequence. No image depends on it", "camera", "decimal", section=ADVANCED, since="0.4")
 
 
 class CalibrationErrorSettings(Table, label="Calibration Error", inside="rig", since="0.4"):
@@ -206,22 +207,25 @@ class EyeSettings(Table, since="0.4"):
         "Principal Row", 239.5, -1.0e5, 1.0e5, (0.0, 2048.0), "Row of the principal point, from the centre of the "
         "first pixel", "camera", "px", subtype="PIXEL")
     skew_px: float = number(
-        "Skew", 0.0, -1.0e4, 1.0e4, (-10.0, 10.0), "Columns by which a point one focal length down is farther to the "
-        "right", "camera", "px", subtype="PIXEL", section=ADVANCED)
+        "Skew", 0.0, -1.0e4, 1.0e4, (-10.0, 10.0),
+        "Shift to the right, in columns, of a point one focal length below the principal point",
+        "camera", "px", subtype="PIXEL", section=ADVANCED)
     turn_x_deg: float = degrees(
         "Turn about x", 0.0, -180.0, 180.0, "Component along x, to the right, of the rotation vector from the axes of "
         "the parallel pair to those of the eye (x right, y down, z ahead)", "camera", (-45.0, 45.0), 4, section=TURN)
     turn_y_deg: float = degrees(
-        "Turn about y", 0.0, -180.0, 180.0, "Component along y, down, of that vector. A left eye that looks toward the "
-        "right one has a negative one", "camera", (-45.0, 45.0), 4, section=TURN)
+        "Turn about y", 0.0, -180.0, 180.0,
+        "Component along y, down, of the same rotation vector. It is negative for a left eye that looks "
+        "toward the right one", "camera", (-45.0, 45.0), 4, section=TURN)
     turn_z_deg: float = degrees(
-        "Turn about z", 0.0, -180.0, 180.0, "Component along z, ahead, of that vector. An eye that is turned "
-        "clockwise has a negative one", "camera", (-45.0, 45.0), 4, section=TURN)
+        "Turn about z", 0.0, -180.0, 180.0,
+        "Component along z, ahead, of the same rotation vector. It is negative for an eye that is turned "
+        "clockwise", "camera", (-45.0, 45.0), 4, section=TURN)
     lens: Literal["BROWN", "FISHEYE", "CAHVORE"] = choice(
         "Lens", "BROWN", "Model of the lens", "camera",
         ("BROWN", "Brown-Conrady", "Tangents with polynomials: OpenCV's lens of 5, 8 or 12 coefficients"),
         ("FISHEYE", "Fisheye", "Angles with a polynomial of four coefficients (Kannala and Brandt)"),
-        ("CAHVORE", "CAHVORE", "JPL's lens: a perspective lens is CAHVOR"))
+        ("CAHVORE", "CAHVORE", "JPL's lens; CAHVOR if it is a perspective lens"))
     k1: float = number(
         "k1", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k1",
         "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN", "FISHEYE"))
@@ -238,13 +242,14 @@ class EyeSettings(Table, since="0.4"):
         "k3", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k3",
         "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN", "FISHEYE"))
     k4: float = number(
-        "k4", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k4; of Brown-Conrady the first below the line",
+        "k4", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5),
+        "Radial coefficient k4; the first in the denominator of Brown-Conrady",
         "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN", "FISHEYE"))
     k5: float = number(
-        "k5", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k5, below the line",
+        "k5", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k5, in the denominator",
         "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
     k6: float = number(
-        "k6", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k6, below the line",
+        "k6", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k6, in the denominator",
         "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
     s1: float = number(
         "s1", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient of a thin prism: columns, r²",
@@ -259,10 +264,11 @@ class EyeSettings(Table, since="0.4"):
         "s4", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient of a thin prism: rows, r⁴",
         "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
     axis_x: float = number(
-        "Axis Right", 0.0, -0.9, 0.9, (-0.1, 0.1), "Component along x of the optical axis O, which is 1 long, in the "
-        "axes of the eye", "camera", precision=6, section=MODEL, shown=chosen("lens", "CAHVORE"))
+        "Axis Right", 0.0, -0.9, 0.9, (-0.1, 0.1),
+        "x component of the optical axis O, a unit vector in the axes of the eye",
+        "camera", precision=6, section=MODEL, shown=chosen("lens", "CAHVORE"))
     axis_y: float = number(
-        "Axis Down", 0.0, -0.9, 0.9, (-0.1, 0.1), "Component along y of the optical axis O", "camera", precision=6,
+        "Axis Down", 0.0, -0.9, 0.9, (-0.1, 0.1), "y component of the optical axis O", "camera", precision=6,
         section=MODEL, shown=chosen("lens", "CAHVORE"))
     r0: float = number(
         "R0", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient R0",
@@ -343,11 +349,12 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         "Quantum Efficiency", 0.5, "Mean number of electrons per photon in the band, of a monochrome sensor",
         "response", section=DETECTOR, shown=chosen("colour", "MONO"))
     band_weights: Literal["EQUAL", "BAND"] = choice(
-        "Weights of R, G, B", "EQUAL", "How a monochrome camera adds up the bands of the pair. Grey ground looks the "
-        "same with both", "response",
+        "Weights of R, G, B", "EQUAL",
+        "How a monochrome camera adds up the bands of the pair. Both choices show grey ground alike", "response",
         ("EQUAL", "Equal", "The mean of R, G and B"),
-        ("BAND", "By the Band", "By how much of the camera's band and of the Sun's photons is theirs: brown ground "
-         "is brighter to a red camera"),
+        ("BAND", "By the Band",
+            "By the sunlight that each band contributes to the camera's band: brown ground is brighter to a red "
+            "camera"),
         section=OPTICS, shown=chosen("colour", "MONO"), since="0.3")
     colour: Literal["MONO", "BAYER"] = choice(
         "Camera", "MONO", "Whether the camera sees colour. Both need the same render", "response",
@@ -414,14 +421,15 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         "Cut-On (nm)", 400.0, 100.0, 2.0e4, (350.0, 450.0), "Shortest wavelength that reaches the colour filters",
         "response", "nm", precision=0, section=FILTERS, since="0.3")
     cut_off_nm: float = number(
-        "Cut-Off (nm)", 700.0, 100.0, 2.0e4, (620.0, 750.0), "Longest wavelength that reaches the colour filters: "
-        "that of an infrared cut-off filter", "response", "nm", precision=0, section=FILTERS, since="0.3")
+        "Cut-Off (nm)", 700.0, 100.0, 2.0e4, (620.0, 750.0),
+        "Longest wavelength that reaches the colour filters, set by an infrared cut-off filter",
+        "response", "nm", precision=0, section=FILTERS, since="0.3")
     full_well_e: float = number(
         "Full Well (e-)", 2.0e4, 1.0, 1.0e7, (1000.0, 1.0e5), "Electrons that a pixel can hold before it saturates",
         "response", "e-", precision=0, section=DETECTOR)
     gain: float = number(
-        "Gain", 1.0, 0.01, 1000.0, (0.5, 16.0), "Gain, relative to the one at which a full well gives the largest "
-        "number", "response", section=DETECTOR)
+        "Gain", 1.0, 0.01, 1000.0, (0.5, 16.0),
+        "Gain, relative to the gain at which a full well gives the largest number", "response", section=DETECTOR)
     read_noise_e: float = number(
         "Read Noise (e-)", 15.0, 0.0, 1.0e5, (0.0, 100.0), "Standard deviation of the noise from reading a pixel",
         "response", "e-", precision=1, section=NOISE)
@@ -472,7 +480,7 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         "Window (mm)", 20.0, 0.1, 1000.0, (5.0, 100.0), "Distance of the window from the entrance pupil of the lens. "
         "The nearer, the wider and fainter are the spots", "response", "mm", section=DEPOSITS, since="0.3")
     deposit_scatter: float = fraction(
-        "Scattered", 0.3, "Share of the light that deposits block which they scatter evenly over the image", "response",
+        "Scattered", 0.3, "Share of the light blocked by deposits that they scatter evenly over the image", "response",
         section=DEPOSITS, since="0.3")
     deposit_seed: int = number(
         "Deposit Seed", 0, 0, 1000000, (0, 100), "Seed of the deposits. Another seed puts them elsewhere", "response",

@@ -1,4 +1,4 @@
-"""How a setting is declared: once, with all that Blender, files, the manual, the sidebar and the type checker need.
+"""Declares each setting once, with everything that Blender, files, the manual, the sidebar and the type checker need.
 
 A topic is a class, and a setting is a typed field of it::
 
@@ -9,7 +9,7 @@ A topic is a class, and a setting is a typed field of it::
 
 An instance is the table of a topic: a dictionary, complete or not, whose keys are attributes too. So JSON, TOML,
 comparing, copying and ``settings[topic][key]`` work as for any dictionary, and the type checker knows the fields.
-Units are part of the names (``_m``, ``_deg``, ``_px`` …).
+Units are part of the names (``_m``, ``_deg``, ``_px`` …). ``docs/extend.md`` lists the steps for a new setting.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ LANDFORMS = "Landforms"
 class Section:
     """A sub-panel of a topic's panel, closed at first. ``switch`` is the setting whose tick is in its header.
 
-    ``shown`` is the condition of all settings in it that state none. Sub-panels stand in the order in which they are
-    made.
+    ``shown`` is the condition of all settings in it that state none. Sub-panels are drawn in the order of their
+    creation.
     """
 
     key: str
@@ -118,7 +118,7 @@ class Setting:
         return {bool: "bool", int: "int", float: "float", str: "text"}[type(self.default)]
 
     def placed(self, since: str) -> Setting:
-        """This setting, with the values that its section and its topic state for all their settings."""
+        """This setting with ``shown`` and ``since`` from its section and topic, where it states none."""
         shown = self.section.shown if self.section and self.shown is ALWAYS else self.shown
         return replace(self, since=self.since or since, shown=shown)
 
@@ -159,7 +159,7 @@ class Topic:
         return tuple(sorted(found, key=lambda section: (section == ADVANCED, section.order)))
 
     def keys_in(self, section: Section | None) -> tuple[str, ...]:
-        """The settings of a sub-panel, without the tick in its header; for None, the settings outside sub-panels."""
+        """The keys of a sub-panel's settings, without the tick in its header. For None, the keys outside sub-panels."""
         return tuple(s.key for s in self.settings if s.section == section and not (section and s.key == section.switch))
 
     @cached_property
@@ -174,7 +174,7 @@ class Topic:
             raise KeyError(f"{self.key}.{key}") from None
 
     def is_shown(self, key: str, root: object) -> bool:
-        """Whether the present choices use a setting. ``root`` holds all settings, such as ``Scene.icymoon``."""
+        """Whether the present choices use a setting. ``root`` contains all settings, such as ``Scene.icymoon``."""
         return self.shown(root, self.key) and self._by_key[key].shown(root, self.key)
 
     def has_effect(self, key: str, root: object) -> bool:
@@ -184,7 +184,7 @@ class Topic:
 
 
 class AttributeDict(dict[str, Any]):
-    """A dictionary whose keys are also attributes; a subclass declares the possible ones."""
+    """A dictionary whose keys are also attributes. A subclass declares the possible keys."""
 
     __slots__ = ()
 
@@ -268,7 +268,7 @@ def signed(label: str, description: str, effect: str, **more: Unpack[_CommonArgu
 
 def number(label: str, default: Stated, low: float, high: float, soft: tuple[float, float] | None, description: str,
            effect: str, unit: str = "1", **more: Unpack[_DisplayArguments]) -> Stated:
-    """A number, whole if its default is."""
+    """A number. It is whole if its default is an int."""
     return _field(Setting(label=label, default=default, description=description, effect=effect, unit=unit, minimum=low,
                           maximum=high, soft=soft, **more))
 
@@ -286,12 +286,12 @@ def choice(label: str, default: Stated, description: str, effect: str, *choices:
 
 
 def text(label: str, default: str, description: str, effect: str, trust: str, **more: Unpack[_DisplayArguments]) -> str:
-    """A text of one of ``trust_boundary.CLASSES``."""
+    """A text; ``trust`` is one of ``trust_boundary.CLASSES``."""
     return _field(Setting(label=label, default=default, description=description, effect=effect, trust=trust, **more))
 
 
 def image_file(label: str, description: str, **more: Unpack[_CommonArguments]) -> str:
-    """A file of an image that is part of the material."""
+    """The path of an image file of the material."""
     return text(label, "", f"{description}. // is the folder of the .blend file", "material", "read",
                 subtype="FILE_PATH", **more)
 
@@ -306,9 +306,9 @@ def tables(label: str, entry: type[Entry], description: str, effect: str,
 class Table(AttributeDict):
     """The table of a topic, or of an entry of a list. A subclass declares its settings.
 
-    A topic's class has a ``label`` and what else ``Topic`` has; its docstring is the description. ``since`` is the
-    release that brought those of its settings that state none. A subclass of a
-    topic's class has the same settings under another name.
+    A topic's class takes the ``label`` and other fields of ``Topic``; its docstring is the description. ``since`` is
+    the release that added the settings that state none. A subclass of a topic's class has the same settings under
+    another name.
     """
 
     __slots__ = ()

@@ -50,33 +50,35 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
     width_m: float = metres(
         "Blade Width", 0.08, 1.0e-3, 2.0, (0.02, 0.2), "Width of the blade", "geometry", shown=DUG)
     bite_m: float = metres(
-        "Bite", 0.05, 0.0, 1.0, (0.0, 0.15), "How much deeper the blade goes in each state; 0 digs nothing, as a "
-        "series without change needs", "geometry", shown=chosen("path", "LINE", "ARC"))
+        "Bite", 0.05, 0.0, 1.0, (0.0, 0.15),
+        "How much deeper the blade goes in each state; 0 digs nothing, for a series without change",
+        "geometry", shown=chosen("path", "LINE", "ARC"))
     radius_m: float = metres(
         "Arc Radius", 0.25, 0.01, 10.0, (0.05, 1.0), "Radius on which the blade swings", "geometry",
         shown=chosen("path", "ARC"))
     cohesion_pa: float = number(
         "Cohesion (Pa)", 100.0, 0.0, 1.0e8, (0.0, 1000.0),
-        "Shear strength of the ground without load, none in loose sand. Walls lower than a critical height, "
-        "by cohesion, friction, density and gravity, stand upright; others slide to the angle of friction",
+        "Shear strength of the ground without load; 0 for loose sand. Walls lower than a critical height, "
+        "from cohesion, friction, density and gravity, stand upright; others slide to the angle of friction",
         "geometry", "Pa", precision=1, section=WALLS)
     friction_deg: float = degrees(
-        "Friction", 38.0, 5.0, 60.0, "Angle of internal friction, and of repose of what is loose", "geometry",
+        "Friction", 38.0, 5.0, 60.0, "Angle of internal friction, and angle of repose of loose ground", "geometry",
         (25.0, 45.0), section=WALLS)
     density_kg_m3: float = number(
         "Density (kg/m³)", 500.0, 10.0, 2000.0, (100.0, 917.0), "Density of the ground", "geometry", "kg/m³",
         precision=0, section=WALLS)
     bulking: float = number(
-        "Bulking", 1.4, 1.0, 3.0, (1.0, 2.0), "Volume of spoil over the volume that it had in the ground: the ratio "
-        "of both densities", "geometry", section=HEAP)
+        "Bulking", 1.4, 1.0, 3.0, (1.0, 2.0),
+        "Volume of spoil divided by its volume in the ground: the ratio of the two densities", "geometry", section=HEAP)
     gravity_m_s2: float = number(
-        "Gravity (m/s²)", 0.0, 0.0, 100.0, (0.0, 2.0), "Gravity, which decides whether walls stand; 0 for that of the "
-        "moon", "geometry", "m/s²", zero="the moon's", section=WALLS)
+        "Gravity (m/s²)", 0.0, 0.0, 100.0, (0.0, 2.0),
+        "Gravity, which decides whether walls stand; 0 for the gravity of the moon",
+        "geometry", "m/s²", zero="the moon's", section=WALLS)
     chips_m: float = metres(
         "Chipped Rims", 5.0e-3, 0.0, 0.1, (0.0, 0.02), "Largest chip that breaks off the rims of walls that stand",
         "geometry", section=WALLS)
     heaped_share: float = fraction(
-        "Heaped Share", 1.0, "Share of what is dug that is heaped beside the trench. The scoop keeps the rest",
+        "Heaped Share", 1.0, "Share of the dug ground that is heaped beside the trench. The scoop keeps the rest",
         "geometry", section=HEAP)
     heap_side: Literal["LEFT", "RIGHT"] = choice("Heap", "RIGHT", "Side of the heap, seen along the pull", "geometry",
         ("LEFT", "Left", "Left of the trench"),
@@ -95,7 +97,7 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
          "have rolled to the foot of the heap and beyond"),
         section=HEAP, active=positive("clods_m"))
     cell_m: float = metres(
-        "Cell", 2.5e-3, 2.0e-4, 0.1, (1.0e-3, 0.01), "Distance of the vertices of trench and heap", "geometry",
+        "Cell", 2.5e-3, 2.0e-4, 0.1, (1.0e-3, 0.01), "Distance between the vertices of trench and heap", "geometry",
         section=ADVANCED, shown=DUG)
     fresh_albedo: float = fraction(
         "Fresh Albedo", 1.0, "Albedo of ground that was dug open, and of spoil, relative to the surface", "material",
@@ -107,8 +109,9 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         "Layer Depth", 0.03, 0.0, 10.0, (0.0, 0.3), "Depth of the top of the first layer below the untouched surface",
         "material", section=LAYERS, active=positive("layer_thickness_m"))
     layer_spacing_m: float = metres(
-        "Layer Spacing", 0.0, 0.0, 10.0, (0.0, 0.2), "Distance from the top of a layer to that of the next; 0 for a "
-        "single layer", "material", section=LAYERS, active=positive("layer_thickness_m"))
+        "Layer Spacing", 0.0, 0.0, 10.0, (0.0, 0.2),
+        "Distance between the tops of neighbouring layers; 0 for a single layer",
+        "material", section=LAYERS, active=positive("layer_thickness_m"))
     layer_albedo: float = fraction(
         "Layer Albedo", 0.6, "Albedo of the layers relative to the surface", "material", section=LAYERS,
         active=positive("layer_thickness_m"))

@@ -29,7 +29,7 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
 
     __slots__ = ()
     kind: Literal["PROCEDURAL", "MESH", "STAND_IN", "HEIGHT_MAP"] = choice(
-        "Source", "PROCEDURAL", "What the ground is made from", "geometry",
+        "Source", "PROCEDURAL", "Origin of the ground", "geometry",
         ("PROCEDURAL", "Procedural", "A random surface with the statistics under Ground"),
         ("MESH", "Mesh File", "A reconstructed mesh: OBJ, PLY, STL, glTF, USD or FBX"),
         ("STAND_IN", "Stand-In Mesh", "A mesh made by code in place of one of the GUISS paper's"),
@@ -64,8 +64,9 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         "Centre", True, "Put the origin at the centre of the ground and at its median height. Otherwise the "
         "coordinates of the file are kept", "geometry", shown=FROM_FILE)
     site: Literal["OFFSET", "DEGREES", "MAP"] = choice(
-        "Site", "OFFSET", "How the place of the site on the map is stated. Origin East and Origin North are distances "
-        "from it", "geometry",
+        "Site", "OFFSET",
+        "How the position of the site on the map is stated. Origin East and Origin North are distances from "
+        "it", "geometry",
         ("OFFSET", "Centre or Origin", "The centre of the map, or the origin of its coordinates"),
         ("DEGREES", "Degrees", "By planetocentric longitude and latitude, east and north positive"),
         ("MAP", "Map Coordinates", "By easting and northing, in the unit of the file's coordinate system"),
@@ -77,8 +78,9 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         "Site Latitude", "", "Planetocentric latitude of the site in degrees, with all of its digits", "geometry",
         "coordinate", shown=IN_DEGREES, since="0.4")
     site_easting: str = text(
-        "Site Easting", "", "Easting of the site in the unit of the file's coordinate system; of a map in degrees the "
-        "longitude that it counts", "geometry", "coordinate", shown=ON_MAP, since="0.4")
+        "Site Easting", "",
+        "Easting of the site in the unit of the file's coordinate system; for a map in degrees, its longitude",
+        "geometry", "coordinate", shown=ON_MAP, since="0.4")
     site_northing: str = text(
         "Site Northing", "", "Northing of the site in the unit of the file's coordinate system", "geometry",
         "coordinate", shown=ON_MAP, since="0.4")
@@ -92,9 +94,10 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         "Metres per Pixel", 0.0, 0.0, 1.0e5, (0.0, 100.0), "Size of a pixel of the height map; 0 for the size that a "
         "GeoTIFF contains", "geometry", zero="file's", shown=chosen("kind", "HEIGHT_MAP"))
     missing: str = text(
-        "Missing Height", "", "Value of the height map, before its scale and unit, that means that a height is "
-        "missing, such as -9999, beside those that the file marks. If it is empty, values far from all others are "
-        "taken for missing; with none they are heights", "geometry", "mark", shown=chosen("kind", "HEIGHT_MAP"),
+        "Missing Height", "",
+        "Value, before scale and unit, that marks a missing height, such as -9999; marks of the file count "
+        "too. If it is empty, values far from all others count as missing; write none to keep them as heights",
+        "geometry", "mark", shown=chosen("kind", "HEIGHT_MAP"),
         since="0.3")
     height_scale_m: float = number(
         "Metres per Value", 1.0, 1.0e-9, 1.0e6, (1.0e-3, 10.0), "Metres per unit of the values of the height map; for "
@@ -193,9 +196,10 @@ class TerrainSettings(Table, label="Ground"):
         "the horizon: 252.1 km for Enceladus, 1560.8 km for Europa. Ground on a uniform grid is flat", "geometry",
         section=ADVANCED, shown=GRADED)
     variant: int = number(
-        "Variant", 0, 0, 2147483647, (0, 100), "Number of a ground among others of the same kind: relief, layers and "
-        "landforms are at other places, rocks are not. Each terrain preset has its own number, so two presets do not "
-        "have the same hills at one seed", "geometry", section=ADVANCED, shown=RANDOM, since="0.3")
+        "Variant", 0, 0, 2147483647, (0, 100),
+        "Number of the ground: another number moves relief, layers and landforms, not rocks. Terrain presets "
+        "have different numbers, so they have different hills at one seed",
+        "geometry", section=ADVANCED, shown=RANDOM, since="0.3")
     layers: list[TerrainLayer] = tables(
         "Layers of Noise", TerrainLayer, "Fractal noise that is added to the ground, one table per layer", "geometry",
         section=NOISE, shown=ABOVE_A_MAP)
@@ -264,8 +268,8 @@ class HillsSettings(
     largest_m: float = metres(
         "Largest", 2000.0, 1.0, 1.0e5, (100.0, 1.0e4), "Width of the widest hills", "geometry")
     smallest_m: float = metres(
-        "Smallest", 10.0, 0.1, 1.0e5, (5.0, 100.0), "Width of the narrowest hills; what is smaller is the roughness "
-        "of the ground", "geometry", section=ADVANCED)
+        "Smallest", 10.0, 0.1, 1.0e5, (5.0, 100.0),
+        "Width of the narrowest hills; smaller relief is the roughness of the ground", "geometry", section=ADVANCED)
     fractal: Literal["FBM", "CRESTS", "HETERO"] = choice("Kind", "FBM", "Shape of the hills", "geometry",
         ("FBM", "Rolling", "Rounded hills, equally rough everywhere"),
         ("CRESTS", "Ridged", "Ranges with sharp crests"),

@@ -1,4 +1,4 @@
-"""Landforms; the first number of each turns it on."""
+"""The settings of landforms. The first number of each landform turns it on."""
 
 from __future__ import annotations
 

@@ -37,8 +37,9 @@ class LightSettings(Table, label="Light"):
         "Latitude", -80.0, -90.0, 90.0, "Planetocentric latitude of the site. It sets the elevation of the poles; a "
         "Sun given by angles does not depend on it", "light", active=DATED | ticked("planet") | ticked("stars"))
     longitude_deg: float = degrees(
-        "Longitude", 0.0, -360.0, 360.0, "East longitude of the site; at a pole, of the meridian whose north is north. "
-        "The planet is above longitude -4 on Enceladus and -1.5 on Europa", "light", shown=DATED)
+        "Longitude", 0.0, -360.0, 360.0,
+        "East longitude of the site; at a pole, north is along this meridian. The planet is above longitude "
+        "-4 on Enceladus and -1.5 on Europa", "light", shown=DATED)
     place: Literal["SITE", "STATED"] = choice(
         "Sky Over", "SITE", "The place whose sky a date gives, where Site of a height map is stated by coordinates",
         "light",
@@ -138,8 +139,9 @@ class VeilSettings(Table, label="Veil", inside="light", turned_on_by="optical_de
 
     __slots__ = ()
     optical_depth: float = number(
-        "Optical Depth", 0.0, 0.0, 20.0, (0.0, 2.0), "Of the way straight down from the top of the veil to the level "
-        "of the site: exp(-this) of the light is neither scattered nor absorbed. 0 for none", "sampling", precision=4,
+        "Optical Depth", 0.0, 0.0, 20.0, (0.0, 2.0),
+        "Optical depth straight down from the top of the veil to the level of the site; 0 for no veil. The "
+        "share exp(-depth) of the light is neither scattered nor absorbed", "sampling", precision=4,
         zero="off")
     top_m: float = metres(
         "Top", 20.0, 0.1, 1.0e4, (1.0, 100.0), "Height of the top of the veil above the level of the site. It is "

@@ -1,7 +1,7 @@
 """When a setting is relevant: conditions on other settings, written beside its declaration.
 
-A condition names settings of the same topic by their key and others by ``topic.key``. It is asked of the settings of a
-scene, as plain data or as ``Scene.icymoon``. Conditions join with ``&``, ``|`` and ``~``.
+A condition names settings of the same topic by their key and others by ``topic.key``. It is evaluated for the settings
+of a scene, as plain data or as ``Scene.icymoon``. Operators ``&``, ``|`` and ``~`` combine conditions.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Asked:
-    """The settings of a scene, asked for a setting of ``topic``. ``root`` holds them, by topic."""
+    """The settings of a scene, for a condition of a setting in ``topic``. ``root`` contains them by topic."""
 
     root: object
     topic: str
@@ -26,7 +26,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Condition:
-    """A test of the settings of a scene."""
+    """A condition on the settings of a scene."""
 
     test: Callable[[Asked], bool]
 
@@ -48,25 +48,25 @@ ALWAYS = Condition(lambda asked: True)
 
 
 def chosen(name: str, *choices: str) -> Condition:
-    """One of these choices is selected."""
+    """The condition that one of these choices is selected."""
     return Condition(lambda asked: asked.value(name) in choices)
 
 
 def ticked(name: str) -> Condition:
-    """A tick is set."""
+    """The condition that a tick is set."""
     return Condition(lambda asked: bool(asked.value(name)))
 
 
 def positive(name: str) -> Condition:
-    """A number is above 0."""
+    """The condition that a number is above 0."""
     return Condition(lambda asked: asked.value(name) > 0)
 
 
 def nonzero(*names: str) -> Condition:
-    """One of these numbers differs from 0."""
+    """The condition that one of these numbers differs from 0."""
     return Condition(lambda asked: any(asked.value(name) != 0 for name in names))
 
 
 def of_topic(topic: str) -> Condition:
-    """The setting is one of this topic, and not of another with the same settings."""
+    """The condition that the setting belongs to this topic, not to another topic with the same settings."""
     return Condition(lambda asked: asked.topic == topic)

@@ -26,8 +26,9 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
         ("OIDN_COLOUR", "OIDN, Colour Only", "Remove the noise without albedo and normals. This smooths fine texture "
          "away"))
     noise_threshold: float = number(
-        "Noise Threshold", 0.0, 0.0, 1.0, (0.0, 0.1), "Relative noise at which a pixel gets no more samples, after 16 "
-        "threshold^-0.3 of them at least; 0 gives all pixels the same number. It saves time but makes the noise uneven",
+        "Noise Threshold", 0.0, 0.0, 1.0, (0.0, 0.1),
+        "Relative noise at which sampling of a pixel stops, after at least 16 threshold^-0.3 samples; 0 gives"
+        " all pixels the same number. It saves time but makes the noise uneven",
         "sampling", zero="off", section=ADVANCED)
     diffuse_bounces: int = number(
         "Bounces", 4, 0, 128, (0, 16), "Maximum number of diffuse bounces. With 4, even ice of albedo 1 has more than "
@@ -58,27 +59,31 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
         since="0.3")
     bake_area: Literal["GROUND", "VIEW"] = choice("Bake Area", "GROUND", "Ground whose light is baked", "sampling",
         ("GROUND", "Whole Ground", "Images in all directions share it"),
-        ("VIEW", "Seen Ground", "What the cameras see. Takes a part of the time, but only images from one place in "
-         "one direction share it, so for few images"),
+        ("VIEW", "Seen Ground",
+            "Ground that the cameras see. It is faster but suits few images, because only images from one place "
+            "in one direction share it"),
         section=INDIRECT, shown=~chosen("indirect", "TRACED"), since="0.3")
     bake_samples: int = number(
         "Bake Samples", 256, 4, 65536, (64, 1024), "Maximum number of light paths per corner of the ground's mesh for "
         "baked light, unless quality.bake_noise is reached before. With less than 64, matchers look better than they "
         "are", "sampling", "samples", section=INDIRECT, shown=~chosen("indirect", "TRACED"), since="0.3")
     bake_noise: float = number(
-        "Bake Noise", 0.01, 0.0, 1.0, (0.0, 0.05), "Noise of baked light over all light at which it gets no more "
-        "samples, and above which an image is traced after all. It passes for texture, so keep it under the noise of "
-        "the sensor. 0 for no limit", "sampling", section=INDIRECT, shown=~chosen("indirect", "TRACED"), since="0.3")
+        "Bake Noise", 0.01, 0.0, 1.0, (0.0, 0.05),
+        "Noise of baked light, relative to all light, at which sampling stops; with more noise, an image is "
+        "traced. It looks like texture, so keep it below the sensor's noise; 0 for no limit",
+        "sampling", section=INDIRECT, shown=~chosen("indirect", "TRACED"), since="0.3")
     files: Literal["COMPACT", "FULL"] = choice(
-        "Files", "COMPACT", "How values are stored. Depth, labels and hidden pixels are exact in any case", "run",
-        ("COMPACT", "Compact", "Radiance and normals in 16 bits: light is rounded by at most 0.05 %, far below its "
-         "noise, normals by at most 0.03°. The image is not stored beside the lights that it is the sum of"),
-        ("FULL", "Full", "All values in 32 bits as rendered, but for what half_floats states. Files are about twice "
-         "as large"),
+        "Files", "COMPACT", "How values are stored. Depth, labels and hidden pixels are always exact", "run",
+        ("COMPACT", "Compact",
+            "Radiance and normals in 16 bits: light is rounded by at most 0.05 %, far below its noise, normals by"
+            " at most 0.03°. The image is not stored, because it is the sum of the stored lights"),
+        ("FULL", "Full",
+            "All values in 32 bits as rendered, except for values that half_floats states. Files are about twice "
+            "as large"),
         section=ADVANCED, since="0.3", before="FULL")
     half_floats: Literal["NONE", "RADIANCE", "RADIANCE_NORMALS"] = choice(
-        "Half Floats", "NONE", "What full files store in 16 instead of 32 bits. It counts in the names of pairs, "
-        "unlike files", "sampling",
+        "Half Floats", "NONE",
+        "Values that full files store in 16 instead of 32 bits. Unlike Files, it changes the ids of pairs", "sampling",
         ("NONE", "Nothing", "All values as rendered"),
         ("RADIANCE", "Radiance", "Rounded by at most 0.05 %. Files are a quarter smaller with the whole truth, and "
          "half with depth alone"),
@@ -88,15 +93,17 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
     truth: Literal["FULL", "SEMANTIC", "DEPTH"] = choice(
         "Truth", "FULL", "Truth that is rendered with the images", "sampling",
         ("FULL", "Full", "Depth, normals and labels, in a separate render with one sample per pixel"),
-        ("SEMANTIC", "No Normals", "Depth and what a pixel shows (ground, rock, lander, planet), both from the "
-         "render of the images, without normals and labels of single rocks"),
+        ("SEMANTIC", "No Normals",
+            "Depth and the kind of each pixel (ground, rock, lander, planet), both from the render of the images,"
+            " without normals and labels of single rocks"),
         ("DEPTH", "Depth Only", "Depth from the render of the images. This saves the separate render unless the "
          "images are blurred or toed in"),
         section=ADVANCED)
     truth_by: Literal["RAYS", "CYCLES"] = choice(
-        "Truth By", "RAYS", "What finds truth that does not come with the images", "run",
-        ("RAYS", "Rays", "Rays through the triangles that are rendered. Cycles renders the truth of scenes that rays "
-         "would not meet as they are shown, and the pair states why"),
+        "Truth By", "RAYS", "How truth is computed that does not come with the images", "run",
+        ("RAYS", "Rays",
+            "Rays through the triangles that are rendered. Cycles renders the truth of scenes that rays cannot "
+            "reproduce, and the pair states why"),
         ("CYCLES", "Cycles", "Four more renders, with shading normals beside those of facets"),
         section=ADVANCED, since="0.3", before="CYCLES")
     device: Literal["CPU", "GPU"] = choice("Device", "CPU", "Processor that renders", "run",

@@ -1,7 +1,7 @@
 """Stand-ins for the unpublished textures and meshes of the GUISS paper, and the known facts about the originals.
 
 The names are from the paper's public code (its lists of textures and meshes). The appearance of the images and meshes
-is not published there, so the content of a stand-in is a guess unless the name tells it.
+is not published there, so the content of a stand-in is a guess unless its name describes it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class TextureItem:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The kinds of images that a pair shows; they are those of the paper's item."""
+        """The kinds of its images that the render uses, as in the paper."""
         if self.photograph:
             return ("albedo",)
         return ("albedo", "roughness", "normal", *["transmission"] * self.transmission)
@@ -109,7 +109,7 @@ TEXTURES = (
 
 
 def find_texture_item(key: str) -> TextureItem:
-    """The stand-in texture of a name. Raises KeyError for another."""
+    """The stand-in texture with this name. Raises KeyError for an unknown name."""
     return _TEXTURES[key]
 
 
@@ -141,7 +141,7 @@ MESHES = (
 
 
 def find_mesh_item(key: str) -> MeshItem:
-    """The stand-in mesh of a name. Raises KeyError for another."""
+    """The stand-in mesh with this name. Raises KeyError for an unknown name."""
     return _MESHES[key]
 
 
@@ -150,5 +150,5 @@ _MESHES = {item.key: item for item in MESHES}
 
 def make_choices(items: Sequence[TextureItem | MeshItem]) -> tuple[tuple[str, str, str], ...]:
     """The stand-ins as choices of a setting: name, label, description."""
-    return tuple((item.key, item.title, f"In place of {item.paper} of the GUISS paper: {item.known}")
+    return tuple((item.key, item.title, f"Replaces {item.paper} of the GUISS paper: {item.known}")
                  for item in items)

@@ -83,7 +83,7 @@ class SurfaceSettings(Table, label="Ice"):
         "Dirt on Slopes", "Darkening of slopes of 45 degrees and more, compared with level ground; negative to darken "
         "level ground", "material", section=DIRT)
     dirt: Literal["BLACK", "EUROPA_DARK", "SULPHUR", "THOLIN"] = choice(
-        "Dirt", "BLACK", "What lies in troughs and on slopes, and covers the share of their area that is stated above",
+        "Dirt", "BLACK", "Material in troughs and on slopes. It covers the share of their area that is stated above",
         "material",
         ("BLACK", "Black", "Reflects nothing, so the ice is darker and keeps its colour"),
         ("EUROPA_DARK", "Dark Material", "Europa's, brown: 0.17 in green (Helfenstein et al. 1998), 1.25 of that in "
@@ -102,9 +102,10 @@ class SurfaceSettings(Table, label="Ice"):
         active=positive("salt_share"))
     salt: Literal[
         "OWN", "EUROPA_SALT", "IRRADIATED_SALT", "SULPHATE_SALTS", "ACID_HYDRATE", "SULPHUR", "EUROPA_DARK"
-    ] = choice("Salt", "OWN", "What the stains are", "material",
-        ("OWN", "Own Colour", "By the reflectances relative to clean ice that are stated below. Of a small share "
-         "that is asked for, about 0.6 is covered"),
+    ] = choice("Salt", "OWN", "Material of the stains", "material",
+        ("OWN", "Own Colour",
+            "The reflectances relative to clean ice that are stated below. If Salt Share is small, stains cover "
+            "about 0.6 of it"),
         ("EUROPA_SALT", "Europa's Salt", "Table salt with the faint band that Europa shows near 450 nm (Trumbo et "
          "al. 2019)"),
         ("IRRADIATED_SALT", "Irradiated Salt", "Table salt after irradiation in the laboratory: yellow"),
@@ -139,9 +140,10 @@ class SurfaceSettings(Table, label="Ice"):
         section=ADVANCED, shown=PRINCIPLED)
     transmitted: Literal["LOST", "THROUGH"] = choice(
         "Transmitted Light", "LOST", "Where the light goes that enters clear ice", "material",
-        ("LOST", "Lost", "Deep ice: what enters it does not come back. The surface becomes darker"),
-        ("THROUGH", "Through Rocks", "Passes through rocks and lights what is behind them along straight lines, less "
-         "what pure ice absorbs on its way. In the ground it is lost; the albedo is that of the rest"),
+        ("LOST", "Lost", "Deep ice: light that enters it does not come back. The surface becomes darker"),
+        ("THROUGH", "Through Rocks",
+            "Passes straight through rocks, weakened by the absorption of pure ice, and lights objects behind "
+            "them. Light that enters the ground is lost; the albedo applies to the rest"),
         section=ADVANCED, shown=PRINCIPLED, active=positive("transmission"), since="0.3")
     roughness: float = fraction(
         "Roughness", 0.6, "Microfacet roughness of the specular reflection", "material", shown=PRINCIPLED)
@@ -152,9 +154,10 @@ class SurfaceSettings(Table, label="Ice"):
         "Refractive Index", 1.31, 1.0, 3.0, (1.0, 2.0), "Refractive index of the ice; 1.31 for water ice in visible "
         "light", "material", section=ADVANCED, shown=PRINCIPLED)
     emitted_w_m2_sr: float = number(
-        "Emitted Light (W/m² sr)", 0.0, 0.0, 1.0e5, (0.0, 1.0), "Radiance that the ice gives by itself, the same in "
-        "all directions and bands. 0, since heat of ice gives no visible light, and the glow of Europa's irradiated "
-        "ice was seen in the laboratory only (Gudipati et al. 2021)", "material", "W/m² sr", section=ADVANCED,
+        "Emitted Light (W/m² sr)", 0.0, 0.0, 1.0e5, (0.0, 1.0),
+        "Radiance that the ice itself emits, equal in all directions and bands. The default is 0: warm ice "
+        "emits no visible light, and the glow of irradiated ice was seen only in the laboratory (Gudipati et "
+        "al. 2021)", "material", "W/m² sr", section=ADVANCED,
         shown=PRINCIPLED | chosen("model", "LAMBERT"), since="0.3")
     bubble_share: float = fraction(
         "Bubbles", 0.0, "Share of the ice's volume that is air bubbles, which make it white: 0.05 is whitish, 0.001 "
@@ -169,8 +172,9 @@ class SurfaceSettings(Table, label="Ice"):
         "quarter to four times the bubbles; each rock has its own. 0 for even ice", "material", section=LAYERS,
         shown=PRINCIPLED, active=positive("bubble_share"), since="0.3")
     fracture_share: float = fraction(
-        "Fractures Within", 0.0, "Share of the fracture planes inside the ice that is open, as white veils where one "
-        "looks along them. They are seen as deep as bubbles, transmission or the subsurface radius let light in",
+        "Fractures Within", 0.0,
+        "Open share of the fracture planes inside the ice, which look like white veils along the line of "
+        "sight. Bubbles, transmission or the subsurface radius set the depth to which they are visible",
         "material", section=LAYERS, shown=PRINCIPLED, since="0.3")
     fracture_spacing_m: float = metres(
         "Fracture Spacing", 0.15, 1.0e-3, 1000.0, (0.02, 1.0), "Mean distance between the planes of each of three "
@@ -183,8 +187,9 @@ class SurfaceSettings(Table, label="Ice"):
         "Frost Patch", 0.15, 1.0e-4, 1.0e4, (0.01, 5.0), "Wavelength of the patches of frost", "material",
         section=LAYERS, shown=PRINCIPLED, active=positive("frost_share"), since="0.3")
     patch_raggedness: float = fraction(
-        "Ragged Patches", 0.0, "How ragged the edges of patches of frost and of dirt are: the share of their variance "
-        "that has an eighth of their wavelength and less", "material", section=LAYERS, shown=PRINCIPLED | DIRTY,
+        "Ragged Patches", 0.0,
+        "Raggedness of the edges of frost and dirt patches: share of their variance at one eighth of their "
+        "wavelength and below", "material", section=LAYERS, shown=PRINCIPLED | DIRTY,
         active=(PRINCIPLED & positive("frost_share")) | (DIRTY & positive("dirt_patch_m")), since="0.3")
     frost_albedo: float = fraction(
         "Frost Albedo", 0.9, "Albedo of the frost", "material", section=LAYERS, shown=PRINCIPLED,
@@ -196,19 +201,22 @@ class SurfaceSettings(Table, label="Ice"):
         "Crust Patch", 0.8, 1.0e-3, 1.0e4, (0.05, 10.0), "Wavelength of the patches of crust", "material",
         section=LAYERS, shown=PRINCIPLED, active=positive("crust_share"), since="0.3")
     crust_height_m: float = metres(
-        "Crust Thickness", 6.0e-3, 0.0, 1.0, (0.0, 0.03), "Height of the step at the edge of the crust, which is "
-        "shaded and not in the true depth", "material", section=LAYERS, shown=PRINCIPLED,
+        "Crust Thickness", 6.0e-3, 0.0, 1.0, (0.0, 0.03),
+        "Height of the step at the edge of the crust. It changes the shading, not the true depth",
+        "material", section=LAYERS, shown=PRINCIPLED,
         active=positive("crust_share"), since="0.3")
     crust_roughness: float = fraction(
         "Crust Roughness", 0.55, "Microfacet roughness of the crust", "material", section=LAYERS, shown=PRINCIPLED,
         active=positive("crust_share"), since="0.3")
     glint_share: float = fraction(
-        "Glints", 0.0, "Share of the light that leaves the snow by facets of grains, which glint in the Sun, near "
-        "ones to one eye only; 0 for none. A guess: 0.03 for fresh snow", "material", high=0.5, section=GRAIN,
+        "Glints", 0.0,
+        "Share of the reflected light that facets of grains mirror; one eye alone sees a near glint. 0 for "
+        "none; 0.03 is a guess for fresh snow", "material", high=0.5, section=GRAIN,
         shown=PRINCIPLED, since="0.3")
     glint_size_m: float = metres(
-        "Glint Size", 1.0e-3, 1.0e-5, 0.1, (1.0e-4, 0.01), "Size of a grain that glints. Where a pixel is larger, it "
-        "has one facet for all of its grains", "material", section=GRAIN, shown=PRINCIPLED,
+        "Glint Size", 1.0e-3, 1.0e-5, 0.1, (1.0e-4, 0.01),
+        "Size of a grain that glints. A larger pixel has one facet for all of its grains",
+        "material", section=GRAIN, shown=PRINCIPLED,
         active=positive("glint_share"), since="0.3")
     grain_size_m: float = metres(
         "Grain Size", 0.03, 1.0e-4, 1000.0, (1.0e-3, 1.0), "Wavelength of the fine relief, which is finer than the "
@@ -225,8 +233,9 @@ class SurfaceSettings(Table, label="Ice"):
         ("BUMP", "Bump", "Changes only the shading: the true depth is that of the mesh. Costs no time"),
         ("DISPLACEMENT", "Displacement", "Moves the vertices of the mesh, and so depth and shadows. Wavelengths "
          "below two vertex spacings are lost, and Build Scene reports how much"),
-        ("REAL", "Real", "Moves the vertices where the relief is over half a pixel high, with a mesh as fine as the "
-         "image there. Below that, on rocks and on ground from a file it is bump"),
+        ("REAL", "Real",
+            "Moves the vertices where the relief is over half a pixel high, with a mesh as fine as the image "
+            "there. Lower relief, rocks and ground from a file get bump"),
         section=GRAIN, active=positive("grain_amplitude_m"))
 
 

@@ -19,7 +19,7 @@ from collections.abc import Iterable
 
 #: Classes of texts in settings. None of them is a program.
 CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is read as data",
-           "written": "A folder that results are written to", "mark": "A number that stands for what is missing",
+           "written": "A folder for results", "mark": "A number that marks missing values",
            "decimal": "A number with all of its digits", "coordinate": "A place with all of its digits",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
 #: Options of matchers that name a program to run or a file to load; only the user gives them.
@@ -36,13 +36,14 @@ OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
 def split_methods(text: str) -> list[tuple[str, list[str]]]:
-    """(name, options) of each matcher in a list such as ``bm,sgbm:window=7``; every reader must split it like this."""
+    """Split a list of matchers such as ``bm,sgbm:window=7`` into (name, options). Every reader must use this function.
+    """
     labels = (label.strip() for label in text.split(","))
     return [(parts[0], parts[1:]) for parts in (label.split(":") for label in labels if label)]
 
 
 def split_option(text: str) -> tuple[str, str, str]:
-    """('a', '=', 'b') of an option ``a=b``, without the spaces around; every reader must split it like this."""
+    """Split an option ``a=b`` into ('a', '=', 'b') without spaces. Every reader must use this function."""
     key, equals, value = (part.strip() for part in text.partition("="))
     return key, equals, value
 
@@ -53,7 +54,9 @@ def list_own_names(text: str) -> list[str]:
 
 
 def find_text_fault(kind: str, text: str) -> str:
-    """Why settings may not contain this text of one of the ``CLASSES``; empty if they may."""
+    """The reason why settings may not contain this text of class ``kind`` (of ``CLASSES``), as the end of a sentence;
+    empty if they may.
+    """
     if kind == "mark" and text not in ("", NO_MARK) and not _is_finite(text):
         return f"is {text[:40]!r}, which is no number; give one such as -9999, {NO_MARK}, or an empty text."
     if kind == "decimal" and text and not DECIMAL_PATTERN.fullmatch(text):

@@ -9,8 +9,8 @@ Needs Python 3.8 and NumPy, nothing else. A program that Icy Moon starts finds t
 use it elsewhere, copy this file beside your program.
 
 Icy Moon writes a line of JSON per pair to the standard input, and reads the answers as lines of JSON from the standard
-output; see "Without Python" in the manual's page on your own matcher. What else the program prints goes to the
-standard error.
+output; see "Without Python" in the manual's page on your own matcher. Other output of the program goes to the standard
+error.
 """
 
 from __future__ import annotations

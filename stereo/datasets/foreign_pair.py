@@ -94,7 +94,7 @@ class ForeignPair:
         return [*described, *(read_checksum(path, MOST_BYTES) for path in self.files)]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """Read the pair, and compute what matchers and metrics need. No sensor model is applied.
+        """Read the pair, and compute the inputs of matchers and metrics. No sensor model is applied.
 
         Raises IcyMoonError with the name of the file and the fix if one is missing, damaged or does not fit.
         """

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
-from ..measure.fit_check import MatchedPlaces, are_seen_at_disparity
+from ..measure.fit_check import MatchedPlaces, are_seen_at_disparity, read_as_disparity
 
 #: Least share of an image that a plateau has, and the factor by which it is nearer or farther than all other points.
 _LEAST_PLATEAU_SHARE, _PLATEAU_DISTANCE_RATIO = 0.002, 1.5
@@ -34,7 +34,7 @@ def find_markers(values: Array, kind: str, camera: StereoCamera, places: Matched
 
 def _find_plateau(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces, nearest: bool) -> float | None:
     """The value of the plateau at one end of the range; None without a plateau."""
-    disparity = _to_disparity(values, kind, camera)
+    disparity = read_as_disparity(values, kind, camera)
     known = disparity > -camera.doffs_px  # no surface is at the horizon or behind the camera
     if not known.any():
         return None
@@ -57,11 +57,3 @@ def is_possible(disparity: Array) -> Array:
     point, or is NaN.
     """
     return ~(np.abs(disparity) >= disparity.shape[1])
-
-
-def _to_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
-    """Disparities in px, NaN where the depth is not in front of the camera."""
-    if kind == "disparity":
-        return values
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(values > 0, camera.disparity(values), np.nan)

@@ -51,13 +51,13 @@ class PadRules:
 
 @dataclass(frozen=True)
 class Rules:
-    """All rules."""
+    """The limits of a safe site (``site``) and of a landing pad (``pad``)."""
 
     site: SiteRules
     pad: PadRules
 
     def to_json(self) -> dict[str, dict[str, float]]:
-        """The rules that apply, as tables."""
+        """The rules as JSON tables, without limits that do not apply."""
         tables: dict[str, dict[str, float | None]] = asdict(self)
         return {
             part: {key: value for key, value in table.items() if value is not None} for part, table in tables.items()

@@ -14,20 +14,6 @@ from .safe_sites import Sites, choose_site
 
 #: The shares of unsafe cells taken for safe at which a ROC curve is sampled.
 ROC_FALSE_SAFE_SHARES = tuple(float(each) for each in np.linspace(0, 1, 51))
-#: The numbers of ``score_sites``, in this order.
-SITE_NUMBERS = (
-    "base_rate",
-    "taken",
-    "precision",
-    "recall",
-    "average_precision",
-    "roc_area",
-    "false_safe",
-    "safe_lost",
-    "regret",
-    "unsafe_choice",
-    "no_site",
-)
 
 
 def score_sites(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:

@@ -177,10 +177,10 @@ def _compare_materials(truth: SiteLayers, found: SiteLayers, among: Array) -> di
 def compare_beside_lander(
     workspace: Workspace, found: DecisionMaps, depth_m: Array, pose: Array
 ) -> dict[str, float | None]:
-    """The effect of leaving out the pixels beside the lander, over the seen cells in reach.
+    """Measure the pixels beside the lander, which the elevation model leaves out, over the seen cells in reach.
 
-    ``beside_rmse_m``: of the heights that these pixels alone give; ``beside_bias_m`` of them; ``beside_share``: the
-    share of the cells that only they know.
+    ``beside_rmse_m`` and ``beside_bias_m``: errors of the heights from these pixels alone. ``beside_share``: the share
+    of cells that have a height only from them.
     """
     prepared = workspace.prepared
     beside = find_ground_pixels(prepared) & ~_find_pixels_apart_from_lander(prepared)

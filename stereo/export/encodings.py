@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...support.arrays import Array
-from ..images.image_files import write_bytes
+from ...support.files import write_bytes
 from .losses import Loss
 
 #: KITTI and others store 256 times the disparity as 16-bit PNG; 0 is no value.

@@ -143,7 +143,7 @@ def build_geometry(planned: Sequence[PlannedPair], out: Path, blender: str, hear
 
 
 def _write_folders(kind: str, folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
-    """Write the ground of the pairs in folders, and warn of what its files lack."""
+    """Write the ground of the pairs in folders, and warn of content that the files lack."""
     if context.changes:
         raise IcyMoonError("--set changes the response of the camera, which ground does not have; leave it out.")
     pairs = {pair.id: pair for pair in map(read_pair, folders)}

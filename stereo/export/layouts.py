@@ -30,10 +30,10 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
 from ...support.errors import DiskError, IcyMoonError, describe_error
-from ...support.files import escape_cell, write_atomically, write_json, write_text
+from ...support.files import escape_cell, write_atomically, write_bytes, write_json, write_text
 from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC_NAMES
 from ..images.develop import describe_exposure, to_8_bit
-from ..images.image_files import write_bytes, write_png
+from ..images.image_files import write_png
 from ..measure.prepare_pair import LoadedPair, list_distinct_pairs, load_pair
 from ..measure.sequences import sort_by_time
 from . import Export, find_plugins

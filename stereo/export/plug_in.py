@@ -156,8 +156,9 @@ class PluginExport:
             self._loaded.write_all(each, folder)
 
     def write_pair(self, pair: ExportedPair | LoadedPair, name: str, out: Path) -> Sequence[Loss] | None:
-        """Write a pair to the folder ``name`` in ``out``; return the losses of one of ours. Raises IcyMoonError if the
-        plug-in fails or writes nothing."""
+        """Write a pair to the folder ``name`` in ``out``; return the losses of a built-in export. Raises IcyMoonError
+        if the plug-in fails or writes nothing.
+        """
         with fill_whole_folder(out / name) as folder:
             with explain_failures(self.plugin):
                 losses: Sequence[Loss] | None = self._write_pair(pair, folder)
@@ -181,7 +182,7 @@ class PluginExport:
 
     @contextmanager
     def _open_target_folder(self, out: Path) -> Iterator[Path]:
-        """The folder that is given to one of ours, or one whose files come there."""
+        """The folder that a built-in export gets, or a temporary folder whose files are moved there."""
         if self.plugin.built_in:
             yield out
             return

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
+from ...support.files import write_bytes
 from ..images.colours import colour_signed_errors
-from ..images.image_files import write_bytes
 from ..measure.prepare_pair import PreparedPair
 from ..measure.row_metrics import disparity_to_depth
 

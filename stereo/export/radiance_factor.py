@@ -20,9 +20,9 @@ from ...physics.light.sunlight import sun_colour
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
+from ...support.files import write_bytes
 from ...support.labels import LIGHT_GROUPS
 from ..images.develop import scale_radiance
-from ..images.image_files import write_bytes
 from ..measure.prepare_pair import LoadedPair
 from . import Export
 from .cameras import pixel_rays

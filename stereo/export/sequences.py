@@ -25,9 +25,9 @@ from ...formats.trajectories import pose_text
 from ...physics.camera.optical_flow import Flow, find_flow
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.files import escape_cell, write_text
+from ...support.files import escape_cell, write_bytes, write_text
 from ..images.develop import to_8_bit
-from ..images.image_files import write_bytes, write_png
+from ..images.image_files import write_png
 from ..measure.prepare_pair import LoadedPair
 from ..measure.sequences import make_sequence_key
 from . import Export

@@ -23,12 +23,12 @@ from ...render.pairs.pair_folder import EYES
 from ...render.pairs.scene_splits import find_split_of_pair, name_scene
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.files import explain_disk_errors, hash_file, make_part_path, write_json, write_text
+from ...support.files import explain_disk_errors, hash_file, make_part_path, write_bytes, write_json, write_text
 from ...support.number_text import format_count
 from ...support.system import remove, replace
 from ...support.version import version
 from ..images.develop import to_8_bit
-from ..images.image_files import encode_image, write_bytes
+from ..images.image_files import encode_image
 from ..measure.prepare_pair import LoadedPair
 from . import Export
 from .encodings import KITTI_STEPS_PER_PX, quantise_to_16_bits, write_pfm
@@ -212,7 +212,7 @@ class _Shards:
         self._count: Counter[str] = Counter()
 
     def add(self, split: str, key: str, files: Mapping[str, bytes]) -> str:
-        """Add the files of a pair; the name of their shard."""
+        """Add the files of a pair, and return the name of their shard."""
         if split not in self._open:
             name = f"{split}-{self._count[split]:06d}.tar"
             self._count[split] += 1

@@ -11,12 +11,12 @@ from ...support.system import flush, remove_folder, replace
 
 
 @contextmanager
-def fill_whole_folder(target: Path, name: str = "") -> Iterator[Path]:
+def fill_whole_folder(target: Path) -> Iterator[Path]:
     """A folder to fill. Its files come to ``target`` once all of them are written, so that none is half there.
 
-    The folder lies beside ``name`` in ``target``, or beside ``target`` itself.
+    The folder is beside ``target``.
     """
-    part = make_part_path(target / name)
+    part = make_part_path(target)
     with explain_disk_errors("write", target):
         part.mkdir(parents=True)
     try:

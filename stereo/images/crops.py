@@ -110,7 +110,7 @@ def _make_truth_arrays(camera: StereoCamera, left: Truth, right: Truth) -> dict[
 
 
 def _depends_on_single_pixels(pair: Pair, settings: Settings) -> bool:
-    """Whether the value of each pixel depends only on the light at that pixel, apart from the exposure."""
+    """Whether each pixel's value depends only on the light at this pixel and on the exposure."""
     camera, sensor = pair.camera, settings.sensor
     if any(pair.image(eye) != pair.truth(eye) for eye in EYES):
         return False  # blurred: the truth is in separate files

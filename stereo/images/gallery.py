@@ -10,9 +10,10 @@ import numpy as np
 
 from ...render.pairs.pair_folder import Pair, read_pair
 from ...support.arrays import Array
+from ...support.files import write_bytes
 from .develop import average_bands
 from .exr import read_light
-from .image_files import encode_image, read_picture, write_bytes
+from .image_files import encode_image, read_picture
 
 SCREEN_GAMMA = 1 / 2.2
 #: JPEG qualities of a sheet; the first that gives a small enough file is used.

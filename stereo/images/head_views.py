@@ -75,20 +75,20 @@ def _rays(camera: HeadCamera) -> tuple[Array, Array]:
     return rays_of(camera.projection, make_pixel_grid(*camera.projection.size_px))
 
 
-def read_head_views(pair: Pair, groups: bool = True) -> Iterator[HeadView]:
-    """The cameras beside a pair, one after the other, with or without the ``groups`` of their light.
+def read_head_views(pair: Pair) -> Iterator[HeadView]:
+    """The cameras beside a pair, one after the other.
 
     Raises IcyMoonError with the name of the file if it is damaged or of another size than its camera.
     """
     for camera in pair.head:
-        yield read_head_view(pair, camera, groups)
+        yield read_head_view(pair, camera)
 
 
-def read_head_view(pair: Pair, camera: HeadCamera, groups: bool = True) -> HeadView:
+def read_head_view(pair: Pair, camera: HeadCamera) -> HeadView:
     """One camera, see ``read_head_views``."""
     image = pair.folder / image_file(camera.name)
     truth = image if is_plain(camera.projection) else pair.folder / truth_file(camera.name)
-    light, seen = exr.read_light(image, groups=groups), exr.read_distances(truth)
+    light, seen = exr.read_light(image), exr.read_distances(truth)
     _check_size(image, light.radiance, camera.rendered.size_px)
     _check_size(truth, seen.depth, camera.projection.size_px)
     if image != truth:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from ...support.arrays import Array
-from ...support.files import write_atomically
+from ...support.files import write_bytes
 from ...support.foreign_bytes import ForeignBytes, RefusedError, read
 from .image_headers import MOST_IMAGE_BYTES, EncodedImage, check_size, parse_image, parse_png
 
@@ -28,15 +28,6 @@ _MAKE_AGAIN = "make it again"
 Decode = Callable[[EncodedImage], Array]
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file atomically."""
-    write_atomically(path, lambda part: _write_part(part, content))
-
-
-def _write_part(part: Path, content: bytes) -> None:
-    part.write_bytes(content)
-
-
 def write_png(path: Path, image: Array) -> None:
     """Write uint8 or uint16 grey (H, W) or BGR (H, W, 3) as PNG, atomically."""
     write_bytes(path, encode_image(image, ".png"))
@@ -49,7 +40,7 @@ def encode_image(image: Array, suffix: str, quality: int = 85) -> bytes:
 
 
 def decode_in_this_process(image: EncodedImage) -> Array:
-    """The pixels of an image of ours, decoded by OpenCV in this process.
+    """The pixels of an image that Icy Moon wrote, decoded by OpenCV in this process.
 
     Foreign images are decoded by ``bounded_decoding.decode``. Raises ValueError if the image is damaged.
     """
@@ -78,10 +69,14 @@ def read_png(path: Path, decode: Decode | None = None) -> Array:
     )
 
 
-def read_picture(path: Path, decode: Decode = decode_in_this_process) -> Array:
+def read_picture(path: Path) -> Array:
     """A PNG, JPEG or WebP file, as from ``read_png``. Raises IcyMoonError for other, damaged and too large files."""
     return read(
-        path, lambda foreign: decode(parse_image(foreign)), "a whole image", _MAKE_AGAIN, memory=MOST_IMAGE_BYTES
+        path,
+        lambda foreign: decode_in_this_process(parse_image(foreign)),
+        "a whole image",
+        _MAKE_AGAIN,
+        memory=MOST_IMAGE_BYTES,
     )
 
 

@@ -1,4 +1,4 @@
-"""Masks of rocks and shadows: from polygons and triangles, dilated, eroded, and compared."""
+"""Masks of rocks and shadows: from polygons and convex hulls, dilated, eroded, and compared."""
 
 from __future__ import annotations
 
@@ -28,14 +28,6 @@ def fill_polygons(shape: tuple[int, int], outlines: Sequence[Array], finer: int 
     for each in outlines:
         cv2.fillPoly(mask, [_to_fixed_point(np.asarray(each) * finer)], (1,), shift=_FRACTION_BITS)
     return mask[finer // 2 :: finer, finer // 2 :: finer].astype(bool)
-
-
-def fill_triangles(shape: tuple[int, int], corners: Array, faces: Array) -> Array:
-    """Mask (H, W) of the union of triangles ``faces`` (m, 3) of ``corners`` (n, 2) in pixels."""
-    mask, at = np.zeros(shape, np.uint8), _to_fixed_point(corners)
-    for face in faces:
-        cv2.fillConvexPoly(mask, at[face], (1,), shift=_FRACTION_BITS)
-    return mask.astype(bool)
 
 
 def fill_hulls(shape: tuple[int, int], parts: Sequence[Array]) -> Array:

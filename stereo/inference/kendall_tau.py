@@ -1,4 +1,4 @@
-"""Whether two lists of numbers are in the same order (Kendall 1938)."""
+"""Kendall's tau-b, the agreement of the orders of two lists of numbers (Kendall 1938)."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ undefined.
   bound and all 1 for the upper one. Where each scene is 0 or 1, these are the bounds of Clopper and Pearson (1934).
 * **Other means** can be held up by a few large values that the scenes do not contain, so there is an interval only from
   ``FEWEST_FOR_MEAN`` scenes on, by the bootstrap-t (Efron and Tibshirani 1993), and below ``FEWEST_EXACT`` it is
-  approximate. Means of what is never negative have it for their logarithm.
+  approximate. For quantities that are never negative, the interval is for the logarithm of the mean.
 
 An interval does not hold for scenes of another kind.
 """

@@ -17,8 +17,6 @@ preferences: its place in that list, the option that is asked for, a label and a
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
@@ -33,10 +31,9 @@ from ...support.errors import IcyMoonError
 from ...support.printer import show_controls
 from ...support.suggestions import suggest_nearest
 from ..images.image_values import describe_size, to_8_bit, to_grey
-from ..measure.metrics import COSTS
 from .options import resolve_options
-from .result import Result
 from .search_range import SearchRange
+from .timed_match import match_timed
 
 #: Names that have another meaning where methods are named.
 _RESERVED_NAMES = (OWN_PREFIX, "prediction")
@@ -118,9 +115,8 @@ def match_checked(
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
-    * info: ``method``, the complete ``options``, the ``COSTS`` of the matching alone (including a program that it
-      started; None where unknown), ``arrays``, ``counts`` and ``facts``, see ``Result``, and ``search``, the range that
-      was searched, or None if the matcher has no range.
+    * info: ``method``, the complete ``options``, the costs from ``match_timed``, ``arrays``, ``counts`` and ``facts``,
+      see ``Result``, and ``search``, the range that was searched, or None if the matcher has no range.
 
     A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for images that cannot be used or are
     too small for the options, and if a matcher that measures everywhere gave no number at all.
@@ -139,9 +135,7 @@ def match_checked(
         complete, search = settle(complete, ranges or {}, left.shape)
     if load := getattr(module, "load", None):
         load(complete)
-    cpu, wall = _read_cpu_seconds(), time.perf_counter()
-    result: Result = module.compute(left, right, complete, camera)
-    costs = {"seconds": _read_cpu_seconds() - cpu, "wall_seconds": time.perf_counter() - wall}
+    result, costs = match_timed(module.compute, left, right, complete, camera)
     valid = (result.disparity > 0) & np.isfinite(result.disparity)
     if not valid.any() and not getattr(module, "SPARSE", False):
         what = "a positive number" if np.isfinite(result.disparity).any() else "a number"
@@ -155,9 +149,7 @@ def match_checked(
         {
             "method": method,
             "options": complete,
-            **dict.fromkeys(COSTS),
             **costs,
-            **result.costs,
             "arrays": result.arrays,
             "counts": result.counts,
             "facts": result.facts,
@@ -233,12 +225,6 @@ def _load_plugin(plugin: Plugin) -> Any:
     from .plug_in import PluginMatcher  # imported here, because it needs OpenCV
 
     return PluginMatcher(plugin)
-
-
-def _read_cpu_seconds() -> float:
-    """CPU seconds of this process and of the programs that it has waited for (Windows does not count these)."""
-    children = os.times()
-    return time.process_time() + children.children_user + children.children_system
 
 
 def _check_image(image: Array, name: str) -> Array:

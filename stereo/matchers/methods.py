@@ -33,7 +33,7 @@ class Method:
 
 @dataclass(frozen=True)
 class StatedMethod:
-    """A method as the user states it: the options are texts, and some of the matcher's."""
+    """A method as the user states it: the options are texts, and may be only some of the matcher's options."""
 
     label: str
     name: str

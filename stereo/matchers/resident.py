@@ -43,7 +43,9 @@ def check(options: dict[str, Any]) -> None:
 def settle(
     options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
 ) -> tuple[dict[str, Any], None]:
-    """The options with ``range_px``, the disparities that the rig can see, if it is known; the program may obey it."""
+    """The options, with the range of disparities that the rig can see as ``range_px`` if it is known. The program may
+    ignore it.
+    """
     seen = ranges.get(AUTO)
     return options | ({"range_px": [seen.least_px, seen.most_px]} if seen else {}), None
 

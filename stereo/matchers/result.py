@@ -16,4 +16,4 @@ class Result:
     arrays: dict[str, Array] = field(default_factory=dict)  # kept in the npz beside the disparity
     counts: dict[str, int] = field(default_factory=dict)  # pixels per outcome
     facts: dict[str, Any] = field(default_factory=dict)  # such as the device, for the provenance
-    costs: dict[str, float] = field(default_factory=dict)  # what another process took, by the names of costs.COSTS
+    costs: dict[str, float] = field(default_factory=dict)  # costs of another process, by names from metrics.COSTS

@@ -209,8 +209,3 @@ def add_sums(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[st
         for factor, sums in one.items()
         if factor in other
     }  # an earlier version had fewer factors
-
-
-def average_by_class(sums: Mapping[str, Sequence[float]], key: str, over: str = "n") -> list[float | None]:
-    """Per class, the mean of ``key`` over the pixels that the sum ``over`` counts; None without pixels."""
-    return [part / whole if whole else None for part, whole in zip(sums[key], sums[over], strict=True)]

@@ -257,7 +257,7 @@ class _DigitCounts:
         return np.asarray(cv2.integral(table, sdepth=cv2.CV_32S)).ravel()
 
     def below(self, prefixes: Array, limits: Array) -> list[Array]:
-        """The counts for pairs of a prefix and a limit: of all digits, and of those in each region."""
+        """For pairs of a prefix and a limit, the counts of smaller digits: of all, and of the ones in each region."""
         group, rest = prefixes >> _GROUP_BITS, prefixes & _GROUP_SIZE - 1  # far faster than to divide
         cell = group * self._columns + limits
         before = self._tables[0].take(cell)

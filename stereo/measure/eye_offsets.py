@@ -4,7 +4,7 @@ There are two independent tests. The **truth** of both eyes has no noise: a poin
 for rounding. So a wrong f·B, a shift or a shifted row is visible wherever there is relief, in any light. The **light**
 shows whether the images belong to that truth. It has noise, shadows, and glints that each eye sees in another place. So
 it is compared by its local contrast, limited so that no glint outweighs the ground, and the jackknife over tiles gives
-every number a standard error. What cannot be determined is NaN.
+every number a standard error. Undetermined numbers are NaN.
 """
 
 from __future__ import annotations

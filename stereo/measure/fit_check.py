@@ -130,7 +130,7 @@ def find_fault(values: Array, kind: str, camera: StereoCamera, places: MatchedPl
     """
     if not places.are_enough():
         return None
-    stated = _read_as_disparity(values, kind, camera)
+    stated = read_as_disparity(values, kind, camera)
     here = _measure_agreeing_share(stated, places.left, places.step)
     best: FitFault | None = None
     for name, disparity, found in _list_other_readings(values, kind, camera, places):
@@ -160,7 +160,7 @@ def find_misfit(values: Array, kind: str, camera: StereoCamera, places: MatchedP
     whose ``factor`` is that focal length over the stated one. None if neither is found."""
     if not places.are_enough():
         return None
-    thinned = _thin(_read_as_disparity(values, kind, camera), places.step) / places.step
+    thinned = _thin(read_as_disparity(values, kind, camera), places.step) / places.step
     scale = _find_scale(thinned, places.left)
     if scale is not None:
         return FitFault("scale", scale if kind == "depth" else 1 / scale)
@@ -229,7 +229,7 @@ def is_confirmed(values: Array, kind: str, camera: StereoCamera, places: Matched
     "disparity" (px), NaN where unknown, puts them."""
     return (
         places.are_enough()
-        and _measure_agreeing_share(_read_as_disparity(values, kind, camera), places.left, places.step)
+        and _measure_agreeing_share(read_as_disparity(values, kind, camera), places.left, places.step)
         >= _LEAST_RIGHT_SHARE
     )
 
@@ -251,7 +251,7 @@ def compute_ray_lengths(camera: StereoCamera) -> Array:
     )
 
 
-def _read_as_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
+def read_as_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
     """Disparities in px of depths in m or disparities in px, both NaN where unknown."""
     if kind == "disparity":
         return values
@@ -263,12 +263,12 @@ def _list_other_readings(
     values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces
 ) -> Iterator[tuple[str, Array, Array]]:
     """Names of readings, their disparities (H, W), and the places with which they are compared."""
-    stated = _read_as_disparity(values, kind, camera)
+    stated = read_as_disparity(values, kind, camera)
     other = "depth" if kind == "disparity" else "disparity"
-    yield other, _read_as_disparity(values, other, camera), places.left
+    yield other, read_as_disparity(values, other, camera), places.left
     yield "inverse", values * camera.focal_baseline_px_m - camera.doffs_px, places.left
     if kind == "depth":
-        yield "ray", _read_as_disparity(values / compute_ray_lengths(camera), kind, camera), places.left
+        yield "ray", read_as_disparity(values / compute_ray_lengths(camera), kind, camera), places.left
     for name, turn in TURN_BY_READING.items():
         yield name, turn(stated), places.left
     yield "right_eye", warp_to_other_eye(stated, "right"), places.left

@@ -147,12 +147,12 @@ def load_pair(folder: Path, response: Mapping[str, Mapping[str, Any]], measuring
 
 
 def prepare_pair(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-    """Load one pair and compute what matchers and metrics need; see ``load_pair``."""
+    """Load one pair and compute the inputs of matchers and metrics; see ``load_pair``."""
     return prepare_loaded(load_pair(folder, response, measuring=True))
 
 
 def prepare_loaded(loaded: LoadedPair) -> PreparedPair:
-    """Compute what matchers and metrics need of a pair."""
+    """Compute the inputs of matchers and metrics for a pair."""
     view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
     left, right = loaded.images.for_matchers()
     gradient = measure_texture(left)

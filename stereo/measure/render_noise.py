@@ -121,8 +121,8 @@ def judge_render_noise(
 
 
 def measure_hidden_share(difference: Array, converged: Array, visible: Array) -> float | None:
-    """The share of pixels that the noise of a render truly hides, where a converged render of it is known: what the
-    verdict estimates from the render alone. None if nothing is ``visible``.
+    """The share of pixels that the noise of a render truly hides, where a converged render of it is known: the estimate
+    of the verdict from the render alone. None if nothing is ``visible``.
 
     ``difference`` (H, W) is the render less the ``converged`` one, in grey levels. Around a hidden pixel it varies more
     than the converged image does. A difference that is the same all around changes no pattern, and so no match.

@@ -19,7 +19,7 @@ DISPARITY_STEP = 16  # and max_disparity of this
 class DSMNet(nn.Module):
     """Disparity by a volume of features, aggregated along the surfaces of the left image.
 
-    ``max_disparity`` px, a multiple of 16, is the largest that can come out.
+    ``max_disparity`` px, a multiple of 16, is the largest possible output.
     """
 
     def __init__(self, max_disparity: int = 192) -> None:

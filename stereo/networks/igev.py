@@ -70,7 +70,7 @@ class IGEVStereo(nn.Module):
     def forward(self, left: Tensor, right: Tensor, iterations: int = 32) -> Tensor:
         """Disparity of the left image, (N, 1, H, W) px, from RGB of 0 to 255, (N, 3, H, W), sides multiples of 32.
 
-        The time of an iteration is constant; there must be one.
+        Each of the ``iterations`` takes the same time. Raises ValueError for fewer than one.
         """
         if iterations < 1:
             raise ValueError(f"iterations is {iterations}, not 1 or more")

@@ -13,9 +13,10 @@ import numpy as np
 from ...render.pairs.pair_folder import Pair, is_complete, read_pair
 from ...render.plans.planned_pair import PlannedPair
 from ...support.arrays import Array
+from ...support.files import write_bytes
 from ...support.labels import TERRAIN
 from ..images.gallery import find_automatic_white, read_radiance, to_screen_picture, write_sheet
-from ..images.image_files import read_png, write_bytes
+from ..images.image_files import read_png
 from ..images.views import read_eye
 from ..matchers.methods import describe_method
 from ..report.by_setting import find_swept_settings

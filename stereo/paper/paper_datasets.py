@@ -1,4 +1,4 @@
-"""The data sets that the tables and figures of the GUISS paper are made from, as large as they are asked for."""
+"""The data sets for the tables and figures of the GUISS paper, in the requested size."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ _LEAST_CROSSED_SHARE, _LEAST_REPEATS = 0.9, 2
 
 @dataclass(frozen=True)
 class FactorLines:
-    """The lines that the charts of a setting have for another one, ``factor``."""
+    """The lines in the charts of a setting, one for each value of another setting, ``factor``."""
 
     factor: VariedSetting
     names: list[str]

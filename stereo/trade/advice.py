@@ -82,11 +82,8 @@ def find_pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str,
     alike = [row for row in rows if row["group"] not in SHAPES]
     shown = [row for row in rows if _shows_this_scene(row)]
     return {
-        "radiance": [alike[k] for k in find_pareto_front(alike, "cpu_s", ("rmse",))],
-        **{
-            method: [shown[k] for k in find_pareto_front(shown, "cpu_s", ("loss", method, "epe_px"))]
-            for method in methods
-        },
+        "radiance": [alike[k] for k in find_pareto_front(alike, ("rmse",))],
+        **{method: [shown[k] for k in find_pareto_front(shown, ("loss", method, "epe_px"))] for method in methods},
     }
 
 

@@ -317,12 +317,12 @@ def _average_known(values: Sequence[float | None]) -> float | None:
     return float(np.mean(known)) if known else None
 
 
-def find_pareto_front(rows: Sequence[Mapping[str, Any]], cost: str, error: Sequence[str]) -> list[int]:
-    """Indices of the rows that no other beats in both cost and error, cheapest first.
+def find_pareto_front(rows: Sequence[Mapping[str, Any]], error: Sequence[str]) -> list[int]:
+    """Indices of the rows that no other beats in both CPU time and error, cheapest first.
 
     ``error`` is a path such as ("loss", "sgbm", "epe_px"); rows without a number there are left out.
     """
-    points = [(find_number(row, cost), find_number(row, *error), k) for k, row in enumerate(rows)]
+    points = [(find_number(row, "cpu_s"), find_number(row, *error), k) for k, row in enumerate(rows)]
     best, found = float("inf"), []
     for _, wrong, k in sorted((a, b, k) for a, b, k in points if a is not None and b is not None):
         if wrong < best:

@@ -72,7 +72,7 @@ def _format_interval(quantity: Quantity, ends: tuple[float, float], sign: str = 
 
 
 def summarise(records: Sequence[Mapping[str, Any]], methods: Sequence[Method]) -> tuple[list[SummaryRow], int]:
-    """The rows of all quantities, and the number of pairs that an interval of the typical differences takes.
+    """The rows of all quantities, and the smallest number of pairs for an interval of the typical difference.
 
     All differences are one family. ``records`` are from ``measured.read_or_measure``.
     """

@@ -151,9 +151,9 @@ def test_an_interruption_between_the_files_leaves_no_record(folder, monkeypatch,
         writes.append(path)
         if len(writes) > done:
             raise KeyboardInterrupt
-        files.write_atomically(path, how)
+        files.write_bytes(path, how)
 
-    monkeypatch.setattr(cached_files, "write_atomically", write)
+    monkeypatch.setattr(cached_files, "write_bytes", write)
     with pytest.raises(KeyboardInterrupt):
         cached_files.find_texture_files("FIRN")
     assert not (folder / "firn" / "made.json").exists()

@@ -11,7 +11,8 @@ from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
-from icymoon.settings.description import digest, merged
+from icymoon.settings.description import merged
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.stereo.images.views import read_sensor_depth
 
 FLAT: dict[str, dict[str, object]] = {
@@ -25,7 +26,7 @@ FLAT: dict[str, dict[str, object]] = {
 def test_each_sensor_of_a_rendered_pair_has_the_depth_of_the_plane_that_opencv_sees(tmp_path):
     """The ground is a plane, so a pixel's depth follows from its ray alone."""
     settings = merged(head_settings("nearly alike", pitch_deg=50.0, height_m=1.5), FLAT)
-    planned = PlannedPair(digest(settings), settings, 0.0)
+    planned = PlannedPair(make_pair_id(settings), settings, 0.0)
     with ScenesFromSettings(lambda warning: None) as source:
         render_from(source, [planned], tmp_path, lambda kind, **facts: None)
     pair = read_pair(planned.folder(tmp_path))

@@ -14,7 +14,8 @@ from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
-from icymoon.settings.description import digest, merged
+from icymoon.settings.description import merged
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.stereo.images.lens import make_lens
 from icymoon.stereo.images.views import read_eye, read_sensor_truth
 from icymoon.support.labels import SEMANTIC_NAMES
@@ -86,7 +87,7 @@ def edge_offsets(seen, covered, reach=3):
 @pytest.mark.long
 def test_edges_of_rocks_through_a_fisheye_are_where_rays_have_them(tmp_path, covered):
     settings = merged(head_settings("180 degrees", pitch_deg=55.0, height_m=1.5), SHINING)
-    planned = PlannedPair(digest(settings), settings, 0.0)
+    planned = PlannedPair(make_pair_id(settings), settings, 0.0)
     with ScenesFromSettings(lambda warning: None) as source:
         render_from(source, [planned], tmp_path, lambda kind, **facts: None)
     pair = read_pair(planned.folder(tmp_path))

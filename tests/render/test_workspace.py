@@ -16,7 +16,7 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.ray_stage import CannotTrace, SceneRays
 from icymoon.render.render_pair import open_render_scene
 from icymoon.render.worker import render_pairs
-from icymoon.settings.description import digest
+from icymoon.settings.pair_ids import make_pair_id
 from rendering import complete, empty_scene, on_height_map, render
 
 #: Ground of a height map that no symmetry confuses.
@@ -164,6 +164,6 @@ def test_maps_of_albedo_and_salts_change_nothing_of_the_pairs_after_them(plane, 
 
 def test_without_a_workspace_ids_are_as_before():
     base = complete()
-    assert digest(base) != digest(complete(ON))
-    assert digest(complete({"workspace": {"cell_m": 0.0}})) == digest(base)
-    assert digest(complete({"workspace": {"materials": False}}, ON)) == digest(complete(ON))
+    assert make_pair_id(base) != make_pair_id(complete(ON))
+    assert make_pair_id(complete({"workspace": {"cell_m": 0.0}})) == make_pair_id(base)
+    assert make_pair_id(complete({"workspace": {"materials": False}}, ON)) == make_pair_id(complete(ON))

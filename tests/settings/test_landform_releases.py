@@ -6,7 +6,8 @@ import sys
 import tomllib
 
 import pytest
-from icymoon.settings.description import check, defaults, digest, merged, restore_settings
+from icymoon.settings.description import check, defaults, merged, restore_settings
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.table import TOPICS
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
@@ -55,13 +56,14 @@ off = merged(on, override("landform_waves.height_m=0"))
 stored = json.loads(json.dumps(on))
 other = json.loads(json.dumps(on)); other["landform_waves"]["made_by"] = "icymoon-wave-landform 0.9"
 print(json.dumps({
-    "default": digest(defaults()), "on": digest(on), "off": digest(off), "table": on["landform_waves"],
-    "off_table": off["landform_waves"], "restored": digest(restore_settings(stored, "pair.json")),
+    "default": make_pair_id(defaults()), "on": make_pair_id(on), "off": make_pair_id(off),
+    "table": on["landform_waves"], "off_table": off["landform_waves"],
+    "restored": make_pair_id(restore_settings(stored, "pair.json")),
     "restored_other": restore_settings(other, "pair.json")["landform_waves"]["made_by"],
-    "id_other": digest(restore_settings(other, "pair.json")),
+    "id_other": make_pair_id(restore_settings(other, "pair.json")),
     "old": restore_settings({"terrain": {"size_m": 20.0}}, "pair.json")["landform_waves"]["height_m"],
-    "spacing_alone": digest(merged(defaults(), override("landform_waves.spacing_m=3"))),
-    "spacing": digest(merged(on, override("landform_waves.spacing_m=3"))),
+    "spacing_alone": make_pair_id(merged(defaults(), override("landform_waves.spacing_m=3"))),
+    "spacing": make_pair_id(merged(on, override("landform_waves.spacing_m=3"))),
     "stated": said(lambda: check({"landform_waves": {"height_m": 1.0, "made_by": other["landform_waves"]["made_by"]}},
                                  "a.toml")),
     "range": said(lambda: override("landform_waves.height_m=11")),
@@ -73,7 +75,7 @@ print(json.dumps({
 
 
 def test_installing_one_changes_no_id(there):
-    assert there["default"] == there["off"] == there["spacing_alone"] == digest(defaults())
+    assert there["default"] == there["off"] == there["spacing_alone"] == make_pair_id(defaults())
 
 
 def test_a_description_with_one_names_its_package_and_version(there):
@@ -101,7 +103,7 @@ def test_settings_as_text_have_it_only_where_it_is_on(there):
     assert stated.pop("landform_waves") == there["table"]
     off = tomllib.loads(there["toml_off"])
     assert off == stated
-    assert digest(check(off, "scene.toml")) == there["default"]
+    assert make_pair_id(check(off, "scene.toml")) == there["default"]
 
 
 def test_its_settings_are_checked_and_shown_as_ours_are(there):
@@ -122,14 +124,14 @@ def test_without_the_package_a_pair_can_be_read_and_has_its_id(there):
     table = json.loads(json.dumps(there["table"]))
     found = restore_settings({**defaults(), "landform_waves": table}, "pair.json")
     assert found["landform_waves"] == table
-    assert digest(found) == there["on"]
-    assert digest(merged(found, {"sensor": {"bits": 8}})) == there["on"]
+    assert make_pair_id(found) == there["on"]
+    assert make_pair_id(merged(found, {"sensor": {"bits": 8}})) == there["on"]
 
 
 def test_without_the_package_one_that_was_off_is_none():
     found = restore_settings({**defaults(), "landform_waves": STORED | {"height_m": 0.0, "made_by": ""}}, "pair.json")
     assert "landform_waves" not in found
-    assert digest(found) == digest(defaults())
+    assert make_pair_id(found) == make_pair_id(defaults())
 
 
 @pytest.mark.parametrize("values", [{"height_m": 1.0}, STORED, {}])

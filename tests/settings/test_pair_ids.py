@@ -16,7 +16,7 @@ from icymoon.settings.topics.declaration import Value
 from olddata import upgrade_all
 
 
-def test_the_digest_counts_what_changes_pixels_and_nothing_else():
+def test_an_id_counts_what_changes_pixels_and_nothing_else():
     base = settings.defaults()
     other: Value
     for topic, setting in list_all_settings():
@@ -31,10 +31,12 @@ def test_the_digest_counts_what_changes_pixels_and_nothing_else():
             other = [{s.key: s.default for s in setting.entries}]
         else:
             other = setting.maximum if setting.default != setting.maximum else setting.minimum
-        changed = settings.digest(settings.merged(base, {topic: {setting.key: other}})) != settings.digest(base)
+        changed = pair_ids.make_pair_id(settings.merged(base, {topic: {setting.key: other}})) != pair_ids.make_pair_id(
+            base
+        )
         counts = setting.effect not in ("response", "run") and setting.subtype != "FILE_PATH"
         assert changed == counts, f"{topic}.{setting.key}"
-    assert settings.digest(base, "lander") != settings.digest(base)
+    assert pair_ids.make_pair_id(base, "lander") != pair_ids.make_pair_id(base)
 
 
 #: Checksum of the settings of the first release: the id of a pair depends on every letter and on the order.
@@ -73,15 +75,15 @@ def test_an_id_is_that_of_the_first_version_as_long_as_nothing_later_is_used(des
     )  # the first version had no REAL
     with pytest.MonkeyPatch.context() as patch:
         expected = _of_the_first_version(described, "f/2.0 None s")
-        assert settings.digest(described, "f/2.0 None s") == expected
+        assert pair_ids.make_pair_id(described, "f/2.0 None s") == expected
         upgrade_all(patch)
         later = settings.restore_settings(described, "pair.json")
-        assert settings.digest(later, "f/2.0 None s") == expected
+        assert pair_ids.make_pair_id(later, "f/2.0 None s") == expected
         used = settings.merged(later, {"quality": {"extra_pass": True}})
         also = settings.merged(used, {"rig": {"wobble_deg": 0.1}})
         hums = settings.merged(later, {"sensor": {"hum_e": 5.0}})
-        assert len({settings.digest(each, "f/2.0 None s") for each in (later, used, also)}) == 3
-        assert settings.digest(hums, "f/2.0 None s") == expected
+        assert len({pair_ids.make_pair_id(each, "f/2.0 None s") for each in (later, used, also)}) == 3
+        assert pair_ids.make_pair_id(hums, "f/2.0 None s") == expected
 
 
 def test_newer_settings_may_stand_in_any_order(monkeypatch):
@@ -109,7 +111,7 @@ def test_what_is_added_to_the_tables_of_a_list_counts_where_it_is_used(monkeypat
     assert [layer["skew"] for layer in stored.terrain.layers] == [0.0, 0.0]
     assert [layer["skew"] for layer in fresh.terrain.layers] == [0.5, 0.5]
     ids = {
-        settings.digest(
+        pair_ids.make_pair_id(
             settings.merged(
                 stored,
                 {
@@ -128,7 +130,7 @@ def test_what_is_added_to_the_tables_of_a_list_counts_where_it_is_used(monkeypat
 
 def test_a_setting_may_be_renamed_and_no_id_changes(monkeypatch):
     old = settings.merged(settings.defaults(), {"surface": {"albedo": 0.5}})
-    was = settings.digest(old)
+    was = pair_ids.make_pair_id(old)
     surface = TOPICS["surface"]
     monkeypatch.setitem(
         TOPICS,
@@ -141,14 +143,14 @@ def test_a_setting_may_be_renamed_and_no_id_changes(monkeypatch):
     now = settings.restore_settings(old, "pair.json")
     assert now.surface["whiteness"] == 0.5
     assert "albedo" not in now.surface
-    assert settings.digest(now) == was
+    assert pair_ids.make_pair_id(now) == was
     assert settings.override("surface.albedo=0.4") == {"surface": {"whiteness": 0.4}}
 
 
 def test_real_relief_that_is_not_in_the_mesh_has_the_id_of_bump():
     """It renders the same pixels. Rough ice near the camera has it in the mesh."""
     ids = {
-        (relief, height): settings.digest(
+        (relief, height): pair_ids.make_pair_id(
             settings.merged(
                 settings.defaults(),
                 {"surface": {"relief": relief, "grain_amplitude_m": height}, "rock_surface": {"relief": relief}},
@@ -171,4 +173,4 @@ def test_real_relief_of_rocks_is_never_in_the_mesh_and_that_of_the_ground_is_if_
         {name: {"relief": "BUMP", "grain_amplitude_m": height_m} for name in ("surface", "rock_surface")},
     )
     real = settings.merged(rough, {topic: {"relief": "REAL"}})
-    assert (settings.digest(real) == settings.digest(rough)) == bump
+    assert (pair_ids.make_pair_id(real) == pair_ids.make_pair_id(rough)) == bump

@@ -4,7 +4,8 @@ import json
 from typing import Any
 
 from icymoon.settings import pair_ids
-from icymoon.settings.description import check, defaults, digest, merged
+from icymoon.settings.description import check, defaults, merged
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.table_cache import SettingsTexts, TableCache
 
 
@@ -46,6 +47,8 @@ def test_a_counter_for_many_descriptions_gives_each_the_id_that_it_has_alone():
         base | {topic: base[topic] | values for topic, values in check(part, "test").items()} for part in parts
     ]  # which share the other tables, as those of a plan do
     count = pair_ids.make_counter()
-    assert [digest(each, "x", count) for each in described] == [digest(merged(each), "x") for each in described]
-    assert len({digest(each, "x", count) for each in described}) == len(parts)
+    assert [make_pair_id(each, "x", count) for each in described] == [
+        make_pair_id(merged(each), "x") for each in described
+    ]
+    assert len({make_pair_id(each, "x", count) for each in described}) == len(parts)
     assert [json.loads(text) for text in count(described[1])] == pair_ids.list_counted_values(described[1])

@@ -9,6 +9,7 @@ from typing import Any
 from icymoon.physics.camera.blur import describe_blur_identity
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
+from icymoon.settings.pair_ids import make_pair_id
 
 TINY: dict[str, Any] = {
     "terrain": {"resolution": 33},
@@ -21,7 +22,7 @@ TINY: dict[str, Any] = {
 def planned(*parts: dict[str, Any]) -> PlannedPair:
     """One tiny pair with changes."""
     settings = description.merged(description.defaults(), *(description.check(p, "test") for p in (TINY, *parts)))
-    return PlannedPair(description.digest(settings, describe_blur_identity(settings)), settings, 0.0)
+    return PlannedPair(make_pair_id(settings, describe_blur_identity(settings)), settings, 0.0)
 
 
 def grid(

@@ -17,15 +17,15 @@ import os, sys
 sys.path.append(sys.argv[1])
 import bpy, icymoon
 from icymoon.settings.blender import scene_properties
-from icymoon.settings.description import digest
+from icymoon.settings.pair_ids import make_pair_id
 icymoon.register()
 scene = bpy.context.scene
-plain = digest(scene_properties.read_settings(scene.icymoon))
+plain = make_pair_id(scene_properties.read_settings(scene.icymoon))
 scene.icymoon.landform_waves.height_m = 0.5
 settings = scene_properties.read_settings(scene.icymoon)
 assert settings["landform_waves"]["made_by"] == "icymoon-wave-landform 1.0.0", settings["landform_waves"]
 assert scene_properties.read_for_display(scene.icymoon) == settings  # so that nothing looks changed
-assert digest(settings) != plain
+assert make_pair_id(settings) != plain
 panel = bpy.types.ICYMOON_PT_landform_waves
 assert (panel.bl_label, panel.bl_parent_id) == ("Frost Waves", "ICYMOON_PT_landforms")
 assert scene.icymoon.landform_waves.bl_rna.properties["height_m"].description.startswith("Height of the highest crests")

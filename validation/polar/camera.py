@@ -1,7 +1,7 @@
 """The stereo camera of the photographs, fitted to the outlines of the rocks.
 
 The fit has a focal length and a principal point for each eye, two terms of radial distortion for both, the right eye's
-turn and place beside the left one, and a pose of the left eye for each position. The survey is where it starts.
+rotation and position relative to the left one, and a pose of the left eye for each position. It starts from the survey.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Calibration:
 
     @property
     def baseline_m(self) -> float:
-        """Distance of the eyes."""
+        """Distance between the eyes in metres."""
         position = next(iter(self.eyes)).position
         left, right = (self.eyes[View(position, eye)].place_m for eye in EYES)
         return float(np.linalg.norm(right - left))
@@ -108,7 +108,7 @@ class Calibration:
 
     @property
     def median_px(self) -> float:
-        """Median of the distances."""
+        """Median distance in pixels between outlines and projected rocks."""
         return float(np.median(np.abs(self.left_px)))
 
 
@@ -123,7 +123,7 @@ def _make_eye(x: Array, position: str, eye: str, pose: Array) -> Eye:
 
 
 def find_extreme_points(points: Array, count: int = 300) -> Array:
-    """Those of the points (n, 3) that are farthest in some of many directions, which alone can be outline."""
+    """The points of (n, 3) that are farthest in one of ``count`` directions; only these can be on an outline."""
     k = np.arange(count) + 0.5
     polar, around = np.arccos(1 - 2 * k / count), np.pi * (1 + math.sqrt(5)) * k
     toward = np.stack([np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)])
@@ -144,11 +144,11 @@ class _Outlines:
         self._points, self._firsts = np.concatenate(parts), np.cumsum([0, *map(len, parts)])[:-1]
 
     def middles(self, eye: Eye) -> Array:
-        """Their middles (n, 2) in pixels."""
+        """The middles (n, 2) of the outlines in pixels."""
         return _outline_middles(np.split(eye.project(self._points), self._firsts[1:]))
 
     def supports(self, eye: Eye) -> Array:
-        """How far each reaches in each direction, (n, directions) in pixels."""
+        """Extent of each outline in each direction, (n, directions) in pixels."""
         return np.asarray(np.maximum.reduceat(eye.project(self._points) @ _OUTLINE_DIRECTIONS, self._firsts))
 
 
@@ -296,10 +296,10 @@ def fit_camera(terrain: Terrain) -> Calibration:
 
 
 def measure_compared_share(terrain: Terrain, targets: dict[View, Array]) -> float:
-    """Share of the rocks that have an outline to be compared with, of those that could have one.
+    """Share of the rocks with an outline to compare, among the rocks that could have one.
 
-    ``targets`` are what ``_measure_outline_supports`` finds. Of rocks of another terrain a few meet some outline by
-    chance, and a camera can be fitted to so few.
+    ``targets`` are from ``_measure_outline_supports``. A few rocks of a wrong terrain meet some outline by chance, and
+    a camera can be fitted to these few.
     """
     compared = sum(int(np.isfinite(target).any(axis=1).sum()) for target in targets.values())
     outlined = [

@@ -83,7 +83,7 @@ class Rock:
 
 @dataclass(frozen=True, order=True)
 class View:
-    """Where a photograph was taken from: camera position and eye."""
+    """The viewpoint of a photograph: camera position and eye."""
 
     position: str
     eye: str
@@ -91,7 +91,7 @@ class View:
 
 @dataclass(frozen=True)
 class Polygon:
-    """A thing that was outlined in a photograph by hand: its class, and corners (n, 2) in pixels."""
+    """An object that was outlined by hand in a photograph: its class, and its corners (n, 2) in pixels."""
 
     kind: int
     corners: Array
@@ -128,9 +128,9 @@ class Terrain:
 
 
 def read_terrains(folder: Path) -> list[Terrain]:
-    """The terrains of a folder.
+    """Read all complete terrains of a folder.
 
-    Raises IcyMoonError if it has no whole terrain, or if one of its files cannot be read or is invalid.
+    Raises IcyMoonError if it has no complete terrain, or if one of its files cannot be read or is invalid.
     """
     if not folder.is_dir():
         raise IcyMoonError(f"--polar: there is no folder {folder}; {DATA_ADVICE}.")
@@ -224,7 +224,9 @@ def _parse_polygons(path: Path, content: str) -> tuple[Polygon, ...]:
 
 
 def read_rock(path: Path, number: int) -> Rock:
-    """A rock from an OBJ file. Raises IcyMoonError if it is no such file, or too large or too small for a rock."""
+    """Read a rock from an OBJ file. Raises IcyMoonError for another file, and if it is too large or too small for a
+    rock.
+    """
     rock = Rock(
         number,
         *read(

@@ -1,8 +1,8 @@
-"""How well the labels agree with themselves, which bounds how well anything else can agree with them.
+"""The agreement of the labels with each other, an upper bound for the agreement of renders with them.
 
-Rocks do not move between the lamps, so outlines of one view are compared between photographs, unless two photographs
-have an outline in common, since it was copied. The shadows of a lamp were outlined in both eyes, so the left eye's
-outlines are laid on the fitted sand and seen with the right eye.
+Rocks do not move between the lamps, so outlines of one view are compared between photographs. Two photographs that
+share an outline are left out, because it was copied. The shadows of a lamp were outlined in both eyes, so the left
+eye's outlines are laid on the fitted sand and seen with the right eye.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _MASK_SHAPE = (int(HEIGHT_PX * _MASK_SCALE), int(WIDTH_PX * _MASK_SCALE))
 class LabelAgreement:
     """Intersections over union of labels with labels, by position; NaN where nothing can be compared.
 
-    ``rocks`` is of one lamp beside another, ``shadows`` of the left eye beside the right one.
+    ``rocks`` compares one lamp with another, ``shadows`` the left eye with the right one.
     """
 
     rocks: dict[str, float]
@@ -39,7 +39,7 @@ class LabelAgreement:
 
 
 def measure_label_agreement(terrain: Terrain, camera: Calibration, sand: Sand) -> LabelAgreement:
-    """How the labels of each position agree with themselves."""
+    """Measure the agreement of the labels at each position with each other."""
     table = HeightTable(sand)
     return LabelAgreement(
         {position: _mean_of_known(compare_rock_labels(terrain, position)) for position in terrain.positions},
@@ -65,7 +65,7 @@ def _fill_outlines(outlines: list[Array]) -> Array:
 
 
 def compare_rock_labels(terrain: Terrain, position: str) -> list[float]:
-    """Intersections over union of the rocks under one lamp with those under another, drawn anew in both photographs."""
+    """Intersections over union of the rocks under one lamp and under another, from separately drawn outlines."""
     found = []
     for view in (view for view in terrain.views if view.position == position):
         drawn = [terrain.polygons(view, azimuth, ROCK) for azimuth in terrain.azimuths]
@@ -106,7 +106,7 @@ def _densify_outline(outline: Array) -> Array:
 
 
 def lay_on_sand(eye: Eye, pixels: Array, heights: Callable[[Array], Array]) -> Array:
-    """Where the rays of pixels (n, 2), which look down, meet the sand (n, 3), by iteration."""
+    """The points (n, 3) at which the downward rays of pixels (n, 2) meet the sand, by iteration."""
     way = eye.rays(pixels) @ eye.turn
     level = np.zeros(len(pixels))
     for _ in range(12):

@@ -41,7 +41,7 @@ _TABLE_SPACING_M = 0.02
 
 
 class HeightTable:
-    """Heights of the sand on a ``grid`` (n, 2), which is far faster than the sand itself."""
+    """A table of the sand's heights on a ``grid`` (n, 2), which is much faster than ``Sand.heights``."""
 
     def __init__(self, sand: Sand) -> None:
         self.low = sand.nodes.min(axis=0) - 0.5
@@ -89,7 +89,7 @@ def _descend_along_axes(x: Array, cost: Callable[[Array], float], steps: tuple[f
 
 
 def locate_surveyed_lamp(azimuth: int, sand: Sand) -> Array:
-    """Place (3,) in metres of the lamp by the survey, whose heights are above the median height of the sand."""
+    """Position (3,) in metres of the lamp from the survey, whose heights count from the median height of the sand."""
     return np.add(SURVEYED_LAMPS[azimuth], (0.0, 0.0, sand.level_m))
 
 
@@ -109,8 +109,8 @@ def _select_outline_points(points: Array, lamp: Array, level_m: float) -> Array:
 class Shadows:
     """The shadows in the photographs of the left eyes, to be compared with the shadows of the visible parts of rocks.
 
-    By azimuth, ``points`` (n, 3) can be on the outline of a rock's shadow, and ``ends`` are the indices where the
-    points of a rock end.
+    By azimuth, ``points`` (n, 3) are the points of rocks that can cast the outline of a shadow, and ``ends`` are the
+    indices where the points of each rock end.
     """
 
     def __init__(self, terrain: Terrain, camera: Calibration, sand: Sand) -> None:

@@ -1,4 +1,4 @@
-"""The sand, whose scan is not public: a plane through the skirts of the scans, and what it is off it.
+"""The height of the sand, whose scan is not public: a plane through the skirts of the scans, and deviations from it.
 
 Each scan has some sand around its rock, its skirt, which is a measurement of the sand. One plane goes through all
 skirts. At each rock the sand is higher or lower, by the median of its skirt; no outline is used. Between the rocks
@@ -6,8 +6,8 @@ these heights are interpolated as a Gaussian process, which returns to the plane
 
 The sand is **bounded**: it is at most ``BOUND_M`` off its plane. It is **smooth**: its height changes over
 ``SMOOTHING_LENGTH_M``. The lamps are 0.77 to 0.81 m above sand that is up to 5.5 m away, so light falls with a slope of
-at least 0.14, and a Gaussian hill of 4 cm and this width has slopes up to 0.08. So no sand of one hill casts a shadow
-of its own; the comparison measures this in its renders.
+at least 0.14, and a Gaussian hill of 4 cm and this width has slopes up to 0.08. So no single hill of sand casts a
+shadow; the comparison measures this in its renders.
 """
 
 from __future__ import annotations
@@ -35,10 +35,8 @@ NODE_SPACING_M = 0.25
 
 @dataclass(frozen=True)
 class Sand:
-    """A plane (3,), height at the origin and slopes; at ``middles`` (n, 2) of scans the sand is ``offs`` (n,) metres
-    above it.
-
-    ``nodes`` (k, 2) have ``raised`` (k,) metres, by which the surface between the rocks is higher.
+    """A plane (3,), height at the origin and slopes; at the ``middles`` (n, 2) of scans the sand is ``offs`` (n,)
+    metres above it. At the ``nodes`` (k, 2) between the rocks, it is raised by ``raised`` (k,) metres.
     """
 
     plane: Array
@@ -67,7 +65,7 @@ class Sand:
         return np.asarray(self.on_plane(xy) + np.clip(off, -BOUND_M, BOUND_M))
 
     def bump(self, k: int, xy: Array) -> Array:
-        """What node ``k`` adds to the surface at points (n, 2) for each metre that it is raised."""
+        """Height (n,) that node ``k`` adds to the surface at points (n, 2), per metre that the node is raised."""
         return _gaussian_bumps(xy, self.nodes[k][None])[:, 0]
 
     def visible(self, rock: Rock) -> tuple[Array, Array]:
@@ -96,7 +94,7 @@ def _fit_plane(middles: Array, heights: Array) -> Array:
 
 
 def measure_sand(terrain: Terrain) -> Sand:
-    """The sand by the skirts of the scans; no photograph is used."""
+    """Fit the sand to the skirts of the scans, without photographs."""
     middles = np.array([(rock.vertices.min(axis=0) + rock.vertices.max(axis=0))[:2] / 2 for rock in terrain.rocks])
     rims = np.array([rim_plane(rock.rim, middle)[0] for rock, middle in zip(terrain.rocks, middles, strict=True)])
     low, high = middles.min(axis=0) - 0.8, middles.max(axis=0) + 0.8
@@ -115,7 +113,9 @@ def measure_sand(terrain: Terrain) -> Sand:
 
 
 def assign_outlines(terrain: Terrain, camera: Calibration, sand: Sand, view: View, azimuth: int) -> list[list[Array]]:
-    """The outlines of each rock in a photograph: those whose middle is in the picture of the rock, or 10 px off it."""
+    """The outlines of each rock in a photograph: outlines whose middle is inside the projected rock or within 10 px of
+    it.
+    """
     parts = []
     for rock in terrain.rocks:
         points, faces = sand.visible(rock)

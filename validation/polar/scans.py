@@ -1,9 +1,9 @@
-"""Which outlines have a scan, decided by the camera and the scans alone, before anything is rendered.
+"""Finds the outlines that have a scan, from the camera and the scans alone, before anything is rendered.
 
-POLAR-Sim did not scan everything that was outlined, and the rebuilt scene has only what was scanned. So outlines of
-rocks without a scan, and the shadows that belong to them, are left out of the masks. An outline has a scan if at least
-half of its area is within ``_NEAR_PX`` pixels of the pictures of the whole scans. A shadow belongs to a rock without a
-scan if it touches more of such rocks than of the others. How well masks agree does not enter.
+POLAR-Sim did not scan every outlined object, and the rebuilt scene contains only scanned ones. So outlines of rocks
+without a scan, and the shadows that belong to them, are left out of the masks. An outline has a scan if at least half
+of its area is within ``_NEAR_PX`` pixels of the pictures of the whole scans. A shadow belongs to a rock without a scan
+if it touches more of such rocks than of the others. The agreement of the masks has no influence.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _LEAST_SCANNED_SHARE = 0.5
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What a photograph shows without a scan: outlines of rocks and of their shadows, each (n, 2) in pixels.
+    """Unscanned objects in a photograph: outlines of rocks and of their shadows, each (n, 2) in pixels.
 
     ``share`` is the part of the area of all outlined rocks that has no scan.
     """

@@ -1,4 +1,4 @@
-"""The scene built again: settings of our rig, lamp and ground for a photograph, and masks from its renders.
+"""The rebuilt scene: settings of our rig, lamp and ground for a photograph, and masks from its renders.
 
 Our rig has parallel eyes side by side. So the labels are rectified as images are for stereo: undistorted, and turned
 about each eye into the axes of a rig whose x axis is the line between the fitted eyes. The world is turned by the tilt
@@ -53,8 +53,8 @@ class Frame:
     """Our rig at a camera position.
 
     ``axes`` (3, 3) has its x (right), y (down) and z (forward) axes as rows, in the data set's world. ``world`` (3, 3)
-    turns that world into ours, and ``origin`` (3,) is the origin of ours. The window is ``corner`` (2,) in pixels of
-    focal length ``focal_px`` from the optical axis, and ``size`` (columns, rows).
+    rotates that world into ours, and ``origin`` (3,) is the origin of our world. The window is ``corner`` (2,) in
+    pixels of focal length ``focal_px`` from the optical axis, and ``size`` (columns, rows).
     """
 
     position: str
@@ -85,7 +85,7 @@ class Frame:
         return fitted.project(fitted.place_m + rays @ self.axes)
 
     def to_ours(self, points: Array) -> Array:
-        """Points (n, 3) of the data set's world in ours."""
+        """Convert points (n, 3) from the data set's world to ours."""
         return np.asarray((points - self.origin) @ self.world.T)
 
     def project(self, points: Array, eye: str) -> Array:
@@ -214,8 +214,9 @@ def describe_scene(frame: Frame, lamp: Array, mesh: Path) -> Settings:
 
 @dataclass(frozen=True)
 class Twin:
-    """What an eye sees in our renders: masks of rock, of shadow, and of the shadow that the sand casts without rocks;
-    radiance, and planar depth in metres; all (H, W)."""
+    """The images of an eye in our renders: masks of rock, of shadow, and of the shadow that the sand casts without
+    rocks; radiance, and planar depth in metres; all (H, W).
+    """
 
     rock: Array
     shadow: Array
@@ -256,9 +257,10 @@ def _distances_to_lamp(pair: Pair, name: str, depth: Array) -> Array:
 
 @dataclass(frozen=True)
 class Masks:
-    """Rock and shadow (H, W) of a photograph as labelled and as rendered, without what has no scan; and its twin.
+    """Masks (H, W) of rock and shadow in a photograph, as labelled and as rendered, without unscanned objects; and its
+    twin.
 
-    ``judged`` (H, W) is where the photograph shows the sandbox and what was scanned.
+    ``judged`` (H, W) marks the pixels that show the sandbox or scanned objects.
     """
 
     rock: Array

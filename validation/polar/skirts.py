@@ -1,8 +1,8 @@
 """The skirt of a scan: the sand around its rock that was scanned with it.
 
-A skirt is found by the slope and by the height. Dry sand lies no steeper than its angle of repose, and rocks stand on
-steeper sides. So the triangles that hang together with the open edge of a scan over slopes below this angle are sand.
-Tops of rocks, which holes of a scan touch, are too high above the plane of its edge.
+A skirt is found by slope and height. Dry sand is never steeper than its angle of repose, and the sides of rocks are
+steeper. So triangles are sand if slopes below this angle connect them with the open edge of the scan. Tops of rocks
+beside holes in a scan are excluded, because they are too high above the plane of its edge.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ def open_corners(faces: Array) -> Array:
 
 
 def rim_plane(rim: Array, middle: Array) -> Array:
-    """The plane (3,), height at a middle (2,) and slopes, that most of a rim (n, 3) is on and little is under."""
+    """The plane (3,) of a rim (n, 3), height at a ``middle`` (2,) and slopes: most of the rim is on it and little below
+    it.
+    """
     basis = np.column_stack([np.ones(len(rim)), rim[:, :2] - middle])
     heights = rim[:, 2]
     weight = (heights <= np.quantile(heights, 0.6)).astype(np.float64)

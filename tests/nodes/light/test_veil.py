@@ -16,7 +16,8 @@ from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.physics.scene_checks import find_reasons_in_settings
 from icymoon.physics.scene_requirements import find_left_out, why_not_baked
-from icymoon.settings.description import defaults, digest, merged
+from icymoon.settings.description import defaults, merged
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.topics.light import VeilSettings
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.images.exr import read_view
@@ -185,5 +186,5 @@ def test_scattering_that_is_not_followed_is_said(depth, bounces, is_said):
 
 
 def test_without_a_veil_its_settings_change_no_id():
-    assert digest(complete({"veil": {"optical_depth": 0.0}})) == digest(complete())
-    assert digest(admitted()) != digest(complete())
+    assert make_pair_id(complete({"veil": {"optical_depth": 0.0}})) == make_pair_id(complete())
+    assert make_pair_id(admitted()) != make_pair_id(complete())

@@ -16,6 +16,7 @@ from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.workers.verify_dataset import verify_data_set
 from icymoon.settings import description
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.table import TOPICS
 from icymoon.stereo.cli import main as stereo
 from icymoon.support.errors import IcyMoonError
@@ -42,7 +43,7 @@ def test_its_plan_gives_the_same_pairs(old, dataset):
     plan = read_plan(DATA / old / "plan.toml")
     assert {pair.id for pair in plan.pairs()} == {pair.id for pair in datasets.read_frozen_plan(dataset).pairs}
     for pair in datasets.read_frozen_plan(dataset).pairs:
-        assert description.digest(pair.settings, describe_blur_identity(pair.settings)) == pair.id
+        assert make_pair_id(pair.settings, describe_blur_identity(pair.settings)) == pair.id
 
 
 def test_batch_has_nothing_to_render(old, dataset):

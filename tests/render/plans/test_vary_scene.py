@@ -28,6 +28,7 @@ from icymoon.render.plans.vary_scene import (
     why_fixed,
 )
 from icymoon.settings import description, preset_files
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
@@ -316,11 +317,11 @@ def test_a_sample_is_of_the_pairs_of_the_plan_and_of_all_where_they_are_few():
     described, variations = scene(), SceneVariations((ELEVATION, ALBEDO, MODEL), seeds=2)
     ids = {p.id for p in pairs_of(described, variations)}
     found, grounds = sample_settings(described, variations, 100)
-    assert {description.digest(each) for each in found} == ids
+    assert {make_pair_id(each) for each in found} == ids
     assert grounds == 2
     few, _ = sample_settings(described, variations, 10)
     assert len(few) == 10
-    assert {description.digest(each) for each in few} < ids
+    assert {make_pair_id(each) for each in few} < ids
     assert all(len({value(each, v.name) for each in few}) > 1 for v in variations.varied)
 
 
@@ -363,4 +364,4 @@ def test_the_ends_are_the_first_and_the_last_pair_of_the_plan(variations, headin
     described = scene({"dataset": {"headings": headings}})
     pairs = pairs_of(described, variations)
     ends = make_end_settings(described, variations)
-    assert [description.digest(end) for end in ends] == [pairs[0].id, pairs[-1].id]
+    assert [make_pair_id(end) for end in ends] == [pairs[0].id, pairs[-1].id]

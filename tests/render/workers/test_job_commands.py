@@ -8,6 +8,7 @@ import pytest
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.workers.job_commands import Job, read_job, read_planned_pairs
 from icymoon.settings import description
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.topics.scene import Settings, typed
 from plans import grid, planned
 
@@ -42,7 +43,7 @@ def test_pairs_that_are_alike_share_all(tmp_path, count):
 
 def test_minus_zero_is_not_shared(tmp_path):
     pairs = [planned({"rig": {"heading_deg": value}}) for value in (0.0, -0.0)]
-    assert [description.digest(pair.settings) for pair in written(tmp_path, pairs)[1]] == [pair.id for pair in pairs]
+    assert [make_pair_id(pair.settings) for pair in written(tmp_path, pairs)[1]] == [pair.id for pair in pairs]
 
 
 @pytest.mark.parametrize("first", [True, False])

@@ -10,6 +10,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.settings import description, preset_files
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.stereo.images.gallery import write_picture, write_sheet
 from icymoon.support.errors import IcyMoonError
 
@@ -18,7 +19,7 @@ NAMES = preset_files.preset_names("gallery")
 
 def test_there_are_fifteen_of_960_by_720_each_another():
     described = [description.merged(description.defaults(), preset_files.load_preset(name)) for name in NAMES]
-    assert len({description.digest(each) for each in described}) == len(NAMES) == 15
+    assert len({make_pair_id(each) for each in described}) == len(NAMES) == 15
     assert {(each.rig.width_px, each.rig.height_px) for each in described} == {(960, 720)}
     assert len({preset_files.read_preset_header(name)[0] for name in NAMES}) == 15
     for name in NAMES:  # the sheet's letters are ASCII

@@ -140,7 +140,7 @@ def test_renders_that_cannot_be_compared_are_refused(truth, tmp_path):
 def test_a_front_is_what_nothing_beats(points):
     rows = [{"cpu_s": cost, "loss": {"sgbm": {"epe_px": error}}} for cost, error in points]
     path = ("loss", "sgbm", "epe_px")
-    found = find_pareto_front(rows, "cpu_s", path)
+    found = find_pareto_front(rows, path)
     known = [k for k, point in enumerate(points) if None not in point]
     for k in known:
         beaten = any(
