@@ -80,13 +80,19 @@ class RenderedEye:
     @property
     def pose_to_world(self) -> Array:
         """The matrix (4, 4) from this camera's axes (x right, y down, z forward) to the world's (east, north, up), in
-        metres. Raises IcyMoonError if the pair does not contain it."""
+        metres; with a rolling shutter that of the middle. Raises IcyMoonError if the pair does not contain it."""
         pose = self._pair.rectified_pose(self.name)
         if pose is None:
             raise IcyMoonError(
                 f"{self._pair.folder / 'pair.json'} does not contain the pose of the camera; render the pair again."
             )
         return pose
+
+    @property
+    def row_poses_to_world(self) -> Array:
+        """``pose_to_world`` at the time of each row, (H, 4, 4): they differ with a rolling shutter only."""
+        pose, rows = self.pose_to_world, self._pair.row_poses(self.name)
+        return np.array(np.broadcast_to(pose if rows is None else rows, (self._pair.camera.height_px, 4, 4)))
 
 
 class RenderedPair:

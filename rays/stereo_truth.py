@@ -25,7 +25,9 @@ _PIXELS_AT_ONCE = 2**19
 @dataclass(frozen=True)
 class Eye:
     """A pinhole camera. ``axes`` (3, 3) has its axes right, down and ahead as columns, in the world; ``position`` (3,)
-    is in metres. The principal point is in pixel-corner coordinates."""
+    is in metres. The principal point is in pixel-corner coordinates.
+
+    With a rolling shutter ``axes`` (rows, 3, 3) and ``position`` (rows, 3) have those of each row at its time."""
 
     columns: int
     rows: int
@@ -46,7 +48,14 @@ class Eye:
             ],
             axis=1,
         )
-        return np.asarray(own @ self.axes.T)
+        return to_world(own, self.place(pixels)[0])
+
+    def place(self, pixels: Array) -> tuple[Array, Array]:
+        """Axes and position of the eye while pixels (n,) are exposed: (3, 3) and (3,), or one for each pixel."""
+        if self.axes.ndim == 2:
+            return self.axes, self.position
+        row = pixels // self.columns
+        return self.axes[row], self.position[row]
 
     def is_seen(self, right: Array, down: Array, ahead: Array) -> Array:
         """Whether (n,) points, in metres along the camera's axes, are in the image's frame."""
@@ -95,6 +104,10 @@ class CalibratedEye:
         row, column = np.divmod(pixels, self.columns)
         return np.asarray(rays_in_rig(self.own, np.stack([column, row], axis=1).astype(np.float64)) @ self.axes.T)
 
+    def place(self, pixels: Array) -> tuple[Array, Array]:
+        """Axes (3, 3) of the rig and position (3,) of the eye, which are the same for all pixels."""
+        return self.axes, self.position
+
     def is_seen(self, right: Array, down: Array, ahead: Array) -> Array:
         """Whether (n,) points, in metres along the rig's axes from the eye, are in the image's frame."""
         where = self.own.show(np.stack([right, down, ahead], axis=-1) @ self.own.rotation.T)
@@ -119,6 +132,16 @@ _ROW_SLACK = 1e-6
 
 
 AnyEye = Eye | CalibratedEye
+
+
+def to_world(own: Array, axes: Array) -> Array:
+    """Vectors (n, 3) in an eye's axes, in the world. ``axes`` (3, 3) or (n, 3, 3) are columns in the world."""
+    return np.asarray(own @ axes.T if axes.ndim == 2 else np.einsum("nij,nj->ni", axes, own))
+
+
+def to_eye(away: Array, axes: Array) -> Array:
+    """Vectors (n, 3) in the world, in an eye's axes; see ``to_world``."""
+    return np.asarray((axes.T @ away.T).T if axes.ndim == 2 else np.einsum("nij,ni->nj", axes, away))
 
 
 @dataclass(frozen=True)
@@ -168,13 +191,14 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
     )
     for pixels in list_squares(eye.rows, eye.columns):
         direction = eye.directions(pixels)
+        axes, origin = eye.place(pixels)
         lost = np.isnan(direction).any(axis=1)
-        direction[lost] = eye.axes[:, 2]  # any ray; its hit is dropped
-        seen = find_first_surface(stage, eye.position, direction, near_m, far_m)
+        direction[lost] = np.broadcast_to(axes, (len(pixels), 3, 3))[lost, :, 2]  # any ray; its hit is dropped
+        seen = find_first_surface(stage, origin, direction, near_m, far_m)
         for values in (seen.label, seen.number, seen.normal):
             values[lost] = 0
         seen.along[lost] = np.inf
-        hidden = _find_hidden(stage.ground_tracer, eye, other, direction, seen.along, baseline_m, near_m)
+        hidden = _find_hidden(stage.ground_tracer, eye, other, pixels, direction, seen.along, baseline_m, near_m)
         for values, target in (
             (eye.own_depth(direction, seen.along), truth.depth_m),
             (seen.label, truth.label),
@@ -215,15 +239,25 @@ def find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: fl
 
 
 def _find_hidden(
-    tracer: Tracer, eye: AnyEye, other: AnyEye, direction: Array, along_m: Array, baseline_m: float, near_m: float
+    tracer: Tracer,
+    eye: AnyEye,
+    other: AnyEye,
+    pixels: Array,
+    direction: Array,
+    along_m: Array,
+    baseline_m: float,
+    near_m: float,
 ) -> Array:
     """Whether (n,) the other eye sees something nearer in front of a point that is ``along_m`` (n,) along a ray, by at
-    least ``LEAST_GAP_PX`` of disparity."""
+    least ``LEAST_GAP_PX`` of disparity. With a rolling shutter the other eye sees the point in the same row."""
     hidden = np.zeros(len(along_m), bool)
-    away = direction * np.where(np.isinf(along_m), 0.0, along_m)[:, None] + (eye.position - other.position)
-    right, down, ahead = other.axes.T @ away.T
+    axes, position = other.place(pixels)
+    away = direction * np.where(np.isinf(along_m), 0.0, along_m)[:, None] + (eye.place(pixels)[1] - position)
+    right, down, ahead = to_eye(away, axes).T
     asked = np.flatnonzero(np.isfinite(along_m) & other.is_seen(right, down, ahead))
-    reach = other.measure((other.axes.T @ away[asked].T).T)
+    if axes.ndim == 3:
+        axes, position = axes[asked], position[asked]
+    reach = other.measure(to_eye(away[asked], axes))
     end = 1.0 / (1.0 / reach + LEAST_GAP_PX / (eye.focal_px * baseline_m))
-    hidden[asked] = tracer.is_blocked(other.position, away[asked] / reach[:, None], near_m, end)
+    hidden[asked] = tracer.is_blocked(position, away[asked] / reach[:, None], near_m, end)
     return hidden

@@ -38,7 +38,8 @@ def trace_truth(
     """Trace the truth that ``wanted`` names, as in ``quality.truth``, into the files ``asked``, and return the files by
     eye. The passes ``rounded`` are stored as 16-bit floats. Blender is not called, so it may render meanwhile.
 
-    ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes. Surfaces outside the depths ``clip_m`` have
+    ``poses`` are the camera-to-world matrices of the parallel eyes: (4, 4), or (rows, 4, 4) of each rendered row with a
+    rolling shutter. Surfaces outside the depths ``clip_m`` have
     no truth.
     """
     stem, kind = asked
@@ -59,8 +60,8 @@ def _make_rendered_eye(toed: bool, camera: StereoCamera, eye: str, pose: Array) 
         camera.focal_px,
         camera.cx_px + camera.margin_x_px,
         camera.cy_px + camera.margin_y_px,
-        pose[:3, :3] @ (camera.eye_rotation(eye).T if toed else np.eye(3)),
-        pose[:3, 3],
+        pose[..., :3, :3] @ (camera.eye_rotation(eye).T if toed else np.eye(3)),
+        pose[..., :3, 3],
     )
 
 

@@ -28,8 +28,9 @@ from ..nodes.light.veil import veil_in
 from ..nodes.rig import find_eye_poses, list_lens_values, turn_about_eye
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
-from ..physics.camera.blur import Blur, find_blur
+from ..physics.camera.blur import Blur, check_truth_of_rows, find_blur, has_rolling_shutter
 from ..physics.camera.eyes import camera_of
+from ..physics.camera.rolling_shutter import find_rolling_shutter
 from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.scene_requirements import are_rocks_clear, can_be_baked, make_direct_quality
 from ..rays.stereo_truth import Stage
@@ -302,7 +303,7 @@ def _render_takes(
         truths = 0 if asked.keys() - {_SENSOR_TRUTH_NUMBER} or not takes else _count_truths(takes, planned)
         with (
             watch_samples(len(lights) * int(quality.samples), truths, report, others, 2 * bool(takes)) as sampling,
-            trace_in_background(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded) as traced,
+            _trace_rows(stage, asked, settings, poses, clip_m, rounded) as traced,
         ):
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed, take.wide):
@@ -328,6 +329,24 @@ def _render_takes(
     if head_stage and not takes:
         engine = {"by": head_stage.ground_tracer.name}
     return _Rendered(files, poses, light, engine, seconds, head)
+
+
+def _trace_rows(
+    stage: Stage | None,
+    asked: Mapping[int, TruthRequest],
+    settings: Settings,
+    poses: Mapping[str, Array],
+    clip_m: tuple[float, float],
+    rounded: set[str],
+) -> AbstractContextManager[dict[int, Future[dict[str, Path]]]]:
+    """``trace_in_background`` for ``poses`` (4, 4) of the eyes in the middle of the exposure; with a rolling shutter
+    each row is traced from its own pose.
+    """
+    camera, shutter = camera_of(settings), find_rolling_shutter(settings.rig)
+    if shutter is not None:
+        along_m = {"left": 0.0, "right": camera.baseline_m}
+        poses = {eye: shutter.list_poses(pose, along_m[eye], camera.margin_y_px) for eye, pose in poses.items()}
+    return trace_in_background(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded)
 
 
 def _prepare_cycles(
@@ -379,6 +398,10 @@ def _choose_engine(
     that, empty if truth comes with the radiance."""
     if all(layer == BEAUTY for take in takes for layer, _ in take.images):
         return None, {}
+    if has_rolling_shutter(settings.rig):
+        check_truth_of_rows(settings)
+        stage = _stage_of_rays(rays, "of a rolling shutter", "set rig.readout_s to 0")
+        return stage, {"by": stage.ground_tracer.name}
     if settings.quality.truth_by == "CYCLES":
         return None, {"by": "Cycles"}
     try:

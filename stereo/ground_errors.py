@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..physics.camera import rolling_shutter
+from ..physics.camera.rolling_shutter import RollingShutter
 from ..physics.camera.stereo_camera import StereoCamera
 from ..render.pairs.pair_folder import read_unchanged_pair
 from ..support.arrays import Array
@@ -42,6 +44,7 @@ class DepthErrors:
     pose: Array  # (4, 4), from the left eye in OpenCV's axes to the world
     truth: Array  # planar depth, m, NaN for pixels that do not count
     error_m: Array  # measured minus true depth, m, NaN where one of them is missing
+    shutter: RollingShutter | None = None  # ``pose`` is that of the middle
 
 
 @dataclass(frozen=True)
@@ -71,19 +74,16 @@ def read_depth_errors(pair_folder: Path, disparity_file: Path) -> DepthErrors:
     focal_baseline = read_focal_baseline(disparity_file) or pair.camera.focal_baseline_px_m
     with np.errstate(over="ignore"):
         depth = focal_baseline / np.where(valid, disparity, np.nan).astype(np.float64)
-    return DepthErrors(pair.camera.rectified, pose, truth, depth - truth)
+    return DepthErrors(pair.camera.rectified, pose, truth, depth - truth, pair.rolling_shutter)
 
 
 def project_points(errors: DepthErrors, position_m: Array) -> tuple[Array, Array]:
     """Pixel-corner coordinates (n, 2), column first, and planar depths (n,) of points (n, 3) of the world.
 
-    Points that are not before the camera have NaN coordinates.
+    Points that are not before the camera have NaN coordinates; see ``rolling_shutter.project_points``.
     """
-    camera, local = errors.camera, (position_m - errors.pose[:3, 3]) @ errors.pose[:3, :3]
-    depth = local[:, 2]
-    ahead = np.where(depth > 1e-6, depth, np.nan)
-    place = camera.focal_px * local[:, :2] / ahead[:, None] + (camera.cx_px, camera.cy_px)
-    return place, depth
+    local = (position_m - errors.pose[:3, 3]) @ errors.pose[:3, :3]
+    return rolling_shutter.project_points(local, errors.camera, errors.shutter)
 
 
 def sample_vertex_errors(errors: DepthErrors, position_m: Array, edges: Array) -> VertexErrors:

@@ -115,7 +115,7 @@ def write_maps(
     the left image shows no ground.
     """
     pair = prepared.pair
-    pose = pair.rectified_pose("left")
+    pose = pair.row_poses("left")
     assert pose is not None
     ground = find_ground_pixels(prepared)
     known = np.where(ground & prepared.known, prepared.truth, np.nan)

@@ -1,4 +1,4 @@
-"""Blur that is in the rendered light itself: depth of field, and motion of the rig during the exposure.
+"""Blur that is in the rendered light itself: depth of field, and motion of the rig during the exposure and the readout.
 
 Both depend on settings of the camera response (aperture, exposure time). Other changes of these settings need no new
 render. A pair therefore stores the response that it was rendered for; developing it with another one gives a warning.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,10 +20,16 @@ from ..rig.focal_length import focal_px
 
 #: Relative difference of exposure or aperture from which on a warning is given.
 _LEAST_RELATIVE_CHANGE = 0.01
-#: Largest rotation in degrees during an exposure. Beyond it, ends and middle do not determine the path.
+#: Largest rotation in degrees during an exposure and a readout. Beyond it, ends and middle do not determine the path.
 _MOST_TURN_DEG = 90.0
 _SPEEDS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s")
 _TURNS = ("turn_right_deg_s", "turn_down_deg_s", "roll_deg_s")
+
+#: Settings by which rows of alike eyes differ from rows of the parallel pair.
+_BENDING = (
+    "rig.toe_in_deg",
+    *(f"rig.distortion_{term}" for term in ("k1", "k2", "p1", "p2", "k3")),
+)
 
 #: The ``rig`` settings that blur the image by motion if they are not 0.
 MOTION = (*_SPEEDS, *_TURNS)
@@ -35,7 +41,8 @@ TRUTH_IS_SHARP = "The images are blurred, truth is sharp: that of a pinhole{}."
 class Blur:
     """The causes of an image's blur. ``focus_m`` is None without depth of field, ``exposure_s`` without motion.
 
-    Axes are the left eye's: x right, y down, z forward. ``turn_deg_s`` is a rotation vector.
+    Axes are the left eye's: x right, y down, z forward. ``turn_deg_s`` is a rotation vector. ``readout_s`` is 0 for a
+    global shutter, see ``rolling_shutter``.
     """
 
     focus_m: float | None
@@ -43,6 +50,7 @@ class Blur:
     exposure_s: float | None
     velocity_m_s: Array  # (3,)
     turn_deg_s: Array  # (3,)
+    readout_s: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
         """The ``blur`` table of ``pair.json``: the blur of the rendered images."""
@@ -55,23 +63,26 @@ class Blur:
                 "velocity_m_s": self.velocity_m_s.tolist(),
                 "turn_deg_s": self.turn_deg_s.tolist(),
             }
+        if self.readout_s:
+            found["readout_s"] = self.readout_s
         return found
 
     @property
     def warning(self) -> str:
         """A sentence that states which camera the truth belongs to."""
-        return TRUTH_IS_SHARP.format("" if self.exposure_s is None else " in the middle of the exposure")
+        whose = "each row's" if self.readout_s else "the"
+        return TRUTH_IS_SHARP.format("" if self.exposure_s is None else f" in the middle of {whose} exposure")
 
 
 def find_blur(settings: Settings) -> Blur | None:
     """The blur that complete settings describe; None without blur. Raises IcyMoonError for a focus nearer than the
-    focal length, for motion with unknown exposure time, and for a rotation of more than a quarter turn during the
-    exposure.
+    focal length, for motion with unknown exposure time, for a rotation of more than a quarter turn during exposure and
+    readout, and for a rolling shutter as ``check_rows_of_lens``.
     """
     rig, sensor = settings.rig, settings.sensor
-    focus, velocity, turn = float(rig.focus_distance_m), _read_vector(rig, _SPEEDS), _read_vector(rig, _TURNS)
-    turn = np.array([-turn[1], turn[0], turn[2]])
+    focus, (velocity, turn) = float(rig.focus_distance_m), read_motion(rig)
     moves = bool(velocity.any() or turn.any())
+    readout = float(rig.readout_s) if moves else 0.0
     if not is_blurred(rig):
         return None
     if 0 < focus <= 1e-3 * float(rig.focal_length_mm):
@@ -85,12 +96,52 @@ def find_blur(settings: Settings) -> Blur | None:
             "The camera moves, and how long it exposes is not known before the render; set "
             "rig.motion_exposure_s, or switch sensor.auto_exposure off."
         )
-    if moves and np.linalg.norm(turn) * seconds > _MOST_TURN_DEG:
+    if moves and np.linalg.norm(turn) * (seconds + readout) > _MOST_TURN_DEG:
         raise IcyMoonError(
-            f"The rig turns by {np.linalg.norm(turn) * seconds:.4g}° during an exposure of {seconds:g} "
-            f"s; motion blur is made for {_MOST_TURN_DEG:g}° at most."
+            f"The rig turns by {np.linalg.norm(turn) * (seconds + readout):.4g}° during an exposure of {seconds:g} s"
+            f"{f' and a readout of {readout:g} s' if readout else ''}; motion blur is made for {_MOST_TURN_DEG:g}° at "
+            "most."
         )
-    return Blur(focus or None, float(sensor.f_number), seconds if moves else None, velocity, turn)
+    check_rows_of_lens(rig)
+    return Blur(focus or None, float(sensor.f_number), seconds if moves else None, velocity, turn, readout)
+
+
+def check_truth_of_rows(settings: Settings) -> None:
+    """Raise IcyMoonError if complete settings ask Cycles for the truth of a rolling shutter."""
+    rig = settings.rig
+    if has_rolling_shutter(rig) and rig.images == "PAIR" and settings.quality.truth_by == "CYCLES":
+        raise IcyMoonError(
+            f"rig.readout_s is {rig.readout_s:g} s, and Cycles renders truth for one pose of all rows; set "
+            "quality.truth_by to RAYS, or rig.readout_s to 0."
+        )
+
+
+def has_rolling_shutter(rig: RigSettings) -> bool:
+    """Whether the rows of a rig's images have different poses."""
+    return bool(rig.readout_s) and any(rig[key] for key in MOTION)
+
+
+def read_motion(rig: RigSettings) -> tuple[Array, Array]:
+    """Velocity (3,) in m/s and rotation vector (3,) in deg/s of a rig, in the left eye's axes x right, y down, z
+    forward.
+    """
+    right, down, roll = _read_vector(rig, _TURNS)
+    return _read_vector(rig, _SPEEDS), np.array([-down, right, roll])
+
+
+def check_rows_of_lens(rig: RigSettings) -> None:
+    """Raise IcyMoonError if a rolling shutter reads rows that are not rows of the parallel pair, which the truth and
+    the rectified images belong to: of eyes that are calibrated or toed in, or whose lens distorts.
+    """
+    if not has_rolling_shutter(rig):
+        return
+    alike = rig.eyes == "ALIKE"
+    wrong = ["rig.eyes"] if not alike else [key for key in _BENDING if rig[key.removeprefix("rig.")]]
+    if wrong:
+        raise IcyMoonError(
+            f"rig.readout_s is {rig.readout_s:g} s, and with {wrong[0]} a row of the sensor is no row of the parallel "
+            f"pair; set {wrong[0]} to {0 if alike else 'ALIKE'}, or rig.readout_s to 0."
+        )
 
 
 def is_blurred(rig: RigSettings) -> bool:
@@ -114,6 +165,7 @@ def advise_on_blur(settings: Settings) -> list[str]:
 def describe_blur_identity(settings: Settings) -> str:
     """The camera response that the rendered light depends on, for the name of the pair; empty without blur."""
     blur = find_blur(settings)
+    check_truth_of_rows(settings)
     if blur is None:
         return ""
     return f"f/{blur.f_number if blur.focus_m is not None else None} {blur.exposure_s} s"
@@ -168,15 +220,27 @@ def motion_blur_px(column_px: float, row_px: float, depth_m: float, rig: RigSett
     return float(np.linalg.norm(np.subtract(*(focal * p[:2] / p[2] for p in seen))))
 
 
-def find_pose_after(blur: Blur, seconds: float) -> Array:
+class SteadyMotion(Protocol):
+    """A motion at constant speed and turn, in the axes of the left eye at time 0."""
+
+    @property
+    def velocity_m_s(self) -> Array:
+        """Velocity (3,) in m/s."""
+
+    @property
+    def turn_deg_s(self) -> Array:
+        """Rotation vector (3,) in degrees per second."""
+
+
+def find_pose_after(motion: SteadyMotion, seconds: float) -> Array:
     """Pose (4, 4) of the left eye some ``seconds`` after the middle of the exposure, in its axes of that middle (x
     right, y down, z forward).
     """
     pose = np.eye(4)
-    angle = math.radians(float(np.linalg.norm(blur.turn_deg_s))) * seconds
+    angle = math.radians(float(np.linalg.norm(motion.turn_deg_s))) * seconds
     if angle:
-        x, y, z = blur.turn_deg_s / np.linalg.norm(blur.turn_deg_s)
+        x, y, z = motion.turn_deg_s / np.linalg.norm(motion.turn_deg_s)
         cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         pose[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross  # Rodrigues
-    pose[:3, 3] = blur.velocity_m_s * seconds
+    pose[:3, 3] = motion.velocity_m_s * seconds
     return pose

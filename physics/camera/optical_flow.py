@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array
+from .rolling_shutter import RollingShutter, move_to_middle, project_points
 from .stereo_camera import StereoCamera
 
 #: Relative difference in distance by which an occluder must be nearer: ten times the error bound of true depth on a
@@ -30,11 +31,19 @@ class Flow:
     visible: Array
 
 
-def find_flow(camera: StereoCamera, depth_m: Array, pose: Array, other_depth_m: Array, other_pose: Array) -> Flow:
+def find_flow(
+    camera: StereoCamera,
+    depth_m: Array,
+    pose: Array,
+    other_depth_m: Array,
+    other_pose: Array,
+    shutter: RollingShutter | None = None,
+    other_shutter: RollingShutter | None = None,
+) -> Flow:
     """The flow from an image to another of the same camera, with the lens of the left rectified eye.
 
     Planar depths (H, W) in metres are NaN for sky, which hides nothing; poses (4, 4) are from the axes x right, y down,
-    z forward to the world.
+    z forward to the world. With a rolling shutter they are those of the middle, and depths along the axes of the rows.
     """
     rows, columns = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     centre, focal = np.array([camera.cx_px, camera.cy_px]), camera.focal_px
@@ -43,7 +52,11 @@ def find_flow(camera: StereoCamera, depth_m: Array, pose: Array, other_depth_m: 
     # Combine the poses first: coordinates far from the origin would lose digits.
     turn = other_pose[:3, :3].T @ pose[:3, :3]
     shift = other_pose[:3, :3].T @ (pose[:3, 3] - other_pose[:3, 3])
-    moved = points @ turn.T + shift
+    moved = move_to_middle(points, shutter) @ turn.T + shift
+    if other_shutter is not None:
+        at, away = project_points(moved.reshape(-1, 3), camera, other_shutter)
+        there = at.reshape(here.shape)
+        return Flow(there - here, _find_visible(there, away.reshape(depth_m.shape), other_depth_m))
     with np.errstate(invalid="ignore", divide="ignore"):
         ahead = moved[..., 2] > 0
         there = np.where(ahead[..., None], focal * moved[..., :2] / moved[..., 2:] + centre, np.nan)

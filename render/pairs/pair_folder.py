@@ -20,6 +20,7 @@ import numpy as np
 from ...physics.camera.blur import is_blurred
 from ...physics.camera.eyes import camera_of, eyes_json, with_eyes
 from ...physics.camera.head_camera import HEAD_CAMERA_SHAPE, HeadCamera, camera_from_json, is_plain
+from ...physics.camera.rolling_shutter import RollingShutter, find_rolling_shutter
 from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
 from ...physics.light.scene_sun import SceneSun, sun_from_json
 from ...settings.description import Restorer, merged, restore_settings
@@ -122,8 +123,31 @@ class Pair:
             return None
         return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None
 
+    @property
+    def rolling_shutter(self) -> RollingShutter | None:
+        """The times and the motion of the rows; None if all rows have one pose."""
+        return find_rolling_shutter(self.settings.rig)
+
+    def row_poses(self, eye: str) -> Array | None:
+        """The ``rectified_pose`` of an eye, (4, 4); with a rolling shutter those of its rows, (H, 4, 4)."""
+        pose, shutter = self.rectified_pose(eye), self.rolling_shutter
+        if pose is None or shutter is None:
+            return pose
+        return shutter.list_poses(pose, 0.0 if eye == "left" else self.camera.baseline_m)
+
     def _file_or_image(self, eye: str, name: str) -> Path:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
+
+
+def refuse_rolling_shutter(pair: Pair, why: str, fix: str) -> None:
+    """Raise IcyMoonError if the rows of a pair have different poses. ``why`` and ``fix`` are parts of the sentence."""
+    if pair.rolling_shutter is not None:
+        raise IcyMoonError(f"{pair.folder} has a rolling shutter (rig.readout_s), and {why}; {fix}.")
+
+
+def describe_rolling_shutter(pair: Pair) -> dict[str, Any]:
+    """The entry ``rolling_shutter`` of the calibrations of exports; nothing if all rows have one pose."""
+    return {} if pair.rolling_shutter is None else {"rolling_shutter": pair.rolling_shutter.to_json()}
 
 
 #: Makes complete settings of stored settings: ``description.restore_settings``, or a ``Restorer`` for many pairs.

@@ -42,8 +42,8 @@ SETTINGS = frozenset(f"rig.{key}" for key in _POSE_KEYS)
 def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> list[Variation]:
     """The cameras of a trajectory, in the order of its poses.
 
-    With ``rig.motion_exposure_s`` each camera moves during its exposure, at the velocity between its neighbours. Raises
-    IcyMoonError that names the line of the plan at fault, and the line of the trajectory.
+    With ``rig.motion_exposure_s`` or ``rig.readout_s`` each camera moves during its exposure, at the velocity between
+    its neighbours. Raises IcyMoonError that names the line of the plan at fault, and the line of the trajectory.
     """
     poses, above_ground = _read_poses(sweep, base, ground)
     if len(poses) > MOST_PAIRS:
@@ -65,7 +65,8 @@ def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], R
     else:  # the build finds the height, and refuses places under the ground
         height = np.full(len(poses), float(base.rig.height_m))
     _check_heights(poses, height, sweep)
-    moving = _compute_velocities(sweep, poses) if base.rig.motion_exposure_s > 0 else None
+    is_moving = base.rig.motion_exposure_s > 0 or base.rig.readout_s > 0
+    moving = _compute_velocities(sweep, poses) if is_moving else None
     made = []
     for k in range(len(poses)):
         rig = _place_rig(poses, k, float(height[k]), above_ground) | (

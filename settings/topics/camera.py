@@ -9,6 +9,8 @@ from .relevance import Condition, chosen, nonzero, positive, ticked
 
 MOSAIC = ~chosen("colour", "MONO")
 BRACKETED = Condition(lambda asked: asked.value("brackets") > 1)
+MOVES = nonzero(
+    "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s")
 ALIKE, CALIBRATED = chosen("rig.eyes", "ALIKE"), chosen("rig.eyes", "CALIBRATED")
 LENS = Section("lens", "Lens and Alignment", "Distortion and focus of the lens, and alignment of the eyes")
 TURN = Section("turn", "Direction", "Rotation vector from the axes of the parallel pair to those of the eye")
@@ -114,9 +116,11 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
     motion_exposure_s: float = number(
         "Exposure (s)", 0.0, 0.0, 1.0e5, (0.0, 1.0), "Exposure time for motion blur. 0 uses the exposure time of the "
         "camera response, which then must not be automatic", "camera", "s", precision=6, zero="camera's",
-        section=MOTION,
-        active=nonzero(
-        "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s"))
+        section=MOTION, active=MOVES)
+    readout_s: float = number(
+        "Readout (s)", 0.0, 0.0, 1.0e5, (0.0, 0.1), "Rolling shutter: time from the first row's exposure to the last "
+        "row's, top to bottom, in both eyes at once. Each row and its truth have the pose at its own time", "camera",
+        "s", precision=6, zero="global shutter", section=MOTION, since="0.4", active=MOVES)
     head_file: str = text(
         "Head", "", "TOML file with cameras beside the pair, each with its model and pose; empty for no others. "
         "// is the folder of the .blend file", "camera", "read", subtype="FILE_PATH", section=HEAD,

@@ -333,6 +333,10 @@ class PhotographedPair:
         pose[0, 3] = 0.0 if eye == "left" else self.camera.baseline_m
         return pose
 
+    def row_poses(self, eye: str) -> Array | None:
+        """The ``rectified_pose``: all rows have one pose."""
+        return self.rectified_pose(eye)
+
 
 #: Photographs have no self-check: the brightness of their eyes differs, and their truth has errors too.
 _NO_SELF_CHECK = SelfCheck(None, None, None, None, None, ())

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...formats.geotiff import describe_map_notes
 from ...formats.tiff_write import Place, encode_tiff
+from ...physics.camera.rolling_shutter import place_in_world
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -99,7 +100,8 @@ def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> Array:
 def back_project_depth(depth_m: Array, camera: StereoCamera, pose: Array) -> tuple[Array, Array]:
     """Points (n, 3), m, in the site's frame of the known pixels of a planar depth (H, W), and the pixels' flat indices.
 
-    ``pose`` (4, 4) is the transform from the eye of the parallel rig, in OpenCV's axes, to the site.
+    ``pose`` (4, 4) is the transform from the eye of the parallel rig, in OpenCV's axes, to the site; with a rolling
+    shutter (H, 4, 4) has that of each row.
     """
     index = np.flatnonzero(np.isfinite(depth_m))
     row, column = np.divmod(index, depth_m.shape[1])
@@ -111,7 +113,7 @@ def back_project_depth(depth_m: Array, camera: StereoCamera, pose: Array) -> tup
         ],
         axis=1,
     )
-    return (rays * depth_m.ravel()[index, None]) @ pose[:3, :3].T + pose[:3, 3], index
+    return place_in_world(rays * depth_m.ravel()[index, None], pose, row), index
 
 
 def make_dem(position_m: Array, grid: Grid, fewest: int = FEWEST_POINTS_PER_CELL) -> Dem:

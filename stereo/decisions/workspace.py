@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...render.pairs.pair_folder import Pair
+from ...render.pairs.pair_folder import Pair, refuse_rolling_shutter
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import LANDER
@@ -69,7 +69,7 @@ def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = 
     """The workspace of a pair with the truth's decisions.
 
     ``cell_m`` is the side of a cell for a pair without true heights. Raises IcyMoonError for a pair of another program,
-    without the camera's position, or without ground.
+    without the camera's position, with a rolling shutter, or without ground.
     """
     pair, pose = prepared.pair, prepared.pair.rectified_pose("left")
     if not isinstance(pair, Pair) or pose is None:
@@ -77,6 +77,7 @@ def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = 
             f"{prepared.pair.folder} does not state the place of its camera on a site; decisions need a "
             "pair that was rendered here."
         )
+    refuse_rolling_shutter(pair, "a lander decides from images of one pose", "decide on a pair with rig.readout_s 0")
     known = np.where(find_ground_pixels(prepared), prepared.truth, np.nan)
     seen_points, _ = back_project_depth(known, pair.camera.rectified, pose)
     if not len(seen_points):

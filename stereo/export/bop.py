@@ -24,6 +24,7 @@ from ...support.files import write_json
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
 from ..measure.prepare_pair import LoadedPair
+from .cameras import refuse_row_poses
 from .encodings import MM_PER_M, quantise_to_16_bits
 from .losses import Each, Loss
 from .whole_folders import fill_whole_folder
@@ -95,6 +96,7 @@ def write_all(each: Each, out: Path) -> None:
 
     def write(pair: LoadedPair) -> list[Loss]:
         nonlocal models, scenes
+        refuse_row_poses(pair)
         lander = pair.pair.data.get("lander")
         if not lander:
             raise IcyMoonError(

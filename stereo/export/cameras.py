@@ -14,7 +14,7 @@ from ...formats.calibrations.cahv import nearest_model
 from ...physics.camera.lens_distortion import read_coefficients
 from ...physics.camera.rotations import quaternion
 from ...physics.camera.stereo_camera import StereoCamera
-from ...render.pairs.pair_folder import EYES
+from ...render.pairs.pair_folder import EYES, refuse_rolling_shutter
 from ...settings import rebuilt_parts
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -31,8 +31,22 @@ FRAME_NAME = "ICYMOON_SITE_EAST_NORTH_UP"
 _POINTS_PER_PAIR = 2000
 
 
+def refuse_row_poses(pair: LoadedPair) -> None:
+    """Raise IcyMoonError for a pair with a rolling shutter, for layouts that have one pose for all rows."""
+    refuse_rolling_shutter(
+        pair.pair, "this layout has one pose for all rows", "export tum, flow, raw or png8, or render with readout 0"
+    )
+
+
 def read_pose(pair: LoadedPair, eye: str) -> Array:
-    """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair does not contain it."""
+    """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair does not contain it, or if
+    its rows have different ones."""
+    refuse_row_poses(pair)
+    return read_middle_pose(pair, eye)
+
+
+def read_middle_pose(pair: LoadedPair, eye: str) -> Array:
+    """The same of the middle of the exposure, also with a rolling shutter."""
     pose = pair.pair.rectified_pose(eye)
     if pose is None:
         raise IcyMoonError(
@@ -103,6 +117,7 @@ def _write_colmap(each: Each, out: Path) -> None:
     models: dict[str, _ColmapModel] = {}
 
     def write(pair: LoadedPair) -> None:
+        refuse_row_poses(pair)
         model = models.setdefault(_make_scene_key(pair), _ColmapModel())
         folder = out / f"scene-{list(models).index(_make_scene_key(pair)):04d}"
         _add_pair(model, pair, folder)

@@ -27,7 +27,7 @@ import numpy as np
 from ...formats.geotiff import MAP_FORMULA
 from ...physics.camera.calibration_error import refuse_errors
 from ...physics.camera.stereo_camera import StereoCamera
-from ...render.pairs.pair_folder import EYES
+from ...render.pairs.pair_folder import EYES, describe_rolling_shutter
 from ...support.arrays import Array
 from ...support.errors import DiskError, IcyMoonError, describe_error
 from ...support.files import escape_cell, write_atomically, write_bytes, write_json, write_text
@@ -141,6 +141,7 @@ def _describe_calibration(pair: LoadedPair) -> dict[str, Any]:
         "pair": pair.pair.id,
         "camera": pair.pair.camera.rectified.to_json(),
         "poses_camera_to_world": pair.pair.rectified_poses,
+        **describe_rolling_shutter(pair.pair),
         "sensor": pair.settings.sensor,
         **describe_exposure(pair.images),
         "self_check": pair.check.to_json(),

@@ -24,7 +24,7 @@ from ...formats.geotiff import describe_map_place
 from ...physics.light.planetshine import VisibleCap, irradiance_wm2
 from ...physics.light.sky import Sky
 from ...physics.surfaces.hapke import porosity_factor
-from ...render.pairs.pair_folder import EYES, Pair, read_pair
+from ...render.pairs.pair_folder import EYES, Pair, read_pair, refuse_rolling_shutter
 from ...render.pairs.pair_sky import compute_pair_sky
 from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.process import Message
@@ -85,6 +85,7 @@ def export_mitsuba(
 
 def _refuse_unexportable(pair: Pair) -> None:
     refuse_edited(pair)
+    refuse_rolling_shutter(pair, "this export has one pose for all rows", "render it with rig.readout_s 0")
     if pair.camera.looks_elsewhere or pair.camera.rendered_px != (pair.camera.width_px, pair.camera.height_px):
         raise IcyMoonError(
             f"{pair.folder} has toe-in, calibrated eyes or overscan, which this export has not; render it "

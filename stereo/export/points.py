@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...physics.camera.rolling_shutter import place_in_world, turn_to_world
 from ...support.arrays import Array
 from ...support.files import write_bytes
 from ..images.colours import colour_signed_errors
@@ -60,7 +61,7 @@ def write_points(path: Path, prepared: PreparedPair, disparity: Array) -> None:
 def make_measured_points(prepared: PreparedPair, disparity: Array) -> Array:
     """The points as a structured array of _POINT_LAYOUT; see ``write_points``."""
     camera = prepared.depth_camera
-    pose = find_left_pose(prepared)
+    pose = prepared.pair.row_poses("left")
     assert pose is not None
     step = _choose_pixel_step(disparity)
     rows, columns = (grid[::step, ::step] for grid in np.indices(disparity.shape))
@@ -76,8 +77,8 @@ def make_measured_points(prepared: PreparedPair, disparity: Array) -> Array:
         ],
         axis=1,
     )
-    position = (rays * depth[:, None]) @ pose[:3, :3].T + pose[:3, 3]
-    toward = -(rays / np.linalg.norm(rays, axis=1, keepdims=True)) @ pose[:3, :3].T
+    position = place_in_world(rays * depth[:, None], pose, rows[known])
+    toward = turn_to_world(-(rays / np.linalg.norm(rays, axis=1, keepdims=True)), pose, rows[known])
     points = np.zeros(depth.size, _POINT_LAYOUT)
     for k, axis in enumerate("xyz"):
         points[axis], points[f"n{axis}"] = position[:, k], toward[:, k]

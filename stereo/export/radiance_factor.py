@@ -16,6 +16,7 @@ import numpy as np
 
 from ...formats.fits import Image, encode_fits
 from ...formats.tiff_write import encode_tiff
+from ...physics.camera.rolling_shutter import turn_to_world
 from ...physics.light.sunlight import sun_colour
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
@@ -50,7 +51,7 @@ class Photometry:
 def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
     """The photometry of an eye. Raises IcyMoonError if the pair does not contain the Sun or the camera's pose, if no
     sunlight falls on it, or if its light is no Sun but a lamp nearby."""
-    sun, pose = pair.pair.sun, pair.pair.rectified_pose(eye)
+    sun, pose = pair.pair.sun, pair.pair.row_poses(eye)
     if sun is None or pose is None:
         raise IcyMoonError(
             f"{pair.pair.folder / 'pair.json'} does not contain the Sun and the camera's pose; render the pair again."
@@ -69,7 +70,8 @@ def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
     by_band = irradiance * sun_colour(float(pair.pair.settings.light.sun_temperature_k))
     view, camera, depth = pair.views[eye], pair.pair.camera, pair.depth[eye]
     rays = pixel_rays(camera)
-    back = -(rays / np.linalg.norm(rays, axis=-1, keepdims=True)) @ pose[:3, :3].T
+    ahead = (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).reshape(-1, 3)
+    back = -turn_to_world(ahead, pose, np.arange(len(ahead)) // camera.width_px).reshape(rays.shape)
     known = np.isfinite(depth)
 
     def where_known(angle: Array) -> Array:

@@ -14,7 +14,7 @@ from ...physics.camera.calibrated_camera import CalibratedRig
 from ...physics.camera.eyes import eyes_json
 from ...physics.camera.lens_distortion import read_coefficients
 from ...physics.camera.stereo_camera import StereoCamera
-from ...render.pairs.pair_folder import EYES
+from ...render.pairs.pair_folder import EYES, describe_rolling_shutter
 from ...support.arrays import Array
 from ...support.files import write_json, write_text
 from ..images.develop import describe_exposure
@@ -51,6 +51,7 @@ def write_pair(pair: LoadedPair, folder: Path) -> None:
             "pair": pair.pair.id,
             **stated,
             "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"),
+            **describe_rolling_shutter(pair.pair),
             "sensor": pair.settings.sensor,
             **describe_exposure(pair.images),
             "self_check": pair.check.to_json(),

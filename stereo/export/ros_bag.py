@@ -24,7 +24,7 @@ from ...support.files import explain_disk_errors, make_part_path
 from ...support.system import remove_folder, replace
 from ..images.develop import to_8_bit
 from ..measure.prepare_pair import LoadedPair
-from .cameras import centre_matrix, pixel_rays, read_pose
+from .cameras import centre_matrix, pixel_rays, read_pose, refuse_row_poses
 from .losses import Each
 
 #: Makers of messages by their names.
@@ -95,6 +95,7 @@ def _find_time_ns(pair: LoadedPair, count: int) -> int:
 
 def make_messages(pair: LoadedPair, types: Any, time: int) -> Iterator[tuple[str, Any]]:
     """(topic, message) of everything about a pair; ``types`` is a typestore of rosbags, ``time`` in nanoseconds."""
+    refuse_row_poses(pair)
     kinds = types.types
     stamp = kinds["builtin_interfaces/msg/Time"](sec=time // _NS_PER_S, nanosec=time % _NS_PER_S)
 

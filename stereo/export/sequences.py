@@ -23,6 +23,7 @@ import numpy as np
 
 from ...formats.trajectories import pose_text
 from ...physics.camera.optical_flow import Flow, find_flow
+from ...physics.camera.rolling_shutter import RollingShutter
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import escape_cell, write_bytes, write_text
@@ -31,7 +32,7 @@ from ..images.image_files import write_png
 from ..measure.prepare_pair import LoadedPair
 from ..measure.sequences import make_sequence_key
 from . import Export
-from .cameras import centre_matrix, read_pose
+from .cameras import centre_matrix, read_middle_pose
 from .encodings import encode_flo, quantise_flow, quantise_to_16_bits
 from .losses import Each, Loss
 
@@ -46,6 +47,7 @@ class _Sequence:
     number: int
     lines: dict[str, list[str]] = field(default_factory=dict)
     frames: list[tuple[str, ...]] = field(default_factory=list)
+    shutters: list[RollingShutter | None] = field(default_factory=list)
     last: LoadedPair | None = None
 
     def add(self, pair: LoadedPair, **lines: str) -> None:
@@ -53,16 +55,34 @@ class _Sequence:
         for name, line in lines.items():
             self.lines.setdefault(name, []).append(line)
         self.frames.append((f"{len(self.frames):06d}", pair.settings.rig.stamp, escape_cell(pair.pair.folder.name)))
+        self.shutters.append(pair.pair.rolling_shutter)
 
     def text(self, name: str, head: str = "") -> str:
         """The lines of a list."""
         return head + "".join(f"{line}\n" for line in self.lines.get(name, ()))
 
     def write_frames(self, path: Path) -> None:
-        """Write the number, the stamp and the pair of each frame."""
+        """Write the number, the stamp and the pair of each frame; if any has a rolling shutter, also its readout time
+        and motion (see ``rolling_shutter.POSE_OF_ROW``)."""
+        heads = ("number", "stamp_s", "pair")
+        rows = [heads, *self.frames]
+        if any(self.shutters):
+            motions = [_SHUTTER_COLUMNS, *map(_list_shutter, self.shutters)]
+            rows = [(*row, *motion) for row, motion in zip(rows, motions, strict=True)]
         table = io.StringIO()
-        csv.writer(table, lineterminator="\n").writerows([("number", "stamp_s", "pair"), *self.frames])
+        csv.writer(table, lineterminator="\n").writerows(rows)
         write_text(path, table.getvalue())
+
+
+_SHUTTER_COLUMNS = ("readout_s", "vx_m_s", "vy_m_s", "vz_m_s", "wx_deg_s", "wy_deg_s", "wz_deg_s")
+
+
+def _list_shutter(shutter: RollingShutter | None) -> tuple[str, ...]:
+    """The values of ``_SHUTTER_COLUMNS``; zeros for a frame whose rows have one pose."""
+    if shutter is None:
+        return ("0.0",) * len(_SHUTTER_COLUMNS)
+    values = [shutter.readout_s, *shutter.velocity_m_s, *shutter.turn_deg_s]
+    return tuple(repr(float(value)) for value in values)
 
 
 class _Sequences:
@@ -90,7 +110,7 @@ def _write_tum(each: Each, out: Path) -> None:
 
     def write(pair: LoadedPair) -> list[Loss]:
         sequence = sequences.of(pair)
-        root, stamp, pose = out / f"{sequence.number:04d}", pair.settings.rig.stamp, read_pose(pair, "left")
+        root, stamp, pose = out / f"{sequence.number:04d}", pair.settings.rig.stamp, read_middle_pose(pair, "left")
         depth, losses = quantise_to_16_bits(pair.depth["left"], _TUM_STEPS_PER_M, "depth", "m")
         write_png(root / "rgb" / f"{stamp}.png", _find_image(pair, "left"))
         write_png(root / "right" / f"{stamp}.png", _find_image(pair, "right"))
@@ -132,7 +152,7 @@ def _write_kitti_odometry(each: Each, out: Path) -> None:
     def write(pair: LoadedPair) -> None:
         sequence = sequences.of(pair)
         root, name = out / "sequences" / f"{sequence.number:02d}", f"{len(sequence.frames):06d}.png"
-        pose, stamp = read_pose(pair, "left"), Decimal(pair.settings.rig.stamp)
+        pose, stamp = read_middle_pose(pair, "left"), Decimal(pair.settings.rig.stamp)
         start, began = first.setdefault(sequence.number, (pose, stamp))
         turn = start[:3, :3].T
         relative = np.column_stack([turn @ pose[:3, :3], turn @ (pose[:3, 3] - start[:3, 3])])
@@ -188,7 +208,13 @@ def _write_flow(each: Each, out: Path) -> None:
 def compute_flow_between(here: LoadedPair, there: LoadedPair) -> Flow:
     """The flow of the left rectified eye from a pair to another with the same camera."""
     return find_flow(
-        here.pair.camera, here.depth["left"], read_pose(here, "left"), there.depth["left"], read_pose(there, "left")
+        here.pair.camera,
+        here.depth["left"],
+        read_middle_pose(here, "left"),
+        there.depth["left"],
+        read_middle_pose(there, "left"),
+        here.pair.rolling_shutter,
+        there.pair.rolling_shutter,
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera import colour, exposure_brackets
-from ...physics.camera.blur import warn_on_blur_mismatch
+from ...physics.camera.blur import check_rows_of_lens, warn_on_blur_mismatch
 from ...physics.camera.calibration_error import describe_errors
 from ...physics.camera.colour import (
     apply_mosaic,
@@ -214,6 +214,7 @@ class _Optics:
 
     @classmethod
     def of(cls, pair: Pair, settings: Settings, eye: str) -> _Optics:
+        check_rows_of_lens(settings.rig)
         sensor, rig, camera = settings.sensor, settings.rig, pair.camera
         shape = camera.sensor_px(eye)[::-1]
         blocked = compute_blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)

@@ -69,6 +69,9 @@ class MeasuredPair(Protocol):
     def rectified_pose(self, eye: str) -> Array | None:
         """The matrix (4, 4) from an eye, in OpenCV's axes, to the axes of its points; None if it is not known."""
 
+    def row_poses(self, eye: str) -> Array | None:
+        """The ``rectified_pose``; with a rolling shutter those of the rows, (H, 4, 4)."""
+
 
 @dataclass(frozen=True)
 class PreparedPair:

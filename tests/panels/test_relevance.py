@@ -133,11 +133,13 @@ def test_sizes_of_clods_are_grey_without_clods():
     assert "clod_sizes" in relevant("excavation", {"excavation": {"path": "LINE", "clods_m": 0.02}})
 
 
-def test_the_exposure_of_a_motion_is_grey_unless_something_moves():
-    assert not TOPICS["rig"].has_effect("motion_exposure_s", root())
+def test_exposure_and_readout_of_a_motion_are_grey_unless_something_moves():
+    for time in ("motion_exposure_s", "readout_s"):
+        assert not TOPICS["rig"].has_effect(time, root())
     for moving in MOTION:
         for speed in (-0.5, 0.5):
-            assert TOPICS["rig"].has_effect("motion_exposure_s", root(rig={moving: speed}))
+            for time in ("motion_exposure_s", "readout_s"):
+                assert TOPICS["rig"].has_effect(time, root(rig={moving: speed}))
             assert find_blur(merged(defaults(), {"rig": {moving: speed, "motion_exposure_s": 0.1}})) is not None
 
 
@@ -349,8 +351,8 @@ CASES = [
         "but",
         {"power_index", "smallest_m", "largest_m", "clustering", "cluster_blocks", "cluster_radius_m", "beyond_px"},
     ),
-    ("rig", {}, "but", {"motion_exposure_s", "z_m"}),
-    ("rig", {"rig": {"height_from": "ZERO"}}, "but", {"motion_exposure_s"}),
+    ("rig", {}, "but", {"motion_exposure_s", "readout_s", "z_m"}),
+    ("rig", {"rig": {"height_from": "ZERO"}}, "but", {"motion_exposure_s", "readout_s"}),
     ("workspace", {}, "only", {"cell_m"}),
     ("workspace", {"workspace": {"cell_m": 0.02}}, "but", set()),
     ("dataset", {}, "but", {"plan"}),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from icymoon.physics.camera.rolling_shutter import RollingShutter
 from icymoon.rays import stereo_truth
 from icymoon.rays.embree import EmbreeTracer, load_library
 from icymoon.rays.shapes import Placed, Shape, World
@@ -123,3 +124,69 @@ def test_what_is_too_near_or_too_far_for_the_lens_is_not_seen():
     scene = stage(wall(0.5, -9, 9, 1), wall(2.0, -9, 9, 2), wall(9.0, -40, 40, 3))
     assert set(np.unique(trace_eyes(scene, eyes(), BASELINE, 1.0, 5.0)["left"].number)) == {2}
     assert np.isinf(trace_eyes(scene, eyes(), BASELINE, 3.0, 5.0)["left"].depth_m).all()
+
+
+def rolling_eyes(rows):
+    """Parallel eyes that move and turn while their rows are read, and each row of them as an eye that stands still."""
+    shutter = RollingShutter(0.3, rows, np.array([0.8, -0.3, 0.5]), np.array([4.0, 10.0, -25.0]))
+    rolling, still = {}, [{} for _ in range(rows)]
+    for name, along in (("left", 0.0), ("right", BASELINE)):
+        middle = np.eye(4)
+        middle[0, 3] = along
+        poses = shutter.list_poses(middle, along)
+        rolling[name] = Eye(COLUMNS, rows, FOCAL, 44.0, 31.0, poses[:, :3, :3], poses[:, :3, 3])
+        for row in range(rows):
+            pose = poses[row]
+            still[row][name] = Eye(COLUMNS, rows, FOCAL, 44.0, 31.0, pose[:3, :3], pose[:3, 3])
+    return rolling, still
+
+
+def test_a_row_of_a_rolling_shutter_is_that_row_of_eyes_that_stand_still_at_its_pose():
+    """Truth and hidden points, of walls before a wall; the scene has both in most rows."""
+    scene = stage(wall(6.0, -50, 50, 1), wall(3.0, -0.6, 0.1, 2, 3), sky=[wall(4e4, -1e5, 1e5, 4)])
+    rolling, still = rolling_eyes(ROWS)
+    found = trace_eyes(scene, rolling, BASELINE, NEAR, FAR)
+    changed = 0
+    for row in (0, 17, ROWS // 2, ROWS - 1):
+        expected = trace_eyes(scene, still[row], BASELINE, NEAR, FAR)
+        for eye, truth in found.items():
+            np.testing.assert_allclose(truth.depth_m[row], expected[eye].depth_m[row], rtol=1e-6)
+            np.testing.assert_allclose(truth.normal[row], expected[eye].normal[row], atol=1e-6)
+            np.testing.assert_array_equal(truth.number[row], expected[eye].number[row])
+            np.testing.assert_array_equal(truth.hidden[row], expected[eye].hidden[row])
+        changed += int(expected["left"].hidden[row].sum())
+    assert changed > 8
+
+
+def test_both_eyes_see_a_point_in_the_same_row_a_disparity_apart():
+    """Left points, by the depth along the axis of their row, are where the right eye has them within 1e-4 px."""
+    scene = stage(quad([[-50, 1.0, -1], [50, 1.0, -1], [50, 3.0, 60], [-50, 3.0, 60]], 3))
+    rolling, _ = rolling_eyes(ROWS)
+    truth = trace_eyes(scene, rolling, BASELINE, NEAR, FAR)
+    left, right = rolling["left"], rolling["right"]
+    depth = truth["left"].depth_m.astype(np.float64)
+    pixels = np.flatnonzero(np.isfinite(depth))
+    row, column = np.divmod(pixels, COLUMNS)
+    points = left.position[row] + left.directions(pixels) * depth.ravel()[pixels, None]
+    seen = np.einsum("nij,ni->nj", right.axes[row], points - right.position[row])
+    place = np.stack([44.0 + FOCAL * seen[:, 0] / seen[:, 2], 31.0 + FOCAL * seen[:, 1] / seen[:, 2]], -1)
+    disparity = FOCAL * BASELINE / depth.ravel()[pixels]
+    np.testing.assert_allclose(place, np.stack([column + 0.5 - disparity, row + 0.5], -1), atol=1e-4)
+    # The right eye's own truth there: inverse depth of a plane is linear along a row.
+    inverse = 1.0 / truth["right"].depth_m.astype(np.float64)
+    at = column - disparity
+    inner = np.flatnonzero((at >= 0) & (at < COLUMNS - 1))
+    first = at[inner].astype(int)
+    share = at[inner] - first
+    there = inverse[row[inner], first] * (1 - share) + inverse[row[inner], first + 1] * share
+    surface = (inverse[row[inner], first] > 0) & (inverse[row[inner], first + 1] > 0)  # not beside its far edge
+    assert surface.sum() > 2000
+    np.testing.assert_allclose(FOCAL * BASELINE * there[surface], disparity[inner][surface], atol=1e-4)
+
+
+def test_one_row_has_the_pose_of_the_middle():
+    rolling, _ = rolling_eyes(1)
+    np.testing.assert_array_equal(rolling["left"].axes[0], np.eye(3))
+    np.testing.assert_array_equal(rolling["right"].position[0], [BASELINE, 0, 0])
+    scene = stage(wall(3.0, -50, 50, 1))
+    assert np.allclose(trace_eyes(scene, rolling, BASELINE, NEAR, FAR)["left"].depth_m, 3.0)

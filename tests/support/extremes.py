@@ -121,6 +121,8 @@ def drawn(seed: int) -> dict[str, dict[str, Any]]:
     turn = math.hypot(*(rig.get(key, 0.0) for key in _SPEEDS))
     if turn and random.random() < 0.9:
         rig["motion_exposure_s"] = min(rig.get("motion_exposure_s") or 0.01, 80.0 / turn)
+        if "readout_s" in rig:
+            rig["readout_s"] = min(rig["readout_s"], 9.0 / turn)
     return _consistent(found)
 
 

@@ -117,6 +117,18 @@ def test_motion_blur_goes_on_to_the_neighbours(tmp_path):
         np.testing.assert_allclose(rotation @ after[:3, :3], poses[k + 1][1], atol=1e-6)
 
 
+def test_a_readout_alone_moves_too_and_then_needs_an_exposure(tmp_path):
+    text = line(0, [0, 0, 5], NORTH) + line(1, [1, 0, 5], NORTH)
+    fixed = "[sensor]\nauto_exposure = false\nexposure_s = 0.001\n"
+    pairs = follow(tmp_path, text, HEAD + "[rig]\nreadout_s = 0.02\n" + fixed + SWEEP).pairs()
+    for pair in pairs:
+        blur = find_blur(pair.settings)
+        assert (blur.readout_s, blur.exposure_s) == (0.02, 0.001)
+        assert np.linalg.norm(blur.velocity_m_s) == pytest.approx(1.0)
+    with pytest.raises(IcyMoonError, match=r"set rig\.motion_exposure_s"):
+        follow(tmp_path, text, HEAD + "[rig]\nreadout_s = 0.02\n" + SWEEP).pairs()
+
+
 def test_without_an_exposure_nothing_moves(tmp_path):
     pairs = follow(tmp_path, line(0, [0, 0, 5], NORTH) + line(1, [1, 0, 5], NORTH)).pairs()
     assert [find_blur(pair.settings) for pair in pairs] == [None, None]

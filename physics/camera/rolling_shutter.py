@@ -1,0 +1,139 @@
+"""The rolling shutter of a stereo pair: rows of both eyes are exposed one after the other, from the top down.
+
+Row r of n, counted from 0, has the middle of its exposure T (r / (n - 1) - 1/2) after the middle of the whole, where T
+is the readout time. The rig moves at constant speed and turn meanwhile. Both eyes of the parallel rig see a point in
+the same row, so at the same time: its disparity is f B / Z, with Z along the axis of the pose of that row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...settings.topics.camera import RigSettings
+from ...support.arrays import Array
+from .blur import find_pose_after, has_rolling_shutter, read_motion
+from .stereo_camera import StereoCamera
+
+#: Largest number of steps, and change in rows at which they end, in the search for the row that shows a point.
+_MOST_STEPS, _LEAST_STEP_ROWS = 64, 1e-9
+#: The formula for users of ``pair.json`` and of exports.
+POSE_OF_ROW = (
+    "pose of row r = stated pose of the left eye * [Exp(turn t), velocity t], t = readout (r / (rows - 1) - 1/2), "
+    "r = 0 on top; the right eye stands the baseline along x of that pose"
+)
+
+
+@dataclass(frozen=True)
+class RollingShutter:
+    """The readout of ``rows`` rows, in seconds from the first to the last, and the motion of the left eye in its own
+    axes of the middle: x right, y down, z forward.
+    """
+
+    readout_s: float
+    rows: int
+    velocity_m_s: Array  # (3,)
+    turn_deg_s: Array  # (3,)
+
+    @property
+    def row_s(self) -> float:
+        """Seconds from a row to the next one."""
+        return self.readout_s / max(1, self.rows - 1)
+
+    def find_time_s(self, row: Array) -> Array:
+        """Seconds from the middle of the whole to the middle of the exposure of rows, which may be fractions and may
+        lie outside the image.
+        """
+        return self.row_s * (np.asarray(row, np.float64) - (self.rows - 1) / 2)
+
+    def find_moves(self, row: Array, along_m: float = 0.0) -> Array:
+        """Poses (n, 4, 4) of an eye while rows (n,) are read, in its axes of the middle. The eye is ``along_m`` to the
+        right of the left one.
+        """
+        moves = np.stack([find_pose_after(self, float(time)) for time in self.find_time_s(row)])
+        moves[:, :3, 3] += along_m * (moves[:, :3, 0] - (1.0, 0.0, 0.0))
+        return moves
+
+    def list_poses(self, pose: Array, along_m: float = 0.0, margin: int = 0) -> Array:
+        """Poses (rows + 2 margins, 4, 4) in the world of an eye ``along_m`` to the right of the left one, row by row;
+        ``pose`` (4, 4) is its pose in the middle, and ``margin`` the number of rows above and below the image.
+        """
+        return np.asarray(pose @ self.find_moves(np.arange(-margin, self.rows + margin), along_m))
+
+    def to_json(self) -> dict[str, Any]:
+        """The table ``rolling_shutter`` of exports."""
+        return {
+            "readout_s": self.readout_s,
+            "rows": self.rows,
+            "velocity_m_s": self.velocity_m_s.tolist(),
+            "turn_deg_s": self.turn_deg_s.tolist(),
+            "formula": POSE_OF_ROW,
+        }
+
+
+def find_rolling_shutter(rig: RigSettings) -> RollingShutter | None:
+    """The rolling shutter of the parallel pair; None for a global shutter or a rig that stands still."""
+    if not has_rolling_shutter(rig):
+        return None
+    return RollingShutter(float(rig.readout_s), int(rig.height_px), *read_motion(rig))
+
+
+def turn_to_world(own: Array, pose: Array, row: Array) -> Array:
+    """Vectors (n, 3) in the axes of an eye, in the world. ``pose`` is that of the eye, (4, 4), or those of its rows
+    (rows, 4, 4), of which each vector has its ``row`` (n,).
+    """
+    return np.asarray(own @ pose[:3, :3].T if pose.ndim == 2 else np.einsum("nij,nj->ni", pose[row, :3, :3], own))
+
+
+def place_in_world(own: Array, pose: Array, row: Array) -> Array:
+    """Points (n, 3) in the axes of an eye, in the world; see ``turn_to_world``."""
+    return turn_to_world(own, pose, row) + (pose[:3, 3] if pose.ndim == 2 else pose[row, :3, 3])
+
+
+def move_to_middle(points: Array, shutter: RollingShutter | None) -> Array:
+    """Points (H, W, 3) in the axes of the left eye of their rows, in its axes of the middle."""
+    if shutter is None:
+        return points
+    moves = shutter.find_moves(np.arange(points.shape[0]))
+    return np.asarray(np.einsum("rij,rcj->rci", moves[:, :3, :3], points) + moves[:, None, :3, 3])
+
+
+def project_points(points: Array, camera: StereoCamera, shutter: RollingShutter | None) -> tuple[Array, Array]:
+    """Pixel-corner coordinates (n, 2), column first, and planar depths (n,) of points (n, 3), which are in the axes of
+    the left eye in the middle. Coordinates are NaN for points behind the camera and for points that pass the rows as
+    fast as these are read.
+
+    A point is shown by the row whose pose projects it there. The search starts in the middle and takes the row of the
+    last projection as the next one, which converges where the image moves by less than a row while a row is read.
+    """
+    place, depth = _project(points, camera)
+    if shutter is None:
+        return place, depth
+    row = place[:, 1].copy()
+    left = np.flatnonzero(np.isfinite(row))  # the points whose row is not yet found
+    for _ in range(_MOST_STEPS):
+        place[left], depth[left] = _project(_see(points[left], shutter, row[left]), camera)
+        change, row[left] = np.abs(place[left, 1] - row[left]), place[left, 1]
+        left = left[change > _LEAST_STEP_ROWS]
+    place[left] = np.nan
+    return place, depth
+
+
+def _see(points: Array, shutter: RollingShutter, row: Array) -> Array:
+    """Points (n, 3) in the axes of the eye at rows (n,), in pixel-corner coordinates."""
+    time = shutter.find_time_s(row - 0.5)[:, None]
+    shifted = points - shutter.velocity_m_s * time
+    speed = float(np.linalg.norm(shutter.turn_deg_s))
+    if not speed:
+        return np.asarray(shifted)
+    axis, angle = shutter.turn_deg_s / speed, -np.radians(speed) * time
+    along = (shifted @ axis)[:, None] * axis  # Rodrigues' formula for all points at once
+    return np.asarray(along + np.cos(angle) * (shifted - along) + np.sin(angle) * np.cross(axis, shifted))
+
+
+def _project(points: Array, camera: StereoCamera) -> tuple[Array, Array]:
+    depth = points[:, 2]
+    ahead = np.where(depth > 1e-6, depth, np.nan)
+    return camera.focal_px * points[:, :2] / ahead[:, None] + (camera.cx_px, camera.cy_px), depth.copy()
