@@ -177,6 +177,31 @@ def test_a_height_map_is_the_ground(tmp_path, rendered):
 
 
 @pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--set", "rig.width_px=10"], "The images, 10 x 112 px, are too small for StereoBM"),
+        (["--ground", "dem.npy"], "dem.npy: does not state the size of its pixels; set source.metres_per_pixel"),
+        (["--ground", "dem.asc"], "gdal_translate"),
+        (
+            ["--ground", "dem.npy", "--set", "source.site=MAP", "--set", "source.metres_per_pixel=2"],
+            "replaces the map of the file",
+        ),
+    ],
+)
+def test_images_and_ground_that_cannot_be_used_are_told_before_anything_is_rendered(
+    tmp_path, monkeypatch, rendered, capsys, more, words
+):
+    files, calibration = photographs(tmp_path / "in")
+    monkeypatch.chdir(tmp_path)
+    np.save(tmp_path / "dem.npy", np.zeros((5, 5)))
+    (tmp_path / "dem.asc").write_text("ncols 5\n", encoding="utf-8")
+    assert run(files, calibration, tmp_path / "out", *more, "--methods", "bm") == 1
+    shown = capsys.readouterr().err.strip()
+    assert words in shown.splitlines()[-1]
+    assert not rendered
+
+
+@pytest.mark.parametrize(
     ("words", "more"),
     [
         ("no partner", ["left1.png"]),
