@@ -232,9 +232,9 @@ def compare_with_flow(tum: Path, flow: Path) -> tuple[float, float, float]:
 
     images = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).astype(float) for path in sorted((tum / "rgb").iterdir())]
     still, warped, seen = [], [], []
-    for now, after, path in zip(images, images[1:], sorted(flow.glob("forward/*_noc.flo")), strict=False):
-        moved = cv2.readOpticalFlow(str(path))
-        there = np.abs(moved).max(axis=2) < 1e9
+    for now, after, path in zip(images, images[1:], sorted(flow.glob("forward_noc/*.png")), strict=False):
+        valid, down, right = np.moveaxis(cv2.imread(str(path), cv2.IMREAD_UNCHANGED).astype(np.float32), -1, 0)
+        there, moved = valid > 0, (np.stack([right, down], axis=-1) - 2**15) / 64
         rows, columns = np.mgrid[: now.shape[0], : now.shape[1]].astype(np.float32)
         shown = cv2.remap(after, columns + moved[..., 0], rows + moved[..., 1], cv2.INTER_LINEAR)
         still.append(np.median(np.abs(after - now)[there]))

@@ -374,8 +374,6 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     missing = None if source.missing in ("", NO_MARK) else float(source.missing)
     map_site.refuse_size_by_hand(source)
     read = import_heights.read_heights(path, None if by_hand else map_site.make_map_site(settings), missing, radius_m)
-    if source.site != "OFFSET" and read.place is None:
-        map_site.refuse_unplaced(path, read.unplaced, source)
     values, sentences = (read.values, []) if source.missing else height_map.clear_unstated_mark(read.values)
     known = np.isfinite(values)
     if not known.any():
@@ -415,6 +413,6 @@ def _find_pixel_size(path: Path, read: import_heights.Heights, source: SourceSet
     """Metres per pixel (east, north) from the settings, or from the file if they state none."""
     if source.metres_per_pixel > 0:
         return (source.metres_per_pixel,) * 2
-    if read.pixel_m is None:
+    if read.pixel_m is None or (source.site != "OFFSET" and read.place is None):
         map_site.refuse_unplaced(path, read.unplaced, source)
     return read.pixel_m
