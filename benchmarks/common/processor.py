@@ -53,6 +53,6 @@ def peak_mib() -> float:
 
 def resident_mib(what: str = "VmRSS", pid: int | None = None) -> float:
     """Resident memory of a process, this one without ``pid``, MiB, as Linux counts it: VmRSS now, VmHWM the largest
-    since it was reset; 0 for a process that has ended."""
+    since it was reset. StopIteration for a process that has ended."""
     lines = Path(f"/proc/{pid or 'self'}/status").read_text(encoding="utf-8").splitlines()
-    return next((int(line.split()[1]) for line in lines if line.startswith(f"{what}:")), 0) / 1024
+    return next(int(line.split()[1]) for line in lines if line.startswith(f"{what}:")) / 1024

@@ -153,7 +153,7 @@ def _find_largest(pids: list[int]) -> tuple[int, float]:
     """The process of most resident memory, and this memory, MiB."""
     found = [(0, 0.0)]
     for pid in pids:
-        with suppress(OSError):
+        with suppress(OSError, StopIteration):  # of one that has ended
             found.append((pid, resident_mib(pid=pid)))
     return max(found, key=lambda each: each[1])
 
