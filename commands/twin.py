@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..formats.calibrations.registry import read_calibration
+from ..formats.map_site import check_map
 from ..physics.camera.calibrated_camera import CalibratedRig
 from ..physics.camera.stereo_camera import StereoCamera
 from ..render.cost.blender_abilities import check_abilities
@@ -16,6 +17,7 @@ from ..render.plans.frozen_plan import freeze_plan
 from ..render.workers.process import report_errors
 from ..settings import description, preset_files
 from ..settings.topics.scene import Settings
+from ..settings.user_files import find_used_files
 from ..support import printer
 from ..support.terminal import as_path, show_count, show_progress
 from .batch import add_worker_options, parse_workers, render_missing
@@ -83,14 +85,14 @@ def _run(options: argparse.Namespace) -> int:
         rig, cameras, notes = _read_cameras(options)
         described = _describe(options, rig)
         where = " and ".join(map(str, options.calibration))
-        rectification = make_rectification(
-            cameras, StereoCamera.from_settings(described.complete().rig).rectified, where
-        )
+        settings = described.complete()
+        _check_ground(settings)
+        rectification = make_rectification(cameras, StereoCamera.from_settings(settings.rig).rectified, where)
         twins = plan_twins(pairs, described, rectification)
         doubts = [doubt for each in twins for doubt in each.doubts]
         for doubt in doubts:
             printer.warn(doubt)
-        status = _render(twins, out, options)
+        status = _render(twins, rectification, methods, out, options)
         page = _measure(twins, described, rectification, methods, [*notes, *doubts], out, options)
     if options.json:
         printer.emit("result", page=str(page))
@@ -127,13 +129,25 @@ def _describe(options: argparse.Namespace, rig: Settings) -> Described:
     )
 
 
-def _render(twins: list[Twin], out: Path, options: argparse.Namespace) -> int:
+def _check_ground(settings: Settings) -> None:
+    """Raise IcyMoonError for a height map that cannot become the ground, from the head of its file."""
+    if settings.source.kind == "HEIGHT_MAP":
+        check_map(find_used_files(settings)["source.file"], settings)
+
+
+def _render(
+    twins: list[Twin], rectification: Rectification, methods: list[Method], out: Path, options: argparse.Namespace
+) -> int:
     """Render the twins that are missing; the exit status is 1 if some were set aside."""
+    from ..stereo.twin.compare_twin import check_matchers
+
     how, dataset = parse_workers(options), out / _TWINS_FOLDER
     planned = [twin.planned for twin in twins]
     missing = freeze_plan(dataset, planned, "").find_missing(dataset)
     if not missing:
         return 0
+    # All pairs have the size of the rig, so one tells for all.
+    check_matchers(twins[0].photographs, rectification, twins[0].planned.settings, methods)
     check_abilities((pair.settings for pair in missing), options.blender)
     if options.json:
         return render_missing(dataset, planned, how, printer.emit)

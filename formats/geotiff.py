@@ -302,6 +302,33 @@ def read_place(path: Path, site: Site) -> MapPlace | None:
     return read_foreign(path, parse, KIND, FIX, MOST_BYTES)
 
 
+def find_why_unplaced(path: Path, body_radius_m: float) -> str:
+    """Why a file does not state the size of its pixels on the ground, as the end of a sentence, from its tags; empty if
+    it states it.
+
+    ``body_radius_m`` is for commands that convert a file in degrees. Raises IcyMoonError for a file that cannot be
+    read.
+    """
+
+    def parse(foreign: ForeignBytes) -> str:
+        grant_memory(foreign)
+        image = read_directories(foreign)[0]
+        keys = read_keys(image.tags)
+        grid = read_placement(image, keys)
+        unit, sentence = find_coordinate_unit(keys, foreign.name, body_radius_m)
+        if grid is None:
+            return NO_PIXEL_SIZE
+        return _describe_unknown_size(sentence, grid[0]) if unit is None else ""
+
+    why = read_foreign(path, parse, KIND, FIX, MOST_BYTES)
+    return sidecar_files.why_unplaced(path) if why == NO_PIXEL_SIZE else why
+
+
+def _describe_unknown_size(sentence: str, step: tuple[float, float]) -> str:
+    """The end of a sentence on pixels of a known size in an unknown unit."""
+    return sentence.replace("{size}", f"{abs(step[0]):g} x {abs(step[1]):g}")
+
+
 def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> GeoTiff:
     grant_memory(foreign)
     images = read_directories(foreign)
@@ -329,8 +356,8 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
     heights = heights[::-1] if north > 0 else heights  # rows that go north
     heights = heights[:, ::-1] if east < 0 else heights
     if placed is None:
-        size = f"{abs(east):g} x {abs(north):g}"
-        return GeoTiff(heights, None, None, sentence.replace("{size}", size), report, tuple(warnings), image.shape)
+        unplaced = _describe_unknown_size(sentence, (east, north))
+        return GeoTiff(heights, None, None, unplaced, report, tuple(warnings), image.shape)
     warnings += [*([sentence] if sentence else []), *placed.warnings]
     return GeoTiff(
         heights,

@@ -1,15 +1,24 @@
-"""The site of the settings on the map of their ground's file."""
+"""The file of a height map before its heights are read: its format, its pixels, and the site on its map."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NoReturn
 
 from ..settings.topics.ground import SourceSettings
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
-from . import geotiff
+from ..support.foreign_bytes import read
+from . import gdal_lines, geotiff, sidecar_files
 from .geotiff import MapPlace, Site
 from .map_point import MapPoint
+from .tiff import MOST_BYTES
+
+#: Suffixes of height maps that are read, those of TIFF first.
+TIFF_SUFFIXES = (".tif", ".tiff")
+SUFFIXES = (*TIFF_SUFFIXES, ".npy", ".png", ".exr")
+#: First bytes of a file that show its format.
+_START_BYTES = 32
 
 #: Largest longitudes and latitudes of a place, degrees.
 _MOST_LONGITUDE_DEG, _MOST_LATITUDE_DEG = 360.0, 90.0
@@ -21,6 +30,62 @@ def read_site_place(path: Path, settings: Settings) -> MapPlace | None:
     Raises IcyMoonError for a file that cannot be read, and for a site that is not on its map.
     """
     return geotiff.read_place(path, make_map_site(settings))
+
+
+def check_map(path: Path, settings: Settings) -> None:
+    """Raise IcyMoonError for a height map of a format that is not read, and if it and the settings do not state the
+    size of its pixels. Only the head of the file is read.
+    """
+    source, radius_m = settings.source, float(settings.terrain.body_radius_m)
+    refuse_size_by_hand(source)
+    read_start(path, radius_m)
+    if source.metres_per_pixel > 0:
+        return
+    is_tiff = path.suffix.lower() in TIFF_SUFFIXES
+    unplaced = geotiff.find_why_unplaced(path, radius_m) if is_tiff else sidecar_files.why_unplaced(path)
+    if unplaced:
+        refuse_unplaced(path, unplaced, source)
+
+
+def read_start(path: Path, body_radius_m: float) -> bytes:
+    """The first bytes of a height map, which show its format. Raises IcyMoonError for a format that is not read.
+
+    ``body_radius_m`` is for commands that convert a file in degrees.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (*SUFFIXES, *gdal_lines.SUFFIXES):
+        raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
+    start = read(
+        path,
+        lambda foreign: foreign.part(0, min(foreign.size, _START_BYTES)),
+        "a height map",
+        "check source.file",
+        MOST_BYTES,
+    )
+    if suffix in gdal_lines.SUFFIXES:
+        raise IcyMoonError(f"{path}: {gdal_lines.advise(path, start, body_radius_m)}")
+    return start
+
+
+def refuse_size_by_hand(source: SourceSettings) -> None:
+    """Raise IcyMoonError where the settings replace the map that the site's coordinates are of."""
+    if source.site != "OFFSET" and source.metres_per_pixel > 0:
+        raise IcyMoonError(
+            f"source.metres_per_pixel = {source.metres_per_pixel:g} replaces the map of the file, in which source.site "
+            "states a place; set it to 0, or source.site to OFFSET."
+        )
+
+
+def refuse_unplaced(path: Path, unplaced: str, source: SourceSettings) -> NoReturn:
+    """Raise IcyMoonError for a file that does not state the size of its pixels; ``unplaced`` is the reason, as the end
+    of a sentence."""
+    fix = (
+        "set source.metres_per_pixel"
+        if source.site == "OFFSET"
+        else "set source.site to OFFSET, or give a GeoTIFF with a map"
+    )
+    # A sentence with a command ends with it.
+    raise IcyMoonError(f"{path}: {unplaced}{'' if ' with: ' in unplaced else f'; {fix}.'}")
 
 
 def make_map_site(settings: Settings) -> Site:

@@ -1,19 +1,21 @@
-"""Whether the eyes of a built scene are inside its ground or a rock, tested on the rendered meshes."""
+"""Whether the eyes and the head's cameras of a built scene are inside its ground or a rock, tested on the rendered
+meshes."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
 import bpy
-import numpy as np
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from ..physics import scene_checks
 from ..physics.scene_checks import LEAST_EYE_HEIGHT_M, buried_sentence, in_rock_sentence
 from ..support.arrays import Array
 from .built_scene import Built
 from .datablocks.fingerprint import TAG
+from .head_cameras import describe_obstructed_camera, find_head_poses, read_head_cameras
 from .rig import find_eye_poses
 
 _UP = Vector((0.0, 0.0, 1.0))
@@ -24,29 +26,46 @@ _MOST_PASSED = 1000
 def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
     """``find_reasons`` for a scene that was just built.
 
-    They follow from the settings if possible. The mesh is tested only if it may be coarser than the images under the
-    camera.
+    For the eyes they follow from the settings if possible. The mesh is tested only if it may be coarser than the images
+    under the camera, and for the cameras of a head.
     """
     settings = built.settings
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
-    return list(scene_checks.find_reasons(settings)) or ([] if graded else find_reasons(built, scene=scene))
+    found: list[str] = list(scene_checks.find_reasons(settings))
+    if found or (graded and not settings.rig.head_file):
+        return found
+    return find_reasons(built, scene=scene, ask_eyes=not graded)
 
 
-def find_reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None) -> list[str]:
-    """Sentences on each eye that sees only black because it is inside the ground or a rock.
+def find_reasons(
+    built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None, *, ask_eyes: bool = True
+) -> list[str]:
+    """Sentences on each eye, and each camera of a head, that sees only black because it is inside the ground or a rock.
 
-    The rig is turned clockwise by ``turn_deg``. A ray upward from inside the ground or a rock leaves through the outer
-    side of a face. From outside it hits nothing, or enters an overhang. The test runs in ``scene``, which contains
-    only the built scene, or in a temporary scene, so that Blender computes nothing in the user's scene.
+    The rig is turned clockwise by ``turn_deg``. Without ``ask_eyes`` the cameras of the head alone are tested. A ray
+    upward from inside the ground or a rock leaves through the outer side of a face. From outside it hits nothing, or
+    enters an overhang. The test runs in ``scene``, which contains only the built scene, or in a temporary scene, so
+    that Blender computes nothing in the user's scene.
     """
     with nullcontext(scene) if scene else _make_scene(built) as test_scene:
         layer = test_scene.view_layers[0]
         layer.update()
-        poses = find_eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings.rig.baseline_m)
+        rig = built.camera.evaluated_get(layer.depsgraph)
+        poses = find_eye_poses(rig.matrix_world, built.settings.rig.baseline_m)
+        turn = _make_turn(poses["left"][:3, 3], turn_deg)
         found = [
-            _find_eye_reason(test_scene, layer.depsgraph, built, eye, position)
-            for eye, position in _find_eye_positions(poses, turn_deg).items()
+            _find_eye_reason(test_scene, layer.depsgraph, built, eye, turn @ Vector(pose[:3, 3].tolist()))
+            for eye, pose in poses.items()
+            if ask_eyes
         ]
+        # A head that has changed since the build is told by the render.
+        for camera, pose in zip(
+            read_head_cameras(built.settings), find_head_poses(built.collection, rig), strict=False
+        ):
+            position = Vector(pose[:3, 3].tolist())
+            place = turn @ position if camera.frame == "RIG" else position
+            where = _find_obstacle(test_scene, layer.depsgraph, place)
+            found.append(describe_obstructed_camera(built.settings.rig.head_file, camera.name, where))
     return [sentence for sentence in found if sentence]
 
 
@@ -60,23 +79,29 @@ def _make_scene(built: Built) -> Iterator[bpy.types.Scene]:
         bpy.data.scenes.remove(scene)
 
 
-def _find_eye_positions(poses: dict[str, Array], turn_deg: float) -> dict[str, Vector]:
-    """Positions of the eyes after the rig is turned clockwise about the vertical through the left eye."""
-    left, turn = poses["left"][:3, 3], np.radians(-turn_deg)
-    x, y, z = poses["right"][:3, 3] - left
-    right = left + np.array([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), z])
-    return {"left": Vector(left.tolist()), "right": Vector(right.tolist())}
+def _make_turn(about: Array, turn_deg: float) -> Matrix:
+    """The turn of the rig clockwise about the vertical through a point."""
+    centre = Matrix.Translation(about.tolist())
+    return centre @ Matrix.Rotation(-math.radians(turn_deg), 4, "Z") @ centre.inverted()
 
 
 def _find_eye_reason(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built: Built, eye: str, position: Vector
 ) -> str:
-    rig = built.settings.rig
+    rig, depth_m = built.settings.rig, _find_obstacle(scene, depsgraph, position)
+    if depth_m is None:
+        return ""
+    return in_rock_sentence(rig, eye) if math.isinf(depth_m) else buried_sentence(rig, eye, depth_m)
+
+
+def _find_obstacle(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, position: Vector) -> float | None:
+    """Depth in metres of a point under the ground, negative for a point just above it; infinite in a rock. None if the
+    point is free."""
     role, distance, leaves = _cast_ray(scene, depsgraph, position, _UP)
     if role and leaves:
-        return buried_sentence(rig, eye, distance) if role == "terrain" else in_rock_sentence(rig, eye)
+        return distance if role == "terrain" else math.inf
     role, distance, _ = _cast_ray(scene, depsgraph, position, -_UP)
-    return buried_sentence(rig, eye, -distance) if role == "terrain" and distance < LEAST_EYE_HEIGHT_M / 2 else ""
+    return -distance if role == "terrain" and distance < LEAST_EYE_HEIGHT_M / 2 else None
 
 
 def _cast_ray(

@@ -13,7 +13,7 @@ from ..formats.calibrations.head_file import read_head
 from ..physics.camera.calibrated_camera import CalibratedCamera
 from ..physics.camera.head_camera import MOST_CAMERAS, HeadCamera, Orthographic, Projection
 from ..physics.camera.lens_models import Fisheye
-from ..physics.scene_checks import LEAST_EYE_HEIGHT_M
+from ..physics.scene_checks import LEAST_EYE_HEIGHT_M, describe_depth
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.blender import compat
@@ -46,12 +46,9 @@ def build_head_cameras(settings: Settings, rig: bpy.types.Object, terrain: bpy.t
     places = _find_places(cameras, np.array(rig.matrix_world), terrain)
     made = []
     for camera, (ground_m, world) in zip(cameras, places, strict=True):
-        height_m = world[2, 3] - ground_m
-        if height_m < LEAST_EYE_HEIGHT_M:
-            raise IcyMoonError(
-                f"{settings.rig.head_file}: the camera {camera.name} is {-height_m:.3g} m under the ground; raise its "
-                "position_m."
-            )
+        depth_m = ground_m - world[2, 3]
+        if depth_m > -LEAST_EYE_HEIGHT_M:
+            raise IcyMoonError(describe_obstructed_camera(settings.rig.head_file, camera.name, depth_m))
     for role, camera, (_, world) in zip(ROLES, cameras, places, strict=False):
         lens = bpy.data.cameras.new(f"{NAME} {camera.name}")
         item = bpy.data.objects.new(f"{NAME} {camera.name}", lens)
@@ -65,6 +62,16 @@ def build_head_cameras(settings: Settings, rig: bpy.types.Object, terrain: bpy.t
             item.matrix_world = Matrix(world.tolist())
         made.append(item)
     return made
+
+
+def describe_obstructed_camera(file: str, name: str, depth_m: float | None) -> str:
+    """The sentence about a camera of a head at a depth in metres under the ground, negative for one just above it;
+    infinite in a rock. Empty for None, a free camera."""
+    if depth_m is None:
+        return ""
+    if math.isinf(depth_m):
+        return f"{file}: the camera {name} is in a rock; change its position_m, or the rocks."
+    return f"{file}: the camera {name} is {describe_depth(depth_m)}; raise its position_m."
 
 
 def _find_places(cameras: tuple[HeadCamera, ...], rig: Array, terrain: bpy.types.Object) -> list[tuple[float, Array]]:

@@ -318,13 +318,18 @@ def _camera_place(rig: RigSettings) -> str:
 def buried_sentence(rig: RigSettings, eye: str, depth_m: float) -> str:
     """The sentence about an eye ``depth_m`` under the ground, or (negative) less than
     ``LEAST_EYE_HEIGHT_M`` above it."""
-    where = f"{depth_m:.3g} m under the ground" if depth_m >= 0 else f"{-depth_m:.2g} m above the ground"
-    least = "" if depth_m >= 0 else f", less than {LEAST_EYE_HEIGHT_M:g} m"
     height = "rig.z_m" if rig.height_from == "ZERO" else "rig.height_m"
     return (
-        f"{_camera_place(rig)}, has its {eye} eye {where}{least}; raise {height} ({rig[height[4:]]:g} m), or "
-        "change the site, rig.heading_deg or rig.baseline_m."
+        f"{_camera_place(rig)}, has its {eye} eye {describe_depth(depth_m)}; raise {height} ({rig[height[4:]]:g} m), "
+        "or change the site, rig.heading_deg or rig.baseline_m."
     )
+
+
+def describe_depth(depth_m: float) -> str:
+    """Where a camera is that is too low, in words: its depth under the ground, negative for a height above it."""
+    if depth_m >= 0:
+        return f"{depth_m:.3g} m under the ground"
+    return f"{-depth_m:.2g} m above the ground, less than {LEAST_EYE_HEIGHT_M:g} m"
 
 
 def in_rock_sentence(rig: RigSettings, eye: str) -> str:

@@ -5,7 +5,10 @@ numbers = call(measure, "rocks", 1000)
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -53,6 +56,22 @@ def work(dataset: Path, *options: str) -> tuple[float, int]:
         status = subprocess.run(words, stdout=subprocess.DEVNULL, check=False).returncode
 
     return seconds_of_all(run), status
+
+
+def list_processes(pid: int) -> list[int]:
+    """A process and those that it started, itself first. Linux only."""
+    found = [pid]
+    with contextlib.suppress(OSError):
+        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split():
+            found += list_processes(int(child))
+    return found
+
+
+def send_signal(pids: list[int], number: signal.Signals) -> None:
+    """Send a signal to those processes that are still there."""
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, number)
 
 
 def answer(name: str, arguments: str, result: str) -> None:

@@ -51,7 +51,8 @@ def peak_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def resident_mib(what: str = "VmRSS") -> float:
-    """Resident memory of this process, MiB, as Linux counts it: VmRSS now, VmHWM the largest since it was reset."""
-    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+def resident_mib(what: str = "VmRSS", pid: int | None = None) -> float:
+    """Resident memory of a process, this one without ``pid``, MiB, as Linux counts it: VmRSS now, VmHWM the largest
+    since it was reset. StopIteration for a process that has ended."""
+    lines = Path(f"/proc/{pid or 'self'}/status").read_text(encoding="utf-8").splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith(f"{what}:")) / 1024

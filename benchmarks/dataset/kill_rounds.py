@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import random
 import shutil
 import signal
@@ -24,6 +23,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from icymoon.benchmarks.common.own_process import list_processes, send_signal
 from icymoon.render.plans import frozen_plan
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.plans.render_order import order_pairs
@@ -79,22 +79,6 @@ def start(dataset: Path, workers: int) -> subprocess.Popen[bytes]:
     return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def tree(pid: int) -> list[int]:
-    """A process and those that it started."""
-    found = [pid]
-    with contextlib.suppress(OSError):
-        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split():
-            found += tree(int(child))
-    return found
-
-
-def send(pids: list[int], number: signal.Signals) -> None:
-    """Send a signal to those processes that are still there."""
-    for pid in pids:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, number)
-
-
 def content(dataset: Path, *patterns: str) -> dict[str, bytes]:
     """The files of some patterns."""
     return {
@@ -115,26 +99,26 @@ def play_round(dataset: Path, choose: random.Random) -> list[str]:
     runners = [start(dataset, choose.choice([1, 2])) for _ in range(count)]
     time.sleep(choose.uniform(0.2, 9.0))
     hit = runners[0]
-    pids = tree(hit.pid)
+    pids = list_processes(hit.pid)
     whom = choose.choice(["all", "runner", "workers"])
     number = choose.choice([signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGSTOP])
     done = [f"{count} runners", whom, number.name]
     targets = {"all": pids, "runner": pids[:1], "workers": pids[1:]}[whom]
-    send(targets, number)
+    send_signal(targets, number)
     if number == signal.SIGSTOP:
         long = choose.random() < _LONG_STOPS
         time.sleep(STALE_S + 8.0 if long else choose.uniform(0.1, 2.0))
         goes_on = choose.random() < 0.5
-        send(targets, signal.SIGCONT if goes_on else signal.SIGKILL)
+        send_signal(targets, signal.SIGCONT if goes_on else signal.SIGKILL)
         done += ["stopped for long"] * long + ["goes on" if goes_on else "killed while stopped"]
     time.sleep(choose.uniform(0.0, 3.0))
     for runner in runners:
-        send(tree(runner.pid), choose.choice([signal.SIGKILL, signal.SIGINT, signal.SIGTERM]))
+        send_signal(list_processes(runner.pid), choose.choice([signal.SIGKILL, signal.SIGINT, signal.SIGTERM]))
     for runner in runners:
-        left = tree(runner.pid)
+        left = list_processes(runner.pid)
         with contextlib.suppress(subprocess.TimeoutExpired):
             runner.wait(10)
-        send([*left, *tree(runner.pid)], signal.SIGKILL)
+        send_signal([*left, *list_processes(runner.pid)], signal.SIGKILL)
         runner.wait(_END_S)
     return done
 

@@ -14,11 +14,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...formats import gdal_lines, geotiff, sidecar_files, tiff
+from ...formats import geotiff, sidecar_files
 from ...formats.exr_layout import KIND as EXR
 from ...formats.exr_layout import read_layout
 from ...formats.geotiff import MapPlace, Site
 from ...formats.image_size import check_pixels
+from ...formats.map_site import TIFF_SUFFIXES, read_start
 from ...formats.png import check_png
 from ...physics.mesh.height_map import NO_HEIGHT, clear_stated_mark
 from ...support.arrays import Array
@@ -26,12 +27,9 @@ from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, explain_errors, parse_npy, read
 from .import_mesh import open_scratch_scene
 
-SUFFIXES = (".tif", ".tiff", ".npy", ".png", ".exr")
 _PNG_START, _EXR_START = b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01"
 #: Most pixels of a PNG or EXR file, and the advice for larger ones: 4096 x 4096 take a gigabyte in Blender.
 _MOST_PIXELS, _SMALLER_ADVICE = 2**24, "cut out what is needed, or save it as GeoTIFF"
-#: First bytes of a file that show its format.
-_START_BYTES = 32
 #: Mean radius of Earth, m.
 _EARTH_RADIUS_M = 6371008.8
 #: Most bytes of an array.
@@ -71,19 +69,8 @@ def read_heights(
     ``body_radius_m`` is for commands that convert a file in degrees. Raises IcyMoonError if the file is missing, of
     another kind, unreadable or too small.
     """
-    suffix = path.suffix.lower()
-    if suffix not in (*SUFFIXES, *gdal_lines.SUFFIXES):
-        raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
-    start = read(
-        path,
-        lambda foreign: foreign.part(0, min(foreign.size, _START_BYTES)),
-        "a height map",
-        "check source.file",
-        tiff.MOST_BYTES,
-    )
-    if suffix in gdal_lines.SUFFIXES:
-        raise IcyMoonError(f"{path}: {gdal_lines.advise(path, start, body_radius_m)}")
-    if suffix in (".tif", ".tiff"):
+    start, suffix = read_start(path, body_radius_m), path.suffix.lower()
+    if suffix in TIFF_SUFFIXES:
         heights = _read_tiff(path, start, site, missing)
     else:
         heights = {".npy": _read_npy, ".png": _read_png, ".exr": _read_exr}[suffix](path, start)

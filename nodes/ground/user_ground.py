@@ -11,9 +11,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...formats import gdal_lines, mesh_file, mesh_images
+from ...formats import gdal_lines, map_site, mesh_file, mesh_images
 from ...formats.geotiff import MapPlace
-from ...formats.map_site import make_map_site
 from ...paper_stand_ins.cached_files import find_mesh_file
 from ...physics.mesh import halve_edges, height_map, mesh_faults, texture_coordinates
 from ...physics.mesh.ground_interface import Surface
@@ -60,7 +59,7 @@ _AXIS_ROTATIONS = {
 
 
 #: Suffixes of the files that can be a ground.
-SUFFIXES = (*mesh_file.FORMATS, *import_heights.SUFFIXES)
+SUFFIXES = (*mesh_file.FORMATS, *map_site.SUFFIXES)
 
 
 @dataclass(frozen=True)
@@ -373,9 +372,8 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     size_m, radius_m = float(terrain.size_m), float(terrain.body_radius_m)
     by_hand = source.metres_per_pixel > 0  # the file's own size and place then do not count
     missing = None if source.missing in ("", NO_MARK) else float(source.missing)
-    _refuse_size_by_hand(source)
-    read = import_heights.read_heights(path, None if by_hand else make_map_site(settings), missing, radius_m)
-    _refuse_unplaced_site(path, read, source)
+    map_site.refuse_size_by_hand(source)
+    read = import_heights.read_heights(path, None if by_hand else map_site.make_map_site(settings), missing, radius_m)
     values, sentences = (read.values, []) if source.missing else height_map.clear_unstated_mark(read.values)
     known = np.isfinite(values)
     if not known.any():
@@ -412,23 +410,6 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     return UserGround(positions, faces, surface, report, tuple(warnings), map_place=place)
 
 
-def _refuse_size_by_hand(source: SourceSettings) -> None:
-    """Raise IcyMoonError where the settings replace the map that the site's coordinates are of."""
-    if source.site != "OFFSET" and source.metres_per_pixel > 0:
-        raise IcyMoonError(
-            f"source.metres_per_pixel = {source.metres_per_pixel:g} replaces the map of the file, in which source.site "
-            "states a place; set it to 0, or source.site to OFFSET."
-        )
-
-
-def _refuse_unplaced_site(path: Path, read: import_heights.Heights, source: SourceSettings) -> None:
-    """Raise IcyMoonError where a file has no map in which the stated site could be."""
-    if source.site == "OFFSET" or read.place is not None:
-        return
-    fix = "" if " with: " in read.unplaced else "; set source.site to OFFSET, or give a GeoTIFF with a map."
-    raise IcyMoonError(f"{path}: {read.unplaced}{fix}")
-
-
 def _warn_near_edge(path: Path, surface: HeightMap, settings: Settings) -> list[str]:
     """A warning if the map ends nearer to a stated site than the ground should."""
     size_m, pixel_m = float(settings.terrain.size_m), max(surface.pixel_m)
@@ -446,8 +427,6 @@ def _find_pixel_size(path: Path, read: import_heights.Heights, source: SourceSet
     """Metres per pixel (east, north) from the settings, or from the file if they state none."""
     if source.metres_per_pixel > 0:
         return (source.metres_per_pixel,) * 2
-    if read.pixel_m is None:
-        # A sentence with a command ends with it.
-        fix = "" if " with: " in read.unplaced else "; set source.metres_per_pixel."
-        raise IcyMoonError(f"{path}: {read.unplaced}{fix}")
+    if read.pixel_m is None or (source.site != "OFFSET" and read.place is None):
+        map_site.refuse_unplaced(path, read.unplaced, source)
     return read.pixel_m

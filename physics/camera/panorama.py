@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from ...support.arrays import Array
+from .calibrated_camera import CalibratedCamera
+from .lens_models import Fisheye
 
 
 @dataclass(frozen=True)
@@ -27,13 +28,15 @@ class Panorama:
         """The angle that the image spans, at most 2 pi."""
         return self.size_px / self.px_per_rad
 
+    @cached_property
+    def _camera(self) -> CalibratedCamera:
+        middle = (self.size_px - 1) / 2
+        return CalibratedCamera(self.size_px, self.size_px, self.px_per_rad, self.px_per_rad, middle, middle, Fisheye())
+
     def show(self, directions: Array) -> Array:
         """Columns and rows (..., 2) of directions (..., 3) of any length, from the centre of the first pixel; NaN where
-        a direction is."""
-        aside = np.hypot(directions[..., 0], directions[..., 1])
-        angle = np.arctan2(aside, directions[..., 2])
-        scale = np.where(aside > 0, self.px_per_rad * angle / np.where(aside > 0, aside, 1.0), 0.0)
-        return np.asarray(scale[..., None] * directions[..., :2] + (self.size_px - 1) / 2)
+        a direction is, and for the one opposite to the axis, which is all around the image."""
+        return self._camera.show(directions)
 
     def to_json(self) -> dict[str, Any]:
         """What ``pair.json`` states of it."""

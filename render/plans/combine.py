@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...formats.calibrations.head_file import read_head
+from ...formats.map_site import check_map
 from ...formats.toml_lines import Place
 from ...physics import scene_checks
 from ...physics.camera.blur import describe_blur_identity
@@ -61,7 +62,14 @@ _CHECKED_SETTINGS = [
     *(("terrain", key) for key in _CHECKED_TERRAIN),
 ]
 _FILE_SETTINGS = [
-    (topic, s.key) for topic in ("source", "textures", "rocks", "excavation", "light") for s in TOPICS[topic].settings
+    *(
+        (topic, s.key)
+        for topic in ("source", "textures", "rocks", "excavation", "light")
+        for s in TOPICS[topic].settings
+    ),
+    ("lander", "kind"),
+    ("lander", "file"),
+    ("rig", "head_file"),
 ]
 
 
@@ -427,7 +435,7 @@ def _find_named_place(error: IcyMoonError, made: _Combination) -> Place | None:
 
 
 def _check_files(made: _Combination) -> None:
-    """Raise IcyMoonError for a missing file."""
+    """Raise IcyMoonError for a missing file, a height map without a size, and a head that cannot be read."""
     try:
         files = find_used_files(made.settings)
     except IcyMoonError as error:
@@ -442,8 +450,13 @@ def _check_files(made: _Combination) -> None:
                 ),
                 made.find_place(name),
             )
-    if "rig.head_file" in files:
-        try:
-            read_head(files["rig.head_file"])
-        except IcyMoonError as error:
-            raise _locate_error(error, made.find_place("rig.head_file")) from None
+    name = ""
+    try:
+        if made.settings.source.kind == "HEIGHT_MAP":
+            name = "source.file"
+            check_map(files[name], made.settings)
+        if "rig.head_file" in files:
+            name = "rig.head_file"
+            read_head(files[name])
+    except IcyMoonError as error:
+        raise _locate_error(error, made.find_place(name)) from None

@@ -20,6 +20,8 @@ from ...support.foreign_bytes import explain_errors
 from ...support.suggestions import suggest_nearest
 
 _TRANSFORMS_TYPE = "tf2_msgs/msg/TFMessage"
+#: The topic of transforms that never change, which tells how frames stand on those of the topic of moving ones.
+_STATIC_TOPIC = "/tf_static"
 #: Types of messages with a pose, and the attributes that lead to it.
 _POSE_PATHS = {
     "geometry_msgs/msg/PoseStamped": ("pose",),
@@ -65,8 +67,8 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
     """The poses of a moving frame, of a topic in a bag.
 
     ``topic`` may be empty if only one has poses. ``frame`` is the moving frame where a topic has several, as /tf does.
-    Raises IcyMoonError for a bag without poses, for different poses with one stamp, and for a frame whose poses are in
-    one that moves itself.
+    A frame that stands still on one that moves, as a camera on a robot, moves with it. Raises IcyMoonError for a bag
+    without poses, for different poses with one stamp, and for a frame that moves in one that moves itself.
     """
     if importlib.util.find_spec("rosbags") is None:
         raise IcyMoonError('Bags are read by the package rosbags; pip install "icymoon[ros]".')
@@ -80,20 +82,26 @@ def read_bag_poses(bag: Path, topic: str = "", frame: str = "") -> BagPoses:
         AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader,
     ):
         there = {each.topic: each for each in reader.connections if each.msgtype in _POSE_PATHS}
-        chosen = _choose(bag, "topic", topic, list(there))
+        moving = [name for name in there if name != _STATIC_TOPIC] or list(there)
+        chosen = _choose(bag, "topic", topic, list(there) if topic else moving)
+        topics = {chosen, _STATIC_TOPIC} if there[chosen].msgtype == _TRANSFORMS_TYPE else {chosen}
         found: dict[str, _Frame] = {}
-        for connection, _, raw in reader.messages([each for each in reader.connections if each.topic == chosen]):
+        fixed: set[str] = set()
+        for connection, _, raw in reader.messages([each for each in reader.connections if each.topic in topics]):
             for each in _read_message(reader.deserialize(raw, connection.msgtype), connection.msgtype):
                 _add(found, *each)
+                if connection.topic != chosen:
+                    fixed.add(each[0])
                 if len(found[each[0]].poses) > MOST_POSES:
                     raise IcyMoonError(f"{bag}: {chosen} has more than {MOST_POSES} poses; cut it into several bags.")
     if frame and list(found) == [""]:
         raise IcyMoonError(f"{bag}: {chosen} has poses without the name of a moving frame; leave out --frame.")
-    name = _choose(bag, "frame", frame, list(found))
-    _refuse_moving_parent(bag, name, found)
-    poses = found[name].poses
+    name = _choose(bag, "frame", frame, list(found) if frame else [each for each in found if each not in fixed])
+    base, on_base = _find_moving_frame(name, found)
+    _refuse_moving_parent(bag, name, base, found)
+    poses = found[base].poses
     stamps = sorted(poses)
-    return BagPoses(stamps, [poses[stamp] for stamp in stamps], name, found[name].parent)
+    return BagPoses(stamps, [poses[stamp] @ on_base for stamp in stamps], name, found[base].parent)
 
 
 def _add(found: dict[str, _Frame], name: str, parent: str, stamp: Decimal, pose: Array) -> None:
@@ -106,14 +114,28 @@ def _add(found: dict[str, _Frame], name: str, parent: str, stamp: Decimal, pose:
         raise ValueError(f"{what} has different poses with the stamp {stamp:f} s")
 
 
-def _refuse_moving_parent(bag: Path, name: str, found: Mapping[str, _Frame]) -> None:
-    """Refuse a frame that is given in another one that moves: its poses are no path over the ground."""
-    parent = found[name].parent
-    if parent in found and parent != name and not found[parent].stands_still():
-        raise IcyMoonError(
-            f"{bag}: the poses of {shorten(name)} are in {shorten(parent)}, which itself moves in "
-            f"{shorten(found[parent].parent)}; give --frame {shorten(parent)}, or record the pose in a fixed frame."
-        )
+def _find_moving_frame(name: str, found: Mapping[str, _Frame]) -> tuple[str, Array]:
+    """The frame that moves on which a frame stands still, maybe on others between them, and its pose (4, 4) in that
+    one. A frame that moves itself, or stands on none that moves, comes back by itself."""
+    base, pose = name, np.eye(4)
+    passed = set()
+    while base in found and base not in passed and found[base].stands_still():
+        passed.add(base)
+        pose = next(iter(found[base].poses.values())) @ pose
+        base = found[base].parent
+    return (base, pose) if base in found and base not in passed else (name, np.eye(4))
+
+
+def _refuse_moving_parent(bag: Path, name: str, base: str, found: Mapping[str, _Frame]) -> None:
+    """Refuse a frame that moves in another one that moves: its poses are no path over the ground."""
+    parent, _ = _find_moving_frame(found[base].parent, found)
+    if parent not in found or parent == base or found[parent].stands_still():
+        return
+    what = f"{shorten(name)} stands on {shorten(base)}, which moves" if name != base else f"{shorten(name)} moves"
+    raise IcyMoonError(
+        f"{bag}: {what} in {shorten(found[base].parent)}, and that moves in {shorten(found[parent].parent)}; give "
+        f"--frame {shorten(parent)}, or record the pose in a fixed frame."
+    )
 
 
 def _choose(bag: Path, what: str, stated: str, there: list[str]) -> str:

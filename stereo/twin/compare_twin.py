@@ -182,10 +182,7 @@ def _measure(
     found: dict[str, Any] = {}
     disparities: dict[tuple[str, str], Array] = {}
     for name, side in sides.items():
-        # Pixels that one of the sides does not show are black in both.
-        shown = {eye: np.where(seen[eye], side.grey[eye], 0.0) for eye in EYES}
-        white = find_white(side.grey["left"][seen["left"]])
-        images = {eye: stretch_to_8_bit(shown[eye], white) for eye in EYES}
+        shown, images, white = _prepare_images(side, seen)
         statistics, curves = measure_image(shown["left"], white, seen["left"])
         matched = {}
         for method in methods:
@@ -207,6 +204,26 @@ def _measure(
             "sky_share": sky_share,
         }
     )
+
+
+def check_matchers(
+    photographs: Photographs, rectification: Rectification, settings: Settings, methods: Sequence[Method]
+) -> None:
+    """Match a photographed pair once with each method, before its twin is rendered. Raises IcyMoonError where a matcher
+    refuses: images too small for its search range, or a program that fails."""
+    side = _read_photographs(photographs, rectification)
+    _, images, _ = _prepare_images(side, rectification.seen)
+    ranges = {AUTO: choose_search_range(settings, [side.truth])}
+    for method in methods:
+        match(method.name, images["left"], images["right"], method.options, rectification.camera, ranges)
+
+
+def _prepare_images(side: _Images, seen: Mapping[str, Array]) -> tuple[dict[str, Array], dict[str, Array], float]:
+    """The grey levels of both eyes, black where they are not ``seen`` in both sides, the same with 8 bits, and the
+    level that becomes white."""
+    shown = {eye: np.where(seen[eye], side.grey[eye], 0.0) for eye in EYES}
+    white = find_white(side.grey["left"][seen["left"]])
+    return shown, {eye: stretch_to_8_bit(shown[eye], white) for eye in EYES}, white
 
 
 def _replace_nan(value: Any) -> Any:

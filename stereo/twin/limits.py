@@ -11,9 +11,8 @@ from ...support.number_text import format_count, show_rounded
 from .photographs import LOSSY_SUFFIXES, Rectification
 from .plan import Described, Twin
 
-#: Roll, and relief over the height, above which the sentence on the pose names them; share of sky or unseen pixels that
-#: is named.
-_REPORTED_ROLL_DEG, _REPORTED_RELIEF, _REPORTED_SHARE = 1.0, 0.05, 0.005
+#: Relief over the height above which the sentence on the pose names it; share of sky or unseen pixels that is named.
+_REPORTED_RELIEF, _REPORTED_SHARE = 0.05, 0.005
 
 
 def list_limits(
@@ -67,17 +66,14 @@ def _tell_pose(twins: Sequence[Twin], described: Described) -> list[str]:
     poses = [twin.pose for twin in twins if twin.pose]
     if poses:
         found = [
-            "Height and pitch are those over the plane that fits the true depth, which is taken to be level: "
+            "Height, pitch and roll are those over the plane that fits the true depth, which is taken to be level: "
             + _format_range([pose.height_m for pose in poses], "m")
             + " high, "
             + _format_range([pose.pitch_deg for pose in poses], "degrees")
-            + " down."
+            + " down, "
+            + _format_range([pose.roll_deg for pose in poses], "degrees")
+            + " clockwise."
         ]
-        roll = max(abs(pose.roll_deg) for pose in poses)
-        if roll > _REPORTED_ROLL_DEG:
-            found.append(
-                f"The camera is rolled by up to {show_rounded(roll)} degrees against that plane; a twin is not."
-            )
         relief = max(pose.relief_m / pose.height_m for pose in poses)
         if relief > _REPORTED_RELIEF:
             found.append(
@@ -87,9 +83,11 @@ def _tell_pose(twins: Sequence[Twin], described: Described) -> list[str]:
         return found
     rig = twins[0].planned.settings.rig
     stated = described.states("rig", "height_m", "pitch_deg")
+    rolled = f", rolled {rig.roll_deg:g} degrees clockwise" if rig.roll_deg else ""
     return [
-        f"The camera of the twin is {rig.height_m:g} m above the ground and looks {rig.pitch_deg:g} degrees down, as "
-        + ("stated" if stated else "in the preset; state rig.height_m and rig.pitch_deg of yours")
+        f"The camera of the twin is {rig.height_m:g} m above the ground and looks {rig.pitch_deg:g} degrees "
+        f"down{rolled}, as "
+        + ("stated" if stated else "in the preset; state rig.height_m, rig.pitch_deg and rig.roll_deg of yours")
         + "."
     ]
 

@@ -23,6 +23,8 @@ from .pose import Pose, fit_pose
 
 #: Factor on the needed margin, for the rounding of settings.
 _MARGIN_FACTOR = 1.01
+#: Settings of the pose that a true depth gives.
+POSE_KEYS = ("height_m", "pitch_deg", "roll_deg")
 #: Ratio of the places found with the images exchanged to those without from which on the images count as exchanged.
 _EXCHANGED_RATIO = 2.0
 
@@ -66,10 +68,10 @@ class Described:
 def plan_twins(pairs: Sequence[Photographs], described: Described, rectification: Rectification) -> list[Twin]:
     """The twin of each pair. Each has its own seed, the first one the seed of the settings, and so another ground.
 
-    Height and pitch follow from the true depth, unless the user states one of them. All files are read. Raises
+    Height, pitch and roll follow from the true depth, unless the user states one of them. All files are read. Raises
     IcyMoonError.
     """
-    known = described.states("rig", "height_m", "pitch_deg")
+    known = described.states("rig", *POSE_KEYS)
     twins, first = [], int(described.complete().dataset.seed)
     for number, photographs in enumerate(pairs):
         left, right = (rectification.read_grey(path, eye) for path, eye in zip(photographs.files, EYES, strict=False))
@@ -81,8 +83,7 @@ def plan_twins(pairs: Sequence[Photographs], described: Described, rectification
             doubts += _doubt_depth(photographs.depth, disparity, rectification.camera, places)
             if not known:
                 pose = fit_pose(disparity, rectification.camera)
-                stated = {"rig": {"height_m": pose.height_m, "pitch_deg": pose.pitch_deg}}
-                own = check(stated, str(photographs.depth))
+                own = check({"rig": {key: getattr(pose, key) for key in POSE_KEYS}}, str(photographs.depth))
         settings = merged(described.complete(own), {"dataset": {"seed": first + number}})
         (planned,) = expand_headings(settings, user_files.hash_content(settings))
         twins.append(Twin(photographs, planned, pose, tuple(doubts)))

@@ -14,13 +14,16 @@ from ...support.errors import IcyMoonError
 #: Most points of a fit, rounds of the fit, and the share of the points nearest to the plane that count in the next
 #: round.
 _MOST_POINTS, _FIT_ROUNDS, _KEPT_SHARE = 20_000, 8, 0.8
+#: Pitch from which on a roll is a turn about the vertical, which a plane does not show.
+_STRAIGHT_DOWN_DEG = 89.0
 #: Fewest points for a plane.
 _FEWEST_POINTS = 100
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Height above the plane, pitch down, roll clockwise, and the root mean square distance of the points from it."""
+    """Height above the plane, pitch down, roll clockwise (0 for a camera that looks straight down), and the root mean
+    square distance of the points from the plane."""
 
     height_m: float
     pitch_deg: float
@@ -55,9 +58,11 @@ def fit_pose(disparity: Array, camera: StereoCamera) -> Pose:
         kept = points[off <= np.quantile(off, _KEPT_SHARE)]
     normal = normal * (math.copysign(1.0, float(normal @ middle)))  # away from the camera, which is down
     off = (points - middle) @ normal
+    pitch_deg = math.degrees(math.asin(float(np.clip(normal[2], -1, 1))))
+    roll_deg = math.degrees(math.atan2(float(normal[0]), float(normal[1])))
     return Pose(
         float(normal @ middle),
-        math.degrees(math.asin(float(np.clip(normal[2], -1, 1)))),
-        math.degrees(math.atan2(float(normal[0]), float(normal[1]))),
+        pitch_deg,
+        roll_deg if pitch_deg < _STRAIGHT_DOWN_DEG else 0.0,
         float(np.sqrt(np.mean(off**2))),
     )

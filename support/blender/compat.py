@@ -101,7 +101,11 @@ def disable_light_factors(light: bpy.types.Light) -> None:
 
 
 def set_equidistant_fisheye(lens: bpy.types.Camera, field_rad: float) -> None:
-    """Make a lens Cycles' equidistant fisheye with this field. From 5.0 on, its properties are the lens' own."""
+    """Make a lens Cycles' equidistant fisheye with this field, for square images. From 5.0 on, its properties are the
+    lens' own.
+
+    ``set_fisheye`` is for images of any shape. Its rays are the same within rounding, so noise and edges differ.
+    """
     lens.type = "PANO"
     own = _panorama_of(lens)
     own.panorama_type, own.fisheye_fov = "FISHEYE_EQUIDISTANT", field_rad

@@ -12,6 +12,7 @@ from icymoon.commands.cli import main
 from icymoon.formats.calibrations.registry import write_calibration
 from icymoon.physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from icymoon.physics.camera.lens_models import Brown
+from icymoon.physics.light.directions import camera_axes
 from icymoon.render.pairs.pair_folder import is_complete, read_pair
 from icymoon.stereo.images.image_files import write_png
 
@@ -101,18 +102,24 @@ def test_other_settings_in_the_same_folder_are_a_sentence(tmp_path, rendered, ca
     assert "choose another folder" in capsys.readouterr().err
 
 
-def test_height_and_pitch_follow_from_the_true_depth_unless_stated(tmp_path, rendered):
+def test_height_pitch_and_roll_follow_from_the_true_depth_unless_stated(tmp_path, rendered):
     files, calibration = photographs(tmp_path / "in")
-    row = (np.arange(HEIGHT)[:, None] + 0.5 - 56) / FOCAL_PX + np.zeros(WIDTH)
-    pitch = np.radians(35)
-    np.save(tmp_path / "depth.npy", 1.5 / np.maximum(row * np.cos(pitch) + np.sin(pitch), 0.02))
+    row, column = np.meshgrid(
+        (np.arange(HEIGHT) + 0.5 - 56) / FOCAL_PX, (np.arange(WIDTH) + 0.5 - 80) / FOCAL_PX, indexing="ij"
+    )
+    # Downward in the axes of a camera that is pitched by 35 and rolled by 8 degrees.
+    down = -camera_axes(0.0, 35.0, 8.0)[2]
+    np.save(tmp_path / "depth.npy", 1.5 / np.maximum(column * down[0] + row * down[1] + down[2], 0.02))
     depth = ("--depth", tmp_path / "depth.npy")
     assert run(files, calibration, tmp_path / "out", *depth) == 0
     assert rendered[0].settings.rig.height_m == pytest.approx(1.5, rel=1e-3)
     assert rendered[0].settings.rig.pitch_deg == pytest.approx(35, abs=0.05)
-    assert "1.5 m high, 35 degrees down" in (tmp_path / "out" / "twin.html").read_text(encoding="utf-8")
+    assert rendered[0].settings.rig.roll_deg == pytest.approx(8, abs=0.05)
+    assert "1.5 m high, 35 degrees down, 8 degrees clockwise" in (tmp_path / "out" / "twin.html").read_text(
+        encoding="utf-8"
+    )
     assert run(files, calibration, tmp_path / "stated", *depth, "--set", "rig.pitch_deg=50") == 0
-    assert rendered[1].settings.rig.pitch_deg == 50
+    assert (rendered[1].settings.rig.pitch_deg, rendered[1].settings.rig.roll_deg) == (50, 0)
     assert rendered[1].settings.rig.height_m != pytest.approx(1.5, rel=1e-3)
 
 
@@ -174,6 +181,31 @@ def test_a_height_map_is_the_ground(tmp_path, rendered):
     assert (source.kind, source.file) == ("HEIGHT_MAP", str(tmp_path / "dem.npy"))
     html = (tmp_path / "out" / "twin.html").read_text(encoding="utf-8")
     assert "dem.npy: whatever is smaller than its cells is missing" in html
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--set", "rig.width_px=10"], "The images, 10 x 112 px, are too small for StereoBM"),
+        (["--ground", "dem.npy"], "dem.npy: does not state the size of its pixels; set source.metres_per_pixel"),
+        (["--ground", "dem.asc"], "gdal_translate"),
+        (
+            ["--ground", "dem.npy", "--set", "source.site=MAP", "--set", "source.metres_per_pixel=2"],
+            "replaces the map of the file",
+        ),
+    ],
+)
+def test_images_and_ground_that_cannot_be_used_are_told_before_anything_is_rendered(
+    tmp_path, monkeypatch, rendered, capsys, more, words
+):
+    files, calibration = photographs(tmp_path / "in")
+    monkeypatch.chdir(tmp_path)
+    np.save(tmp_path / "dem.npy", np.zeros((5, 5)))
+    (tmp_path / "dem.asc").write_text("ncols 5\n", encoding="utf-8")
+    assert run(files, calibration, tmp_path / "out", *more, "--methods", "bm") == 1
+    shown = capsys.readouterr().err.strip()
+    assert words in shown.splitlines()[-1]
+    assert not rendered
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from, render_pairs
+from icymoon.settings.user_files import hash_content
 from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 
@@ -114,6 +115,57 @@ def test_a_roof_over_the_eyes_is_open_and_a_cliff_about_one_is_not(low, high, ad
     built.terrain.data.clear_geometry()
     built.terrain.data.from_pydata([*ground, *corners], [], [(0, 1, 2, 3), *(tuple(4 + k for k in f) for f in faces)])
     assert bool(eyes_above_ground.find_reasons(built)) != admitted
+
+
+def write_head(folder, **cameras):
+    """A head of small pinholes at positions in the frames of their names."""
+    text = "".join(
+        f'[[camera]]\nname = "{name}"\nmodel = "PINHOLE"\nwidth_px = 16\nheight_px = 12\nfield_deg = 60\n'
+        f'frame = "{frame}"\nposition_m = {list(map(float, position))}\n'
+        for name, (frame, position) in cameras.items()
+    )
+    (folder / "head.toml").write_text(text, encoding="utf-8")
+    return {"rig": {"head_file": str(folder / "head.toml")}}
+
+
+@pytest.mark.parametrize("kind", ["GRADED", "GRID"])
+def test_a_camera_of_a_head_in_a_rock_is_refused_by_its_name(tmp_path, kind):
+    tall = complete(TALL, {"mesh": {"kind": kind, "most": 20_000}})
+    scenes.build_scene(empty_scene(), tall)
+    block = max(
+        (item for item in bpy.data.objects if item.get("icymoon") == "rock"), key=lambda item: len(item.data.vertices)
+    )
+    x, y, z = block.data.vertices[0].co  # the middle of the largest block
+    head = write_head(tmp_path, inside=("ZERO", (x, y, z)), above=("ZERO", (x, y, z + 9)), free=("RIG", (0.1, 0, 0)))
+    settings = complete(TALL, {"mesh": {"kind": kind, "most": 20_000}}, head)
+    pairs = expand_headings(settings, hash_content(settings))
+    with pytest.raises(IcyMoonError) as refused, ScenesFromSettings(silent) as stage:
+        render_from(stage, pairs, tmp_path, silent)
+    assert str(refused.value).endswith(
+        "head.toml: the camera inside is in a rock; change its position_m, or the rocks."
+    )
+    built = scenes.build_scene(empty_scene(), settings)
+    with pytest.raises(IcyMoonError, match="the camera inside is in a rock"):
+        render_pairs(built, pairs, tmp_path, 1, 0.0, silent)
+    assert not list(tmp_path.glob("pairs/*"))
+
+
+def test_a_camera_of_a_head_turns_with_the_rig_and_is_found_under_a_slope(tmp_path):
+    """A ramp rises to the west from the left eye, 45 degrees. A camera of the rig comes round to where it stands; one
+    that stands on the ground stays."""
+    head = write_head(tmp_path, aside=("RIG", (1, 0, 0)), there=("ZERO", (1, 0, 0.5)))
+    rig = {"height_m": 0.5, "baseline_m": 0.1}
+    built = scenes.build_scene(
+        empty_scene(), complete({"terrain": {"rms_slope_deg": 0.0, "size_m": 4.0}, "rig": rig}, head)
+    )
+    mesh = built.terrain.data
+    mesh.clear_geometry()
+    mesh.from_pydata(
+        [(-4, -4, 4), (0, -4, 0), (4, -4, 0), (-4, 4, 4), (0, 4, 0), (4, 4, 0)], [], [(0, 1, 4, 3), (1, 2, 5, 4)]
+    )
+    found = [eyes_above_ground.find_reasons(built, turn) for turn in (0.0, 90.0, 180.0, 270.0)]
+    assert [len(each) for each in found] == [0, 0, 1, 0]
+    assert found[2][0].endswith("head.toml: the camera aside is 0.5 m under the ground; raise its position_m.")
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,8 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.images.head_views import develop_head_view, read_head_views
-from icymoon.support.blender import compat
 from icymoon.support.errors import IcyMoonError
-from rendering import complete, empty_scene
+from rendering import add_shining_ball, complete, empty_scene
 
 FLAT = {
     "terrain": {"size_m": 10.0, "resolution": 17, "rms_slope_deg": 0.0},
@@ -105,31 +104,12 @@ cam1:
 """
 
 
-def _add_ball(built) -> None:
-    import bmesh  # which the module bpy brings
-
-    shape, mesh = bmesh.new(), bpy.data.meshes.new("Ball")
-    bmesh.ops.create_icosphere(shape, subdivisions=4, radius=RADIUS)
-    shape.to_mesh(mesh)
-    shape.free()
-    material = bpy.data.materials.new("Shining")
-    tree = compat.ensure_nodes(material)
-    tree.nodes.clear()
-    light, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
-    light.inputs["Strength"].default_value = SHINE
-    tree.links.new(light.outputs[0], output.inputs["Surface"])
-    mesh.materials.append(material)
-    ball = bpy.data.objects.new("Ball", mesh)
-    ball.location, ball.pass_index = BALL.tolist(), 77
-    built.collection.objects.link(ball)
-
-
 def _render(folder, *parts, ball: bool = False):
     settings = complete(FLAT, *parts)
     start = time.perf_counter()
     built = build_scene(empty_scene(), settings)
     if ball:
-        _add_ball(built)
+        add_shining_ball(built, BALL, RADIUS, SHINE)
     render_pairs(built, expand_headings(settings), folder, 1, time.perf_counter() - start, lambda *a, **k: None)
     return find_pairs(folder)[0], built
 

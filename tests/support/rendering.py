@@ -15,6 +15,7 @@ from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.arrays import Array
+from icymoon.support.blender import compat
 
 SMALL: dict[str, dict[str, Any]] = {
     "terrain": {"resolution": 65},
@@ -61,6 +62,26 @@ def render(folder: Path, *parts: dict[str, Any]) -> tuple[Pair, Built]:
         built, expand_headings(settings), folder, 1, time.perf_counter() - start, lambda *a, **k: None
     )
     return read_pair(folders[0]), built
+
+
+def add_shining_ball(built: Built, place_m: Array, radius_m: float, radiance: float) -> None:
+    """Add a ball that shines, with the instance 77, to a built scene; in W/(m² sr)."""
+    import bmesh  # which the module bpy brings
+
+    shape, mesh = bmesh.new(), bpy.data.meshes.new("Ball")
+    bmesh.ops.create_icosphere(shape, subdivisions=4, radius=radius_m)
+    shape.to_mesh(mesh)
+    shape.free()
+    material = bpy.data.materials.new("Shining")
+    tree = compat.ensure_nodes(material)
+    tree.nodes.clear()
+    light, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+    light.inputs["Strength"].default_value = radiance
+    tree.links.new(light.outputs[0], output.inputs["Surface"])
+    mesh.materials.append(material)
+    ball = bpy.data.objects.new("Ball", mesh)
+    ball.location, ball.pass_index = place_m.tolist(), 77
+    built.collection.objects.link(ball)
 
 
 def png(path: Path, pixels: Array) -> Path:

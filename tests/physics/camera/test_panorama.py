@@ -30,6 +30,7 @@ def test_an_angle_is_a_distance_up_to_the_opposite_direction():
         expected = 90.0 * angle * np.array([0.6, -0.8]) + 299.5
         np.testing.assert_allclose(panorama.show(7.0 * ray), expected, atol=1e-6)
     assert np.isnan(panorama.show(np.full(3, np.nan))).all()
+    assert np.isnan(panorama.show(np.array([0.0, 0.0, -1.0]))).all(), "which is no pixel in the middle"
 
 
 def test_a_panorama_is_as_wide_as_it_must_be_and_never_wider_than_a_sphere():

@@ -6,6 +6,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import settings as trials
@@ -358,3 +359,26 @@ def test_every_setting_of_a_plan_is_found_in_its_line():
             where[topic.key, setting.key] = len(lines)
     keys = list(where)[::17]
     assert [find_line("\n".join(lines), key) for key in keys] == [where[key] for key in keys]
+
+
+def test_a_height_map_whose_pixels_have_no_size_is_refused_with_its_line(tmp_path):
+    np.save(tmp_path / "dem.npy", np.zeros((5, 5)))
+    plan = tmp_path / "plan.toml"
+    text = HEAD + '[source]\nkind = "HEIGHT_MAP"\nfile = "dem.npy"\n'
+    plan.write_text(text, encoding="utf-8")
+    with pytest.raises(
+        IcyMoonError, match=r"plan\.toml, line 5: .*dem\.npy: does not state the size of its pixels; set so"
+    ):
+        read_plan(plan).pairs()
+    plan.write_text(text + "metres_per_pixel = 0.5\n", encoding="utf-8")
+    assert len(read_plan(plan).pairs()) == 1
+
+
+def test_each_head_of_a_sweep_is_read(tmp_path):
+    good = '[[camera]]\nname = "a"\nmodel = "PINHOLE"\nwidth_px = 16\nheight_px = 12\nfield_deg = 60\n'
+    (tmp_path / "good.toml").write_text(good, encoding="utf-8")
+    (tmp_path / "bad.toml").write_text(good.replace("PINHOLE", "PINHOLES"), encoding="utf-8")
+    plan = tmp_path / "plan.toml"
+    plan.write_text(HEAD + '[[sweep]]\nkind = "grid"\nrig.head_file = ["good.toml", "bad.toml"]\n', encoding="utf-8")
+    with pytest.raises(IcyMoonError, match=r"line 5: .*bad\.toml"):
+        read_plan(plan).pairs()

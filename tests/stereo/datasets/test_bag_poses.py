@@ -98,16 +98,22 @@ def test_what_a_bag_has_not_is_a_sentence(tmp_path):
         read_bag_poses(two, "/a", "map")
 
 
-def write_transforms(path, *transforms):
-    """A bag with /tf of (parent, child, second, place)."""
+def write_transforms(path, *transforms, fixed=()):
+    """A bag with /tf of (parent, child, second, place, turn), and of ``fixed`` ones with /tf_static; the turn is a
+    quaternion x, y, z, w, and may be missing."""
     from rosbags.rosbag2 import Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
     kinds = store.types
     with Writer(path, version=9) as writer:
-        connection = writer.add_connection("/tf", "tf2_msgs/msg/TFMessage", typestore=store)
-        for parent, child, second, place in transforms:
+        connections = {
+            topic: writer.add_connection(topic, "tf2_msgs/msg/TFMessage", typestore=store)
+            for topic, each in (("/tf", transforms), ("/tf_static", fixed))
+            if each
+        }
+        both = [("/tf_static", *each) for each in fixed] + [("/tf", *each) for each in transforms]
+        for topic, parent, child, second, place, *turn in both:
             stamp = kinds["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
             message = kinds["tf2_msgs/msg/TFMessage"](
                 transforms=[
@@ -116,26 +122,54 @@ def write_transforms(path, *transforms):
                         child_frame_id=child,
                         transform=kinds["geometry_msgs/msg/Transform"](
                             translation=kinds["geometry_msgs/msg/Vector3"](*map(float, place)),
-                            rotation=kinds["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+                            rotation=kinds["geometry_msgs/msg/Quaternion"](
+                                *(turn[0] if turn else (0.0, 0.0, 0.0, 1.0))
+                            ),
                         ),
                     )
                 ]
             )
-            writer.write(connection, second * 10**9, store.serialize_cdr(message, "tf2_msgs/msg/TFMessage"))
+            writer.write(connections[topic], second * 10**9, store.serialize_cdr(message, "tf2_msgs/msg/TFMessage"))
     return path
 
 
-def test_a_frame_on_another_one_that_moves_is_refused_with_that_one(tmp_path):
-    """A camera on a robot stands still in the robot's frame: its poses there are no path."""
+#: A quarter turn to the left about z.
+LEFT = (0.0, 0.0, 0.5**0.5, 0.5**0.5)
+
+
+@pytest.mark.parametrize("static", [True, False], ids=["/tf_static", "sent again and again"])
+def test_a_camera_on_a_robot_moves_with_it(tmp_path, static):
+    """A robot looks north and drives east; its mast is 2 m ahead of it, and the camera 1 m above the mast."""
+    robot = [("map", "robot", k, (k, 0, 0), LEFT) for k in range(3)]
+    on_it = [("robot", "mast", 0, (2, 0, 0)), ("/mast", "camera", 0, (0, 0, 1), LEFT)]
+    bag = (
+        write_transforms(tmp_path / "run", *robot, fixed=on_it)
+        if static
+        else write_transforms(tmp_path / "run", *robot, *on_it, *((*each[:2], 1, *each[3:]) for each in on_it))
+    )
+    found = read_bag_poses(bag, frame="camera")
+    assert (found.frame, found.parent, found.stamps) == ("camera", "map", [0, 1, 2])
+    np.testing.assert_allclose([pose[:3, 3] for pose in found.poses], [[k, 2, 1] for k in range(3)], atol=1e-12)
+    # Two quarter turns look back.
+    np.testing.assert_allclose([pose[:3, 0] for pose in found.poses], [[-1, 0, 0]] * 3, atol=1e-12)
+    if static:
+        assert read_bag_poses(bag).frame == "robot", "the only frame that moves"
+
+
+@pytest.mark.parametrize("on_mast", [False, True])
+def test_a_frame_that_moves_on_another_one_that_moves_is_refused_with_a_fix_that_works(tmp_path, on_mast):
     robot = [("map", "robot", k, (k, 0, 0)) for k in range(3)]
-    camera = [("/robot", "camera", k, (0, 0, 1)) for k in range(3)]
-    bag = write_transforms(tmp_path / "run", *robot, *camera)
-    with pytest.raises(
-        IcyMoonError, match="poses of camera are in robot, which itself moves in map; give --frame robot"
-    ):
-        read_bag_poses(bag, frame="camera")
+    turns = [("/robot", "mast", k, (0, 0, k)) for k in range(3)]
+    bag = write_transforms(tmp_path / "run", *robot, *turns, fixed=[("mast", "camera", 0, (0, 0, 1))])
+    with pytest.raises(IcyMoonError, match="moves in robot, and that moves in map; give --frame robot"):
+        read_bag_poses(bag, frame="camera" if on_mast else "mast")
     found = read_bag_poses(bag, frame="robot")
     assert (found.parent, [pose[0, 3] for pose in found.poses]) == ("map", [0, 1, 2])
+
+
+def test_frames_that_stand_on_each_other_end(tmp_path):
+    bag = write_transforms(tmp_path / "run", ("a", "b", 0, (1, 0, 0)), ("b", "a", 0, (-1, 0, 0)))
+    assert [pose[0, 3] for pose in read_bag_poses(bag, frame="b").poses] == [1]
 
 
 def test_a_frame_on_one_that_stands_still_is_a_path(tmp_path):
