@@ -192,7 +192,7 @@ class Site:
 #: The conversion of a point in the site's frame to its map, for files that state a ``MapPlace``.
 MAP_FORMULA = (
     "map x = (origin[0] + x / scale[0]) / unit_m, map y = (origin[1] + y / scale[1]) / unit_m, height of "
-    "the file in metres = z + height_zero_m"
+    "the file in metres = z + height_zero_m, and with body_radius_m R plus the drop R - sqrt(R^2 - x^2 - y^2)"
 )
 
 
@@ -346,10 +346,10 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
     if missing is not None:
         stated = clear_stated_mark(heights, missing, number)
     warnings += apply_mask(heights, foreign, images, window)
-    scaled, in_unit = _scale_to_metres(heights, image, keys)
+    scaled, in_unit = scale_to_metres(heights, image, keys)
     report = (*stated, *scaled)
     if not in_unit and keys.get(1024, 0) != _GEOGRAPHIC:
-        warnings += _warn_unstated_metres(unit, foreign.name)
+        warnings += warn_unstated_metres(unit, foreign.name)
     if grid is None:
         return GeoTiff(heights, None, None, NO_PIXEL_SIZE, report, tuple(warnings), image.shape)
     (east, north), _ = grid
@@ -599,7 +599,7 @@ def _decode_text(tag: tuple[Any, ...] | None) -> str:
     return b"".join(tag or ()).split(b"\0")[0].decode("utf-8", "replace").strip()
 
 
-def _warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
+def warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
     """A warning if a file states no unit for its heights, but a unit other than the metre for its coordinates."""
     if unit_m is None or math.isclose(unit_m, 1.0, rel_tol=1e-6):
         return []
@@ -618,7 +618,7 @@ def _warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
     ]
 
 
-def _scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[str, ...], bool]:
+def scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[str, ...], bool]:
     """Turn the values into metres in place, by the scale, offset and unit that the file states; a report of it, and
     whether it states a unit.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..physics.mesh.horizon import drop_m
 from ..support.arrays import Array, Numbers
 from ..support.file_schemas import is_number
 from .geokeys import GeoKeys, geokeys_from_json
@@ -24,7 +25,8 @@ class MapFrame:
     and y, metres per unit of the file, and the height in the file's system at z = 0.
 
     ``bounds`` are the outer edges of the file (west, south, east, north) in its unit; ``system`` is None for a
-    projection that is not known here.
+    projection that is not known here. ``body_radius_m`` is the radius of the body whose curvature the ground has; 0 for
+    ground that is as flat as its map.
     """
 
     origin: tuple[float, float]
@@ -34,6 +36,12 @@ class MapFrame:
     geokeys: GeoKeys
     bounds: tuple[float, float, float, float]
     system: MapSystem | None
+    body_radius_m: float = 0.0
+
+    def find_drop_m(self, x_m: Numbers, y_m: Numbers) -> Array:
+        """Depth in metres of the ground of height zero below z = 0, at points of the site."""
+        away_m = np.hypot(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64))
+        return drop_m(away_m, self.body_radius_m) if self.body_radius_m > 0 else np.zeros(away_m.shape)
 
     def to_map(self, x_m: Numbers, y_m: Numbers) -> tuple[Array, Array]:
         """Easting and northing, in the unit of the file, of points east and north of the origin in metres."""
@@ -68,7 +76,7 @@ class MapFrame:
         return {
             "easting": easting,
             "northing": northing,
-            "height_m": z + self.height_zero_m,
+            "height_m": z + self.height_zero_m + float(self.find_drop_m(x, y)),
             "longitude_deg": local and local.longitude_deg,
             "latitude_deg": local and local.latitude_deg,
             "azimuth_grid_deg": math.degrees(math.atan2(ahead[0] / self.scale[0], ahead[1] / self.scale[1])) % 360.0,
@@ -85,17 +93,21 @@ def map_frame_from_json(ground: object) -> MapFrame | None:
     geokeys = geokeys_from_json(place.get("geokeys"))
     stated = [place.get(key) for key in ("origin", "scale", "bounds")]
     lists = [each for each in stated if isinstance(each, list) and all(map(is_number, each))]
-    unit_m, zero_m = place.get("unit_m"), place.get("height_zero_m")
-    if geokeys is None or not (is_number(unit_m) and is_number(zero_m)) or [len(each) for each in lists] != [2, 2, 4]:
+    unit_m, zero_m, radius_m = place.get("unit_m"), place.get("height_zero_m"), place.get("body_radius_m", 0.0)
+    if geokeys is None or [len(each) for each in lists] != [2, 2, 4]:
+        return None
+    if not (is_number(unit_m) and is_number(zero_m) and is_number(radius_m)):
         return None
     (x, y), (along_x, along_y), (west, south, east, north) = lists
     if not (
         min(unit_m, along_x, along_y) > 0
+        and 0 <= radius_m < math.inf
         and all(map(math.isfinite, (zero_m, unit_m, x, y, along_x, along_y, west, south, east, north)))
     ):
         return None
     system = read_system(geokeys.numbers(), unit_m)
-    return MapFrame((x, y), (along_x, along_y), unit_m, zero_m, geokeys, (west, south, east, north), system)
+    bounds = west, south, east, north
+    return MapFrame((x, y), (along_x, along_y), unit_m, zero_m, geokeys, bounds, system, float(radius_m))
 
 
 def describe_cameras(ground: object, poses: Mapping[str, Array]) -> dict[str, Any]:

@@ -216,7 +216,7 @@ def read_pixels(
     number, unpack = _find_number_type(image), _choose_unpacker(image)
     rows, columns = image.shape
     tiled = 322 in image.tags
-    width, height = _tile_size(image)
+    width, height = find_tile_size(image)
     down, right = _checked_window(image, window)
     offsets, sizes = (image.tags[k] for k in ((324, 325) if tiled else (273, 279)))
     across = -(-columns // width)
@@ -266,7 +266,7 @@ def _make_smaller(image: Directory, wanted: int) -> str:
     )
 
 
-def _tile_size(image: Directory) -> tuple[int, int]:
+def find_tile_size(image: Directory) -> tuple[int, int]:
     """Width and height of the tiles or strips; the last strip may be lower. Raises ValueError without no pixels."""
     rows, columns = image.shape
     if 322 in image.tags:

@@ -292,6 +292,10 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
 
 def _make_drop_function(built: scenes.Built) -> Callable[[Array, Array], Array] | None:
     """Function of x and y for the drop of curved ground below the plane at the site; None for flat ground."""
+    place = built.ground.get("map", {})
+    if is_from_file(built.settings) and "body_radius_m" in place:
+        around = float(place["body_radius_m"])
+        return lambda x, y: np.asarray(drop_m(np.hypot(x, y), around))
     if is_from_file(built.settings) or built.settings.mesh.kind != "GRADED" or "terrain" in built.preview:
         return None
     rig, radius = built.settings.rig, float(built.settings.terrain.body_radius_m)

@@ -18,6 +18,7 @@ from ..physics.light.sky_over_map import find_sky_place, warn_sky_of_other_place
 from ..physics.mesh.finer_in_view import advise_on_displacement, nearest_ground_m
 from ..physics.mesh.graded_mesh import GradedGround
 from ..physics.mesh.ground_interface import Surface
+from ..physics.mesh.heights_on_mesh import SurroundedGround
 from ..physics.rig.focal_length import focal_px
 from ..physics.rocks.beyond_patch import make_view_beyond
 from ..physics.rocks.place_rocks import scatter_rocks
@@ -141,7 +142,9 @@ def _make_terrain(settings: Settings, made: MeshedGround | UserGround, warnings:
     """The object of the ground with its material; adds to the ``warnings``."""
     ground = made.surface
     mesh = made.build_mesh(f"{NAME} Terrain")
-    mark_elevation(mesh, settings.surface, ground.drop_m if isinstance(ground, GradedGround) else None)
+    mark_elevation(
+        mesh, settings.surface, ground.drop_m if isinstance(ground, GradedGround | SurroundedGround) else None
+    )
     warnings += ground_and_rock_materials.advise_on_surfaces(settings)
     warnings += advise_on_displacement(settings, _find_nearest_spacing_m(settings, ground, mesh))
     try:
@@ -230,6 +233,8 @@ def _find_nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types
     if isinstance(ground, GradedGround):
         height_m = float(settings.rig.height_m)
         return float(ground.grading.spacing_at(math.sqrt(max(nearest_ground_m(settings.rig) ** 2 - height_m**2, 0.0))))
+    if isinstance(ground, SurroundedGround):
+        return ground.spacing_m
     if is_from_file(settings):
         return math.sqrt(sum(each.area for each in mesh.polygons) / max(len(mesh.vertices), 1))
     return compute_vertex_spacing_m(settings.terrain)

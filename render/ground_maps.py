@@ -25,6 +25,7 @@ from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..rays.shapes import World
 from ..rays.stereo_truth import list_squares
 from ..rays.surface import Tracer, find_surface
+from ..settings.user_files import has_surroundings
 from ..support import system
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError, first_line
@@ -59,11 +60,12 @@ class GroundMap:
 
 
 def find_extent(built: Built, cell_m: float | None) -> Extent:
-    """The cells that cover a ground: its patch, or the bounding box of a ground from a file.
+    """The cells that cover a ground: its patch, or the bounding box of a ground from a file that has no
+    surroundings.
 
     Raises IcyMoonError for more than ``MOST_CELLS`` cells along a side.
     """
-    if is_from_file(built.settings):
+    if is_from_file(built.settings) and not has_surroundings(built.settings):
         corners = np.array(built.terrain.bound_box) @ np.array(built.terrain.matrix_world)[:3, :3].T
         corners = corners + np.array(built.terrain.matrix_world)[:3, 3]
         (west, south), (east, north) = corners.min(axis=0)[:2], corners.max(axis=0)[:2]

@@ -29,6 +29,8 @@ def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict
     named = {}
     if settings.source.kind in ("MESH", "HEIGHT_MAP"):
         named["source.file"] = str(settings.source.file)
+    if has_surroundings(settings) and settings.source.surroundings_file:
+        named["source.surroundings_file"] = str(settings.source.surroundings_file)
     if settings.textures.set == "OWN":
         named |= {
             f"textures.{s.key}": str(settings.textures[s.key])
@@ -46,6 +48,11 @@ def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict
     if settings.light.directions_from == "KERNELS":
         named["light.kernels"] = str(settings.light.kernels)
     return {name: absolute_path(text, name, blend_folder) for name, text in named.items()}
+
+
+def has_surroundings(settings: Settings) -> bool:
+    """Whether the ground goes on beyond the patch of a height map."""
+    return bool(settings.source.kind == "HEIGHT_MAP" and settings.source.surroundings_m > 0)
 
 
 def hash_content(settings: Settings, blend_folder: str | None = None) -> str:

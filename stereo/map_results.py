@@ -125,9 +125,10 @@ def write_maps(
     depth = prepared.truth.ravel()[index]
     near = depth <= np.quantile(depth, _SHARE)
     cells = make_cells(frame, true[near], cell_m or choose_cell_m(depth[near], pair.camera))
-    truth = make_dem(true, cells.grid, 1)
+    truth = make_dem(_raise_by_drop(frame, true), cells.grid, 1)
     measured = np.where(ground, disparity_to_depth(prepared, disparity), np.nan)
-    found = make_dem(back_project_depth(measured, prepared.depth_camera.rectified, pose)[0], cells.grid)
+    points = back_project_depth(measured, prepared.depth_camera.rectified, pose)[0]
+    found = make_dem(_raise_by_drop(frame, points), cells.grid)
     hidden, share = (
         mean_by_cell(true, each.ravel()[index], cells.grid) for each in (~prepared.visible, np.isfinite(measured))
     )
@@ -140,6 +141,12 @@ def write_maps(
         "class_map": cells.encode(classify_cells(share, hidden), _CLASSES, "", str(NOT_SEEN)),
     }.items():
         write_bytes(files[kind], data)
+
+
+def _raise_by_drop(frame: MapFrame, position_m: Array) -> Array:
+    """Points (n, 3) of the site above the zero of their map, which is curved where the ground has surroundings."""
+    x, y, z = position_m.T
+    return np.column_stack([x, y, z + frame.find_drop_m(x, y)])
 
 
 def _encode_heights(cells: MapCells, values: Array, text: str) -> bytes:

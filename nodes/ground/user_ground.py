@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from ...physics.terrain.fine_detail import displace_by_relief
 from ...settings.topics.ground import SourceSettings
 from ...settings.topics.scene import Settings
 from ...settings.topics.trust_boundary import NO_MARK
+from ...settings.user_files import has_surroundings
 from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
@@ -30,6 +31,7 @@ from ...support.number_text import format_count
 from ..datablocks.blend_file_paths import find_used_files
 from . import import_heights
 from .import_mesh import read_mesh
+from .surroundings import MapOfSite, surround
 from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
 
 #: Limits of the size of a ground, m. Outside of them it cannot be a landing site in any unit.
@@ -381,33 +383,72 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     pixel = _find_pixel_size(path, read, source)
     warnings = [f"{path.name}: {sentence}." for sentence in (*read.warnings, *sentences)]
     if not known.all():
-        warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was interpolated smoothly.")
+        warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and {_tell_gaps_filled(source)}.")
     heights = height_map.fill_holes(values) * source.height_scale_m
     surface, moved, place = _place_heights(heights, pixel, read, source, size_m)
     west, east, south, north = surface.bounds_m
     extents = np.array([max(east - west, 0.0), max(north - south, 0.0), float(np.ptp(heights))])
-    if east <= west or north <= south:
-        raise IcyMoonError(
-            f"{path}: has no height within terrain.size_m = {terrain.size_m:g} m of the origin; set "
-            "source.centre, source.origin_x_m or source.origin_y_m."
-        )
+    _refuse_ground_off_map(path, surface, size_m)
     steep = "set source.height_scale_m, or mark the heights that are missing."
     warnings += _check_size(path, extents, "set source.metres_per_pixel.", steep)
     warnings += _warn_near_edge(path, surface, settings)
     if source.detail:
         surface = height_map.add_roughness(surface, make_procedural(settings))
-    positions, faces = _make_grid_mesh(surface, shortest_wavelength_m(terrain) / 2)
     rows, columns = read.file_shape or heights.shape
-    whole = (columns - 1) * pixel[0], (rows - 1) * pixel[1]
-    part = f", of which {heights.shape[1]} x {heights.shape[0]} were read" * (heights.shape != (rows, columns))
     report = (
-        f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, "
-        f"{_format_metres([*whole, extents[2]])} m{part}",
+        _describe_map_size((rows, columns), heights, pixel),
         *read.report,
         f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_format_metres(moved)} m",
         "Procedural roughness below the pixel size" if source.detail else "Nothing finer than the pixel size",
     )
-    return UserGround(positions, faces, surface, report, tuple(warnings), map_place=place)
+    if not has_surroundings(settings):
+        positions, faces = _make_grid_mesh(surface, shortest_wavelength_m(terrain) / 2)
+        return UserGround(positions, faces, surface, report, tuple(warnings), map_place=place)
+    zero_m = float(place["height_zero_m"])
+    known_m = np.where(known, values * source.height_scale_m - zero_m, np.nan)
+    of = MapOfSite(path, heights.shape == (rows, columns), known_m, surface, zero_m, missing)
+    patch = UserGround(np.empty(0), np.empty(0), surface, report, tuple(warnings), map_place=place)
+    return _add_surroundings(patch, of, settings)
+
+
+def _refuse_ground_off_map(path: Path, surface: HeightMap, size_m: float) -> None:
+    """Raise IcyMoonError where a map has no ground about the origin."""
+    west, east, south, north = surface.bounds_m
+    if east <= west or north <= south:
+        raise IcyMoonError(
+            f"{path}: has no height within terrain.size_m = {size_m:g} m of the origin; set "
+            "source.centre, source.origin_x_m or source.origin_y_m."
+        )
+
+
+def _describe_map_size(shape: tuple[int, int], heights: Array, pixel: tuple[float, float]) -> str:
+    """Pixels and size of a map of a ``shape`` (rows, columns), and which part of it was read, for the import report."""
+    rows, columns = shape
+    whole = (columns - 1) * pixel[0], (rows - 1) * pixel[1], float(np.ptp(heights))
+    part = f", of which {heights.shape[1]} x {heights.shape[0]} were read" * (heights.shape != shape)
+    return f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_format_metres(whole)} m{part}"
+
+
+def _tell_gaps_filled(source: SourceSettings) -> str:
+    """How the missing heights of a map are filled, as the end of a sentence."""
+    if source.surroundings_m > 0 and source.surroundings_file:
+        return "was interpolated smoothly, or in wide gaps taken from source.surroundings_file"
+    return "was interpolated smoothly"
+
+
+def _add_surroundings(patch: UserGround, of: MapOfSite, settings: Settings) -> UserGround:
+    """The ground of a map with its surroundings in place of its patch alone."""
+    made = surround(of, find_used_files(settings).get("source.surroundings_file"), settings)
+    found = made.surface
+    return replace(
+        patch,
+        positions=found.positions,
+        faces=found.faces,
+        surface=found,
+        report=(*patch.report, *made.report),
+        warnings=(*patch.warnings, *made.warnings),
+        map_place=(patch.map_place or {}) | {"body_radius_m": found.body_radius_m},
+    )
 
 
 def _warn_near_edge(path: Path, surface: HeightMap, settings: Settings) -> list[str]:
@@ -415,7 +456,7 @@ def _warn_near_edge(path: Path, surface: HeightMap, settings: Settings) -> list[
     size_m, pixel_m = float(settings.terrain.size_m), max(surface.pixel_m)
     west, east, south, north = surface.bounds_m
     nearest, side = min((-west, "west"), (east, "east"), (-south, "south"), (north, "north"))
-    if settings.source.site == "OFFSET" or nearest >= size_m / 2 - pixel_m:
+    if settings.source.site == "OFFSET" or has_surroundings(settings) or nearest >= size_m / 2 - pixel_m:
         return []
     return [
         f"{path.name}: ends {nearest:.4g} m {side} of the site by the map's up, and the ground ends there, nearer than "

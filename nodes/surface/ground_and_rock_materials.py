@@ -19,6 +19,7 @@ from ...physics.surfaces import principled
 from ...physics.surfaces.textures import uses_uv
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import find_texture_item
+from ...settings.user_files import has_surroundings
 from ...support.errors import IcyMoonError
 from ...support.labels import ROCK, TERRAIN, UV_LAYER
 from ...support.number_text import show_rounded
@@ -145,7 +146,9 @@ def _load_placed_albedo(settings: Settings) -> tuple[Map, tuple[float, float, fl
             "textures.mapping is MAP, but the ground is on no map; give a GeoTIFF with a coordinate system as "
             "source.file, with source.kind HEIGHT_MAP and source.metres_per_pixel 0, or set textures.mapping to PATCH."
         )
-    return load_placed_map(find_used_files(settings)["textures.albedo_file"], frame, float(settings.terrain.size_m))
+    seen_m = 2.0 * float(source.surroundings_m) if has_surroundings(settings) else 0.0
+    path = find_used_files(settings)["textures.albedo_file"]
+    return load_placed_map(path, frame, float(settings.terrain.size_m), seen_m)
 
 
 def advise_on_images(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:

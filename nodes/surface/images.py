@@ -81,19 +81,20 @@ def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage])
 
 
 def load_placed_map(
-    path: Path, frame: MapFrame, size_m: float
+    path: Path, frame: MapFrame, size_m: float, seen_m: float = 0.0
 ) -> tuple[Map, tuple[float, float, float, float], list[str]]:
-    """An image over the ground of a site by its map coordinates: its map with the mean over the ground, its west and
-    south edge, width and height in the frame of the site, and sentences on what it lacks. Raises IcyMoonError if it is
+    """An image over the ground of a site by its map coordinates, and beyond it as ``read_map_image`` states: its map
+    with the mean over the ground, its west and south edge, width and height in the frame of the site, and sentences on
+    what it lacks. Raises IcyMoonError if it is
     missing or not over the ground."""
     if not path.is_file():
         raise IcyMoonError(f"{path}: there is no such file; check textures.albedo_file.")
     state = path.stat()
-    key = f"{path} {state.st_size} {state.st_mtime_ns} {frame} {size_m!r}"
+    key = f"{path} {state.st_size} {state.st_mtime_ns} {frame} {size_m!r} {seen_m!r}"
     if (there := _find_map(key)) is not None:
         placed, sentences = there.image[_PLACED_PROPERTY], parse_json(there.image[_LACKS_PROPERTY])
         return there, (placed[0], placed[1], placed[2], placed[3]), sentences
-    found = read_map_image(path, frame, size_m)
+    found = read_map_image(path, frame, size_m, seen_m)
     rows, columns = found.values.shape
     image = bpy.data.images.new(path.name, columns, rows, float_buffer=True, is_data=True)
     pixels = np.ones((rows, columns, 4), np.float32)

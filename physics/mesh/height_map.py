@@ -171,7 +171,7 @@ def clear_unstated_mark(values: Array) -> tuple[Array, list[str]]:
         mark = float(pick(values[known]))
         others = values[known & (values != mark)]
         count = int(known.sum()) - others.size
-        if others.size < 2 or (count < 2 and abs(mark) not in _USUAL_MARKS):
+        if others.size < 2 or (count < 2 and abs(mark) not in USUAL_MARKS):
             continue
         gap = float(np.abs(others - mark).min())
         if gap > _MARK_DISTANCE * float(np.ptp(others)) and count < _MOST_MARKED * known.sum():
@@ -184,7 +184,7 @@ def clear_unstated_mark(values: Array) -> tuple[Array, list[str]]:
 
 
 #: Marks of missing heights that programs use, without their sign.
-_USUAL_MARKS = (9999.0, 32768.0, 32767.0, 65535.0, 99999.0, 999999.0)
+USUAL_MARKS = (9999.0, 32768.0, 32767.0, 65535.0, 99999.0, 999999.0)
 #: Least distance of a mark from the other heights, over their range.
 _MARK_DISTANCE = 3.0
 #: Largest share of pixels with a mark.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array, Numbers
+from .horizon import drop_m
 
 
 @dataclass(frozen=True)
@@ -44,3 +45,24 @@ class MeshGround:
             return math.nan
         share = weights[:, inside] / area[inside]
         return float((share * np.stack([a[inside, 2], b[inside, 2], c[inside, 2]])).sum(axis=0).max())
+
+
+@dataclass(frozen=True)
+class SurroundedGround(MeshGround):
+    """The mesh of a patch with ground around it out to the horizon, on a body that is a sphere at the origin.
+
+    ``patch_m`` is the side of the patch, on which rocks lie, and ``spacing_m`` the distance of vertices there.
+    """
+
+    patch_m: float
+    spacing_m: float
+    body_radius_m: float
+
+    @property
+    def size_m(self) -> float:
+        """Side in metres of the patch."""
+        return self.patch_m
+
+    def drop_m(self, x_m: Numbers, y_m: Numbers) -> Array:
+        """Depth in metres of the curved body below the tangent plane at the origin."""
+        return drop_m(np.hypot(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64)), self.body_radius_m)

@@ -28,6 +28,7 @@ from ...physics.scene_requirements import (
 from ...settings import rebuilt_parts
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import find_mesh_item
+from ...settings.user_files import has_surroundings
 from ...support.errors import IcyMoonError
 from ...support.labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
 from ...support.number_text import format_count
@@ -266,7 +267,8 @@ def sky_fraction(settings: Settings) -> float:
     rig, source = settings.rig, settings.source
     camera = StereoCamera.from_settings(rig)
     endless = source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
-    down_deg = 0.0 if endless else math.degrees(math.atan2(rig.height_m, settings.terrain.size_m / 2))
+    edge_m = max(settings.terrain.size_m / 2, settings.source.surroundings_m if has_surroundings(settings) else 0.0)
+    down_deg = 0.0 if endless else math.degrees(math.atan2(rig.height_m, edge_m))
     above = math.radians(max(-89.0, min(89.0, rig.pitch_deg - down_deg)))  # pitch of the axis, below the edge
     row = camera.cy_px - camera.focal_px * math.tan(above)
     return min(1.0, max(0.0, (row + camera.margin_y_px) / camera.rendered_px[1]))

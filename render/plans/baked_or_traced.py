@@ -29,6 +29,7 @@ from ...settings.topics.camera import RigSettings
 from ...settings.topics.rendering import QualitySettings
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import find_mesh_item
+from ...settings.user_files import has_surroundings
 from ...support.errors import IcyMoonError
 from .triangle_count import count_triangles
 
@@ -117,9 +118,14 @@ def bake_seconds(settings: Settings) -> float:
 
 def light_bytes(settings: Settings) -> float:
     """Bytes of the baked light of a ground and its rocks, with the planet's light."""
-    triangular = settings.source.kind in ("STAND_IN", "MESH") or settings.mesh.kind == "GRADED"
+    triangular = _is_of_triangles(settings) or settings.mesh.kind == "GRADED"
     vertices = _count_corners(settings) / (_CORNERS_PER_VERTEX if triangular else _CORNERS_PER_GRID_VERTEX)
     return (_BYTES_PER_VERTEX * vertices + _BYTES_PER_ROCK * _count_rocks(settings)) * (1 + settings.light.planet)
+
+
+def _is_of_triangles(settings: Settings) -> bool:
+    """Whether the mesh of ground from a file has triangles, not quadrilaterals."""
+    return settings.source.kind in ("STAND_IN", "MESH") or has_surroundings(settings)
 
 
 def _count_corners(settings: Settings) -> float:
@@ -136,7 +142,7 @@ def _count_corners(settings: Settings) -> float:
     size_m, corners = terrain.size_m, _CORNERS_PER_GRID_VERTEX * terrain.resolution**2
     if source.kind == "STAND_IN":
         size_m = find_mesh_item(source.stand_in).size_m
-    if source.kind in ("STAND_IN", "MESH"):
+    if _is_of_triangles(settings):
         with suppress(IcyMoonError):  # the build reports why a file cannot be read
             corners = _CORNERS_PER_TRIANGLE * count_triangles(settings)
     points = min(terrain.resolution, _MOST_POINTS_PER_SIDE)

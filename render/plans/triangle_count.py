@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from ...formats import mesh_file
+from ...formats.map_surroundings import plan_from_files
 from ...physics.mesh.vertex_spacing import choose_vertex_spacing
 from ...physics.terrain.terrain import make_terrain
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import find_mesh_item
-from ...settings.user_files import find_used_files
+from ...settings.user_files import find_used_files, has_surroundings
 
 
 def count_triangles(settings: Settings) -> float:
@@ -21,4 +22,6 @@ def count_triangles(settings: Settings) -> float:
         return float(mesh_file.estimate_cost(find_used_files(settings)["source.file"]).triangles)
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
         return 2.0 * choose_vertex_spacing(make_terrain(settings, int(settings.dataset.seed)), settings).rings.vertices
+    if has_surroundings(settings):
+        return float(sum(level.triangles for level in plan_from_files(settings, find_used_files(settings))))
     return 2.0 * (settings.terrain.resolution - 1) ** 2

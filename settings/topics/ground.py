@@ -6,7 +6,7 @@ from typing import Literal
 
 from . import stand_ins
 from .declaration import ADVANCED, TOP, Section, Table, choice, degrees, fraction, metres, number, tables, text, tick
-from .relevance import chosen, ticked
+from .relevance import chosen, positive, ticked
 
 #: Ground that is made up, and its mesh.
 PROCEDURAL = chosen("source.kind", "PROCEDURAL")
@@ -19,6 +19,8 @@ MAP = chosen("source.kind", "HEIGHT_MAP")
 RANDOM = PROCEDURAL | DETAIL
 #: A height map whose site is stated by coordinates of one kind.
 IN_DEGREES, ON_MAP = (MAP & chosen("source.site", kind) for kind in ("DEGREES", "MAP"))
+#: A height map with ground beyond its patch.
+SURROUNDED = MAP & positive("source.surroundings_m")
 #: Heights above a map, to which landforms and layers of noise can be added; a mesh from a file has none.
 ABOVE_A_MAP = PROCEDURAL | (MAP & ticked("source.detail"))
 NOISE = Section("noise", "Layers of Noise", "Fractal noise that is added to the random surface")
@@ -93,6 +95,14 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
     metres_per_pixel: float = metres(
         "Metres per Pixel", 0.0, 0.0, 1.0e5, (0.0, 100.0), "Size of a pixel of the height map; 0 for the size that a "
         "GeoTIFF contains", "geometry", zero="file's", shown=chosen("kind", "HEIGHT_MAP"))
+    surroundings_m: float = metres(
+        "Surroundings", 0.0, 0.0, 3.0e5, (0.0, 3.0e4), "Distance east, west, north and south of the site to which the "
+        "ground goes on beyond its patch, with coarser and coarser cells and the curvature of the body; 0 for the "
+        "patch alone", "geometry", zero="none", shown=MAP, since="0.4")
+    surroundings_file: str = text(
+        "Surroundings File", "", "GeoTIFF with a coarser height map that goes on where the first one ends, of the same "
+        "body. If it is empty, the ground ends where the first one does", "geometry", "read", subtype="FILE_PATH",
+        shown=SURROUNDED, since="0.4")
     missing: str = text(
         "Missing Height", "",
         "Value, before scale and unit, that marks a missing height, such as -9999; marks of the file count "
@@ -193,8 +203,8 @@ class TerrainSettings(Table, label="Ground"):
         "over east (+X)", "geometry", section=ADVANCED, shown=RANDOM)
     body_radius_m: float = metres(
         "Moon Radius", 2.521e5, 1.0e4, 1.0e8, (1.0e5, 3.0e6), "Mean radius of the moon, which sets the distance of "
-        "the horizon: 252.1 km for Enceladus, 1560.8 km for Europa. Ground on a uniform grid is flat", "geometry",
-        section=ADVANCED, shown=GRADED)
+        "the horizon: 252.1 km for Enceladus, 1560.8 km for Europa. Ground on a uniform grid is flat; a height map's "
+        "coordinate system states its own radius", "geometry", section=ADVANCED, shown=GRADED | SURROUNDED)
     variant: int = number(
         "Variant", 0, 0, 2147483647, (0, 100),
         "Number of the ground: another number moves relief, layers and landforms, not rocks. Terrain presets "

@@ -171,7 +171,7 @@ def test_an_image_elsewhere_is_a_sentence_with_its_extent(tmp_path):
 
 
 def test_images_that_cannot_be_placed_are_sentences(tmp_path):
-    refuse(tmp_path, "image of the same body", text="+proj=stere +lat_0=-90 +R=252100 +units=m +no_defs")
+    refuse(tmp_path, "map of the same body", text="+proj=stere +lat_0=-90 +R=252100 +units=m +no_defs")
     refuse(tmp_path, "no coordinate system.*gdal_edit", unplaced=True)
     refuse(tmp_path, "mean of 0", values=np.zeros((100, 100), np.float32))
 
@@ -199,3 +199,21 @@ def test_a_projection_that_is_not_known_is_answered_with_a_command_that_works(tm
     found = read_map_image(tmp_path / "new.tif", make_frame(tmp_path), SIZE_M)
     assert found.covered == 1.0
     assert found.mean == pytest.approx(1.0, abs=1e-6)
+
+
+def test_an_image_beyond_the_patch_ends_in_the_mean_of_the_patch(tmp_path):
+    """Its pixels go on out to the wider square, and the outermost ones, which the surface repeats, are the mean."""
+    frame = make_frame(tmp_path)
+    x, y = (at / frame.unit_m for at in frame.origin)
+    values = np.random.default_rng(4).uniform(0.4, 0.6, (400, 400)).astype(np.float32)
+    path = write(tmp_path / "a.tif", POLAR, rasterio.transform.from_origin(x - 100, y + 100, 0.5, 0.5), values)
+    patch, wide = read_map_image(path, frame, SIZE_M), read_map_image(path, frame, SIZE_M, 120.0)
+    assert wide.mean == patch.mean
+    assert wide.west_m < -60.0 < patch.west_m
+    for edge in (wide.values[0], wide.values[-1], wide.values[:, 0], wide.values[:, -1]):
+        np.testing.assert_array_equal(edge, wide.mean)
+    left = round((patch.west_m - wide.west_m) / patch.pixel_m[0])
+    low = round((patch.south_m - wide.south_m) / patch.pixel_m[1])
+    rows, columns = patch.values.shape
+    top = len(wide.values) - low - rows
+    np.testing.assert_array_equal(wide.values[top : top + rows, left : left + columns], patch.values)

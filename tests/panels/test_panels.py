@@ -98,7 +98,7 @@ CHOICES = (
     {"source.kind": "MESH", "source.detail": True},
     {"source.kind": "HEIGHT_MAP"},
     {"source.kind": "HEIGHT_MAP", "source.site": "DEGREES", "light.directions_from": "DATE"},
-    {"source.kind": "HEIGHT_MAP", "source.site": "MAP"},
+    {"source.kind": "HEIGHT_MAP", "source.site": "MAP", "source.surroundings_m": 500.0},
     {"mesh.kind": "GRID"},
     {"surface.model": "LUNAR_LAMBERT", "rock_surface.model": "LUNAR_LAMBERT"},
     {"surface.model": "HAPKE"},

@@ -1,0 +1,378 @@
+"""Heights of a map around a site, as means over the cells of nested rings: a pyramid that is made while the file is
+read.
+
+Pieces of the file's own tiles or strips are read one after the other and summed, so that memory does not grow with the
+file. Overviews in a file are not used: it does not state whether they are averages.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..physics.mesh.blend_maps import LevelMeans
+from ..physics.mesh.height_map import USUAL_MARKS, clear_missing_mark
+from ..physics.mesh.nested_rings import Level
+from ..physics.mesh.square_means import Squares, SquareSums
+from ..support.arrays import Array
+from ..support.foreign_bytes import ForeignBytes, read
+from . import gdal_lines
+from .geotiff import apply_mask, clear_missing, scale_to_metres, warn_unstated_metres
+from .map_frame import MapFrame
+from .map_projection import make_crs_text, states_degrees
+from .placed_pixels import Grid, PlacedImage, Way, open_placed
+from .tiff import FIX, KIND, MOST_BYTES, UnreadError, find_tile_size, grant_memory, read_pixels
+
+#: Most pixels of a piece that is read at once, and of a window that is kept for all levels inside of it.
+_BLOCK_PIXELS, _KEPT_PIXELS = 2**21, 2**23
+#: Widest piece, in pixels.
+_BLOCK_WIDTH = 4096
+#: Places along a side of a level at which a projection is computed; between them it is taken for bilinear.
+_PLACES = 33
+#: Finest step in pixels of the means from which heights on another projection are interpolated, and most of them along
+#: a side.
+_FINEST_STEP, _MOST_STEPS = 0.125, 4096
+#: Half of the narrowest square in pixels: heights between pixels are bilinear, so a narrower one has the same mean.
+_LEAST_HALF = 1 / 32
+#: Pixels by which a site on the edge of a map may be beyond it.
+_ROUNDED = 1e-6
+#: Cells of a level by which its bilinear projection may be off.
+_MOST_BENT_CELLS = 0.5
+#: Widths of a cell over which the known share of the map is taken, at least.
+WIDE_CELLS = 4.0
+
+
+@dataclass(frozen=True)
+class MapCover:
+    """The extent of a map as the site sees it: the width of a pixel in metres of ground at the site, the distances in
+    metres along x or y from the site to the farthest edge and to the nearest, which is negative for a site beside the
+    map."""
+
+    pixel_m: float
+    farthest_m: float
+    nearest_m: float
+
+
+@dataclass(frozen=True)
+class MapMeans:
+    """The means of a map at each level, and sentences for the user."""
+
+    levels: list[LevelMeans]
+    warnings: tuple[str, ...]
+
+
+#: Returns heights (rows, columns) in metres for pixels (rows from the south, columns from the west), NaN if missing.
+ReadBlock = Callable[[range, range], Array]
+
+
+@dataclass(frozen=True)
+class MapPixels:
+    """The pixels of a map around a site: (rows, columns) in all, the place of the site among them (column, row) from
+    the centre of the south-western one, pixels per metre of ground along x and y, and ``cut``, which divides a window
+    into pieces for ``read``.
+
+    ``way`` leads from metres around the site to columns and rows; None where pixels lie along the axes. ``bent`` is the
+    end of a sentence about a map for which it cannot be followed.
+    """
+
+    shape: tuple[int, int]
+    origin: tuple[float, float]
+    per_m: tuple[float, float]
+    read: ReadBlock
+    cut: Callable[[range, range], Iterator[tuple[range, range]]]
+    way: Way | None = None
+    bent: str = ""
+
+    @property
+    def cover(self) -> MapCover:
+        """Its extent about the site."""
+        pixel = [1 / each for each in self.per_m]
+        west, south = ((self.origin[k] + 0.5) * pixel[k] for k in range(2))
+        east, north = ((self.shape[1 - k] - 0.5 - self.origin[k]) * pixel[k] for k in range(2))
+        edges = west, east, south, north
+        return MapCover(float(np.mean(pixel)), max(edges), min(edges))
+
+
+def pixels_from_array(heights_m: Array, pixel_m: tuple[float, float], west_m: float, south_m: float) -> MapPixels:
+    """Heights (rows, columns) in memory, row 0 northernmost, with the centre of the lower left pixel at ``west_m`` and
+    ``south_m``."""
+    from_south = heights_m[::-1]
+
+    def read_block(rows: range, columns: range) -> Array:
+        return from_south[rows.start : rows.stop, columns.start : columns.stop]
+
+    def cut(rows: range, columns: range) -> Iterator[tuple[range, range]]:
+        step = max(1, _BLOCK_PIXELS // max(len(columns), 1))
+        for start in range(rows.start, rows.stop, step):
+            yield range(start, min(start + step, rows.stop)), columns
+
+    per_m = 1 / pixel_m[0], 1 / pixel_m[1]
+    rows, columns = heights_m.shape
+    return MapPixels((rows, columns), (-west_m * per_m[0], -south_m * per_m[1]), per_m, read_block, cut)
+
+
+def read_cover(path: Path, frame: MapFrame) -> MapCover:
+    """The extent of a map about the site of ``frame``, by its tags. Raises IcyMoonError as ``read_means``."""
+
+    def parse(foreign: ForeignBytes) -> MapCover:
+        grant_memory(foreign)
+        return _place_pixels(_FileBlocks(foreign, open_placed(foreign, frame), None, 1.0), frame).cover
+
+    return read(path, parse, KIND, FIX, MOST_BYTES)
+
+
+def read_means(
+    path: Path,
+    frame: MapFrame,
+    levels: Sequence[Level],
+    wide_m: float,
+    missing: float | None,
+    height_scale: float = 1.0,
+) -> MapMeans:
+    """The means of a map over the cells of ``levels``, see ``measure_levels``.
+
+    ``missing`` marks missing values beside the file's own marks; ``height_scale`` multiplies the heights. Raises
+    IcyMoonError for a file that is no height map, without a place, of another body, in a projection that is not known
+    here or bent around the site, and for one that does not contain the site.
+    """
+
+    def parse(foreign: ForeignBytes) -> MapMeans:
+        grant_memory(foreign)
+        blocks = _FileBlocks(foreign, open_placed(foreign, frame), missing, height_scale)
+        found = measure_levels(_place_pixels(blocks, frame), levels, wide_m)
+        return MapMeans(found, tuple(blocks.list_warnings()))
+
+    return read(path, parse, KIND, FIX, MOST_BYTES)
+
+
+class _FileBlocks:
+    """Reads pieces of a file as heights in metres."""
+
+    def __init__(self, foreign: ForeignBytes, placed: PlacedImage, missing: float | None, height_scale: float) -> None:
+        self.placed, self.name = placed, foreign.name
+        self._foreign, self._missing, self._height_scale = foreign, missing, height_scale
+        self._extremes = math.inf, -math.inf
+        self._states_unit = True
+
+    def read(self, rows: range, columns: range) -> Array:
+        """Heights of pixels, see ``ReadBlock``."""
+        grid, image = self.placed.grid, self.placed.images[0]
+        high, wide = grid.shape
+        window = (_turn(rows, high) if grid.down else rows, columns if grid.right else _turn(columns, wide))
+        grant_memory(self._foreign)  # the piece before is no longer held
+        values, number = read_pixels(self._foreign, image, window)
+        clear_missing(values, number, image.tags.get(42113))
+        if self._missing is not None:
+            clear_missing_mark(values, self._missing, number)
+        apply_mask(values, self._foreign, self.placed.images, window)
+        known = values[np.isfinite(values)]
+        if known.size:
+            self._extremes = min(self._extremes[0], float(known.min())), max(self._extremes[1], float(known.max()))
+        self._states_unit = scale_to_metres(values, image, self.placed.keys)[1]
+        values = values[::-1] if grid.down else values
+        return (values if grid.right else values[:, ::-1]) * self._height_scale
+
+    def cut(self, rows: range, columns: range) -> Iterator[tuple[range, range]]:
+        """Pieces of whole tiles, in which no tile is read twice."""
+        grid = self.placed.grid
+        width, height = find_tile_size(self.placed.images[0])
+        across = len(columns) if width >= grid.shape[1] else max(width, _BLOCK_WIDTH // width * width)
+        down = max(height, _BLOCK_PIXELS // min(max(across, 1), max(len(columns), 1)) // height * height)
+        for some_rows in _cut_range(rows, down, grid.shape[0] if grid.down else 0):
+            if width >= grid.shape[1]:
+                yield some_rows, columns
+                continue
+            for some_columns in _cut_range(columns, across, 0 if grid.right else grid.shape[1]):
+                yield some_rows, some_columns
+
+    def list_warnings(self) -> Iterator[str]:
+        """Sentences on what was read, without the name of the file."""
+        if self._missing is None and 42113 not in self.placed.images[0].tags:
+            for extreme in self._extremes:
+                if abs(extreme) in USUAL_MARKS:
+                    state = gdal_lines.edit_command(self.name, f"-a_nodata {extreme:g}")
+                    yield (
+                        f"it has heights of exactly {extreme:g}, a usual mark of missing heights, which were taken for "
+                        f"heights; set source.missing, or state the mark in its folder with: {state}"
+                    )
+        if not self._states_unit and not states_degrees(self.placed.keys):
+            yield from warn_unstated_metres(self.placed.unit_m, self.name)
+
+
+def _turn(wanted: range, count: int) -> range:
+    """The same pixels counted from the other edge."""
+    return range(count - wanted.stop, count - wanted.start)
+
+
+def _cut_range(wanted: range, step: int, turned: int) -> Iterator[range]:
+    """Parts of a range, cut at multiples of ``step``; counted from the other edge of ``turned`` pixels unless it is
+    0."""
+    there = _turn(wanted, turned) if turned else wanted
+    start = there.start
+    while start < there.stop:
+        stop = min((start // step + 1) * step, there.stop)
+        yield _turn(range(start, stop), turned) if turned else range(start, stop)
+        start = stop
+
+
+def _place_pixels(blocks: _FileBlocks, frame: MapFrame) -> MapPixels:
+    """The pixels of a file about a site. Raises UnreadError if they do not contain it."""
+    placed, grid = blocks.placed, blocks.placed.grid
+    if placed.way is None:
+        per_m = tuple(1 / (frame.scale[k] * grid.size[k]) for k in range(2))
+        at, way = frame.origin, None
+    else:
+        at, way = _try_way(placed.way, *frame.origin), _make_pixel_way(placed.way, grid, frame)
+        here, east, north = (np.array(way(*offset)) for offset in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
+        per_m = tuple(float(math.hypot(*each)) for each in np.stack([east - here, north - here], axis=1))
+    column, row = grid.to_pixels(np.array(at[0]), np.array(at[1]))
+    if not (-_ROUNDED <= column <= grid.shape[1] + _ROUNDED and -_ROUNDED <= row <= grid.shape[0] + _ROUNDED):
+        a, b, c, d = (f"{edge:.10g}" for edge in placed.edges)
+        x, y = (f"{each / placed.unit_m:.10g}" for each in at)
+        raise UnreadError(
+            f"does not contain the site, which is at {x} east, {y} north in its coordinates, for these go from {a} "
+            f"to {b} east and from {c} to {d} north; give a map that contains the site."
+        )
+    origin = float(column) - 0.5, float(row) - 0.5
+    bent = _describe_bent_map(blocks.name, frame) if way else ""
+    return MapPixels(grid.shape, origin, (per_m[0], per_m[1]), blocks.read, blocks.cut, way, bent)
+
+
+def _try_way(way: Way, x: float, y: float) -> tuple[float, float]:
+    """A place by a ``way``; NaN for one that a projection does not have."""
+    try:
+        return way(x, y)
+    except (ValueError, OverflowError, ZeroDivisionError):
+        return math.nan, math.nan
+
+
+def _make_pixel_way(way: Way, grid: Grid, frame: MapFrame) -> Way:
+    """From metres around the site to columns and rows of the centres of pixels."""
+
+    def to_pixel(x_m: float, y_m: float) -> tuple[float, float]:
+        x, y = _try_way(way, frame.origin[0] + x_m / frame.scale[0], frame.origin[1] + y_m / frame.scale[1])
+        return (x - grid.west) / grid.size[0] - 0.5, (y - grid.south) / grid.size[1] - 0.5
+
+    return to_pixel
+
+
+def _describe_bent_map(name: str, frame: MapFrame) -> str:
+    """The end of a sentence about a map that cannot be laid around a site by another projection."""
+    target = make_crs_text(frame.geokeys.numbers(), frame.unit_m)
+    option = f'-t_srs "{target}"'
+    fix = f" with: {gdal_lines.warp_command(name, option)}" if target else "."
+    return f"is bent or torn around the site; project it to the system of source.file in its folder{fix}"
+
+
+def measure_levels(pixels: MapPixels, levels: Sequence[Level], wide_m: float) -> list[LevelMeans]:
+    """The mean heights of a map over the cell around each point of each level.
+
+    The known share is over squares of ``wide_m``, or of ``WIDE_CELLS`` cells if these are wider. On another
+    projection cells lie along the axes of the map and are as wide as the cells of the level are there. Raises
+    UnreadError for a map that is bent or torn around the site.
+    """
+    found: list[LevelMeans] = []
+    for level in reversed(levels):
+        places = _find_places(pixels, level)
+        wide = places.squares.widened(max(WIDE_CELLS, wide_m / level.cell_m))
+        sums = SquareSums(places.squares.at_least(_LEAST_HALF), wide.at_least(_LEAST_HALF))
+        rows, columns = _find_window(sums.wide, pixels.shape)
+        if len(rows) and len(columns):
+            if len(rows) * len(columns) <= _KEPT_PIXELS:
+                pixels = _keep(pixels, rows, columns)
+            for some_rows, some_columns in pixels.cut(rows, columns):
+                sums.add(pixels.read(some_rows, some_columns), some_rows.start, some_columns.start)
+        found.append(places.interpolate(sums))
+    return found[::-1]
+
+
+def _find_window(squares: Squares, shape: tuple[int, int]) -> tuple[range, range]:
+    """Rows and columns of a map that squares touch."""
+    left, right, low, high = squares.window
+    rows, columns = (
+        range(max(0, math.floor(first)), max(0, min(count, math.ceil(last) + 1)))
+        for first, last, count in ((low, high, shape[0]), (left, right, shape[1]))
+    )
+    return rows, columns
+
+
+def _keep(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
+    """The same pixels, with a window of them in memory."""
+    kept = np.empty((len(rows), len(columns)))
+    for some_rows, some_columns in pixels.cut(rows, columns):
+        down = slice(some_rows.start - rows.start, some_rows.stop - rows.start)
+        across = slice(some_columns.start - columns.start, some_columns.stop - columns.start)
+        kept[down, across] = pixels.read(some_rows, some_columns)
+
+    def read_block(wanted_rows: range, wanted_columns: range) -> Array:
+        return kept[
+            wanted_rows.start - rows.start : wanted_rows.stop - rows.start,
+            wanted_columns.start - columns.start : wanted_columns.stop - columns.start,
+        ]
+
+    def cut(wanted_rows: range, wanted_columns: range) -> Iterator[tuple[range, range]]:
+        yield wanted_rows, wanted_columns
+
+    return replace(pixels, read=read_block, cut=cut)
+
+
+@dataclass(frozen=True)
+class _Places:
+    """The squares whose means are taken, and where the points of a level lie among them, in steps (column, row); None
+    where they are these points."""
+
+    squares: Squares
+    at: tuple[Array, Array] | None
+
+    def interpolate(self, sums: SquareSums) -> LevelMeans:
+        if self.at is None:
+            return LevelMeans(sums.means, sums.wide_share)
+        total, weight, share = (_bilinear(each, *self.at) for each in (sums.total, sums.weight, sums.wide_share))
+        some = weight > 1e-9 * float(sums.weight.max(initial=0.0)) if weight.size else weight > 0
+        return LevelMeans(np.where(some, total / np.where(some, weight, 1.0), np.nan), share)
+
+
+def _find_places(pixels: MapPixels, level: Level) -> _Places:
+    axis = level.axis_m
+    if pixels.way is None:
+        columns, rows = (pixels.origin[k] + axis * pixels.per_m[k] for k in range(2))
+        return _Places(
+            Squares(columns, rows, (level.cell_m * pixels.per_m[0] / 2, level.cell_m * pixels.per_m[1] / 2)), None
+        )
+    some = np.linspace(-level.half_m, level.half_m, _PLACES)
+    found = np.array([[pixels.way(float(x), float(y)) for x in some] for y in some])
+    step = some[1] - some[0]
+    along_x, along_y = (np.diff(found, axis=axis_of) / step for axis_of in (1, 0))
+    per_m = [float(np.median(np.hypot(along_x[:-1, :, k], along_y[:, :-1, k]))) for k in range(2)]
+    middle = np.array([[pixels.way(float(x), float(y)) for x in some[:-1] + step / 2] for y in some[:-1] + step / 2])
+    bent = np.abs(middle - (found[:-1, :-1] + found[1:, :-1] + found[:-1, 1:] + found[1:, 1:]) / 4)
+    width = [max(level.cell_m * each, 1.0) for each in per_m]
+    low, high = found.min(axis=(0, 1)), found.max(axis=(0, 1))
+    steps = [max(level.cell_m * each / 2, _FINEST_STEP) for each in per_m]
+    if not (np.isfinite(found).all() and np.isfinite(middle).all()) or any(
+        float(bent[..., k].max()) > _MOST_BENT_CELLS * width[k] or (high[k] - low[k]) / steps[k] > _MOST_STEPS
+        for k in range(2)
+    ):
+        raise UnreadError(pixels.bent)
+    columns, rows = (low[k] + steps[k] * np.arange(math.ceil((high[k] - low[k]) / steps[k]) + 2) for k in range(2))
+    squares = Squares(columns, rows, (level.cell_m * per_m[0] / 2, level.cell_m * per_m[1] / 2))
+    share = (axis + level.half_m) / step
+    y, x = np.meshgrid(share, share, indexing="ij")
+    at = [(_bilinear(found[..., k], x, y) - low[k]) / steps[k] for k in range(2)]
+    return _Places(squares, (at[0], at[1]))
+
+
+def _bilinear(values: Array, column: Array, row: Array) -> Array:
+    left, low = (
+        np.clip(np.floor(at).astype(np.intp), 0, count - 2)
+        for at, count in ((column, values.shape[1]), (row, values.shape[0]))
+    )
+    u, v = column - left, row - low
+    south = values[low, left] * (1 - u) + values[low, left + 1] * u
+    north = values[low + 1, left] * (1 - u) + values[low + 1, left + 1] * u
+    result: Array = south * (1 - v) + north * v
+    return result

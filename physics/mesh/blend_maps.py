@@ -1,0 +1,85 @@
+"""A fine map and a coarser one as the heights of one ground: the fine one where it is known, then the coarse one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...support.arrays import Array
+from .height_map import fill_holes
+from .nested_rings import Level
+
+#: Known share of the square around a place from which on the map counts there: at a straight edge it is a half.
+_LEAST_SHARE = 0.5 - 1e-6
+
+
+@dataclass(frozen=True)
+class LevelMeans:
+    """Mean heights (n, n) in metres over the cell around each point of a level's lattice, rows from the south, NaN
+    without a known pixel; and the known share of the map in a wider square around it."""
+
+    heights_m: Array
+    share: Array
+
+
+@dataclass(frozen=True)
+class BlendedMaps:
+    """Heights (n, n) in metres of each level, NaN where no map has ground. ``offset_m`` is the mean of the fine heights
+    minus the coarse ones where the two are blended, which was added to the coarse ones, and ``apart_m`` the
+    root-mean-square of what is left of the differences; None where nothing is blended."""
+
+    heights_m: list[Array]
+    offset_m: float | None = None
+    apart_m: float | None = None
+
+
+def blend_maps(levels: Sequence[Level], fine: Sequence[LevelMeans], coarse: Sequence[LevelMeans] | None) -> BlendedMaps:
+    """The heights of a fine map that goes over into a coarse one towards its edges and its large gaps.
+
+    The fine map counts fully where the square of ``LevelMeans.share`` is known, and not at all where half of it is
+    missing, as at an edge. Gaps that are smaller than half of the square are filled smoothly.
+    """
+    known = [_fill_gaps(each) for each in fine]
+    if coarse is None:
+        return BlendedMaps(known)
+    others = [_fill_gaps(each) for each in coarse]
+    weights = [
+        np.where(np.isfinite(f), _ease(2.0 * means.share - 1.0), 0.0) for f, means in zip(known, fine, strict=True)
+    ]
+    differences, areas = [], []
+    for level, f, c, w in zip(levels, known, others, weights, strict=True):
+        band = level.find_own() & (w > 0.0) & (w < 1.0) & np.isfinite(f) & np.isfinite(c)
+        differences.append((f - c)[band])
+        areas.append(np.full(int(band.sum()), level.cell_m**2))
+    difference, area = np.concatenate(differences), np.concatenate(areas)
+    if not len(difference):
+        return BlendedMaps([np.where(np.isfinite(f), f, c) for f, c in zip(known, others, strict=True)])
+    offset = float(np.average(difference, weights=area))
+    apart = float(np.sqrt(np.average((difference - offset) ** 2, weights=area)))
+    heights = [_mix(f, c + offset, w) for f, c, w in zip(known, others, weights, strict=True)]
+    return BlendedMaps(heights, offset, apart)
+
+
+def _fill_gaps(means: LevelMeans) -> Array:
+    """Heights where the map counts, gaps filled; NaN elsewhere."""
+    counts = means.share >= _LEAST_SHARE
+    heights = means.heights_m
+    if not np.isfinite(heights).any():
+        return np.full(heights.shape, np.nan)
+    if (counts & ~np.isfinite(heights)).any():
+        heights = fill_holes(heights)
+    return np.where(counts, heights, np.nan)
+
+
+def _ease(share: Array) -> Array:
+    """0 below 0, 1 above 1, with level ends between (the cubic 3 t² - 2 t³)."""
+    t = np.clip(share, 0.0, 1.0)
+    result: Array = t * t * (3.0 - 2.0 * t)
+    return result
+
+
+def _mix(fine: Array, coarse: Array, weight: Array) -> Array:
+    both = np.where(weight > 0.0, fine, 0.0) * weight + np.where(weight < 1.0, coarse, 0.0) * (1.0 - weight)
+    return np.where(np.isfinite(both), both, np.where(np.isfinite(fine), fine, coarse))
