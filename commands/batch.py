@@ -28,7 +28,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import remove_leftover_parts, shorten
 from ..support.number_text import format_count
 from ..support.system import call_ours, count_processors, kill_all, set_stop_handler, start
-from ..support.terminal import add_list, add_own_matchers, as_path, check_least, show_progress
+from ..support.terminal import add_list, add_maps_option, add_own_matchers, as_path, check_least, show_progress
 from .renderer_options import add_blender_option, add_cards_option
 
 Say = Callable[..., None]
@@ -44,6 +44,7 @@ def add_batch_options(parser: argparse.ArgumentParser) -> None:
         help="match its pairs with these, separated by commas: each while others are rendered, and then what is left",
     )
     add_own_matchers(parser, "--evaluate")
+    add_maps_option(parser)
     parser.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
     add_list(
         parser, "--set", "sensor.KEY=VALUE", "another camera response to match them with than they were rendered for"
@@ -184,6 +185,9 @@ def _run_batch(options: argparse.Namespace) -> int:
     dataset = options.out.absolute()
     with report_errors(options.json):
         how = parse_workers(options)
+        check_least(options, 0, "maps")
+        if options.maps is not None and not options.evaluate:
+            raise IcyMoonError("--maps is for matched pairs; add --evaluate with the matchers.")
         frozen = _freeze_plan(options.plan, dataset, "" if options.dask else options.blender)
         with _open_output(options.json) as say, _evaluate_meanwhile(dataset, options):
             if frozen.note:
@@ -234,6 +238,7 @@ def _make_evaluation_command(
 ) -> tuple[list[str], dict[str, str] | None]:
     """The command that matches the pairs, and its environment (None: ours)."""
     words = [word for flag in ("set", "own") for text in getattr(options, flag) for word in (f"--{flag}", text)]
+    words += [] if options.maps is None else ["--maps", str(options.maps)]
     return python_command(
         options.evaluator or sys.executable,
         "stereo",

@@ -126,10 +126,8 @@ def make_calibrated_settings(
         *([describe_panorama(panorama)] if panorama else []),
         *doubts,
     ]
-    shares = dark_shares(camera_of(merged(defaults(), found)))
-    if max(shares) > 0:
-        left, right = (f"{share:.1%}" for share in shares)
-        notes.append(f"{left} of the left eye's pixels and {right} of the right one's stay dark.")
+    shares = zip(("left", "right"), dark_shares(camera_of(merged(defaults(), found))), strict=True)
+    notes += [f"{share:.1%} of the {eye} eye's pixels stay dark." for eye, share in shares if share > 0]
     return found, notes
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..formats.cahvor import FIT_LIMIT_PX, Lens, find_nearest_lens, read_model
 from ..formats.calibrations.colmap import COLMAP_FILES
-from ..formats.calibrations.options import UNITS_M, Reading, Stated, as_brown
+from ..formats.calibrations.options import LENSES, UNITS_M, Reading, Stated, as_brown
 from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
 from ..formats.calibrations.ros import place_of, ros_pair_of
 from ..formats.ros_camera import RosCamera, read_ros_camera
@@ -108,7 +108,7 @@ def add_calibration_options(parser: argparse.ArgumentParser) -> None:
         metavar="WxH",
         help="width and height of the images in px, for two sizes as WxH,WxH",
     )
-    parser.add_argument("--lens", choices=("brown", "fisheye"), help="the lens of four coefficients in files of OpenCV")
+    parser.add_argument("--lens", choices=LENSES, help="the lens of four coefficients in files of OpenCV")
     parser.add_argument("--cameras", metavar="NAME,NAME", help="two cameras of a file that has more")
 
 

@@ -83,7 +83,7 @@ class ICYMOON_OT_read_calibration(dialogs.FileDialog, bpy.types.Operator):
     cameras: bpy.props.StringProperty(name="Cameras", description="Names of two cameras of a file, as cam0,cam2")
     exchange: bpy.props.BoolProperty(name="Exchange Files", description="The second file is the left eye")
     alike: bpy.props.BoolProperty(
-        name="One Camera for Both Eyes",
+        name="Both Eyes Alike",
         description="Mean of both cameras, or the camera of the rectified images, in place of two that differ",
     )
 

@@ -166,7 +166,7 @@ class DatasetJob(jobs.Job):
         return super().failure
 
 
-def make_batch_command(settings: Settings, plan: str) -> list[str]:
+def make_batch_command(scene: bpy.types.Scene, settings: Settings, plan: str) -> list[str]:
     """The command that renders a plan into the data set folder, and evaluates it if the settings ask for that. Raises
     IcyMoonError if an evaluation is wanted without an evaluator.
     """
@@ -179,6 +179,7 @@ def make_batch_command(settings: Settings, plan: str) -> list[str]:
             "--evaluator",
             find_evaluator_python(),
             *evaluate.make_response_arguments(settings),
+            *evaluate.make_map_arguments(scene, settings),
         ]
         if wanted.evaluate
         else []
@@ -251,7 +252,9 @@ class ICYMOON_OT_render_dataset(DatasetOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
-        process = start_batch(settings, make_batch_command(settings, find_chosen_plan(settings)), settings.dataset.plan)
+        process = start_batch(
+            settings, make_batch_command(context.scene, settings, find_chosen_plan(settings)), settings.dataset.plan
+        )
         return self._make_job(process, context)
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import bpy
 
+from ..formats.map_frame import map_frame_from_json
+from ..nodes.build_scene import find_built
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job_commands import python_command
 from ..render.workers.process import Message
@@ -52,6 +54,25 @@ def make_matcher_arguments(settings: Settings, flag: str = "--methods") -> list[
     """
     methods = str(settings.dataset.methods)
     return [flag, methods, *make_own_matcher_arguments(methods)]
+
+
+def explain_missing_maps(scene: bpy.types.Scene) -> str:
+    """Why an evaluation writes no maps of a scene's ground, as a sentence; empty if it can, as far as is known."""
+    source = scene_properties.read_for_display(scene.icymoon).source
+    if source.kind != "HEIGHT_MAP":
+        return "Maps need ground from a GeoTIFF with a coordinate system."
+    built = find_built(scene)
+    if built is None or built.settings.source != source or map_frame_from_json(built.ground) is not None:
+        return ""
+    return "The file of the ground has no coordinate system that maps could have."
+
+
+def make_map_arguments(scene: bpy.types.Scene, settings: Settings) -> list[str]:
+    """The maps that the settings ask for, as arguments of the evaluator; none where the scene's ground has none."""
+    if not settings.dataset.maps or explain_missing_maps(scene):
+        return []
+    cell_m = settings.dataset.map_cell_m
+    return ["--maps", *([f"{cell_m:.6g}"] if cell_m > 0 else [])]
 
 
 class ResultKeeper:
@@ -103,7 +124,7 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
             return {"CANCELLED"}
         return super().invoke(context, event)
 
-    def _make_command(self, settings: Settings, paths: Sequence[Path]) -> list[str]:
+    def _make_command(self, scene: bpy.types.Scene, settings: Settings, paths: Sequence[Path]) -> list[str]:
         return python_command(
             find_evaluator_python(),
             "stereo",
@@ -111,6 +132,7 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
             *map(str, paths),
             *make_matcher_arguments(settings),
             *make_response_arguments(settings),
+            *make_map_arguments(scene, settings),
             *(["--points"] if self.scope == "SCENE" else []),
             "--out",
             str(results.find_evaluation_folder(settings, self.scope)),
@@ -120,7 +142,7 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
         found = [] if self.scope == "DATASET" else find_rendered_pairs(context, settings)
-        command = self._make_command(settings, found or [find_dataset_folder(settings)])
+        command = self._make_command(context.scene, settings, found or [find_dataset_folder(settings)])
         self._keeper = ResultKeeper(context.scene, self.scope, settings, [folder.name for folder in found])
         return jobs.Job.start("Evaluate", command, self._keeper)
 

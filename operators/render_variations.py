@@ -126,7 +126,9 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         if fault := variation_plan.find_folder_fault(folder, text):
             raise IcyMoonError(fault)
         plan = str(folder / variation_plan.PLAN)
-        command = dataset.make_batch_command(settings, plan)  # which is refused before anything is written
+        command = dataset.make_batch_command(
+            context.scene, settings, plan
+        )  # which is refused before anything is written
         if (folder / FROZEN).is_file():
             self.report({"INFO"}, show_controls(f"Continuing the data set in {folder}"))
         write_text(folder / variation_plan.PLAN, text)

@@ -7,6 +7,7 @@ import bpy
 from ..nodes import measured_surface, painted_errors
 from ..operators import (
     dataset,
+    evaluate,
     import_ground,
     live_preview,
     manual,
@@ -185,6 +186,12 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
             if chosen and (needs := get_matcher_needs(name)):
                 draw_sentence(column, f"{title} needs {needs}.", "INFO")
         draw_settings(self.layout, context.scene.icymoon, "dataset", ("methods",))
+        missing = evaluate.explain_missing_maps(context.scene)
+        column = self.layout.column()
+        column.enabled = not missing
+        draw_settings(column, context.scene.icymoon, "dataset", ("maps", "map_cell_m"))
+        if missing:
+            draw_sentence(self.layout, missing, "INFO")
         column = self.layout.column(align=True)
         draw_start(column, "icymoon.evaluate", "Evaluate Stereo Pair", "VIEWZOOM", scope="SCENE")
         draw_start(column, "icymoon.evaluate", "Evaluate Whole Data Set", "VIEWZOOM", scope="DATASET")

@@ -30,10 +30,10 @@ def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.operator_context = "INVOKE_DEFAULT"
-    row = layout.row(align=True)
-    row.operator("icymoon.read_calibration", text="Read Calibration…", icon="IMPORT")
-    row.operator("icymoon.write_calibration", text="Write Calibration…", icon="EXPORT")
+    column = layout.column(align=True)  # beside each other their words would not fit
+    column.operator_context = "INVOKE_DEFAULT"
+    column.operator("icymoon.read_calibration", text="Read Calibration…", icon="IMPORT")
+    column.operator("icymoon.write_calibration", text="Write Calibration…", icon="EXPORT")
 
 
 def _draw_seed(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

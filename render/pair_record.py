@@ -94,6 +94,13 @@ def _list_omissions(built: Built, settings: Settings, indirect: dict[str, Any] |
     return [*sentences, *(each for each in traced if each not in sentences)]
 
 
+def _place_head_on_map(head: list[dict[str, Any]], ground: dict[str, Any]) -> list[dict[str, Any]]:
+    """The entries of the cameras beside the pair, each with ``on_map`` if the ground is on a map."""
+    poses = {entry["name"]: np.array(entry["pose_camera_to_world"]) for entry in head}
+    on_map = describe_cameras(ground, poses)
+    return [entry | {"on_map": on_map[entry["name"]]} for entry in head] if on_map else head
+
+
 def make_pair_json(
     built: Built,
     planned: PlannedPair,
@@ -130,7 +137,7 @@ def make_pair_json(
         "poses_camera_to_world": {eye: pose.tolist() for eye, pose in eyes.items()},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         **({"cameras_on_map": on_map} if on_map else {}),
-        **({"head": head} if head else {}),
+        **({"head": _place_head_on_map(head, built.ground)} if head else {}),
         "blur": blur.to_json() if blur else None,
         "light": light,
         "left_out": _list_omissions(built, settings, indirect),

@@ -18,6 +18,7 @@ from ..support.terminal import (
     Parser,
     add_json_lines,
     add_list,
+    add_maps_option,
     add_own_matchers,
     as_path,
     check_least,
@@ -308,15 +309,7 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
         action="store_true",
         help="also write the measured surfaces, as point clouds (ply) coloured by signed error",
     )
-    command.add_argument(
-        "--maps",
-        nargs="?",
-        const=0.0,
-        type=float,
-        metavar="CELL_M",
-        help="also write height, height error and what is missing as GeoTIFF in the coordinate system of the ground's "
-        "file, in cells of this size in metres (three pixels or more)",
-    )
+    add_maps_option(command)
     add_json_lines(command)
     command.add_argument(
         "--follow",
@@ -338,13 +331,9 @@ def _choose_methods(parsed: argparse.Namespace) -> list[Method]:
 
 
 def _check_maps(parsed: argparse.Namespace) -> None:
-    """Raise IcyMoonError for a size of a cell that no map has, and for maps of an unfinished data set."""
-    if parsed.maps is None:
-        return
-    if not (math.isfinite(parsed.maps) and parsed.maps >= 0):
+    """Raise IcyMoonError for a size of a cell that no map has."""
+    if parsed.maps is not None and not (math.isfinite(parsed.maps) and parsed.maps >= 0):
         raise IcyMoonError(f"--maps is {parsed.maps:g}; give the size of a cell in metres, above 0, or no number.")
-    if parsed.follow:
-        raise IcyMoonError("--maps is for a whole evaluation; run evaluate again without --follow.")
 
 
 def _check_follow(parsed: argparse.Namespace) -> None:
@@ -369,7 +358,7 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
     _check_maps(parsed)
     if parsed.follow:
         _check_follow(parsed)
-        measure_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points)
+        measure_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points, parsed.maps)
         return 0
     with tell_events("Evaluating", parsed.json_lines) as on_event:
         report = evaluate(

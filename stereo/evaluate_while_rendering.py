@@ -35,13 +35,14 @@ def measure_completed_pairs(
     response: Mapping[str, Mapping[str, Any]],
     is_over: Callable[[], bool],
     points: bool = False,
+    maps: float | None = None,
 ) -> None:
     """Measure pairs of a data set as they are completed, until ``is_over``; for the other parameters see ``evaluate``.
 
     A measurement in progress at the end is finished. Raises IcyMoonError if ``out`` cannot be written, or contains
     files that no evaluation wrote.
     """
-    run = MeasureRun(methods, out, dict(response), points)
+    run = MeasureRun(methods, out, dict(response), points, maps)
     seen: set[str] = set()
     check_output_folder(out, ())
     remove_leftovers(out)
@@ -78,7 +79,12 @@ def _measure_until_over(
 
 
 def measure_until_input_ends(
-    dataset: Path, methods: Sequence[Method], out: Path, response: Mapping[str, Mapping[str, Any]], points: bool
+    dataset: Path,
+    methods: Sequence[Method],
+    out: Path,
+    response: Mapping[str, Mapping[str, Any]],
+    points: bool,
+    maps: float | None,
 ) -> None:
     """Measure as ``measure_completed_pairs`` does, at a lower priority, until standard input ends. It ends with the
     renderer, also if the renderer crashes.
@@ -92,4 +98,4 @@ def measure_until_input_ends(
         over.set()
 
     threading.Thread(target=wait, daemon=True).start()
-    measure_completed_pairs(dataset, methods, out, response, over.is_set, points)
+    measure_completed_pairs(dataset, methods, out, response, over.is_set, points, maps)

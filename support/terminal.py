@@ -61,6 +61,19 @@ def add_json_lines(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
 
 
+def add_maps_option(command: argparse.ArgumentParser) -> None:
+    """Add ``--maps`` of a command that evaluates: None, or the size of a cell in metres, 0 for a suitable one."""
+    command.add_argument(
+        "--maps",
+        nargs="?",
+        const=0.0,
+        type=float,
+        metavar="CELL_M",
+        help="also write height, height error and what is missing as GeoTIFF in the coordinate system of the ground's "
+        "file, in cells of this size in metres (three pixels or more)",
+    )
+
+
 def check_least(options: argparse.Namespace, least: int, *names: str) -> None:
     """Raise IcyMoonError if one of these options is stated as less than ``least``, or as no finite number."""
     for name in names:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -32,7 +33,7 @@ from ...support.foreign_bytes import ForeignBytes, parse_toml, read
 from ...support.suggestions import suggest_nearest
 from ...support.system import find_name_fault
 from ..toml_lines import Place
-from .options import UNITS_M, Stated
+from .options import LENSES, UNITS_M, Stated
 from .registry import read_calibration
 
 #: Bytes of the file at most.
@@ -46,6 +47,13 @@ _LONGEST_NAME = 40
 _MOST_OFF = 0.1
 _ANYWHERE = ("name", "role", "model", "frame", "position_m", "forward", "up", "quaternion_xyzw")
 _SIZE = ("width_px", "height_px")
+#: The keys of a camera for what options of the shell state of a calibration.
+_KEYS = {
+    "--size WIDTHxHEIGHT": "width_px and height_px",
+    "--size": "width_px and height_px",
+    "--unit": "unit",
+    "--lens": "lens",
+}
 #: Where forward and up point if a camera does not state them, by frame: along the left eye's axes, or north and up.
 _AHEAD = {"RIG": ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))} | dict.fromkeys(
     ("GROUND", "ZERO"), ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -64,6 +72,11 @@ def read_head(path: Path) -> Head:
     """Read the cameras of a file. Raises IcyMoonError, one sentence with the line and a fix."""
     text = read(path, ForeignBytes.text, "a head of cameras", _FIX, _MOST_BYTES)
     return _parse_head(path, text)
+
+
+def _name_keys(sentence: str) -> str:
+    """A sentence of the shell on a calibration with the keys of a head in place of options."""
+    return re.sub("|".join(_KEYS), lambda found: _KEYS[found[0]], sentence)
 
 
 def list_head_files(path: Path) -> list[Path]:
@@ -160,11 +173,11 @@ class _Entry:
         file = self._place.file.parent / parse_path(self._text("calibration"), str(self._place.at("calibration")))
         self.files.append(file)
         sizes = (self._size(),) if self._table.keys() & {*_SIZE} else ()
-        unit = self._choice("unit", UNITS_M, "") or None
+        unit, lens = (self._choice(key, names, "") or None for key, names in (("unit", UNITS_M), ("lens", LENSES)))
         try:
-            cameras = read_calibration([file], Stated(unit, sizes)).rig.from_first().cameras
+            cameras = read_calibration([file], Stated(unit, sizes, lens)).rig.from_first().cameras
         except IcyMoonError as error:
-            raise IcyMoonError(f"{self._place.at('calibration')}: {error}") from None
+            raise IcyMoonError(f"{self._place.at('calibration')}: {_name_keys(str(error))}") from None
         if "camera" not in self._table:
             if len(cameras) > 1:
                 names = ", ".join(camera.name for camera in cameras)
@@ -189,8 +202,9 @@ class _Entry:
             if clash := sorted(self._table.keys() & {"forward", "up"}):
                 raise self._error(clash[0], f"quaternion_xyzw states the direction too; leave {clash[0]} out")
             x, y, z, w = self._vector("quaternion_xyzw", 4)
-            if not abs(math.hypot(x, y, z, w) - 1) <= _MOST_OFF:
-                raise self._error("quaternion_xyzw", "it has not the length 1; normalise it")
+            length = math.hypot(x, y, z, w)
+            if not abs(length - 1) <= _MOST_OFF:
+                raise self._error("quaternion_xyzw", f"it has the length {length:.3g}; state one of the length 1")
             return from_quaternion(np.array([w, x, y, z])), position
         return self._turn(frame), position
 
@@ -200,17 +214,22 @@ class _Entry:
         forward, up = (self._vector(key, 3, each) for key, each in zip(("forward", "up"), default, strict=True))
         right = np.cross(forward, up)
         lengths = [float(np.linalg.norm(each)) for each in (forward, up, right)]
-        if not lengths[0] > 0 or not lengths[1] > 0 or lengths[2] < 1e-6 * lengths[0] * lengths[1]:
-            key = "forward" if "forward" in self._table or "up" not in self._table else "up"
-            raise self._error(key, "forward and up are along one line; state an up that points elsewhere")
+        for key, length in zip(("forward", "up"), lengths, strict=False):
+            if not length > 0:
+                raise self._error(key, f"{key} has the length 0; state a vector that points somewhere")
+        if lengths[2] < 1e-6 * lengths[0] * lengths[1]:
+            key = "forward" if "forward" in self._table else "up"
+            unsaid = "" if "up" in self._table else f", which is {list(default[1])} where none is stated"
+            raise self._error(key, f"forward is along up{unsaid}; state an up that points elsewhere")
         z, x = forward / lengths[0], right / lengths[2]
         return np.column_stack([x, np.cross(z, x), z])
 
     def _name(self) -> str:
         name = self._text("name")
-        fault = find_name_fault(name)
-        if fault or not all(each.isascii() and (each.isalnum() or each in "-_") for each in name):
+        if not all(each.isascii() and (each.isalnum() or each in "-_") for each in name):
             raise self._error("name", f"{quote(name)} is no name of a camera; take letters, digits, - and _")
+        if fault := find_name_fault(name):
+            raise self._error("name", f"Windows has no file with a name {fault}; take another name")
         if len(name) > _LONGEST_NAME:
             raise self._error("name", f"it has {len(name)} letters; take {_LONGEST_NAME} at most")
         return name
@@ -265,5 +284,5 @@ _MODELS: dict[str, tuple[tuple[str, ...], Callable[[_Entry], Projection]]] = {
     "ORTHOGRAPHIC": ((*_SIZE, "width_m"), _Entry.orthographic),
     "EQUIRECTANGULAR": ((*_SIZE, "field_deg"), _Entry.equirectangular),
     "FISHEYE": ((*_SIZE, "field_deg"), _Entry.fisheye),
-    "CALIBRATED": ((*_SIZE, "calibration", "camera", "unit"), _Entry.calibrated),
+    "CALIBRATED": ((*_SIZE, "calibration", "camera", "unit", "lens"), _Entry.calibrated),
 }

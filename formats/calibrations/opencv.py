@@ -21,7 +21,17 @@ from ...support.arrays import Array
 from ...support.files import quote, write_atomically, write_text
 from ...support.foreign_bytes import ForeignBytes, RefusedError, explain_errors, parse_json, parse_npz, parse_xml, read
 from ..yaml_text import parse_yaml, write_number
-from .options import MOST_BYTES, UNITS_M, Reading, Stated, brown_of, numbers_of, opencv_lens, why_no_opencv_lens
+from .options import (
+    LENSES,
+    MOST_BYTES,
+    UNITS_M,
+    Reading,
+    Stated,
+    brown_of,
+    numbers_of,
+    opencv_lens,
+    why_no_opencv_lens,
+)
 
 _KIND = "a calibration of OpenCV"
 _FIX = "give a file with M1, D1, M2, D2, R and T, as OpenCV's stereo_calib writes them"
@@ -42,7 +52,7 @@ _PAIR_NAMES = {
 }
 _SIDE_NAMES = (("1", "l", "left"), ("2", "r", "right"))
 #: Lenses by the value of the key ``lens_model``.
-_LENS_MODELS = {"brown": Brown, "fisheye": Fisheye}
+_LENS_MODELS = dict(zip(LENSES, (Brown, Fisheye), strict=True))
 
 
 def read_opencv(paths: Sequence[Path], stated: Stated) -> Reading:

@@ -18,6 +18,8 @@ from ..yaml_text import write_number
 
 #: Metres per unit that a translation may have.
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+#: Words for the lens of four coefficients.
+LENSES = ("brown", "fisheye")
 #: Largest calibration file in bytes; one with all measurements has a few megabytes.
 MOST_BYTES = 2**22
 #: The coefficients of Brown and Conrady's lens in OpenCV's order.

@@ -59,12 +59,15 @@ def advise_on_principal_point(rig: RigSettings) -> list[str]:
     The principal point is stated in pixels, so a change of the image size does not move it.
     """
     said = []
-    for key, size_key, way in (("principal_x_px", "width_px", "to the right"), ("principal_y_px", "height_px", "down")):
+    for key, size_key, ways in (
+        ("principal_x_px", "width_px", ("to the right", "to the left")),
+        ("principal_y_px", "height_px", ("down", "up")),
+    ):
         offset, size = float(rig[key]), int(rig[size_key])
         if abs(offset) > _MOST_OFFSET_SHARE * size:
             where = "outside of the image" if abs(offset) > size / 2 else "far from the middle of the image"
             said.append(
-                f"The principal point is {where}: rig.{key} puts it {offset:g} px {way}, and "
+                f"The principal point is {where}: rig.{key} puts it {abs(offset):g} px {ways[offset < 0]}, and "
                 f"rig.{size_key} is {size}. It does not follow the size of the image; if that was changed, "
                 f"change rig.{key} by the same factor."
             )

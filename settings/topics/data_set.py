@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from .declaration import ELSEWHERE, Table, number, text, tick
-from .relevance import Condition
+from .declaration import ELSEWHERE, Table, metres, number, text, tick
+from .relevance import Condition, chosen, ticked
+
+#: Ground that may be on a map.
+FROM_MAP = chosen("source.kind", "HEIGHT_MAP")
 
 
 class DatasetSettings(Table, label="Data Set"):
@@ -37,3 +40,10 @@ class DatasetSettings(Table, label="Data Set"):
         "Matchers", "bm,sgbm", "Stereo matchers that Evaluate runs, separated by commas: bm, sgbm, sgbm_wls, jplv, "
         "igev, dsmnet. Options are written as in sgbm:window=7; own:NAME is a matcher that you set up in the "
         "preferences", "run", "matchers", section=ELSEWHERE)
+    maps: bool = tick(
+        "Write Maps (GeoTIFF)", False, "Evaluate also writes height, height error and what is missing as GeoTIFF, in "
+        "the coordinate system of the ground's file", "run", section=ELSEWHERE, active=FROM_MAP, since="0.4")
+    map_cell_m: float = metres(
+        "Map Cell", 0.0, 0.0, 1000.0, (0.0, 1.0), "Width of a cell of these maps on the ground; 0 for three pixels or "
+        "more at the median depth", "run", zero="automatic", section=ELSEWHERE, active=FROM_MAP, shown=ticked("maps"),
+        since="0.4")

@@ -143,6 +143,25 @@ def ended() -> Waiting:
     yield from until(lambda: not children(), f"The end of {children()}")
 
 
+def choose_in_browser(folder: Path, name: str, picture: str, **options: object) -> Waiting:
+    """Choose a file (or with no ``name`` the folder) in the file browser that opens, with options of its operator, and
+    take a picture of it before its button is clicked."""
+    yield from until(lambda: len(manager().windows) == 2, "Opening the file browser")
+    browser = manager().windows[1]
+    space = browser.screen.areas[0].spaces.active
+    yield from until(lambda: space.params, "Listing the files")
+    space.params.directory, space.params.filename = str(folder).encode(), name
+    for key_, value in options.items():
+        setattr(space.active_operator, key_, value)
+    yield 10 * TICK_S
+    yield from screenshot(picture)
+    accept = next(part for part in browser.screen.areas[0].regions if part.type == "EXECUTE")
+    point(browser.x + accept.x + 0.92 * accept.width, browser.y + accept.y + accept.height / 2)
+    yield 5 * TICK_S
+    xdotool("click", 1)
+    yield from until(lambda: len(manager().windows) == 1, "Closing the file browser")
+
+
 # ---- the steps ------------------------------------------------------------------------------------------------------
 
 
@@ -298,16 +317,7 @@ def evaluate_other_pairs() -> Waiting:
     yield from to(*middle("UI"))
     yield from scroll(400)
     yield from press("icymoon.evaluate_folder")
-    yield from until(lambda: len(manager().windows) == 2, "Opening the file browser")
-    browser = manager().windows[1]
-    yield from until(lambda: browser.screen.areas[0].spaces.active.params, "Listing the files")
-    browser.screen.areas[0].spaces.active.params.directory = str(folder).encode()
-    yield 10 * TICK_S
-    yield from screenshot("other_pairs_folder")
-    accept = next(part for part in browser.screen.areas[0].regions if part.type == "EXECUTE")
-    point(browser.x + accept.x + 0.92 * accept.width, browser.y + accept.y + accept.height / 2)
-    yield 5 * TICK_S
-    xdotool("click", 1)
+    yield from choose_in_browser(folder, "", "other_pairs_folder")
     yield from until(lambda: session().job, "Starting the evaluation of other pairs")
     yield from ended()
     page = folder / "evaluation" / "report.html"
@@ -341,6 +351,158 @@ def open_all_panels() -> Waiting:
             break
     check(part > 2, f"all panels take {part} pages only")
     yield from scroll(-400)
+
+
+def click_header(topic: str) -> Waiting:
+    """Open the closed panel of a topic that is in sight, or close it."""
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
+    headers = yield from person.find_headers(page=module("operators.manual").find_page_of_topic(topic))
+    yield from to(*headers[0])
+    xdotool("click", 1)
+    yield 5 * TICK_S
+
+
+CAMCHAIN = """cam0:
+  camera_model: pinhole
+  distortion_model: equidistant
+  distortion_coeffs: [0.02, -0.005, 0.001, -0.0002]
+  intrinsics: [160.0, 161.5, 120.25, 89.5]
+  resolution: [240, 180]
+cam1:
+  T_cn_cnm1:
+  - [1.0, 0.0, 0.0, -0.375]
+  - [0.0, 1.0, 0.0, 0.0]
+  - [0.0, 0.0, 1.0, 0.0]
+  - [0.0, 0.0, 0.0, 1.0]
+  camera_model: pinhole
+  distortion_model: equidistant
+  distortion_coeffs: [0.018, -0.004, 0.001, -0.0001]
+  intrinsics: [162.0, 163.5, 121.25, 90.5]
+  resolution: [240, 180]
+"""
+
+
+def are_files(paths: list[Path]) -> bool:
+    """Whether all of these are there."""
+    return all(map(Path.is_file, paths))
+
+
+def calibration_by_mouse() -> Waiting:
+    """A file that is no calibration is refused by a sentence on the screen. One is read and fields change, undo
+    restores them; what is written and read again is the same."""
+    (FOLDER / "camchain.yaml").write_text(CAMCHAIN)
+    (FOLDER / "broken.yaml").write_text(CAMCHAIN.replace("160.0", "none"))
+    take_a_step()
+
+    def rig() -> object:
+        read = module("settings.blender.scene_properties").read_settings(settings())
+        return read.rig, read.left_eye, read.right_eye
+
+    before = rig()
+    yield from click_header("rig")
+    yield from away()
+    yield from screenshot("camera_panel")
+    yield from press("icymoon.read_calibration")
+    yield from choose_in_browser(FOLDER, "broken.yaml", "calibration_broken")
+    yield 15 * TICK_S  # the sentence opens under the mouse
+    yield from screenshot("calibration_refused")
+    check(rig() == before, "a file that is no calibration has changed the rig")
+    yield from away()
+    yield from press("icymoon.read_calibration")
+    yield from choose_in_browser(FOLDER, "camchain.yaml", "calibration_read")
+    yield from until(lambda: settings().rig.eyes == "CALIBRATED", "Reading the calibration")
+    fields = settings().rig.baseline_m, settings().left_eye.fx_px, settings().right_eye.fy_px, settings().left_eye.lens
+    close = max(abs(a - b) for a, b in zip(fields, (0.375, 160.0, 163.5), strict=False))
+    check(close < 1e-4 and fields[3] == "FISHEYE", f"the fields are {fields}")
+    read = rig()
+    yield from away()
+    yield from screenshot("calibration_fields")
+    for kind, names in (("ros", ("ros_left.yaml", "ros_right.yaml")), ("opencv", ("opencv.yaml",))):
+        yield from press("icymoon.write_calibration")
+        yield from choose_in_browser(FOLDER, kind, f"calibration_write_{kind}", kind=kind)
+        yield from until(partial(are_files, [FOLDER / name for name in names]), f"Writing {names}")
+    yield from press("icymoon.write_calibration")
+    yield from choose_in_browser(FOLDER, "mrcal", "calibration_write_mrcal", kind="mrcal")
+    yield 15 * TICK_S  # the sentence opens under the mouse
+    yield from screenshot("calibration_not_held")
+    check(not list(FOLDER.glob("mrcal*")), "a fisheye was written as mrcal, which has none like it")
+    yield from away()
+    yield from key("ctrl+z")
+    yield from until(partial(holds, before, rig), "Undoing the calibration")
+    yield from press("icymoon.read_calibration")
+    yield from choose_in_browser(FOLDER, "opencv.yaml", "calibration_again")
+    yield from until(lambda: settings().rig.eyes == "CALIBRATED", "Reading what was written")
+    check(rig() == read, "what is written and read again differs")
+    yield from away()
+    yield from key("ctrl+z")
+    yield from until(partial(holds, before, rig), "Undoing the calibration that was written")
+    yield from click_header("rig")
+
+
+HEAD = """[[camera]]
+name = "front"
+role = "hazcam"
+model = "FISHEYE"
+width_px = 160
+height_px = 120
+field_deg = 150.0
+frame = "GROUND"
+position_m = [0.0, 0.4, 0.6]
+forward = [0.0, 1.0, -0.5]
+
+[[camera]]
+name = "map"
+model = "ORTHOGRAPHIC"
+width_px = 128
+height_px = 128
+width_m = 4.0
+frame = "GROUND"
+position_m = [0.0, 2.0, 5.0]
+forward = [0.0, 0.0, -1.0]
+up = [0.0, 1.0, 0.0]
+
+[[camera]]
+name = "side"
+model = "PINHOLE"
+width_px = 160
+height_px = 120
+field_deg = 60.0
+position_m = [0.5, 0.0, 0.0]
+"""
+
+
+def cameras_beside_the_pair() -> Waiting:
+    """A file of cameras is chosen and built: they are objects of the scene, and Ctrl Numpad 0 looks through one."""
+    path = FOLDER / "head.toml"
+    path.write_text(HEAD)
+    settings().rig.head_file = str(path)
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
+    yield from press("icymoon.build_scene")
+    names = [f"Icy Moon {name}" for name in ("front", "map", "side")]
+    yield from until(lambda: all(name in bpy.data.objects for name in names), "Building the cameras")
+    yield from until(lambda: not previewing(), "Building the ground")
+    area().spaces.active.shading.type = "SOLID"
+    for name in names:
+        yield from look_through(bpy.data.objects[name])
+        yield from screenshot(f"head_{name.split()[-1]}")
+
+
+def look_through(item: bpy.types.Object) -> Waiting:
+    """Select a camera and press Ctrl Numpad 0."""
+    check(item.visible_get(view_layer=window().view_layer), f"{item.name} is not visible")
+    for other in window().scene.objects:
+        other.select_set(other == item)
+    window().view_layer.objects.active = item
+    yield from away()
+    yield from key("ctrl+KP_0")
+    space = area().spaces.active
+    yield from until(
+        lambda: item in (space.camera, window().scene.camera) and space.region_3d.view_perspective == "CAMERA",
+        f"Looking through {item.name}",
+    )
+    yield 10 * TICK_S  # the view glides there
 
 
 def build_by_mouse() -> Waiting:
@@ -980,6 +1142,7 @@ def decide_by_mouse() -> Waiting:
 STEPS = (
     open_the_tab,
     load_europa,
+    calibration_by_mouse,
     open_all_panels,
     build_by_mouse,
     undo_and_redo,
@@ -1001,6 +1164,7 @@ STEPS = (
     drag_an_asset,
     choose_by_picture,
     undo_by_key,
+    cameras_beside_the_pair,
     render_in_a_local_view,
     turn_an_arm,
     dig_a_trench,

@@ -96,7 +96,7 @@ def test_every_operator_is_on_a_button_or_in_a_menu(small, measured, running, mo
 CHOICES = (
     {},
     {"source.kind": "MESH", "source.detail": True},
-    {"source.kind": "HEIGHT_MAP"},
+    {"source.kind": "HEIGHT_MAP", "dataset.maps": True},
     {"source.kind": "HEIGHT_MAP", "source.site": "DEGREES", "light.directions_from": "DATE"},
     {"source.kind": "HEIGHT_MAP", "source.site": "MAP", "source.surroundings_m": 500.0},
     {"mesh.kind": "GRID"},

@@ -193,7 +193,7 @@ def test_what_may_be_meant_is_told_and_not_refused():
         ),
         (
             {"width_px": 320, "principal_x_px": -81.0},
-            "far from the middle of the image: rig.principal_x_px puts it -81",
+            "far from the middle of the image: rig.principal_x_px puts it 81 px to the left, and",
         ),
         (
             {"height_px": 240, "principal_y_px": 121.0},

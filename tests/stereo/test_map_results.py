@@ -11,6 +11,7 @@ from icymoon.formats import geotiff
 from icymoon.formats.geotiff import Site
 from icymoon.formats.map_point import MapPoint
 from icymoon.stereo.evaluate import evaluate
+from icymoon.stereo.evaluate_while_rendering import measure_completed_pairs
 from icymoon.stereo.map_results import (
     MEASURED,
     MISSING,
@@ -160,6 +161,21 @@ def test_maps_that_are_asked_for_later_need_no_matching(tmp_path, monkeypatch):
     assert names["height_map"].name == "sgbm_height_0.2m.tif"
     for _, _, _, placed in read_maps(names).values():
         assert placed.a == pytest.approx(0.2 / 0.9330127, rel=1e-5)
+
+
+def test_maps_are_written_while_other_pairs_are_rendered(tmp_path, monkeypatch):
+    write_sited_pair(tmp_path / "set" / "pairs")
+    looks, methods = iter(range(100)), parse_methods("sgbm")
+    measure_completed_pairs(tmp_path / "set", methods, tmp_path / "out", {}, lambda: next(looks) > 2, maps=0.2)
+    names = name_maps(methods[0], 0.2).values()
+    written = {path.name: path for path in (tmp_path / "out").rglob("*.tif")}
+    assert set(written) == set(names)
+    monkeypatch.setattr("icymoon.stereo.measure_pair.match_checked", None)
+    monkeypatch.setattr("icymoon.stereo.measure_pair.write_maps", None)
+    (row,) = evaluate([tmp_path / "set"], methods, tmp_path / "out", maps=0.2)["rows"]
+    assert {tmp_path / "out" / path for kind, path in row["images"].items() if kind.endswith("_map")} == set(
+        written.values()
+    )
 
 
 def test_a_pair_on_no_map_is_still_measured(tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from icymoon.formats.calibrations.head_file import list_head_files, read_head
 from icymoon.physics.camera.calibrated_camera import CalibratedCamera
+from icymoon.physics.camera.lens_models import Fisheye
 from icymoon.support.errors import IcyMoonError
 
 PINHOLE = """
@@ -89,6 +90,27 @@ def test_a_calibration_gives_lens_and_pose_beside_its_first_camera(tmp_path):
         _read(tmp_path, text.replace("cam1", "cam7"))
 
 
+def test_a_camera_states_what_its_calibration_leaves_open(tmp_path):
+    """Size, unit and lens of OpenCV's files, by keys of the head that the sentences name."""
+    kind = "!!opencv-matrix\n  dt: d"
+    matrix = f"camera_matrix: {kind}\n  rows: 3\n  cols: 3\n  data: [60., 0., 30., 0., 60., 25., 0., 0., 1.]\n"
+    lens = f"distortion_coefficients: {kind}\n  rows: 1\n  cols: 4\n  data: [0.1, 0.02, 0.001, 0.002]\n"
+    (tmp_path / "one.yml").write_text(f"%YAML:1.0\n---\n{matrix}{lens}", encoding="utf-8")
+    head = '[[camera]]\nname = "one"\nmodel = "CALIBRATED"\ncalibration = "one.yml"\n'
+    size = "width_px = 64\nheight_px = 48\n"
+    for more, clause in (
+        (size, "add lens brown or lens fisheye"),
+        ('lens = "fisheye"\n', "add width_px and height_px"),
+        (size + 'lens = "fish"\n', "line 7 .*did you mean 'fisheye'"),
+    ):
+        with pytest.raises(IcyMoonError, match=clause) as error:
+            _read(tmp_path, head + more)
+        assert "--" not in str(error.value)
+    (camera,) = _read(tmp_path, head + size + 'lens = "fisheye"\n')
+    assert camera.projection.lens == Fisheye((0.1, 0.02, 0.001, 0.002))
+    assert camera.projection.size_px == (64, 48)
+
+
 @pytest.mark.parametrize(
     ("text", "clause"),
     [
@@ -108,15 +130,17 @@ def test_a_calibration_gives_lens_and_pose_beside_its_first_camera(tmp_path):
         (PINHOLE.replace("field_deg = 60", ""), "field_deg is missing"),
         (PINHOLE.replace("mast", "tail"), "role is 'tail', known are"),
         (PINHOLE.replace('"one"', '"../one"'), "no name of a camera"),
-        (PINHOLE.replace('"one"', '"con"'), "no name of a camera"),
+        (PINHOLE.replace('"one"', '"con"'), "no file with a name of a device; take another name"),
         (PINHOLE.replace('"one"', f'"{41 * "a"}"'), "41 letters"),
         (PINHOLE.replace('name = "one"', ""), "name is missing"),
         (PINHOLE + 'frame = "ZERO"\n', "position_m is missing"),
         (PINHOLE + "position_m = [1, 2]\n", "state 3 numbers"),
         (PINHOLE + "position_m = [1, 2, 1e9]\n", "farther than 1000 km"),
-        (PINHOLE + "forward = [0, 1, 0]\n", "along one line"),
-        (PINHOLE + "forward = [0, 0, 0]\n", "along one line"),
-        (PINHOLE + "quaternion_xyzw = [0, 0, 0, 0]\n", "not the length 1"),
+        (PINHOLE + "forward = [0, 1, 0]\n", r"line 9 .*along up, which is \[0\.0, -1\.0, 0\.0\] where none is stated"),
+        (PINHOLE + "forward = [0, 1, 0]\nup = [0, 2, 0]\n", "line 9 .*forward is along up; state an up"),
+        (PINHOLE + "forward = [0, 0, 0]\n", "line 9 .*forward has the length 0"),
+        (PINHOLE + "up = [0, 0, 0]\n", "line 9 .*up has the length 0"),
+        (PINHOLE + "quaternion_xyzw = [0, 0, 0, 0]\n", "it has the length 0; state one of the length 1"),
         (PINHOLE + "quaternion_xyzw = [0, 0, 0, 1]\nup = [0, 1, 0]\n", "leave up out"),
         ("", "has no cameras"),
         ("camera = []\n", "has no cameras"),
