@@ -173,6 +173,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.menu(ICYMOON_MT_settings_files.bl_idname)
         layout.separator()
         layout.operator("icymoon.import_ground", text="Import Ground…")
+        layout.operator("icymoon.object_as_ground")
         layout.operator("icymoon.read_calibration", text="Read Calibration…")
         layout.operator("icymoon.write_calibration", text="Write Calibration…")
         layout.operator("icymoon.build_scene")

@@ -52,6 +52,7 @@ SOUGHT = {
     "sweep": "icymoon.vary",
     "paper": "icymoon.reproduce",
     "export pair": "icymoon.export_pairs",
+    "object as ground": "icymoon.object_as_ground",
     "point cloud": "icymoon.show_surface",
 }
 #: Rows of a menu that fit a screen of 1080 pixels with its bars, at 24 pixels each as Blender draws them.
