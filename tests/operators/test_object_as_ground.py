@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -25,11 +24,12 @@ def scene(tmp_path):
 
 
 def add_grid(cells: int = 4, size_m: float = 8.0, name: str = "Hill") -> bpy.types.Object:
+    at = np.linspace(-size_m / 2, size_m / 2, cells + 1)
+    x, y = np.meshgrid(at, at)
+    first = np.arange(cells * (cells + 1)).reshape(cells, cells + 1)[:, :cells].reshape(-1, 1)
     mesh = bpy.data.meshes.new(name)
-    shape = bmesh.new()
-    bmesh.ops.create_grid(shape, x_segments=cells, y_segments=cells, size=size_m / 2)
-    shape.to_mesh(mesh)
-    shape.free()
+    vertices = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
+    mesh.from_pydata(vertices.tolist(), [], (first + np.array([0, 1, cells + 2, cells + 1])).tolist())
     return select(bpy.data.objects.new(name, mesh))
 
 
@@ -135,15 +135,12 @@ def test_too_many_triangles_are_refused(scene, monkeypatch):
 
 
 def test_a_mesh_that_is_no_surface_is_repaired_or_told(scene):
-    item = add_grid()
-    shape = bmesh.new()
-    shape.from_mesh(item.data)
-    corner = shape.verts.new((0.0, 0.0, 1.0))
-    shape.verts.ensure_lookup_table()
-    edge = next(edge for edge in shape.edges if len(edge.link_faces) == 2)
-    shape.faces.new((*edge.verts, corner))  # three faces at an edge
-    shape.to_mesh(item.data)
-    shape.free()
+    flat = add_grid().data
+    vertices = [*(vertex.co for vertex in flat.vertices), (0.0, 0.0, 1.0)]
+    faces = [*(tuple(face.vertices) for face in flat.polygons), (6, 7, 25)]  # the third face at an edge
+    mesh = bpy.data.meshes.new("Fin")
+    mesh.from_pydata(vertices, [], faces)
+    select(bpy.data.objects.new("Fin", mesh))
     assert bpy.ops.icymoon.object_as_ground() == {"FINISHED"}
 
 
