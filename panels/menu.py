@@ -172,6 +172,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.menu(ICYMOON_MT_presets.bl_idname)
         layout.menu(ICYMOON_MT_settings_files.bl_idname)
         layout.separator()
+        layout.operator("icymoon.find_setting", text="Find Setting…", icon="VIEWZOOM")
         layout.operator("icymoon.import_ground", text="Import Ground…")
         layout.operator("icymoon.object_as_ground")
         layout.operator("icymoon.read_calibration", text="Read Calibration…")

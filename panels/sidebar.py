@@ -29,6 +29,7 @@ from .decision_maps import draw_decisions
 from .error_table import draw_errors, explain_errors
 from .exports import draw_export
 from .fields import RowsOfText, draw_lines, draw_sentence, draw_settings, draw_start
+from .find_setting import draw_search
 from .pair_views import draw_pair
 from .view_line import describe_view
 
@@ -80,6 +81,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         group = context.scene.icymoon
+        draw_search(layout, context)
         picture = layout.column()
         picture.active = not presets.is_changed(context.scene)
         picture.template_icon_view(

@@ -52,6 +52,7 @@ SOUGHT = {
     "sweep": "icymoon.vary",
     "paper": "icymoon.reproduce",
     "export pair": "icymoon.export_pairs",
+    "find setting": "icymoon.find_setting",
     "object as ground": "icymoon.object_as_ground",
     "point cloud": "icymoon.show_surface",
 }
