@@ -80,8 +80,7 @@ class ICYMOON_OT_find_setting(bpy.types.Operator):
         return {"FINISHED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the field, ready for typing, and what it finds."""
-        self.layout.activate_init = True
+        """Draw the field and what it finds."""
         draw_search(self.layout, context)
 
 
