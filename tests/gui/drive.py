@@ -382,6 +382,35 @@ def find_a_setting() -> Waiting:
     yield 5 * TICK_S
 
 
+def ground_from_an_object() -> Waiting:
+    """A mesh that was modelled is the ground, and Ctrl Z takes it back."""
+    before = settings().source.kind
+    mesh = bpy.data.meshes.new("Dunes")
+    x, y = np.meshgrid(np.linspace(-4.0, 4.0, 65), np.linspace(-4.0, 4.0, 65))
+    corners = np.arange(64 * 65).reshape(64, 65)[:, :64].ravel()
+    faces = corners[:, None] + [0, 1, 66, 65]
+    mesh.from_pydata(np.stack([x, y, 0.15 * np.sin(2 * x)], axis=-1).reshape(-1, 3).tolist(), [], faces.tolist())
+    dunes = bpy.data.objects.new("Dunes", mesh)
+    window().scene.collection.objects.link(dunes)
+    with in_region("WINDOW"):
+        if area().spaces.active.local_view is not None:
+            bpy.ops.view3d.localview(frame_selected=False)
+        bpy.ops.object.select_all(action="DESELECT")
+        dunes.select_set(True)
+        bpy.context.view_layer.objects.active = dunes
+        bpy.ops.ed.undo_push(message="Dunes")
+        check(bpy.ops.icymoon.object_as_ground("INVOKE_DEFAULT") == {"FINISHED"}, "the object was refused")
+    yield from until(lambda: built() and settings().source.kind == "MESH", "Building on the object")
+    low, high = (
+        bound([corner[2] for corner in bpy.data.objects["Icy Moon Terrain"].bound_box]) for bound in (min, max)
+    )
+    check(abs(low + 0.15) < 0.01 and abs(high - 0.15) < 0.01, f"the ground is from {low} to {high} m")
+    yield from away()
+    yield from screenshot("ground_of_an_object")
+    yield from key("ctrl+z")
+    yield from until(lambda: settings().source.kind == before, "Undoing the ground of an object")
+
+
 def open_all_panels() -> Waiting:
     """Drag up over the closed headers, which opens them all, and look at them from top to bottom."""
     panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")]
@@ -1061,6 +1090,7 @@ STEPS = (
     preferences_page,
     find_a_setting,
     export_a_pair,
+    ground_from_an_object,
     search_and_clear,
     drag_an_asset,
     choose_by_picture,
