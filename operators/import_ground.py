@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -23,6 +25,32 @@ def list_report_lines(scene: bpy.types.Scene) -> list[str]:
     return [replace_keys_by_labels(text) for text in found]
 
 
+def build_on_source(
+    operator: bpy.types.Operator, context: bpy.types.Context, make_source: Callable[[], Mapping[str, Any]]
+) -> set[str]:
+    """Build the scene on the ground of these ``source`` settings, and return the result of the operator.
+
+    An error, also IcyMoonError of ``make_source``, is reported, and the settings are as before. Before a mesh is loaded
+    that takes long, the user is asked.
+    """
+    group = context.scene.icymoon
+    before = scene_properties.read_unchecked(group).source
+    try:
+        scene_properties.write_settings(group, {"source": make_source()})
+        warnings = grounds.warn_of_cost(scene_properties.read_settings(group))
+    except IcyMoonError as error:
+        scene_properties.write_settings(group, {"source": before})
+        operator.report({"ERROR"}, format_for_window(error))
+        return {"CANCELLED"}
+    if warnings and not bpy.app.background:
+        bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # asks the user first
+        return {"FINISHED"}
+    result = build_and_report(operator, context)
+    if result == {"CANCELLED"}:
+        scene_properties.write_settings(group, {"source": before})
+    return result
+
+
 class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
     """Build the scene on your own ground: a mesh (OBJ, PLY, STL, glTF, USD, FBX) or a height map (GeoTIFF, NPY, EXR, grey PNG)"""  # noqa: E501
 
@@ -36,23 +64,8 @@ class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        group = context.scene.icymoon
-        before = scene_properties.read_unchecked(group).source
         path = Path(bpy.path.abspath(self.filepath))
-        try:
-            scene_properties.write_settings(group, {"source": {"kind": grounds.find_kind(path), "file": str(path)}})
-            warnings = grounds.warn_of_cost(scene_properties.read_settings(group))
-        except IcyMoonError as error:
-            scene_properties.write_settings(group, {"source": before})
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
-        if warnings and not bpy.app.background:
-            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # asks the user first
-            return {"FINISHED"}
-        result = build_and_report(self, context)
-        if result == {"CANCELLED"}:
-            scene_properties.write_settings(group, {"source": before})
-        return result
+        return build_on_source(self, context, lambda: {"kind": grounds.find_kind(path), "file": str(path)})
 
 
 CLASSES = (ICYMOON_OT_import_ground,)

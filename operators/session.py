@@ -31,6 +31,14 @@ class ShownPair:
     turn: int = 0  # which of a view's pictures
 
 
+@dataclass(frozen=True)
+class Exported:
+    """The last export: its folder, empty if it failed, and sentences on what was left out or went wrong."""
+
+    folder: str
+    sentences: tuple[str, ...]
+
+
 @dataclass
 class Session:
     """The state of the window. Names of scenes and addresses of views hold for the open file only."""
@@ -41,6 +49,7 @@ class Session:
     developing: Job | None = None  # of the camera images that Image Editors show
     to_develop: set[str] = field(default_factory=set)  # scenes
     development_notes: list[str] = field(default_factory=list)  # warnings of the last one, or why it failed
+    exported: Exported | None = None
     meshing: Job | None = None  # of the ground at full resolution
     meshed_settings: Settings | None = None  # of that ground
     to_preview: set[str] = field(default_factory=set)  # scenes with changes that the timer will show

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import bpy
 
-from . import menu, pair_views, previews, sidebar, topics, trade, vary
+from . import find_setting, menu, pair_views, previews, sidebar, topics, trade, vary
 
-CLASSES = (*sidebar.CLASSES, *topics.CLASSES, *vary.CLASSES, *sidebar.DETAILS, *trade.CLASSES, *menu.CLASSES)
+CLASSES = (
+    *find_setting.CLASSES,
+    *sidebar.CLASSES,
+    *topics.CLASSES,
+    *vary.CLASSES,
+    *sidebar.DETAILS,
+    *trade.CLASSES,
+    *menu.CLASSES,
+)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
@@ -15,6 +23,7 @@ def register() -> None:
     """Register panels and menus."""
     _register()
     previews.register()
+    find_setting.register()
     menu.register()
     pair_views.register()
     vary.register()
@@ -25,5 +34,6 @@ def unregister() -> None:
     vary.unregister()
     pair_views.unregister()
     menu.unregister()
+    find_setting.unregister()
     previews.unregister()
     _unregister()

@@ -68,7 +68,7 @@ def draw_settings(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, top
         if setting.kind == "list":
             _draw_list(row.column(), group, setting)
         else:
-            _draw_field(row, group, setting)
+            draw_field(row, group, setting)
         if meaning:
             draw_sentence(layout, meaning)
 
@@ -103,7 +103,7 @@ def draw_sentence(layout: bpy.types.UILayout, sentence: str, icon: str = "NONE",
     draw_lines(layout, (replace_keys_by_labels(sentence),), icon, hang)
 
 
-def _draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
+def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
     """Draw a setting's field, with a split where Blender would leave too little room for the label."""
     if setting.kind in ("choice", "text"):
         split = layout.split(factor=0.45 if setting.choices else 0.38)
@@ -173,4 +173,4 @@ def _draw_list(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setti
     draw_list(layout, "ICYMOON_UL_layers", group, name, active, add="icymoon.layer_add", verb="icymoon.layer")
     entries, index = getattr(group, name), getattr(group, active)
     for each in setting.entries if index < len(entries) else ():
-        _draw_field(layout, entries[index], each)
+        draw_field(layout, entries[index], each)

@@ -120,6 +120,7 @@ class ICYMOON_MT_dataset(bpy.types.Menu):
         layout.separator()
         layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"
         layout.operator("icymoon.evaluate_folder", text="Evaluate Other Pairs…")
+        layout.operator("icymoon.export_pairs", text="Export Pair or Data Set…")
         layout.operator("icymoon.reproduce", text="Reproduce the GUISS Paper…")
 
 
@@ -171,7 +172,9 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.menu(ICYMOON_MT_presets.bl_idname)
         layout.menu(ICYMOON_MT_settings_files.bl_idname)
         layout.separator()
+        layout.operator("icymoon.find_setting", text="Find Setting…", icon="VIEWZOOM")
         layout.operator("icymoon.import_ground", text="Import Ground…")
+        layout.operator("icymoon.object_as_ground")
         layout.operator("icymoon.read_calibration", text="Read Calibration…")
         layout.operator("icymoon.write_calibration", text="Write Calibration…")
         layout.operator("icymoon.build_scene")

@@ -8,6 +8,7 @@ import bpy
 
 from ..operators import show_pair
 from ..operators.session import ShownPair
+from .exports import draw_export
 from .fields import draw_lines
 
 _BUTTON_COLUMNS = 3
@@ -26,6 +27,7 @@ def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
     draw_lines(layout, show_pair.list_lines(scene), "IMAGE_DATA")
+    draw_export(layout, "SCENE")
 
 
 def _draw_views(

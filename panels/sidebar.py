@@ -28,7 +28,9 @@ from ..stereo.report.table_columns import NOISE_DECIDES
 from . import previews
 from .decision_maps import draw_decisions
 from .error_table import draw_errors, explain_errors
+from .exports import draw_export
 from .fields import RowsOfText, draw_lines, draw_sentence, draw_settings, draw_start
+from .find_setting import draw_search
 from .pair_views import draw_pair
 from .view_line import describe_view
 
@@ -80,6 +82,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         group = context.scene.icymoon
+        draw_search(layout, context)
         picture = layout.column()
         picture.active = not presets.is_changed(context.scene)
         picture.template_icon_view(
@@ -290,6 +293,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
         column.scale_y = 1.4
         draw_start(column, "icymoon.render_dataset", "Render Data Set", "RENDER_ANIMATION")
         layout.operator("icymoon.show_last_pair", icon="IMAGE_DATA")
+        draw_export(layout, "DATASET")
         for line in dataset.readout["set_aside"][-3:]:
             draw_sentence(layout, f"Set aside: {line}")
         draw_start(layout, "icymoon.reproduce", "Reproduce the GUISS Paper…")

@@ -27,6 +27,7 @@ Extra = Callable[[Any, bpy.types.Context], None]
 
 def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
+    layout.operator("icymoon.object_as_ground", icon="MESH_DATA")
 
 
 def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

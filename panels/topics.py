@@ -21,7 +21,12 @@ class _TopicPanel(Sidebar):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(find_fields(context.scene.icymoon, cls.topic.key, tuple(s.key for s in cls.topic.settings)))
+        """Whether it has a field, or a panel inside it has one."""
+        inside = (topic for topic in TOPICS.values() if topic.inside == cls.topic.key)
+        return any(
+            find_fields(context.scene.icymoon, topic.key, tuple(s.key for s in topic.settings))
+            for topic in (cls.topic, *inside)
+        )
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, key = self.layout, self.topic.key

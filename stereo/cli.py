@@ -24,12 +24,11 @@ from ..support.terminal import (
     check_least,
     keep_progress,
     run_verb,
-    show_counted_progress,
     show_progress,
     tell_events,
 )
 from .environment import packages
-from .export import IMAGES, exports_with_blender, find_plugins, list_packages
+from .export import IMAGES, OPTIONS, Option, exports_with_blender, find_plugins, list_options, list_packages
 
 if TYPE_CHECKING:
     from .export.plug_in import PluginExport
@@ -138,9 +137,15 @@ def _add_export_arguments(command: argparse.ArgumentParser) -> None:
         default=sys.executable,
         help=f"Blender, or a Python with bpy, that makes the ground for {', '.join(others)} and {last} (this Python)",
     )
-    command.add_argument(
-        "--cell-m", type=float, metavar="METRES", help="side of a cell of dem (a 1024th of the ground)"
-    )
+    for option in OPTIONS:
+        words = f"{option.description} of {_list_takers(option)} ({option.default})"
+        command.add_argument(option.flag, type=float, metavar=option.metavar, help=words)
+    add_json_lines(command)
+
+
+def _list_takers(option: Option) -> str:
+    """The exports that take an option, in words."""
+    return " or ".join(name for name in find_plugins().usable if option in list_options(name))
 
 
 def _add_develop_arguments(command: argparse.ArgumentParser) -> None:
@@ -495,17 +500,24 @@ def _run_truth(parsed: argparse.Namespace) -> int:
 
 
 def _run_export(parsed: argparse.Namespace) -> int:
-    packages.require_modules(*(list_packages(parsed.format) if parsed.format else IMAGES))
+    needed = list_packages(parsed.format) if parsed.format else IMAGES
+    packages.require_modules(*(name for name in needed if not (parsed.json_lines and name == "rich")))  # draws bars
     from .export.plug_in import PluginExport
 
     exporter = PluginExport(find_plugins().usable[parsed.format]) if parsed.format else None
-    if parsed.cell_m is not None and not (exporter and "cell_m" in exporter.takes):
-        raise IcyMoonError("--cell-m is the size of cells of a map; give it with --format dem.")
+    for option in OPTIONS:
+        if getattr(parsed, option.key) is not None and option not in list_options(parsed.format or ""):
+            raise IcyMoonError(
+                f"{option.flag} is the {option.description}; give it with --format {_list_takers(option)}."
+            )
     if exporter and exporter.reads_folders:
         _export_folders(exporter, parsed)
     else:
         _export_images(parsed)
-    printer.say(str(parsed.out.resolve()))
+    if parsed.json_lines:
+        printer.emit("result", folder=str(parsed.out.resolve()))
+    else:
+        printer.say(str(parsed.out.resolve()))
     return 0
 
 
@@ -514,8 +526,9 @@ def _export_folders(exporter: PluginExport, parsed: argparse.Namespace) -> None:
     from .export.plug_in import FoldersContext
 
     folders = [folder for path in parsed.path for folder in find_pair_folders(path)]
-    context = FoldersContext(parsed.blender, printer.warn, _show_progress_alone, parsed.set, parsed.cell_m)
-    exporter.write_folders(folders, parsed.out, context)
+    warn, progress = (_emit_warning, _emit_progress) if parsed.json_lines else (printer.warn, _show_progress_alone)
+    options = {option.key: getattr(parsed, option.key) for option in OPTIONS}
+    exporter.write_folders(folders, parsed.out, FoldersContext(parsed.blender, warn, progress, parsed.set, **options))
 
 
 @contextmanager
@@ -525,12 +538,22 @@ def _show_progress_alone(title: str) -> Iterator[Callable[[dict[str, Any]], None
         yield keep_progress(show)
 
 
+@contextmanager
+def _emit_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """The same as lines of JSON."""
+    yield keep_progress(printer.emit_json)
+
+
+def _emit_warning(sentence: str) -> None:
+    printer.emit("warning", message=sentence)
+
+
 def _export_images(parsed: argparse.Namespace) -> None:
     from .export.layouts import export
     from .export_for_prediction import export_for_prediction
 
     response = _read_response([], parsed.set)
-    with show_counted_progress("Exporting") as on_event:
+    with tell_events("Exporting", parsed.json_lines) as on_event:
         failed = (
             export_for_prediction(parsed.path, parsed.out, response, on_event)
             if parsed.for_prediction

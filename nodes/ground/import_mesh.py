@@ -25,7 +25,7 @@ from ...support.errors import IcyMoonError
 from ...support.system import bound_memory_and_time
 
 #: Most triangles of a ground, with all copies of its meshes.
-_MOST_TRIANGLES = 50_000_000
+MOST_TRIANGLES = 50_000_000
 #: Limits of an importer's memory: a multiple of the estimated cost of the mesh, and additional bytes.
 _MEMORY_FACTOR, _EXTRA_MEMORY_BYTES = 4, 2**31
 
@@ -144,6 +144,23 @@ def _read_corners_uv(mesh: bpy.types.Mesh, loops: Array) -> Array | None:
     return values.reshape(-1, 2)[loops]
 
 
+def read_placed_triangles(instance: bpy.types.DepsgraphObjectInstance) -> tuple[Array, Array, Array]:
+    """Vertices (n, 3) float64 of an instance of a mesh in world coordinates, and the vertices and corners (m, 3) int32
+    of its triangles. A mirrored instance shows its other side, so its triangles are turned."""
+    mesh, matrix = instance.object.data, np.array(instance.matrix_world, np.float64)
+    points = np.empty(len(mesh.vertices) * 3, np.float32)
+    mesh.vertices.foreach_get("co", points)
+    mesh.calc_loop_triangles()
+    corners = np.empty(len(mesh.loop_triangles) * 3, np.int32)
+    mesh.loop_triangles.foreach_get("vertices", corners)
+    triangles, loops = corners.reshape(-1, 3), np.empty_like(corners)
+    mesh.loop_triangles.foreach_get("loops", loops)
+    loops = loops.reshape(-1, 3)
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        triangles, loops = triangles[:, ::-1], loops[:, ::-1]
+    return points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3], triangles, loops
+
+
 def _read_geometry(path: Path) -> tuple[Array, Array, Array | None]:
     """All visible meshes of the context's scene as one, with instances and transforms applied; see ``read_mesh``."""
     bpy.context.view_layer.update()
@@ -152,25 +169,16 @@ def _read_geometry(path: Path) -> tuple[Array, Array, Array | None]:
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type != "MESH":
             continue
-        mesh, matrix = instance.object.data, np.array(instance.matrix_world, np.float64)
-        points = np.empty(len(mesh.vertices) * 3, np.float32)
-        mesh.vertices.foreach_get("co", points)
-        mesh.calc_loop_triangles()
-        corners = np.empty(len(mesh.loop_triangles) * 3, np.int32)
-        mesh.loop_triangles.foreach_get("vertices", corners)
-        triangles, loops = corners.reshape(-1, 3), np.empty_like(corners)
-        mesh.loop_triangles.foreach_get("loops", loops)
-        loops = loops.reshape(-1, 3)
-        if np.linalg.det(matrix[:3, :3]) < 0:
-            triangles, loops = triangles[:, ::-1], loops[:, ::-1]  # a mirrored instance shows its other side
+        mesh = instance.object.data
+        points, triangles, loops = read_placed_triangles(instance)
         uvs.append((len(triangles), _read_corners_uv(mesh, loops)))
-        positions.append(points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])
+        positions.append(points)
         faces.append(triangles + np.int32(offset))
         offset += len(mesh.vertices)
         count += len(triangles)
-        if count > _MOST_TRIANGLES:  # a small file may show one mesh many times
+        if count > MOST_TRIANGLES:  # a small file may show one mesh many times
             raise IcyMoonError(
-                f"{path}: has more than {_MOST_TRIANGLES} triangles with all its copies; leave some "
+                f"{path}: has more than {MOST_TRIANGLES} triangles with all its copies; leave some "
                 "out, or make it coarser."
             )
     uv = None

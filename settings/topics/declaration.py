@@ -182,6 +182,15 @@ class Topic:
         on = key == self.turned_on_by or not self.turned_on_by or positive(self.turned_on_by)(root, self.key)
         return on and self._by_key[key].active(root, self.key)
 
+    def list_obstacles(self, key: str, root: object) -> tuple[str, ...] | None:
+        """The settings (``topic.key``) because of whose present values a setting is not shown or has no effect; None if
+        it acts."""
+        on = positive(self.turned_on_by) if self.turned_on_by and key != self.turned_on_by else ALWAYS
+        for condition in (self.shown, self._by_key[key].shown, on, self._by_key[key].active):
+            if not condition(root, self.key):
+                return condition.list_deciding(root, self.key)
+        return None
+
 
 class AttributeDict(dict[str, Any]):
     """A dictionary whose keys are also attributes. A subclass declares the possible keys."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 
@@ -24,6 +25,19 @@ class Asked:
         return getattr(getattr(self.root, topic), key) if dot else getattr(getattr(self.root, self.topic), name)
 
 
+class _Recording(Asked):
+    """Records which settings are asked for, as ``topic.key``."""
+
+    def value(self, name: str) -> Any:
+        self.names[name if "." in name else f"{self.topic}.{name}"] = None
+        return super().value(name)
+
+    @cached_property
+    def names(self) -> dict[str, None]:
+        """The names in the order in which they were asked for."""
+        return {}
+
+
 @dataclass(frozen=True)
 class Condition:
     """A condition on the settings of a scene."""
@@ -33,6 +47,12 @@ class Condition:
     def __call__(self, root: object, topic: str) -> bool:
         """Whether the condition holds for a setting of ``topic``; ``root`` holds all settings."""
         return self.test(Asked(root, topic))
+
+    def list_deciding(self, root: object, topic: str) -> tuple[str, ...]:
+        """The settings (``topic.key``) whose present values decide whether the condition holds."""
+        asked = _Recording(root, topic)
+        self.test(asked)
+        return tuple(asked.names)
 
     def __and__(self, other: Condition) -> Condition:
         return Condition(lambda asked: self.test(asked) and other.test(asked))

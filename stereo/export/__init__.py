@@ -2,7 +2,9 @@
 
 An export is a plug-in, ours or of a package that the user installed; ``plugins/entry_points.txt`` declares ours. It is
 a module, or an ``Export``, with one of the functions that ``plug_in`` calls. A module that states ``NEEDS = "Blender"``
-builds ground, and ``PACKAGES`` states the packages that it needs in place of ``IMAGES``.
+builds ground, and ``PACKAGES`` states the packages that it needs in place of ``IMAGES``. By the names of exports,
+``TITLES`` states a title and what is written, after a colon, and ``TAKES`` the keys of the ``OPTIONS`` that an export
+takes.
 """
 
 from __future__ import annotations
@@ -19,15 +21,33 @@ IMAGES = ("numpy", "cv2", "OpenEXR", "rich")
 
 @dataclass(frozen=True)
 class Export:
-    """One of several exports of a module: what an entry point names in place of the module. One function is given.
-
-    ``takes`` are the options of the command line that only some exports take.
-    """
+    """One of several exports of a module: what an entry point names in place of the module. One function is given."""
 
     write_pair: Callable[..., Any] | None = None
     write_all: Callable[..., Any] | None = None
     write_folders: Callable[..., Any] | None = None
-    takes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Option:
+    """A number above 0 that only some exports take, as the command line and the window ask for it.
+
+    Without it, ``default`` counts.
+    """
+
+    key: str
+    label: str
+    metavar: str
+    description: str
+    default: str
+
+    @property
+    def flag(self) -> str:
+        """The option of the command line."""
+        return f"--{self.key.replace('_', '-')}"
+
+
+OPTIONS = (Option("cell_m", "Cell", "METRES", "side of a cell of the maps", "a 1024th of the ground"),)
 
 
 def find_plugins() -> Found:
@@ -38,6 +58,21 @@ def find_plugins() -> Found:
 def exports_with_blender() -> list[str]:
     """The exports for which Blender builds ground."""
     return [name for name, plugin in find_plugins().usable.items() if read_fact(plugin, "NEEDS") == "Blender"]
+
+
+def list_titles() -> dict[str, tuple[str, str]]:
+    """Title and content of Icy Moon's exports, by name, without an import of any."""
+    found = find_plugins().usable.items()
+    stated = {name: read_fact(plugin, "TITLES")[name].partition(": ") for name, plugin in found if plugin.built_in}
+    return {name: (title, content) for name, (title, _, content) in stated.items()}
+
+
+def list_options(name: str) -> list[Option]:
+    """The options that an export takes; none for an unknown one."""
+    plugin = find_plugins().usable.get(name)
+    stated = read_fact(plugin, "TAKES") if plugin else None
+    keys = stated.get(name, ()) if isinstance(stated, dict) else ()
+    return [option for option in OPTIONS if option.key in keys]
 
 
 def list_packages(name: str) -> tuple[str, ...]:

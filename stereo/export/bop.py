@@ -29,6 +29,7 @@ from .encodings import MM_PER_M, quantise_to_16_bits
 from .losses import Each, Loss
 from .whole_folders import fill_whole_folder
 
+TITLES = {"bop": "BOP: models, 6-DoF poses and masks of the links of the lander"}
 #: Millimetres per step of the 16-bit depth, which then reaches 13 m.
 DEPTH_SCALE = 0.2
 _MASK_VALUE = 255

@@ -25,6 +25,10 @@ from ..measure.prepare_pair import LoadedPair
 from . import Export
 from .losses import Each
 
+TITLES = {
+    "cahvor": "CAHVOR: images with the camera models of rovers, and PDS3 labels",
+    "colmap": "COLMAP and nerfstudio: images, cameras, poses and true points",
+}
 #: The coordinate system of the poses, for labels.
 FRAME_NAME = "ICYMOON_SITE_EAST_NORTH_UP"
 #: Approximate number of points of each pair in a model of COLMAP.

@@ -36,6 +36,14 @@ from .plug_in import FoldersContext
 
 NEEDS = "Blender"
 PACKAGES = ("numpy", "rich")
+TITLES = {
+    "dem": "Maps of the Ground: GeoTIFF of heights, of heights with rocks, and of albedo",
+    "ply": "Meshes, PLY: triangles of ground and rocks, a binary file for each kind",
+    "obj": "Meshes, OBJ: triangles of ground and rocks, in one text file",
+    "usd": "Meshes, USD: ground, and each rock as an instance of its shape",
+    "gltf": "Meshes, glTF: ground, and each rock as an instance of its shape, in a binary file",
+}
+TAKES = {"dem": ("cell_m",)}
 _GEOMETRY_FILE = "geometry.json"
 FORMATS = ("dem", "ply", "obj", "usd", "gltf")
 Hear = Callable[[Message], None]
@@ -154,5 +162,5 @@ def _write_folders(kind: str, folders: Sequence[Path], out: Path, context: Folde
             context.warn(f"{folder.name} is without {sentence}")
 
 
-DEM = Export(write_folders=partial(_write_folders, "dem"), takes=("cell_m",))
+DEM = Export(write_folders=partial(_write_folders, "dem"))
 PLY, OBJ, USD, GLTF = (Export(write_folders=partial(_write_folders, kind)) for kind in FORMATS[1:])

@@ -36,6 +36,7 @@ from .encodings import MM_PER_M, quantise_to_16_bits
 from .plug_in import FoldersContext
 from .whole_folders import fill_whole_folder
 
+TITLES = {"head": "Camera Head: images, depth, points and poses of the cameras beside the pair"}
 #: Formats of a scene's cameras, and what follows the scene's name.
 _MODELS = {"transforms": ".json", "colmap": "/sparse/0"}
 

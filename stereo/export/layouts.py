@@ -43,6 +43,14 @@ from .plug_in import PluginExport
 from .whole_folders import fill_whole_folder
 
 Event = Callable[[dict[str, Any]], None]
+TITLES = {
+    "png8": "PNG, 8 Bits: images, disparity, depth, labels and visibility of both eyes",
+    "png16": "PNG, 16 Bits: images, disparity, depth, labels and visibility of both eyes",
+    "pfm": "PFM: radiance, and exact disparity and depth",
+    "kitti": "KITTI 2015: images, disparity with and without occluded pixels, calibration",
+    "middlebury": "Middlebury 2014: images, disparity, mask of occluded pixels, calibration",
+    "coco": "COCO: images of both eyes, with a mask of every rock and object",
+}
 #: Semantic values that have instances; ground and sky have none.
 THINGS = (ROCK, LANDER)
 _VISIBLE_VALUE, _HIDDEN_VALUE = 255, 128

@@ -18,6 +18,7 @@ from ..measure.prepare_pair import LoadedPair
 from .losses import Each
 from .training import describe_row
 
+TITLES = {"parquet-index": "Parquet Index: a table of the pairs and their conditions, for training"}
 INDEX = "index.parquet"
 
 

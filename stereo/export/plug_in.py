@@ -111,7 +111,6 @@ class PluginExport:
 
     def __init__(self, plugin: Plugin) -> None:
         self.plugin, self._loaded = plugin, load_plugin(plugin)
-        self.takes: tuple[str, ...] = getattr(self._loaded, "takes", ())
         self.writes_all, self.reads_folders, self.finishes = map(
             self._has_function, ("write_all", "write_folders", "finish")
         )

@@ -28,6 +28,10 @@ from ..measure.prepare_pair import LoadedPair
 from . import Export
 from .cameras import pixel_rays
 
+TITLES = {
+    "fits": "FITS: the radiance factor I/F, and incidence, emission and phase",
+    "tiff": "TIFF: the radiance factor I/F, and incidence, emission and phase",
+}
 #: Names of the bands of a pair, see ``physics.light.bands``.
 BAND_NAMES = ("R 620 nm", "G 550 nm", "B 460 nm")
 #: The directions between which the angles in the files lie, in words.

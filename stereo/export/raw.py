@@ -23,6 +23,7 @@ from ..images.lens import make_lens
 from ..images.views import read_sensor_depth, read_sensor_truth
 from ..measure.prepare_pair import LoadedPair
 
+TITLES = {"raw": "Raw: images of the sensors, not rectified, and the calibration that rectifies them"}
 #: Formats of calibrations that are written where they hold both calibrated eyes, and the names of their files.
 _FORMATS = {
     "opencv": ("opencv.yaml",),

@@ -30,6 +30,7 @@ from .losses import Each
 #: Makers of messages by their names.
 Kinds = Mapping[str, Callable[..., object]]
 
+TITLES = {"ros2": "ROS 2 Bag: images, camera infos, true disparity, true points and poses"}
 FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
 WORLD_FRAME = "map"
 _NS_PER_S, _MOST_SECONDS = 1_000_000_000, 2**31

@@ -36,6 +36,11 @@ from .cameras import centre_matrix, read_middle_pose
 from .encodings import encode_flo, quantise_flow, quantise_to_16_bits
 from .losses import Each, Loss
 
+TITLES = {
+    "tum": "TUM RGB-D: frames of a sequence, depth and true poses",
+    "kitti-odometry": "KITTI Odometry: frames of a sequence, times and true poses",
+    "flow": "Optical Flow: flow to the next frame of a sequence and to the one before",
+}
 #: Steps per metre of depth in TUM's images.
 _TUM_STEPS_PER_M = 5000.0
 

@@ -35,6 +35,10 @@ from .encodings import KITTI_STEPS_PER_PX, quantise_to_16_bits, write_pfm
 from .losses import Each, Loss, refuse_losses
 from .whole_folders import fill_whole_folder
 
+TITLES = {
+    "webdataset": "WebDataset: tar shards for training, split by scene, with a data card",
+    "sceneflow": "SceneFlow: the layout of FlyingThings3D, for training",
+}
 #: Bytes of a shard, which ends with the pair that exceeds them.
 LEAST_SHARD_BYTES = 1_000_000_000
 #: Unknown disparity in SceneFlow's layout, px: loaders reject 512 px and more. NaN and infinity would spread when they

@@ -143,6 +143,14 @@ def ended() -> Waiting:
     yield from until(lambda: not children(), f"The end of {children()}")
 
 
+def accept_in_browser(browser: bpy.types.Window) -> Waiting:
+    """Press the button that accepts what a file browser shows."""
+    accept = next(part for part in browser.screen.areas[0].regions if part.type == "EXECUTE")
+    point(browser.x + accept.x + 0.92 * accept.width, browser.y + accept.y + accept.height / 2)
+    yield 5 * TICK_S
+    xdotool("click", 1)
+
+
 def choose_in_browser(folder: Path, name: str, picture: str, **options: object) -> Waiting:
     """Choose a file (or with no ``name`` the folder) in the file browser that opens, with options of its operator, and
     take a picture of it before its button is clicked."""
@@ -155,10 +163,7 @@ def choose_in_browser(folder: Path, name: str, picture: str, **options: object) 
         setattr(space.active_operator, key_, value)
     yield 10 * TICK_S
     yield from screenshot(picture)
-    accept = next(part for part in browser.screen.areas[0].regions if part.type == "EXECUTE")
-    point(browser.x + accept.x + 0.92 * accept.width, browser.y + accept.y + accept.height / 2)
-    yield 5 * TICK_S
-    xdotool("click", 1)
+    yield from accept_in_browser(browser)
     yield from until(lambda: len(manager().windows) == 1, "Closing the file browser")
 
 
@@ -328,6 +333,92 @@ def evaluate_other_pairs() -> Waiting:
     yield from screenshot("other_pairs")
     yield from to(*middle("UI"))
     yield from scroll(-400)
+
+
+def export_a_pair() -> Waiting:
+    """The rendered pair as KITTI has it, chosen in the file browser; then maps of its ground, by this Blender."""
+    if not pairs():
+        yield from press("icymoon.render_pair")
+        yield from until(lambda: len(manager().windows) == 2, "Rendering a pair to export")
+        yield from person.close_second_window("the Image Editor")
+    operator = module("operators.export_pairs").ICYMOON_OT_export_pairs
+    for kind, file in (("kitti", "training/image_2/000000_10.png"), ("dem", f"{pairs()[0].name}/dem.tif")):
+        yield from press("icymoon.export_pairs")
+        yield from until(lambda: len(manager().windows) == 2, "Opening the file browser")
+        browser = manager().windows[1]
+        space = browser.screen.areas[0].spaces.active
+        yield from until(partial(getattr, space, "params"), "Listing the files")
+        check(space.params.filename == f"{DATASET.name}_export", f"the folder is called {space.params.filename}")
+        space.active_operator.kind = kind
+        yield 10 * TICK_S
+        yield from screenshot(f"export_{kind}")
+        session().exported = None
+        yield from accept_in_browser(browser)
+        yield from until(lambda: session().exported or session().job, "Starting the export")
+        yield from ended()
+        folder = DATASET.parent / f"{DATASET.name}_export"
+        check(session().exported.folder == str(folder), f"the export ended with {session().exported}")
+        check((folder / file).is_file(), f"{file} is not there")
+        yield from away()
+        yield from screenshot(f"exported_{kind}")
+    check(operator.poll(bpy.context), "the next export cannot start")
+
+
+def find_a_setting() -> Waiting:
+    """Words in the field at the top of the sidebar, and by F3 in a window of its own; a field is changed there."""
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
+    yield from find_setting("icymoon_sought")
+    xdotool("click", "--repeat", 2, "--delay", 60, 1)
+    yield 6 * TICK_S
+    yield from write_text("albedo")
+    yield 6 * TICK_S
+    yield from screenshot("sought")  # while it is typed
+    yield from key("Return")
+    yield from until(lambda: manager().icymoon_sought == "albedo", "Typing a word")
+    yield from away()
+    yield from screenshot("found")
+    yield from find_setting("icymoon.surface.albedo")
+    manager().icymoon_sought = ""
+    yield from away()
+    yield from key(F3)
+    yield 20 * TICK_S
+    yield from write_text("find setting")
+    yield from key("Return")
+    yield 10 * TICK_S
+    yield from screenshot("find_setting")
+    yield from key("Escape")
+    manager().icymoon_sought = ""
+    yield 5 * TICK_S
+
+
+def ground_from_an_object() -> Waiting:
+    """A mesh that was modelled is the ground, and Ctrl Z takes it back."""
+    before = settings().source.kind
+    mesh = bpy.data.meshes.new("Dunes")
+    x, y = np.meshgrid(np.linspace(-4.0, 4.0, 65), np.linspace(-4.0, 4.0, 65))
+    corners = np.arange(64 * 65).reshape(64, 65)[:, :64].ravel()
+    faces = corners[:, None] + [0, 1, 66, 65]
+    mesh.from_pydata(np.stack([x, y, 0.15 * np.sin(2 * x)], axis=-1).reshape(-1, 3).tolist(), [], faces.tolist())
+    dunes = bpy.data.objects.new("Dunes", mesh)
+    window().scene.collection.objects.link(dunes)
+    with in_region("WINDOW"):
+        if area().spaces.active.local_view is not None:
+            bpy.ops.view3d.localview(frame_selected=False)
+        bpy.ops.object.select_all(action="DESELECT")
+        dunes.select_set(True)
+        bpy.context.view_layer.objects.active = dunes
+        bpy.ops.ed.undo_push(message="Dunes")
+        check(bpy.ops.icymoon.object_as_ground("INVOKE_DEFAULT") == {"FINISHED"}, "the object was refused")
+    yield from until(lambda: built() and settings().source.kind == "MESH", "Building on the object")
+    low, high = (
+        bound([corner[2] for corner in bpy.data.objects["Icy Moon Terrain"].bound_box]) for bound in (min, max)
+    )
+    check(abs(low + 0.15) < 0.01 and abs(high - 0.15) < 0.01, f"the ground is from {low} to {high} m")
+    yield from away()
+    yield from screenshot("ground_of_an_object")
+    yield from key("ctrl+z")
+    yield from until(lambda: settings().source.kind == before, "Undoing the ground of an object")
 
 
 def open_all_panels() -> Waiting:
@@ -1160,6 +1251,9 @@ STEPS = (
     vary_by_mouse,
     evaluate_other_pairs,
     preferences_page,
+    find_a_setting,
+    export_a_pair,
+    ground_from_an_object,
     search_and_clear,
     drag_an_asset,
     choose_by_picture,

@@ -32,6 +32,7 @@ CHANGE_NOTHING = {
     "evaluate_folder",
     "decide",
     "reproduce",
+    "export_pairs",
 }
 #: Operators that go on when what they change is changed, and take the step then.
 TAKE_THEIR_OWN = {

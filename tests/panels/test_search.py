@@ -51,6 +51,9 @@ SOUGHT = {
     "stop": "icymoon.cancel",
     "sweep": "icymoon.vary",
     "paper": "icymoon.reproduce",
+    "export pair": "icymoon.export_pairs",
+    "find setting": "icymoon.find_setting",
+    "object as ground": "icymoon.object_as_ground",
     "point cloud": "icymoon.show_surface",
 }
 #: Rows of a menu that fit a screen of 1080 pixels with its bars, at 24 pixels each as Blender draws them.

@@ -1,0 +1,170 @@
+"""Export Pair or Data Set: pairs in the layouts of other programs, by the command line's own exports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..render.pairs.pair_folder import has_pairs
+from ..render.workers.job_commands import blender_command, python_command
+from ..settings.blender import scene_properties
+from ..settings.topics.scene import typed
+from ..stereo.export import OPTIONS, exports_with_blender, list_options, list_titles
+from ..support.errors import IcyMoonError
+from ..support.files import absolute_path
+from ..support.printer import show_controls
+from . import dialogs, jobs
+from .evaluate import make_response_arguments
+from .job_operators import JobOperator
+from .preferences import find_evaluator_python
+from .render import find_dataset_folder
+from .session import Exported, session
+from .show_pair import find_kept_pairs
+from .sidebar_text import format_for_window
+
+#: The choice that the command line calls --for-prediction, in the place of a format.
+_FOR_PREDICTION = "for-prediction"
+_FORMATS = [
+    *((name, title, content[:1].upper() + content[1:]) for name, (title, content) in list_titles().items()),
+    (_FOR_PREDICTION, "For Prediction", "Only what a matcher on another machine needs: images and camera of each pair"),
+]
+_SOURCES = (
+    (
+        "SCENE",
+        "Pairs of This Scene",
+        "The pairs that were rendered last from this scene, with the present camera response",
+    ),
+    ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
+)
+#: Numbers that only some formats take, as properties of the dialog. 0 is the default of the command line.
+_OptionFields = type(
+    "_OptionFields",
+    (),
+    {
+        "__annotations__": {
+            option.key: bpy.props.FloatProperty(
+                name=option.label,
+                description=f"{option.description[:1].upper()}{option.description[1:]}; 0 for {option.default}",
+                min=0.0,
+                precision=4,
+                subtype="DISTANCE" if option.key.endswith("_m") else "NONE",
+            )
+            for option in OPTIONS
+        }
+    },
+)
+
+
+def is_developed(kind: str) -> bool:
+    """Whether a format has images, for which the camera response counts."""
+    return kind not in exports_with_blender()
+
+
+def find_sources(scene: bpy.types.Scene) -> dict[str, list[Path]]:
+    """What can be exported of a scene: the folders of its last pairs, and its data set, as far as they have pairs."""
+    try:
+        dataset = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
+    except IcyMoonError:
+        return {}
+    found = {"SCENE": find_kept_pairs(scene), "DATASET": [dataset] if has_pairs(dataset) else []}
+    return {source: paths for source, paths in found.items() if paths}
+
+
+class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  # type: ignore[misc]
+    """Write the last pairs or the whole data set as other programs read them: KITTI, Middlebury, COLMAP, ROS 2, meshes and others"""  # noqa: E501
+
+    bl_idname = "icymoon.export_pairs"
+    bl_label = "Export Pair or Data Set"
+
+    filepath: dialogs.file_property("Folder for the exported files")
+    source: bpy.props.EnumProperty(name="Export", description="Pairs to export", items=_SOURCES)
+    kind: bpy.props.EnumProperty(name="Format", description="Layout to write", items=_FORMATS, default="png16")
+    response: bpy.props.BoolProperty(
+        name="Present Camera Response",
+        description="Develop all images with the sensor of the present settings in place of each pair's own",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not (find_kept_pairs(context.scene) or find_sources(context.scene)):  # the second reads a folder
+            cls.poll_message_set("There is no rendered pair; press Render Stereo Pair first")
+            return False
+        return super().poll(context)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Let the user choose the folder, the format and its options."""
+        sources = find_sources(context.scene)
+        if not self.properties.is_property_set("source") or self.source not in sources:
+            self.source = next(iter(sources))
+        if not self.filepath:
+            dataset = find_dataset_folder(scene_properties.read_settings(context.scene.icymoon))
+            self.filepath = str(dataset.parent / f"{dataset.name}_export")
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the choices beside the folders."""
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop(self, "kind")
+        for option in list_options(self.kind):
+            layout.prop(self, option.key)
+        layout.prop(self, "source")
+        if is_developed(self.kind) and self.source == "DATASET":
+            layout.prop(self, "response")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Called with the chosen folder: starts the job."""
+        return super().execute(context) if bpy.app.background else super().invoke(context, None)
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        settings = scene_properties.read_settings(context.scene.icymoon)
+        paths = find_sources(context.scene).get(self.source)
+        if not paths:
+            raise IcyMoonError("There is no rendered pair; press Render Stereo Pair first.")
+        self._out = absolute_path(self.filepath, "the folder", bpy.path.abspath("//"))
+        present = is_developed(self.kind) and (self.source == "SCENE" or self.response)
+        command = self._make_command(
+            "export",
+            *map(str, paths),
+            *(["--for-prediction"] if self.kind == _FOR_PREDICTION else ["--format", self.kind]),
+            *(
+                word
+                for o in list_options(self.kind)
+                if (value := getattr(self, o.key))
+                for word in (o.flag, repr(value))
+            ),
+            *(make_response_arguments(settings) if present else []),
+            "--blender",
+            jobs.find_this_blender(),
+            "--out",
+            str(self._out),
+            "--json-lines",
+        )
+        session.exported = None
+        return jobs.Job.start("Export", command, if_stopped="what was written is kept")
+
+    def _make_command(self, *arguments: str) -> list[str]:
+        """The command in the evaluator's Python; without an evaluator in this Blender, if the format needs no more."""
+        try:
+            return python_command(find_evaluator_python(), "stereo", *arguments)
+        except IcyMoonError:
+            if is_developed(self.kind):
+                raise
+            return blender_command(jobs.find_this_blender(), "stereo", *arguments)
+
+    def report_end(self, context: bpy.types.Context) -> None:
+        """Keep what the sidebar shows of it."""
+        job = self._job
+        sentences = [format_for_window(each) for each in (*job.warnings, *filter(None, [job.failure]))]
+        session.exported = Exported("" if job.failure else str(self._out), tuple(sentences))
+        super().report_end(context)
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        self.report({"INFO"}, show_controls(f"Exported to {self._out}"))
+
+    _out: Path
+
+
+CLASSES = (ICYMOON_OT_export_pairs,)

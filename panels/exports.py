@@ -1,0 +1,27 @@
+"""The button of Export Pair or Data Set, and what came of the last export."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..operators.session import session
+from .fields import draw_lines, draw_start
+
+#: Most sentences on an export in the sidebar; the Info editor has all.
+_MOST_SENTENCES = 3
+
+
+def draw_export(layout: bpy.types.UILayout, source: str) -> None:
+    """Draw the button that exports pairs of a ``source`` of the operator, and the outcome of the last export."""
+    row = layout.row()
+    row.operator_context = "INVOKE_DEFAULT"
+    draw_start(row, "icymoon.export_pairs", "Export…", "EXPORT", source=source)
+    done = session.exported
+    if done is None:
+        return
+    if done.folder:
+        layout.operator("wm.path_open", text="Open Exported Files", icon="FILE_FOLDER").filepath = done.folder
+    for sentence in done.sentences[:_MOST_SENTENCES]:
+        draw_lines(layout, (sentence,), "ERROR")
+    if len(done.sentences) > _MOST_SENTENCES:
+        draw_lines(layout, (f"{len(done.sentences) - _MOST_SENTENCES} more in the Info editor",), "INFO")

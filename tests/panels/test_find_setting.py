@@ -1,0 +1,105 @@
+"""Find Setting: words that users type, the fields that they get, and why one is grey."""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+import pytest
+from icymoon.panels import find_setting
+from icymoon.settings.blender import scene_properties
+from icymoon.settings.find_settings import SYNONYMS, find_settings
+from icymoon.settings.table import TOPICS, list_all_settings
+from panel_drawing import Layout, texts
+
+
+def draw(typed: str) -> list:
+    bpy.context.window_manager.icymoon_sought = typed
+    layout = Layout()
+    find_setting.draw_search(layout, bpy.context)
+    return layout.record
+
+
+@pytest.fixture(autouse=True)
+def forget():
+    yield
+    bpy.context.window_manager.icymoon_sought = ""
+
+
+@pytest.mark.parametrize(
+    ("typed", "first"),
+    [
+        ("albedo", ("surface", "albedo")),
+        ("rig.baseline_m", ("rig", "baseline_m")),
+        ("baseline", ("rig", "baseline_m")),
+        ("BASE", ("rig", "baseline_m")),
+        ("seed", ("dataset", "seed")),
+        ("up axis", ("source", "up_axis")),
+        ("boulders coverage", ("rocks", "coverage")),
+    ],
+)
+def test_typed_words_find_the_setting_first(typed, first):
+    assert find_settings(typed)[0] == first
+
+
+@pytest.mark.parametrize("typed", ["", "   ", "_", "zzz", "albedo zzz", "\0", "(", "ß" * 300])
+def test_other_words_find_nothing(typed):
+    assert find_settings(typed) == ()
+
+
+def test_a_setting_is_found_first_by_its_name():
+    for topic, setting in list_all_settings()[::17]:
+        assert find_settings(f"{topic}.{setting.key}")[0] == (topic, setting.key)
+
+
+@pytest.mark.parametrize("word", SYNONYMS)
+def test_synonyms_find_what_they_stand_for(word):
+    assert {*find_settings(SYNONYMS[word])} <= {*find_settings(word)} != set()
+
+
+def test_a_longer_text_finds_no_more():
+    for typed in ("albedo", "sun", "depth truth"):
+        assert {*find_settings(typed)} <= {*find_settings(typed[:-2])}
+
+
+def test_the_best_are_drawn_and_the_rest_is_counted(scene):
+    record = draw("the")
+    found = find_settings("the")
+    assert len(found) > find_setting.MOST_FOUND
+    assert sum(entry[0] == "box" for entry in record) == find_setting.MOST_FOUND
+    assert f"{len(found) - find_setting.MOST_FOUND} more" in texts(record)
+
+
+def test_fields_are_the_live_properties_with_their_panel(scene):
+    record = draw("baseline")
+    assert "Stereo Camera   rig.baseline_m" in texts(record)
+    assert any(entry[0] == "prop" and str(entry[1]).endswith("rig.baseline_m") for entry in record)
+    assert "No setting has these words" in texts(draw("zzz"))
+    assert len(draw("")) == 2  # the row and the field
+
+
+def test_a_reason_names_what_decides(scene):
+    explain = lambda topic, key: find_setting.explain_obstacle(  # noqa: E731
+        topic, key, scene_properties.read_settings(scene.icymoon)
+    )
+    assert explain("rig", "baseline_m") == ""
+    assert explain("source", "scale") == "Unused while Ground from a File ▸ Source is Procedural"
+    scene.icymoon.source.kind = "MESH"
+    assert explain("source", "scale") == ""
+
+
+def test_each_grey_field_has_a_reason(scene):
+    settings = scene_properties.read_settings(scene.icymoon)
+    for topic, setting in list_all_settings():
+        used = TOPICS[topic].is_shown(setting.key, settings) and TOPICS[topic].has_effect(setting.key, settings)
+        reason = find_setting.explain_obstacle(topic, setting.key, settings)
+        assert (reason == "") == used, f"{topic}.{setting.key}"
+        assert "present settings" not in reason, f"{topic}.{setting.key}"
+
+
+def test_drawing_is_fast_after_the_first_time(scene):
+    draw("the")
+    begin = time.process_time()
+    for _ in range(20):
+        draw("the")
+    assert (time.process_time() - begin) / 20 < 0.02  # a frame at 50 Hz
