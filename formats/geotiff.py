@@ -745,6 +745,12 @@ def _find_height_unit(
                 f"{gdal_lines.translate_command(file, _STATE_UNITS_OPTION)}"
             )
         stated[f"EPSG unit {code}"] = _METRES_PER_EPSG_UNIT[code]
+    _refuse_two_units(stated, file)
+    return next(((value, f"({name}) ") for name, value in stated.items()), (1.0, ""))
+
+
+def _refuse_two_units(stated: Mapping[str, float], file: str) -> None:
+    """Raise UnreadError where the names of units, with their metres, are of different sizes."""
     if len({round(value, 9) for value in stated.values()}) > 1:
         second = list(stated.values())[-1]
         same = next((name for name, metres in _METRES_PER_NAMED_UNIT.items() if math.isclose(metres, second)), "")
@@ -757,7 +763,6 @@ def _find_height_unit(
                 else "write its heights in metres."
             )
         )
-    return next(((value, f"({name}) ") for name, value in stated.items()), (1.0, ""))
 
 
 def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:

@@ -120,7 +120,7 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
     readout_s: float = number(
         "Readout (s)", 0.0, 0.0, 1.0e5, (0.0, 0.1), "Rolling shutter: time from the first row's exposure to the last "
         "row's, top to bottom, in both eyes at once. Each row and its truth have the pose at its own time", "camera",
-        "s", precision=6, zero="global shutter", section=MOTION, since="0.4", active=MOVES)
+        "s", precision=6, zero="global", section=MOTION, since="0.4", active=MOVES)
     head_file: str = text(
         "Head", "", "TOML file with cameras beside the pair, each with its model and pose; empty for no others. "
         "// is the folder of the .blend file", "camera", "read", subtype="FILE_PATH", section=HEAD,

@@ -58,7 +58,7 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         shown=chosen("path", "ARC"))
     cohesion_pa: float = number(
         "Cohesion (Pa)", 100.0, 0.0, 1.0e8, (0.0, 1000.0),
-        "Shear strength of the ground without load; 0 for loose sand. Walls lower than a critical height, "
+        "Shear strength of the ground without load, which loose sand lacks. Walls lower than a critical height, "
         "from cohesion, friction, density and gravity, stand upright; others slide to the angle of friction",
         "geometry", "Pa", precision=1, section=WALLS)
     friction_deg: float = degrees(

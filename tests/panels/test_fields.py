@@ -25,6 +25,7 @@ STARTING = {cls.bl_idname for cls in operators.CLASSES if issubclass(cls, JobOpe
 }
 #: Their buttons that have other words than the operator.
 OTHER_WORDS = {
+    "icymoon.export_pairs",
     "icymoon.evaluate",
     "icymoon.evaluate_folder",
     "icymoon.trade",

@@ -131,14 +131,27 @@ def paths_drawn() -> list[str]:
     return [entry[1] for entry in everything() if entry[0] == "prop"]
 
 
-@pytest.mark.parametrize("chosen", CHOICES, ids=str)
-def test_no_panel_that_is_shown_is_empty(scene, chosen):
-    set_choices(scene.icymoon, chosen)
-    shown: list[Any] = [
+def list_shown() -> list[Any]:
+    """The panels whose conditions are met, by themselves."""
+    return [
         cls
         for cls in CLASSES
         if issubclass(cls, bpy.types.Panel) and getattr(cls, "poll", lambda context: True)(bpy.context)
     ]
+
+
+@pytest.mark.parametrize("chosen", [*CHOICES, {"source.kind": "MESH", "source.detail": False}], ids=str)
+def test_a_panel_that_is_shown_lies_in_panels_that_are(scene, chosen):
+    """Blender does not draw a panel whose parent is hidden."""
+    set_choices(scene.icymoon, chosen)
+    shown = {cls.bl_idname: getattr(cls, "bl_parent_id", "") for cls in list_shown()}
+    assert {name: parent for name, parent in shown.items() if parent and parent not in shown} == {}
+
+
+@pytest.mark.parametrize("chosen", CHOICES, ids=str)
+def test_no_panel_that_is_shown_is_empty(scene, chosen):
+    set_choices(scene.icymoon, chosen)
+    shown = list_shown()
     assert len(shown) > 20
     assert [cls.bl_idname for cls in shown if not drawn(cls)] == []
 

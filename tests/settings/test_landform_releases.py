@@ -33,7 +33,8 @@ def with_plugin(tmp_path_factory):
     def run(code):
         program = (
             "import json, sys; sys.path.append(sys.argv[1])\nfrom icymoon.support.errors import IcyMoonError\n"
-            "from icymoon.settings.description import *\nfrom icymoon.settings.table import TOPICS\n"
+            "from icymoon.settings.description import *\nfrom icymoon.settings.pair_ids import make_pair_id\n"
+            "from icymoon.settings.table import TOPICS\n"
             "from icymoon.settings.toml_text import to_toml\n"
             "def said(act):\n    try:\n        act()\n    except IcyMoonError as error:\n"
             "        return str(error)\n" + code

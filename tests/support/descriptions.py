@@ -15,7 +15,11 @@ def _values(setting: Setting) -> st.SearchStrategy[Any]:
     if setting.kind == "choice":
         return st.sampled_from([c[0] for c in setting.choices])
     if setting.kind == "text":
-        listed = {"mark": ["", "none", "-9999", "1e30"], "decimal": ["", "0", "-12.5", "1305031102.175304000"]}
+        listed = {
+            "mark": ["", "none", "-9999", "1e30"],
+            "decimal": ["", "0", "-12.5", "1305031102.175304000"],
+            "coordinate": ["", "-12.5", "+0.30000000000000004"],
+        }
         return st.sampled_from(listed[setting.trust]) if setting.trust in listed else st.text(max_size=30)
     if setting.kind == "list":
         return st.lists(st.fixed_dictionaries({s.key: _values(s) for s in setting.entries}), max_size=2)
