@@ -185,6 +185,7 @@ def run_in_shell(words: list[str], lacks: str, folder: Any) -> subprocess.Comple
     )
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("lacks", LACKS)
 @pytest.mark.parametrize("module", ["icymoon", "icymoon.stereo"])
 def test_a_process_without_a_stream_ends_as_it_should(module, lacks, tmp_path):

@@ -169,6 +169,7 @@ def test_that_nobody_listens_any_more_is_told_from_a_wrong_name(drive):
 # Measuring
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     "words",
     [

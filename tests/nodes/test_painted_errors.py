@@ -270,6 +270,7 @@ def test_other_sampling_light_and_surface_are_painted_as_the_same(shown):
         setattr(group, key, was)
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     ("topic", "key", "other"),
     [("terrain", "rms_slope_deg", "ground"), ("rig", "pitch_deg", "camera"), ("rig", "heading_deg", "camera")],

@@ -23,6 +23,7 @@ def scene(request):
     return request.param, stability.built(request.param)
 
 
+@pytest.mark.ci_takes(2)
 def test_vertices_are_the_same(scene):
     """They are made by numpy in double precision and rounded to six or seven digits in places, so that the last bit of
     a sine, which differs between machines, does not show: what is left is that of a single-precision coordinate."""
@@ -33,6 +34,7 @@ def test_vertices_are_the_same(scene):
     np.testing.assert_allclose(found["magnitude"], wanted["magnitude"], rtol=1e-6)
 
 
+@pytest.mark.ci_takes(2)
 def test_truth_is_the_same_and_the_light_as_stated(scene, tmp_path):
     name, built = scene
     found, wanted = stability.of_pair(built, tmp_path), TABLE[name]

@@ -128,6 +128,7 @@ def test_noise_falls_with_the_root_of_the_samples_and_is_what_differs_from_many(
     assert few.values.mean() == pytest.approx(many.values.mean(), rel=0.02)
 
 
+@pytest.mark.long
 def test_the_error_of_a_bake_is_as_large_as_the_spread_of_independent_bakes(registered):
     """Eight bakes of one ground with other random numbers. The variance of their mean band, over all vertices, has
     seven degrees of freedom a vertex and the square of the errors eight. Neighbours share texels, so of 4,000 vertices
@@ -401,6 +402,7 @@ def test_light_of_sun_and_planet_is_baked_into_its_own_group(registered, tmp_pat
     assert np.array_equal(one_file, other_file)
 
 
+@pytest.mark.long
 def test_by_night_the_light_of_the_planet_alone_is_baked_whatever_came_before(registered, tmp_path):
     (day,) = planned(PLANET)
     (night,) = planned(PLANET, {"light": {"sun_elevation_deg": -20.0}})

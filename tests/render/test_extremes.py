@@ -224,6 +224,7 @@ def test_the_camera_a_millimetre_and_ten_kilometres_above_flat_ground(tmp_path, 
     assert not [text for text in built.warnings if "rounded" in text]
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize("mesh", [GRID, GRADED], ids=["grid", "graded"])
 @pytest.mark.parametrize("size_m", [0.01, 1e5])
 def test_ground_of_a_centimetre_and_of_a_hundred_kilometres(tmp_path, mesh, size_m):
@@ -297,6 +298,7 @@ def test_black_and_white_ground(tmp_path, model, albedo):
     np.testing.assert_allclose(factor, expected, rtol=0.01 if model == "PRINCIPLED" else 2e-3)
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize("backend", ["OSL", "NODES"])
 @pytest.mark.parametrize("theta_bar_deg", [0.0, 60.0])
 def test_smooth_and_rough_grains(tmp_path, backend, theta_bar_deg):

@@ -78,6 +78,7 @@ def check(pair, files):
     assert (known > _TOLERANCE).mean() <= _EDGES
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("name", SCENES)
 def test_rays_meet_the_depth_of_the_pair(name, tmp_path):
     pair, _ = render(tmp_path / "pair", *SCENES[name])
@@ -111,6 +112,7 @@ def test_displacement_of_ground_from_a_file_is_in_the_mesh(tmp_path):
     check(pair, export(tmp_path / "out", pair.settings, "ply")[0])
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("kind", ["ply", "obj", "usd"])
 def test_each_format_has_the_triangles_that_were_rendered(kind, tmp_path):
     pair, _ = render(tmp_path / "pair", *SCENES["displaced grid and rocks"])

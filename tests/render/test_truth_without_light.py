@@ -73,6 +73,7 @@ def shoot(folder: Path, pane: str, *parts: dict) -> list[Array]:
     return [*found, np.array(left)]
 
 
+@pytest.mark.ci_takes(4)
 @pytest.mark.parametrize(
     ("pane", "parts"),
     [

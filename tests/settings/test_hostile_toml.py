@@ -271,6 +271,7 @@ LONG = {
 }
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("text", LONG, ids=range(len(LONG)))
 def test_the_line_is_named_a_million_lines_down(tmp_path, text):
     file = tmp_path / "a.toml"

@@ -89,6 +89,7 @@ def test_match_writes_disparity(inputs, tmp_path, bits):
     assert [path.name for path in out.parent.iterdir()] == ["D.npz"]
 
 
+@pytest.mark.ci_takes(4)
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -217,6 +218,7 @@ def test_evaluate_with_a_broken_pair_does_the_rest_and_fails(tmp_path):
     assert (tmp_path / "out" / "report.html").is_file()
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -290,6 +292,7 @@ def test_check_does_not_import_torch():
     assert run_with("pass", "check").returncode == 0
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize("module", ["numpy", "cv2", "OpenEXR", "jinja2", "matplotlib"])
 def test_a_missing_package_is_reported_with_the_fix(tmp_path, module):
     result = run_with(f"sys.modules[{module!r}] = None", "check")

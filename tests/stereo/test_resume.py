@@ -88,6 +88,7 @@ def _log_turned_into(turn):
     return harm
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     "harm",
     [

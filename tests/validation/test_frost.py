@@ -66,6 +66,7 @@ def _exponent_of_the_spectrum(hurst, points):
     return np.polyfit(np.log(lags), np.log(squares), 1, w=weights)[0] / 2
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(("hurst", "shift"), [(0.5, 0.0), (0.7, -0.06), (0.9, -0.13)])
 def test_the_exponent_of_a_stand_in_is_off_by_what_the_manual_states(tmp_path, hurst, shift):
     """Against the spectrum that the ground was made of. One patch has a standard deviation of 0.024 to 0.028, and the

@@ -343,6 +343,7 @@ def test_every_mistake_of_the_manual_is_made_here():
     assert len({mistake.key for mistake in ALL}) == len(ALL) >= 30
 
 
+@pytest.mark.ci_takes(4)
 @pytest.mark.parametrize("mistake", ALL, ids=lambda m: m.key)
 def test_a_mistake_is_reported_by_one_sentence_with_its_fix(scene, tmp_path, monkeypatch, mistake):
     said = MADE[mistake.key](Place(tmp_path, monkeypatch))

@@ -174,6 +174,7 @@ def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_p
     assert np.isclose(view.radiance[behind], bare.radiance[behind], rtol=0.03).mean() > 0.9  # but for the limb
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_saturn_shines_less_through_the_shadow_of_its_rings(tmp_path):
     light = SATURN | {"planet_elevation_deg": 15.0, "sun_elevation_deg": -30.0, "sun_azimuth_deg": 150.0}

@@ -73,6 +73,7 @@ def test_ice_in_planetshine_is_as_bright_as_the_law_over_the_disc(tmp_path, accu
         assert image[part][ground[part]].mean() == pytest.approx(truth[part][ground[part]].mean(), rel=0.03)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("light", [SATURN | NIGHT, *long(JUPITER | NIGHT)], ids=["Saturn", "Jupiter"])
 def test_nodes_follow_the_planet_when_the_sun_is_down(tmp_path, light):
     pair, built = picture(tmp_path, ICE, {"light": light, "hapke": {"backend": "NODES"}})

@@ -52,6 +52,7 @@ def ball(built: scenes.Built, radius_m: float = 1.0) -> None:
     built.terrain.location = np.array(built.camera.matrix_world.translation) + 2.6 * radius_m * forward
 
 
+@pytest.mark.ci_takes(3)
 @BOTH
 @pytest.mark.parametrize("theta_bar_deg", [10.0, *slow(0.0, 40.0)])
 def test_a_plane_is_as_bright_as_the_reference(tmp_path, made_of, theta_bar_deg):
@@ -59,6 +60,7 @@ def test_a_plane_is_as_bright_as_the_reference(tmp_path, made_of, theta_bar_deg)
     assert np.quantile(errors(pair), 0.999) < SMOOTH
 
 
+@pytest.mark.ci_takes(5)
 @BOTH
 @pytest.mark.parametrize(
     "changes",
@@ -201,6 +203,7 @@ def test_the_opposition_surge_to_phase_zero(tmp_path, made_of):
     assert errors(pair).max() < 2e-4
 
 
+@pytest.mark.ci_takes(4)
 @BOTH
 @pytest.mark.parametrize(
     "changes",

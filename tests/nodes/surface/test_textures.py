@@ -34,6 +34,7 @@ def measured(surface: dict, textures: dict, files=None, **view) -> Array:
     )
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("name", SETS)
 def test_the_sets_go_on_beyond_their_edges(name):
     found = make_maps(name)
@@ -48,6 +49,7 @@ def test_the_sets_go_on_beyond_their_edges(name):
     assert (found.height.min(), found.height.max()) == (0.0, 1.0)
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("repeat", ["TURNED", "SHIFTED", "PLAIN"])
 def test_a_texture_leaves_the_mean_albedo_as_it_is(repeat):
     # Blending keeps the mean (it is taken out and put back); 4 m are eight images across, cut off at no edge.

@@ -370,6 +370,7 @@ def test_the_mean_is_that_of_the_ground_and_blocks_take_it(tmp_path):
     assert "Mean Albedo" not in blocks
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize("direction", ["u", "v"])
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_a_normal_map_tilts_along_u_and_v(tmp_path, direction, mirrored):
@@ -488,6 +489,7 @@ def test_beyond_the_unit_square_the_image_repeats(tmp_path):
     assert "UV coordinates from 3 to 4 and -5 to -4" in report
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("name", ["a.obj", "a.ply", "st.ply"])
 def test_coordinates_that_are_no_numbers_or_one_point_are_said(tmp_path, name):
     image = quarters(tmp_path / "quarters.png")

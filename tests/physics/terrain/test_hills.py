@@ -38,6 +38,7 @@ def test_the_slope_at_the_baseline_is_the_one_asked(kind, baseline_m):
     assert deviation / baseline_m == pytest.approx(np.tan(np.radians(12.0)), rel=0.04)
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("hurst", [0.5, 0.75])
 def test_heights_grow_with_width_by_the_hurst_exponent(kind, hurst):

@@ -64,6 +64,7 @@ def test_a_panorama_turns_the_rig(plan):
     assert taken(pairs, "rig.heading_deg") == [-90.0, 90.5]
 
 
+@pytest.mark.long
 @trials(deadline=None)  # each reads files
 @given(st.lists(st.integers(1, 4), min_size=1, max_size=4))
 def test_a_grid_is_as_large_as_the_product_of_its_values(tmp_path_factory, sizes):

@@ -108,6 +108,7 @@ def test_pip_installs_what_is_locked_and_runs_nothing_of_the_current_folder(regi
     assert not (tmp_path / "ran").exists()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_package_that_is_not_the_one_we_released_with_is_refused_in_a_sentence(registry, tmp_path, capsys):
     wheel(registry, "VALUE = 2\n")

@@ -81,6 +81,7 @@ def test_without_one_nothing_changes(evaluate, tmp_path):
     assert "Metrics of plug-ins" not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_rows_of_an_earlier_run_are_measured_again_with_it(evaluate):
     evaluate()
     _, _, report = evaluate(METRIC)

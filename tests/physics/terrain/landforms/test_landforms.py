@@ -219,6 +219,7 @@ def test_plates_stand_at_the_stated_share_and_relief():
     assert np.mean(tops > 0.375) == pytest.approx(0.5, abs=0.06)
 
 
+@pytest.mark.long
 def test_plates_are_tilted_as_stated_between_gaps_and_a_lumpy_matrix():
     heights, step = _grid(
         _made("chaos", relief_m=0.1, plate_m=4.0, plate_share=1.0, gap_m=0.0, tilt_deg=10.0), 80.0, 1001
@@ -243,6 +244,7 @@ def _curvatures(edges):
     return np.diff(heights, 2, axis=0).ravel() / step**2
 
 
+@pytest.mark.long
 def test_broken_chaos_is_of_flat_faces_that_meet_at_edges():
     """Curvature is in the edges: its kurtosis is far above the 3 of a Gaussian field, which the lumps are near."""
     lumps, blocks = (_curvatures(edges) for edges in ("ROUNDED", "BROKEN"))
@@ -257,6 +259,7 @@ def test_broken_chaos_is_of_flat_faces_that_meet_at_edges():
     )
 
 
+@pytest.mark.long
 def test_broken_plates_have_steep_scarps_and_a_matrix_of_the_stated_height():
     heights, step = _grid(
         _made("chaos", relief_m=1.0, plate_m=4.0, plate_share=1.0, gap_m=0.3, tilt_deg=0.0, edges="BROKEN"), 16.0, 1201

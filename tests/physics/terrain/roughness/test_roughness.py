@@ -58,6 +58,7 @@ def _holds(seed: int, hurst: float, multifractality: float) -> None:
     assert slope == pytest.approx(-(2 * hurst + 2), abs=0.3 if hurst < 0.85 else 0.5)
 
 
+@pytest.mark.ci_takes(6)
 @pytest.mark.parametrize(
     ("hurst", "multifractality"),
     heavy_but([(0.3, 1.0), (0.8, 0.0), (0.95, 0.5)], product([0.3, 0.5, 0.8, 0.95], [0.0, 0.5, 1.0])),
