@@ -45,7 +45,7 @@ _OptionFields = type(
         "__annotations__": {
             option.key: bpy.props.FloatProperty(
                 name=option.label,
-                description=f"{option.description[:1].upper()}{option.description[1:]}; 0 for {option.default}",
+                description=option.tooltip,
                 min=0.0,
                 precision=4,
                 subtype="DISTANCE" if option.key.endswith("_m") else "NONE",

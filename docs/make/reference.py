@@ -22,6 +22,7 @@ from icymoon.settings.table import TOPICS, list_ground_settings
 from icymoon.settings.topics.declaration import Setting
 from icymoon.settings.topics.scene import OUR_TOPICS
 from icymoon.stereo import cli as stereo_cli
+from icymoon.stereo.export import OPTIONS
 from icymoon.stereo.matchers import find_plugins, load_matcher
 from icymoon.support.version import ROOT
 from mistakes import MISTAKES
@@ -338,8 +339,9 @@ class Operator:
 
 
 def operators() -> list[Operator]:
-    """Every operator of ``operators/``, in the order of its files."""
-    return [operator for path in sorted((ROOT / "operators").glob("*.py")) for operator in _operators_of(path)]
+    """Every operator of ``operators/`` and ``panels/``, in the order of their files."""
+    files = [path for room in ("operators", "panels") for path in sorted((ROOT / room).glob("*.py"))]
+    return [operator for path in files for operator in _operators_of(path)]
 
 
 def _operators_of(path: Path) -> Iterator[Operator]:
@@ -367,6 +369,9 @@ def _operators_of(path: Path) -> Iterator[Operator]:
             for name, words in _value_fields():
                 properties[name] = (words["name"], words.get("description") or "")
                 choices[name] = [choice for choice, *_ in words.get("items") or ()]
+        if any(isinstance(base, ast.Name) and base.id == "_OptionFields" for base in node.bases):
+            properties |= {option.key: (option.label, option.tooltip) for option in OPTIONS}
+            choices |= {option.key: [] for option in OPTIONS}
         for statement in body:
             if (
                 isinstance(statement, ast.AnnAssign)

@@ -46,6 +46,11 @@ class Option:
         """The option of the command line."""
         return f"--{self.key.replace('_', '-')}"
 
+    @property
+    def tooltip(self) -> str:
+        """The description in the window, where 0 stands for the default."""
+        return f"{self.description[:1].upper()}{self.description[1:]}; 0 for {self.default}"
+
 
 OPTIONS = (Option("cell_m", "Cell", "METRES", "side of a cell of the maps", "a 1024th of the ground"),)
 

@@ -40,6 +40,7 @@ OF_USERS = {
     "make_photographs.py",
     "make_site.py",
     *(f"{name}.tif" for name in ("sgbm_class", "sgbm_height", "sgbm_height_error", "true_height")),  # by method
+    "sgbm_height_0.1m.tif",  # with a stated cell
     "plane.exr",
     "plane.pfm",
     "view_0000_left.npy",

@@ -125,11 +125,16 @@ def test_what_is_left_out_is_named():
 
 
 @pytest.mark.parametrize(
-    ("data", "toe_in", "word"), [({"edited_by_hand": True}, 0.0, "edited by hand"), ({}, 2.0, "toe-in")]
+    ("data", "toe_in", "shutter", "word"),
+    [
+        ({"edited_by_hand": True}, 0.0, None, "edited by hand"),
+        ({}, 2.0, None, "toe-in"),
+        ({}, 0.0, object(), "rolling shutter"),
+    ],
 )
-def test_pairs_that_cannot_be_exported_are_refused(data, toe_in, word):
+def test_pairs_that_cannot_be_exported_are_refused(data, toe_in, shutter, word):
     camera: Any = SimpleNamespace(looks_elsewhere=toe_in != 0, rendered_px=(4, 4), width_px=4, height_px=4)
-    pair: Any = SimpleNamespace(data=data, folder="pair", camera=camera)
+    pair: Any = SimpleNamespace(data=data, folder="pair", camera=camera, rolling_shutter=shutter)
     with pytest.raises(IcyMoonError, match=word):
         mitsuba._refuse_unexportable(pair)
 

@@ -27,7 +27,7 @@ from icymoon.stereo.report.summary import ResultTable, summarise_method
 pytestmark = pytest.mark.filterwarnings("error")
 
 METHODS = parse_methods("bm,sgbm")
-COUNT = 100
+COUNT = 300
 
 
 @pytest.fixture(scope="module")
