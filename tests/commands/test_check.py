@@ -16,7 +16,7 @@ def test_it_passes_here_and_leaves_nothing(tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

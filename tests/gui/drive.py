@@ -692,12 +692,11 @@ def slide_by_mouse() -> Waiting:
 
 
 def render_by_mouse() -> Waiting:
-    """Render; the window must go on meanwhile and the sidebar must show how far it is."""
+    """Render; the window must go on meanwhile and the sidebar must show how far it is. The fine ground follows."""
     check(previewing(), "there is no preview that could be rendered by mistake")
     settings().quality.samples = SAMPLES
     yield from press("icymoon.render_pair")
     yield from until(lambda: session().job, "Starting the render")
-    check(not previewing(), "the scene was not built before the render")
     check(area().spaces.active.region_3d.view_perspective == "CAMERA", "building it anew has moved the view")
     yield from away()
     start, began, fractions, drawing = len(ticks), time.monotonic(), set(), 0.0
@@ -714,6 +713,7 @@ def render_by_mouse() -> Waiting:
     bound = min(3.0 * drawing + duration / 10, duration / 2)
     gap = max(b[0] - a[1] for a, b in zip(ticks[start:], ticks[start + 1 :], strict=False))
     check(gap < bound, f"the window was blocked for {gap:.1f} of {duration:.1f} s, where drawing takes {drawing:.1f} s")
+    yield from until(lambda: not previewing(), "Making the fine ground")
     check(len(pairs()) == 1, f"{len(pairs())} pairs are there")
     check(len(fractions) > 2, f"progress was {sorted(fractions)}")
     return f"longest gap {gap:.2f} of {duration:.0f} s (bound {bound:.1f}), {len(fractions)} stages of progress"

@@ -111,7 +111,7 @@ def test_the_previewed_blocks_lie_on_the_previewed_ground(watched):
     assert not scenes.find_built(watched).edited
 
 
-@pytest.mark.ci_takes(4)
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize(
     ("name", "value"),
     [

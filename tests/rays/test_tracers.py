@@ -75,6 +75,7 @@ def test_near_and_far_are_times_the_direction(make):
     assert met == [False, True, True, False]
 
 
+@pytest.mark.ci_takes(1)
 def test_rays_from_many_places_and_more_than_are_traced_at_a_time(make, monkeypatch):
     world, direction = some_world(), some_rays(1000)
     origin = np.random.default_rng(3).uniform(-0.5, 0.5, (1000, 3))

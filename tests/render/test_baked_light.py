@@ -259,6 +259,7 @@ def test_noise_is_kept_below_the_bound_in_images_of_all_headings(registered, tmp
     assert bound / 2.5 < max(each["noise"] for each in told) <= bound
 
 
+@pytest.mark.long
 def test_rotated_rigs_share_a_bake_and_other_suns_do_not(registered, tmp_path):
     run(tmp_path, [*planned(), *planned({"light": {"sun_elevation_deg": 30.0}, "dataset": {"headings": 1}})])
     assert len(list((tmp_path / "light").iterdir())) == 2
@@ -267,6 +268,7 @@ def test_rotated_rigs_share_a_bake_and_other_suns_do_not(registered, tmp_path):
 VIEW: dict[str, Any] = {"quality": {"bake_area": "VIEW"}}
 
 
+@pytest.mark.long
 def test_light_that_is_baked_where_it_is_seen_is_that_of_the_whole_ground(registered, tmp_path):
     """Each direction has a bake of its own, of some of the vertices, with other random numbers: the means of images
     agree within the noise of both."""
@@ -320,6 +322,7 @@ def test_an_image_that_shows_ground_without_baked_light_is_traced(registered, tm
     assert (light_of(pair, tmp_path) >= 0).all()
 
 
+@pytest.mark.long
 def test_ground_with_an_image_of_much_contrast_is_not_taken_for_ground_without_baked_light(registered, tmp_path):
     # The mean of three pieces, with their contrast kept, would be below black here and there.
     values = np.where(np.random.default_rng(1).random((32, 32)) < 0.25, 0.05, 1.0)[..., None] * np.ones(3)
@@ -414,6 +417,7 @@ def test_by_night_the_light_of_the_planet_alone_is_baked_whatever_came_before(re
     assert np.array_equal(after, alone)
 
 
+@pytest.mark.long
 def test_a_surface_that_stays_while_the_lander_goes_shows_baked_light(registered, tmp_path):
     (with_lander,) = planned({"lander": {"kind": "PARAMETRIC"}, "dataset": {"headings": 1}})
     (without,) = planned({"dataset": {"headings": 1}})

@@ -167,6 +167,7 @@ def test_metrics_refuses_a_file_without_depths(tmp_path):
         assert_refused(run("metrics", "--prediction", tmp_path / bad, "--truth", good), *words)
 
 
+@pytest.mark.long
 def test_evaluate_at_a_terminal(inputs, tmp_path):
     result = run("evaluate", inputs / "set", "--methods", "bm,sgbm", "--out", tmp_path / "out")
     assert result.returncode == 0, result.stderr

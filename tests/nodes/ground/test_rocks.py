@@ -202,6 +202,7 @@ def test_left_out_blocks_are_a_warning():
     assert any("rocks.most" in warning for warning in built.warnings)
 
 
+@pytest.mark.long
 def test_a_hundred_thousand_blocks_are_few_objects():
     built = scenes.build_scene(
         empty_scene(), complete({"rocks": {"coverage": 0.3, "smallest_m": 0.01, "largest_m": 1.0, "most": 100_000}})

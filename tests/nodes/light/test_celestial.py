@@ -50,6 +50,7 @@ def solid_angles(camera):
     return (1 + x[None, :] ** 2 + y[:, None] ** 2) ** -1.5 / camera.focal_px**2
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_each_star_has_its_light_and_place_and_no_depth(tmp_path):
     pair, _ = render(
@@ -129,6 +130,7 @@ def test_stars_are_made_for_the_lens_and_cost_nothing_when_off():
     assert not [m for m in bpy.data.materials if "Stars" in m.name]
 
 
+@pytest.mark.long
 def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_path):
     light = SATURN | {"planet_elevation_deg": 25.0, "sun_elevation_deg": -30.0, "sun_azimuth_deg": 150.0}
     rig = {"rig": {"width_px": 320, "height_px": 240, "pitch_deg": -40.0, "heading_deg": 0.0}}

@@ -34,6 +34,7 @@ def lit(folder, light, *parts):
     return pair, read_view(pair.image("left"))
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("planet", [SATURN, JUPITER], ids=["Saturn", "Jupiter"])
 def test_a_plane_in_planetshine_has_the_radiance_of_the_integral(tmp_path, planet):
     pair, view = lit(tmp_path, planet | NIGHT, {"quality": {"samples": 256}})

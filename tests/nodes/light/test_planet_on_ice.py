@@ -191,6 +191,7 @@ def test_no_extreme_leaves_a_bad_pixel(tmp_path, backend, place, changes):
         assert image.mean() == pytest.approx(truth[ground].mean(), rel=0.06, abs=1e-12)
 
 
+@pytest.mark.long
 def test_truth_is_the_same_with_open_shading_language_and_without(tmp_path):
     """Labels of blocks and normals of facets are value passes, which Cycles does not write with OSL."""
     views = []

@@ -52,7 +52,7 @@ def ball(built: scenes.Built, radius_m: float = 1.0) -> None:
     built.terrain.location = np.array(built.camera.matrix_world.translation) + 2.6 * radius_m * forward
 
 
-@pytest.mark.ci_takes(3)
+@pytest.mark.ci_takes(2)
 @BOTH
 @pytest.mark.parametrize("theta_bar_deg", [10.0, *slow(0.0, 40.0)])
 def test_a_plane_is_as_bright_as_the_reference(tmp_path, made_of, theta_bar_deg):
@@ -79,7 +79,7 @@ def test_every_part_of_the_law(tmp_path, made_of, changes):
     assert np.quantile(errors(pair), 0.999) < SMOOTH
 
 
-@pytest.mark.ci_takes(3)
+@pytest.mark.ci_takes(2)
 @BOTH
 @pytest.mark.parametrize("azimuth_deg", [120.0, *slow(180.0, 60.0)])
 def test_a_sphere_is_as_bright_as_the_reference(tmp_path, made_of, azimuth_deg):
@@ -299,6 +299,7 @@ def test_a_sun_turned_by_hand_is_followed(tmp_path, made_of):
     assert np.quantile(errors(pair), 0.999) < SMOOTH
 
 
+@pytest.mark.ci_takes(1)
 @BOTH
 def test_rendering_is_no_edit_and_the_pair_says_what_was_used(tmp_path, made_of):
     pair, built = picture(tmp_path, {"hapke": {"backend": made_of}, "rocks": {"coverage": 0.02}})

@@ -97,6 +97,7 @@ def nodes_of(changes, textures) -> list[str]:
     return sorted(node.label for node in built.terrain.data.materials[0].node_tree.nodes)
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("made_of", ["OSL", "NODES"])
 def test_what_is_off_costs_no_node(made_of):
     plain = nodes_of({"backend": made_of}, {"set": "NONE"})

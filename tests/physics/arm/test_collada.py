@@ -366,7 +366,7 @@ print(next(line for line in open("/proc/self/status") if line.startswith("VmHWM"
 """
 
 
-@pytest.mark.ci_takes(4)
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize("name", HEAVY)
 @pytest.mark.timeout(60)
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="Linux states the memory of a process there")

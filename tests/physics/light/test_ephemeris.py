@@ -343,6 +343,7 @@ def test_the_sky_of_a_date_and_of_kernels(kernels):
     assert angle_deg(dated.sun, exact.sun) < 0.02
 
 
+@pytest.mark.long
 def test_the_planet_eclipses_the_sun_once_an_orbit(tmp_path):
     """Shown or not; for as long as the Sun takes to pass behind an ellipse, which it does not in the solstices."""
     light = description.defaults().light | {"body": "ENCELADUS", "latitude_deg": 0.0, "longitude_deg": 0.0}

@@ -59,6 +59,7 @@ def test_rocks_beside_the_patch_have_all_sizes_of_the_law():
     assert beside.sum() == pytest.approx(make_size_law(rocks).total_per_m2 * area, rel=0.05)
 
 
+@pytest.mark.long
 def test_clusters_keep_the_number_and_lie_close():
     loose, gathered = (
         draw_beyond(

@@ -47,6 +47,7 @@ def refusal(plan):
     return ""
 
 
+@pytest.mark.long
 def test_two_sweeps_give_every_combination_or_are_refused(plan):
     """Of 132 pairs of sweeps. Those that share no setting are not refused."""
     refused = set()

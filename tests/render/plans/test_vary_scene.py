@@ -132,6 +132,7 @@ def test_a_grid_is_the_product_of_its_values(varied, seeds, headings):
     assert all(differing(p.settings, described) <= allowed for p in pairs)
 
 
+@pytest.mark.long
 def test_the_first_seed_is_the_scenes_own_and_more_seeds_keep_the_pairs():
     described = scene({"dataset": {"seed": 77}})
     few, more = ({p.id for p in pairs_of(described, SceneVariations((ELEVATION,), seeds=n))} for n in (2, 3))

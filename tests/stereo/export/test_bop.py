@@ -46,6 +46,7 @@ def mask(folder: Path, name: str, link: int) -> Array:
     return np.asarray(image > 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scene", ["000000", "000001"])
 def test_models_at_their_poses_cover_what_cycles_saw_of_them(rendered, scene):
     folder = rendered[1] / "test" / scene

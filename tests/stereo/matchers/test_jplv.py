@@ -199,6 +199,7 @@ def errors_by_fraction(disparity, truth):
     return np.bincount(bins, error[good], 16) / np.bincount(bins, minlength=16)
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("noise", [0, 2])
 def test_affine_windows_remove_pixel_locking(noise):
     scene, rig = pairs.Scene(contrast=0.4), pairs.camera(480, 270)

@@ -88,7 +88,7 @@ def test_rows_of_an_earlier_run_are_measured_again_with_it(evaluate):
     assert all(row["plug_ins"]["own_epe"] > 0 for row in report["rows"])
 
 
-@pytest.mark.ci_takes(3)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     ("value", "said"),
     [

@@ -113,6 +113,7 @@ def assert_single(disparity, case):
     assert np.median(error) < median
 
 
+@pytest.mark.long
 def test_igev_from_a_checkpoint_on_colour_images_of_any_size(checkpoints):
     case = CASES["igev_b_odd_it4"]
     left, right = (eye[..., ::-1] for eye in golden.images(case["image"]))  # images come as BGR
@@ -141,6 +142,7 @@ def test_dsmnet_from_a_checkpoint_cropped_as_the_paper_did(checkpoints):
     assert_single(disparity[inside].reshape(128, 192), case)
 
 
+@pytest.mark.long
 def test_dsmnet_sees_all_of_an_image_by_default(checkpoints):
     case = CASES["dsmnet_c_pad"]
     left, right = (eye[..., ::-1] for eye in golden.images(case["image"]))

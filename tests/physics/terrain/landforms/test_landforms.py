@@ -274,6 +274,7 @@ def test_broken_plates_have_steep_scarps_and_a_matrix_of_the_stated_height():
     assert matrix.std() == pytest.approx(0.3, rel=0.05)
 
 
+@pytest.mark.long
 def test_edges_of_plates_lose_no_more_than_their_chips():
     """Broken plates are those of straight cells, less the gap, the scarp and chips of at most 0.4 of their width."""
     whole, broken = (
@@ -292,6 +293,7 @@ def test_edges_of_plates_lose_no_more_than_their_chips():
 # --- hollows ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_crests_between_hollows_are_as_round_as_stated():
     """Across a crest the slope turns over the stated width instead of at once; the floor of a hollow stays as it is."""
     sharp, round_ = (
@@ -329,6 +331,7 @@ def test_pits_cover_their_share_of_the_ground(coverage):
     assert np.mean(heights < 0.0) == pytest.approx(coverage, rel=0.1)
 
 
+@pytest.mark.long
 def test_pits_have_flat_floors_at_one_depth_steep_walls_and_no_raised_rims():
     heights, step = _grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=0.3, wall_deg=60.0), 20.0, 2001)
     assert heights.max() == 0.0
@@ -370,6 +373,7 @@ def test_talus_lies_at_the_foot_of_walls_at_its_angle_of_repose():
     assert np.median(slope[talus & (added > 0.06)]) == pytest.approx(35.0, abs=5.0)
 
 
+@pytest.mark.long
 def test_talus_has_no_step_where_it_ends():
     heights, step = _grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=0.3, wall_deg=75.0, talus=0.5), 4.0, 1601)
     # Sides of debris and bent walls are steep; a step of a centimetre would be a slope of 4.
