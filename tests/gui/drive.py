@@ -1266,7 +1266,8 @@ STEPS = (
 )
 NAMES = [step.__name__ for step in STEPS]
 #: From the opened tab to a measured pair.
-FIRST_STEPS = STEPS[: STEPS.index(measured_surface) + 1]
+_LATER = calibration_by_mouse, escape_a_render
+FIRST_STEPS = [step for step in STEPS[: STEPS.index(evaluate_by_mouse) + 1] if step not in _LATER]
 
 
 def write(finished: bool) -> None:

@@ -34,6 +34,7 @@ def test_there_are_the_papers_fourteen():
     )
 
 
+@pytest.mark.ci_takes(4)
 @pytest.mark.parametrize("key", KEYS)
 def test_opposite_edges_continue(small, key):
     maps = small[key]
@@ -68,6 +69,7 @@ def test_the_normals_are_those_of_the_heights(small, key):
     assert np.fft.irfft2(spectrum, (SIZE, SIZE)) == pytest.approx(height, abs=1e-6 * float(np.ptp(height)))
 
 
+@pytest.mark.ci_takes(4)
 @pytest.mark.parametrize("key", KEYS)
 def test_the_mean_of_the_albedo_is_the_stated_one(small, key):
     item = next(item for item in TEXTURES if item.key == key)

@@ -160,6 +160,7 @@ def test_no_limit_breaks_a_build_that_follows_the_camera(topic, setting, bound):
     _check_build(description.merged(_alone(topic, setting, bound), GRADED))
 
 
+@pytest.mark.ci_takes(50)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("topic", "setting", "bound"), _half_of(_limits(TOPICS, "geometry", "material", "light", "camera", "sampling"))
