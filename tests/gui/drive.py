@@ -1265,8 +1265,8 @@ STEPS = (
     decide_by_mouse,
 )
 NAMES = [step.__name__ for step in STEPS]
-#: From the opened tab to a measured pair.
 _LATER = calibration_by_mouse, escape_a_render
+#: From the opened tab to a measured pair.
 FIRST_STEPS = [step for step in STEPS[: STEPS.index(evaluate_by_mouse) + 1] if step not in _LATER]
 
 
