@@ -24,7 +24,7 @@ from . import gdal_lines
 from .geotiff import apply_mask, clear_missing, scale_to_metres, warn_unstated_metres
 from .map_frame import MapFrame
 from .map_projection import make_crs_text, states_degrees
-from .placed_pixels import Grid, PlacedImage, Way, open_placed
+from .placed_pixels import Grid, PlacedImage, Way, interpolate_pixels, open_placed, reverse_range
 from .tiff import FIX, KIND, MOST_BYTES, UnreadError, find_tile_size, grant_memory, read_pixels
 
 #: Most pixels of a piece that is read at once, and of a window that is kept for all levels inside of it.
@@ -161,8 +161,7 @@ class _FileBlocks:
     def read(self, rows: range, columns: range) -> Array:
         """Heights of pixels, see ``ReadBlock``."""
         grid, image = self.placed.grid, self.placed.images[0]
-        high, wide = grid.shape
-        window = (_turn(rows, high) if grid.down else rows, columns if grid.right else _turn(columns, wide))
+        window = grid.find_window(rows, columns)
         grant_memory(self._foreign)  # the piece before is no longer held
         values, number = read_pixels(self._foreign, image, window)
         clear_missing(values, number, image.tags.get(42113))
@@ -173,8 +172,7 @@ class _FileBlocks:
         if known.size:
             self._extremes = min(self._extremes[0], float(known.min())), max(self._extremes[1], float(known.max()))
         self._states_unit = scale_to_metres(values, image, self.placed.keys)[1]
-        values = values[::-1] if grid.down else values
-        return (values if grid.right else values[:, ::-1]) * self._height_scale
+        return grid.turn_north_up(values)[::-1] * self._height_scale
 
     def cut(self, rows: range, columns: range) -> Iterator[tuple[range, range]]:
         """Pieces of whole tiles, in which no tile is read twice."""
@@ -203,19 +201,14 @@ class _FileBlocks:
             yield from warn_unstated_metres(self.placed.unit_m, self.name)
 
 
-def _turn(wanted: range, count: int) -> range:
-    """The same pixels counted from the other edge."""
-    return range(count - wanted.stop, count - wanted.start)
-
-
 def _cut_range(wanted: range, step: int, turned: int) -> Iterator[range]:
     """Parts of a range, cut at multiples of ``step``; counted from the other edge of ``turned`` pixels unless it is
     0."""
-    there = _turn(wanted, turned) if turned else wanted
+    there = reverse_range(wanted, turned) if turned else wanted
     start = there.start
     while start < there.stop:
         stop = min((start // step + 1) * step, there.stop)
-        yield _turn(range(start, stop), turned) if turned else range(start, stop)
+        yield reverse_range(range(start, stop), turned) if turned else range(start, stop)
         start = stop
 
 
@@ -331,7 +324,9 @@ class _Places:
     def interpolate(self, sums: SquareSums) -> LevelMeans:
         if self.at is None:
             return LevelMeans(sums.means, sums.wide_share)
-        total, weight, share = (_bilinear(each, *self.at) for each in (sums.total, sums.weight, sums.wide_share))
+        total, weight, share = (
+            interpolate_pixels(each, *self.at) for each in (sums.total, sums.weight, sums.wide_share)
+        )
         some = weight > 1e-9 * float(sums.weight.max(initial=0.0)) if weight.size else weight > 0
         return LevelMeans(np.where(some, total / np.where(some, weight, 1.0), np.nan), share)
 
@@ -362,17 +357,5 @@ def _find_places(pixels: MapPixels, level: Level) -> _Places:
     squares = Squares(columns, rows, (level.cell_m * per_m[0] / 2, level.cell_m * per_m[1] / 2))
     share = (axis + level.half_m) / step
     y, x = np.meshgrid(share, share, indexing="ij")
-    at = [(_bilinear(found[..., k], x, y) - low[k]) / steps[k] for k in range(2)]
+    at = [(interpolate_pixels(found[..., k], x, y) - low[k]) / steps[k] for k in range(2)]
     return _Places(squares, (at[0], at[1]))
-
-
-def _bilinear(values: Array, column: Array, row: Array) -> Array:
-    left, low = (
-        np.clip(np.floor(at).astype(np.intp), 0, count - 2)
-        for at, count in ((column, values.shape[1]), (row, values.shape[0]))
-    )
-    u, v = column - left, row - low
-    south = values[low, left] * (1 - u) + values[low, left + 1] * u
-    north = values[low + 1, left] * (1 - u) + values[low + 1, left + 1] * u
-    result: Array = south * (1 - v) + north * v
-    return result

@@ -16,7 +16,7 @@ from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, read
 from . import gdal_lines
 from .map_frame import MapFrame
-from .placed_pixels import Grid, PlacedImage, PlacedReader, Way, open_placed
+from .placed_pixels import Grid, PlacedImage, PlacedReader, Way, interpolate_pixels, open_placed
 from .tiff import FIX, KIND, MOST_BYTES, UnreadError, grant_memory
 
 #: Pixels beside the ground that are kept, for interpolation; most pixels over the ground.
@@ -130,7 +130,7 @@ def _project(there: PlacedReader, frame: MapFrame, size_m: float, way: Way) -> _
     made = np.empty((count[1], count[0]))
     for k in range(count[1]):
         at = [_along_row(each, x, y, k + 0.5) for each in (column, row)]
-        made[count[1] - 1 - k] = _bilinear(values, at[0] - columns.start - 0.5, at[1] - rows.start - 0.5)
+        made[count[1] - 1 - k] = interpolate_pixels(values, at[0] - columns.start - 0.5, at[1] - rows.start - 0.5)
     return _Cut(made, *start, size)
 
 
@@ -153,19 +153,6 @@ def _along_row(values: Array, x: Array, y: Array, at_y: float) -> Array:
     k = min(int(np.searchsorted(y, at_y)), len(y) - 1)
     share = (at_y - y[k - 1]) / (y[k] - y[k - 1])
     return np.interp(np.arange(x[-1]) + 0.5, x, (1 - share) * values[k - 1] + share * values[k])
-
-
-def _bilinear(values: Array, column: Array, row: Array) -> Array:
-    """Values between pixels; NaN where one of the four around has none that counts."""
-    left = np.clip(np.floor(column).astype(np.intp), 0, values.shape[1] - 2)
-    low = np.clip(np.floor(row).astype(np.intp), 0, values.shape[0] - 2)
-    u, v = column - left, row - low
-    total = np.zeros(column.shape)
-    for dy, across in ((0, 1 - v), (1, v)):
-        for dx, along in ((0, 1 - u), (1, u)):
-            weight = along * across
-            total += np.where(weight > 0, weight * values[low + dy, left + dx], 0.0)
-    return total
 
 
 def _pixel_on_ground_map(grid: Grid, frame: MapFrame, way: Way) -> tuple[float, float]:

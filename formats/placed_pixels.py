@@ -52,6 +52,34 @@ class Grid:
         """Columns from the west edge and rows from the south edge, of places in metres of the map."""
         return (x - self.west) / self.size[0], (y - self.south) / self.size[1]
 
+    def find_window(self, rows: range, columns: range) -> tuple[range, range]:
+        """Rows and columns of the file, for rows from the south edge and columns from the west edge."""
+        high, wide = self.shape
+        return reverse_range(rows, high) if self.down else rows, columns if self.right else reverse_range(columns, wide)
+
+    def turn_north_up(self, pixels: Array) -> Array:
+        """Pixels (rows, columns) of the file with row 0 northernmost and column 0 westernmost."""
+        pixels = pixels if self.down else pixels[::-1]
+        return pixels if self.right else pixels[:, ::-1]
+
+
+def reverse_range(wanted: range, count: int) -> range:
+    """The same pixels of a row or a column of ``count``, counted from its other end."""
+    return range(count - wanted.stop, count - wanted.start)
+
+
+def interpolate_pixels(values: Array, column: Array, row: Array) -> Array:
+    """Values between pixels, bilinear; NaN where one of the four around has none that counts."""
+    left = np.clip(np.floor(column).astype(np.intp), 0, values.shape[1] - 2)
+    low = np.clip(np.floor(row).astype(np.intp), 0, values.shape[0] - 2)
+    u, v = column - left, row - low
+    total = np.zeros(column.shape)
+    for dy, across in ((0, 1 - v), (1, v)):
+        for dx, along in ((0, 1 - u), (1, u)):
+            weight = along * across
+            total += np.where(weight > 0, weight * values[low + dy, left + dx], 0.0)
+    return total
+
 
 @dataclass(frozen=True)
 class PlacedImage:
@@ -121,13 +149,7 @@ class PlacedReader:
         values = np.full((len(rows), len(columns)), np.nan)
         if not (len(inner[0]) and len(inner[1])):
             return values
-        window = (
-            range(high - inner[0].stop, high - inner[0].start) if self.grid.down else inner[0],
-            inner[1] if self.grid.right else range(wide - inner[1].stop, wide - inner[1].start),
-        )
-        pixels = self._read_window(window)
-        pixels = pixels if self.grid.down else pixels[::-1]
-        pixels = pixels if self.grid.right else pixels[:, ::-1]
+        pixels = self.grid.turn_north_up(self._read_window(self.grid.find_window(*inner)))
         top, left = rows.stop - inner[0].stop, inner[1].start - columns.start
         values[top : top + len(inner[0]), left : left + len(inner[1])] = pixels
         return values

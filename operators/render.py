@@ -43,12 +43,9 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
 
     Objects that the user added stay. Raises IcyMoonError if building again would, or might, overwrite edits by hand.
     """
-    built = scenes.find_built(scene)
+    built = _find_traceable(scene)
     if built is None:
         return _build_anew(scene, settings)
-    scenes.separate_copies(built)
-    if built.outdated:
-        raise IcyMoonError(built.outdated)
     changed = scenes.list_changed_settings(built, settings)
     if not changed and not built.preview:
         return built
@@ -71,19 +68,26 @@ def show_rendered_scene(scene: bpy.types.Scene, settings: Settings) -> scenes.Bu
     The window must not wait for the second kind. It shows the ground coarsely, unless it shows the settings already,
     and the fine ground follows. Ground from a file stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
     """
-    built = scenes.find_built(scene)
-    if built is not None:
-        scenes.separate_copies(built)
-        if built.outdated:
-            raise IcyMoonError(built.outdated)
-        if built.edited:
-            return bring_up_to_date(scene, settings)
+    built = _find_traceable(scene)
+    if built is not None and built.edited:
+        return bring_up_to_date(scene, settings)
     shown = built is not None and not built.preview and not scenes.list_changed_settings(built, settings)
     if not shown and not is_from_file(settings):
         if not preview.awaits_ground(scene, settings):
             _build_anew(scene, settings, preview.build_coarse)
         begin_refining()
     return None
+
+
+def _find_traceable(scene: bpy.types.Scene) -> scenes.Built | None:
+    """The built scene, apart from the user's copies of it. Raises IcyMoonError if edits by hand cannot be detected."""
+    built = scenes.find_built(scene)
+    if built is None:
+        return None
+    scenes.separate_copies(built)
+    if built.outdated:
+        raise IcyMoonError(built.outdated)
+    return built
 
 
 def _build_anew(

@@ -297,13 +297,13 @@ def _render_takes(
     with turn_about_eye(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
         lights = _prepare_cycles(scene, built, planned, quality, blur is not None, baked)
         poses = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
-        clip_m = built.camera.data.clip_start, built.camera.data.clip_end
+        rows, clip_m = _list_row_poses(settings, poses), (built.camera.data.clip_start, built.camera.data.clip_end)
         stage, asked, engine = _plan_rays(part, rays, settings, takes, camera)
         head_stage = _stage_of_rays(rays, "of cameras beside the pair", "empty rig.head_file") if others else None
         truths = 0 if asked.keys() - {_SENSOR_TRUTH_NUMBER} or not takes else _count_truths(takes, planned)
         with (
             watch_samples(len(lights) * int(quality.samples), truths, report, others, 2 * bool(takes)) as sampling,
-            _trace_rows(stage, asked, settings, poses, clip_m, rounded) as traced,
+            trace_in_background(stage, asked, camera, rows, clip_m, settings.quality.truth, rounded) as traced,
         ):
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed, take.wide):
@@ -331,22 +331,14 @@ def _render_takes(
     return _Rendered(files, poses, light, engine, seconds, head)
 
 
-def _trace_rows(
-    stage: Stage | None,
-    asked: Mapping[int, TruthRequest],
-    settings: Settings,
-    poses: Mapping[str, Array],
-    clip_m: tuple[float, float],
-    rounded: set[str],
-) -> AbstractContextManager[dict[int, Future[dict[str, Path]]]]:
-    """``trace_in_background`` for ``poses`` (4, 4) of the eyes in the middle of the exposure; with a rolling shutter
-    each row is traced from its own pose.
+def _list_row_poses(settings: Settings, poses: Mapping[str, Array]) -> Mapping[str, Array]:
+    """Poses from which the rows of the eyes are traced: ``poses`` (4, 4) in the middle of the exposure, or with a
+    rolling shutter those of each rendered row (rows, 4, 4).
     """
     camera, shutter = camera_of(settings), find_rolling_shutter(settings.rig)
-    if shutter is not None:
-        along_m = {"left": 0.0, "right": camera.baseline_m}
-        poses = {eye: shutter.list_poses(pose, along_m[eye], camera.margin_y_px) for eye, pose in poses.items()}
-    return trace_in_background(stage, asked, camera, poses, clip_m, settings.quality.truth, rounded)
+    if shutter is None:
+        return poses
+    return {eye: shutter.list_poses(pose, camera.find_offset_m(eye), camera.margin_y_px) for eye, pose in poses.items()}
 
 
 def _prepare_cycles(

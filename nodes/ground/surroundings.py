@@ -82,9 +82,8 @@ def surround(of: MapOfSite, coarse: Path | None, settings: Settings) -> Surround
         fine[0] = LevelMeans(fine[0].heights_m, np.where(inside, 1.0, fine[0].share))
     others: list[LevelMeans] | None = None
     if coarse is not None and frame is not None:
-        found = read_means(coarse, frame, levels, gap_m, of.missing)
-        others = [LevelMeans(each.heights_m - of.zero_m, each.share) for each in found.levels]
-        said += [f"{coarse.name}: {sentence}." for sentence in found.warnings]
+        others, told = _read_means(coarse, of, frame, levels, gap_m)
+        said += told
     blended = blend_maps(levels, fine, others)
     warnings += said + _judge_offset(of, coarse, blended, covers)
     radius_m = find_body_radius_m(settings, frame)
@@ -142,15 +141,24 @@ def _measure_fine(
 ) -> tuple[list[LevelMeans], list[str]]:
     """The heights of the fine map at each level, and sentences: those of the patch as without surroundings."""
     if pixels is not None:
-        means, said = measure_levels(pixels, levels, wide_m), []
+        means = measure_levels(pixels, levels, wide_m)
+        said: list[str] = []
     else:
-        found = read_means(of.path, _require(frame), levels, wide_m, of.missing, float(settings.source.height_scale_m))
-        means = [LevelMeans(each.heights_m - of.zero_m, each.share) for each in found.levels]
-        said = [f"{of.path.name}: {sentence}." for sentence in found.warnings]
+        scale = float(settings.source.height_scale_m)
+        means, said = _read_means(of.path, of, _require(frame), levels, wide_m, scale)
     axis = levels[0].axis_m
     heights = of.surface.heights(axis[None, :], axis[:, None], 2 * levels[0].cell_m)
     patch = np.where(np.isfinite(heights), heights, means[0].heights_m)
     return [LevelMeans(patch, means[0].share), *means[1:]], said
+
+
+def _read_means(
+    path: Path, of: MapOfSite, frame: MapFrame, levels: list[Level], wide_m: float, height_scale: float = 1.0
+) -> tuple[list[LevelMeans], list[str]]:
+    """The heights of a file at each level, from z = 0 of the map of the site, and sentences; see ``read_means``."""
+    found = read_means(path, frame, levels, wide_m, of.missing, height_scale)
+    means = [LevelMeans(each.heights_m - of.zero_m, each.share) for each in found.levels]
+    return means, [f"{path.name}: {sentence}." for sentence in found.warnings]
 
 
 def _judge_offset(of: MapOfSite, coarse: Path | None, blended: BlendedMaps, covers: list[MapCover]) -> list[str]:

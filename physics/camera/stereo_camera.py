@@ -159,11 +159,15 @@ class StereoCamera:
             "pixel_centre": "(u + 0.5, v + 0.5)",
         }
 
+    def find_offset_m(self, eye: str) -> float:
+        """Distance in metres of an eye from the left one, along its x."""
+        return 0.0 if eye == "left" else self.baseline_m
+
     def eyes_json(self) -> dict[str, Any]:
         """The calibration of each eye: K, and R and t of x = R X + t from the left eye's rectified axes, metres."""
         found = {}
-        for eye, along in (("left", 0.0), ("right", self.baseline_m)):
-            rotation = self.eye_rotation(eye)
+        for eye in ("left", "right"):
+            rotation, along = self.eye_rotation(eye), self.find_offset_m(eye)
             own = self.own_eye(eye)
             matrix = self.matrix if own is None else (own.matrix + CORNER).tolist()
             found[eye] = {"K": matrix, "R": rotation.tolist(), "t": (-along * rotation[:, 0]).tolist()}

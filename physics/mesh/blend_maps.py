@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array
+from ..terrain.landforms.landform import smooth_step
 from .height_map import fill_holes
 from .nested_rings import Level
 
@@ -46,7 +47,8 @@ def blend_maps(levels: Sequence[Level], fine: Sequence[LevelMeans], coarse: Sequ
         return BlendedMaps(known)
     others = [_fill_gaps(each) for each in coarse]
     weights = [
-        np.where(np.isfinite(f), _ease(2.0 * means.share - 1.0), 0.0) for f, means in zip(known, fine, strict=True)
+        np.where(np.isfinite(f), smooth_step(2.0 * means.share - 1.0), 0.0)
+        for f, means in zip(known, fine, strict=True)
     ]
     differences, areas = [], []
     for level, f, c, w in zip(levels, known, others, weights, strict=True):
@@ -71,13 +73,6 @@ def _fill_gaps(means: LevelMeans) -> Array:
     if (counts & ~np.isfinite(heights)).any():
         heights = fill_holes(heights)
     return np.where(counts, heights, np.nan)
-
-
-def _ease(share: Array) -> Array:
-    """0 below 0, 1 above 1, with level ends between (the cubic 3 t² - 2 t³)."""
-    t = np.clip(share, 0.0, 1.0)
-    result: Array = t * t * (3.0 - 2.0 * t)
-    return result
 
 
 def _mix(fine: Array, coarse: Array, weight: Array) -> Array:

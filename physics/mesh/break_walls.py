@@ -17,6 +17,7 @@ import numpy as np
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ..terrain.landforms import Walls
+from ..terrain.landforms.landform import smooth_step
 from ..terrain.noise.lattice_noise import hash_lattice, to_uniform
 from .split_triangles import split_at_sides
 
@@ -112,8 +113,7 @@ def chip_depth_m(points: Array, walls: Walls, finest_m: Array) -> Array:
 def wall_steepness(normals: Array) -> Array:
     """Share (n,), 0 to 1, by which ground with upward normals (n, 3) of any length is a wall."""
     up = normals[:, 2] / np.maximum(np.linalg.norm(normals, axis=1), 1e-30)
-    t = np.clip((_GROUND_COSINE - up) / (_GROUND_COSINE - _WALL_COSINE), 0.0, 1.0)
-    return np.asarray(t * t * (3.0 - 2.0 * t))
+    return smooth_step((_GROUND_COSINE - up) / (_GROUND_COSINE - _WALL_COSINE))
 
 
 def face_normals(positions: Array, faces: Array) -> Array:

@@ -133,7 +133,7 @@ class Pair:
         pose, shutter = self.rectified_pose(eye), self.rolling_shutter
         if pose is None or shutter is None:
             return pose
-        return shutter.list_poses(pose, 0.0 if eye == "left" else self.camera.baseline_m)
+        return shutter.list_poses(pose, self.camera.find_offset_m(eye))
 
     def _file_or_image(self, eye: str, name: str) -> Path:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)

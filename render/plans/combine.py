@@ -450,13 +450,12 @@ def _check_files(made: _Combination) -> None:
                 ),
                 made.find_place(name),
             )
-    name = ""
-    try:
-        if made.settings.source.kind == "HEIGHT_MAP":
-            name = "source.file"
-            check_map(files[name], made.settings)
-        if "rig.head_file" in files:
-            name = "rig.head_file"
-            read_head(files[name])
-    except IcyMoonError as error:
-        raise _locate_error(error, made.find_place(name)) from None
+    checks: dict[str, Callable[[Path], object]] = {}
+    if made.settings.source.kind == "HEIGHT_MAP":
+        checks["source.file"] = lambda path: check_map(path, made.settings)
+    checks["rig.head_file"] = read_head
+    for name in (name for name in checks if name in files):
+        try:
+            checks[name](files[name])
+        except IcyMoonError as error:
+            raise _locate_error(error, made.find_place(name)) from None

@@ -330,7 +330,7 @@ class PhotographedPair:
     def rectified_pose(self, eye: str) -> Array | None:
         """Pose of an ``eye`` in the axes of the left one, which the points use too: x right, y down, z ahead."""
         pose = np.eye(4)
-        pose[0, 3] = 0.0 if eye == "left" else self.camera.baseline_m
+        pose[0, 3] = self.camera.find_offset_m(eye)
         return pose
 
     def row_poses(self, eye: str) -> Array | None:
