@@ -13,15 +13,13 @@ from icymoon.formats.map_point import MapPoint
 from icymoon.formats.map_surroundings import measure_displacement
 from icymoon.physics.mesh.nested_rings import plan_levels
 from icymoon.support.errors import IcyMoonError
+from map_systems import EUROPA_M, LONLAT, POLAR, write_map
 
 rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
 warp = pytest.importorskip("rasterio.warp")
 
 pytestmark = pytest.mark.filterwarnings("ignore:Use `@` matmul", "ignore:The given matrix")
 
-R_M = 1560800.0
-LONLAT = f"+proj=longlat +R={R_M} +no_defs"
-POLAR = f"+proj=stere +lat_0=-90 +R={R_M} +units=m +no_defs"
 PLACE = (4e5, 7e5)
 
 
@@ -31,10 +29,7 @@ def write(path, crs, values, pixel, middle, upward=False, **more):
     transform = rasterio.transform.from_origin(west, north, pixel, pixel)
     if upward:
         transform = rasterio.transform.Affine(pixel, 0, west, 0, pixel, north - rows * pixel)
-    profile = {"driver": "GTiff", "width": columns, "height": rows, "count": 1, "dtype": values.dtype.name}
-    with rasterio.open(path, "w", **profile, crs=crs, transform=transform, **more) as out:
-        out.write(values[::-1] if upward else values, 1)
-    return path
+    return write_map(path, crs, transform, values[::-1] if upward else values, **more)
 
 
 def make_frame(tmp_path, crs=POLAR, middle=PLACE):
@@ -74,8 +69,8 @@ def test_layout_and_memory_change_no_mean(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "pixel"),
     [
-        (f"+proj=eqc +lat_ts=-60 +R={R_M} +units=m +no_defs", 8.0),
-        (f"+proj=stere +lat_0=-90 +lon_0=70 +R={R_M} +units=m +no_defs", 8.0),
+        (f"+proj=eqc +lat_ts=-60 +R={EUROPA_M} +units=m +no_defs", 8.0),
+        (f"+proj=stere +lat_0=-90 +lon_0=70 +R={EUROPA_M} +units=m +no_defs", 8.0),
         (LONLAT, 3e-4),
     ],
     ids=["cylindrical", "turned", "degrees"],
@@ -98,7 +93,7 @@ def test_a_plane_on_another_projection_stays_one(tmp_path, text, pixel):
         wanted = 0.1 * at[None, :] / frame.scale[0] - 0.05 * at[:, None] / frame.scale[1]
         inside = each.share > 1 - 1e-9
         assert inside.mean() > 0.5
-        bend = level.half_m * level.cell_m / R_M + level.half_m**2 / 33**2 / R_M
+        bend = level.half_m * level.cell_m / EUROPA_M + level.half_m**2 / 33**2 / EUROPA_M
         assert np.abs(each.heights_m - wanted)[inside].max() < 0.2 * bend + 2e-4
 
 
@@ -117,7 +112,7 @@ def test_a_map_that_does_not_fit_is_refused_in_one_sentence(tmp_path):
         IcyMoonError, match=r"does not contain the site, which is at 400000 east, 700000 north .* from 8"
     ):
         read_means(far, frame, LEVELS, 0.0, None)
-    mars = write(tmp_path / "mars.tif", POLAR.replace(str(R_M), "3396190"), zeros, 100.0, PLACE)
+    mars = write(tmp_path / "mars.tif", POLAR.replace(str(EUROPA_M), "3396190"), zeros, 100.0, PLACE)
     with pytest.raises(IcyMoonError, match=r"3396\.19 km.*give a map of the same body"):
         read_cover(mars, frame)
     pole = make_frame(tmp_path, POLAR, (0.0, 0.0))
@@ -149,12 +144,12 @@ def test_the_cover_of_a_map_is_in_metres_of_ground(tmp_path):
 
 def test_displacement_is_that_of_proj(tmp_path):
     """Of a Mercator map, over 100 km, beside an orthographic map about the site."""
-    text = f"+proj=merc +R={R_M} +units=m +no_defs"
+    text = f"+proj=merc +R={EUROPA_M} +units=m +no_defs"
     frame = make_frame(tmp_path, text, (4e5, 2e6))
     assert frame.system is not None
     found = measure_displacement(frame, frame.system, 1e5)
     (longitude,), (latitude,) = warp.transform(text, LONLAT, [4e5], [2e6])
-    local = f"+proj=ortho +lat_0={latitude} +lon_0={longitude} +R={R_M} +units=m +no_defs"
+    local = f"+proj=ortho +lat_0={latitude} +lon_0={longitude} +R={EUROPA_M} +units=m +no_defs"
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     x, y = 1e5 * np.cos(turn), 1e5 * np.sin(turn)
     there = warp.transform(text, local, 4e5 + x / frame.scale[0], 2e6 + y / frame.scale[1])

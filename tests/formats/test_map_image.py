@@ -10,42 +10,29 @@ from icymoon.formats.map_frame import MapFrame, map_frame_from_json
 from icymoon.formats.map_image import MapImage, read_map_image
 from icymoon.formats.map_point import MapPoint
 from icymoon.support.errors import IcyMoonError
+from map_systems import EUROPA_M, LONLAT, POLAR, write_map
 
 rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
 warp = pytest.importorskip("rasterio.warp")
 
 pytestmark = pytest.mark.filterwarnings("ignore:Use `@` matmul", "ignore:The given matrix")
 
-R_M = 1560800.0
-LONLAT = f"+proj=longlat +R={R_M} +no_defs"
-POLAR = f"+proj=stere +lat_0=-90 +R={R_M} +units=m +no_defs"
 SIZE_M = 40.0
 #: Systems of the image, and the size of its pixels in its unit.
 SYSTEMS = {
-    "km": (f"+proj=stere +lat_0=-90 +R={R_M} +units=km +no_defs", 0.0005),
-    "turned": (f"+proj=stere +lat_0=-90 +lon_0=70 +R={R_M} +units=m +no_defs", 0.5),
-    "cylindrical": (f"+proj=eqc +lat_ts=-60 +R={R_M} +units=m +no_defs", 0.5),
+    "km": (f"+proj=stere +lat_0=-90 +R={EUROPA_M} +units=km +no_defs", 0.0005),
+    "turned": (f"+proj=stere +lat_0=-90 +lon_0=70 +R={EUROPA_M} +units=m +no_defs", 0.5),
+    "cylindrical": (f"+proj=eqc +lat_ts=-60 +R={EUROPA_M} +units=m +no_defs", 0.5),
     "degrees": (LONLAT, 2e-5),
-    "sinusoidal": (f"+proj=sinu +lon_0=10 +R={R_M} +units=m +no_defs", 0.5),
+    "sinusoidal": (f"+proj=sinu +lon_0=10 +R={EUROPA_M} +units=m +no_defs", 0.5),
 }
-
-
-def write(path, crs, transform, values, **more):
-    rows, columns = values.shape
-    profile = {"driver": "GTiff", "width": columns, "height": rows, "count": 1, "dtype": values.dtype.name}
-    scales, offsets = more.pop("scales", None), more.pop("offsets", None)
-    with rasterio.open(path, "w", **profile, crs=crs, transform=transform, **more) as out:
-        out.write(values, 1)
-        if scales:
-            out.scales, out.offsets = scales, offsets
-    return path
 
 
 def make_frame(tmp_path, longitude=30.0, latitude=-60.0, text=POLAR) -> MapFrame:
     """The frame of a site on a polar map of 1 m pixels about it."""
     (x,), (y,) = warp.transform(LONLAT, text, [longitude], [latitude])
     transform = rasterio.transform.from_origin(x - 50.25, y + 50.5, 1.0, 1.0)
-    write(tmp_path / "dem.tif", text, transform, np.ones((101, 101), np.float32))
+    write_map(tmp_path / "dem.tif", text, transform, np.ones((101, 101), np.float32))
     site = Site(True, (0.0, 0.0), SIZE_M, 0.0, MapPoint(longitude, latitude, True))
     place = geotiff.read_place(tmp_path / "dem.tif", site)
     assert place is not None
@@ -73,7 +60,7 @@ def test_pixels_in_the_system_of_the_ground_stay_to_a_millionth_of_a_pixel(tmp_p
         pixel, 0, x - 33.33, 0, pixel if upward else -pixel, top - rows * pixel if upward else top
     )
     stored = np.random.default_rng(1).integers(1, 10000, (rows, columns)).astype(np.uint16)
-    path = write(tmp_path / "a.tif", POLAR, transform, stored, scales=(1e-4,), offsets=(0.05,))
+    path = write_map(tmp_path / "a.tif", POLAR, transform, stored, scales=(1e-4,), offsets=(0.05,))
     found = read_map_image(path, frame, SIZE_M)
     easting, northing = frame.to_map(*centres(found))
     column, row = (~transform) * (easting, northing)
@@ -103,7 +90,7 @@ def test_values_from_another_projection_are_where_proj_has_them(tmp_path, name):
     def law(column, row):
         return 0.5 + 0.001 * (column - n / 2) + 0.0005 * (row - n / 2) + 0.1 * np.sin(2 * np.pi * (column + row) / 28)
 
-    path = write(tmp_path / "a.tif", text, transform, law(at[None, :], at[:, None]).astype(np.float32))
+    path = write_map(tmp_path / "a.tif", text, transform, law(at[None, :], at[:, None]).astype(np.float32))
     found = read_map_image(path, frame, SIZE_M)
     easting, northing = frame.to_map(*centres(found))
     inside = np.maximum(*map(np.abs, centres(found))) <= SIZE_M / 2
@@ -116,15 +103,15 @@ def test_values_from_another_projection_are_where_proj_has_them(tmp_path, name):
 
 
 def test_the_line_of_180_degrees_is_no_edge(tmp_path):
-    frame = make_frame(tmp_path, 180.0, 5.0, f"+proj=eqc +lon_0=180 +R={R_M} +units=m +no_defs")
+    frame = make_frame(tmp_path, 180.0, 5.0, f"+proj=eqc +lon_0=180 +R={EUROPA_M} +units=m +no_defs")
     pixel = 2e-5
     for west in (180.0 - 1e-3, -180.0 - 1e-3):  # to 360, or from beyond -180
         transform = rasterio.transform.from_origin(west, 5.0 + 1e-3, pixel, pixel)
         columns = np.broadcast_to(np.arange(100, dtype=np.float32) + 1, (100, 100)).copy()
-        found = read_map_image(write(tmp_path / "a.tif", LONLAT, transform, columns), frame, SIZE_M)
+        found = read_map_image(write_map(tmp_path / "a.tif", LONLAT, transform, columns), frame, SIZE_M)
         assert found.covered == 1.0
         easting, _ = frame.to_map(*centres(found))
-        degrees = np.degrees(easting / R_M)  # east of the line
+        degrees = np.degrees(easting / EUROPA_M)  # east of the line
         inside = np.maximum(*map(np.abs, centres(found))) <= SIZE_M / 2
         np.testing.assert_allclose(found.values[inside], ((degrees + 1e-3) / pixel + 0.5)[inside], rtol=0, atol=1e-3)
 
@@ -136,7 +123,7 @@ def test_ground_without_a_value_has_the_mean_and_is_told(tmp_path):
     values[:50] = 0.6
     values[60:70, :40] = -1.0  # marked as missing
     transform = rasterio.transform.from_origin(x - 50, y + 50, 1.0, 1.0)
-    found = read_map_image(write(tmp_path / "a.tif", POLAR, transform, values, nodata=-1.0), frame, SIZE_M)
+    found = read_map_image(write_map(tmp_path / "a.tif", POLAR, transform, values, nodata=-1.0), frame, SIZE_M)
     east, north = centres(found)
     inside = np.maximum(np.abs(east), np.abs(north)) <= SIZE_M / 2
     scale = frame.scale[0]  # the map's metres are not the ground's
@@ -158,7 +145,9 @@ def refuse(tmp_path, pattern, text=POLAR, shift=(0.0, 0.0), values=None, unplace
     (x,), (y,) = warp.transform(body, text, [30.0], [-60.0])
     transform = rasterio.transform.from_origin(x - 50 + shift[0], y + 50 + shift[1], 1.0, 1.0)
     values = np.ones((100, 100), np.float32) if values is None else values
-    write(tmp_path / "a.tif", None if unplaced else text, rasterio.Affine.identity() if unplaced else transform, values)
+    write_map(
+        tmp_path / "a.tif", None if unplaced else text, rasterio.Affine.identity() if unplaced else transform, values
+    )
     with pytest.raises(IcyMoonError, match=pattern) as caught:
         read_map_image(tmp_path / "a.tif", frame, SIZE_M)
     return str(caught.value)
@@ -178,7 +167,7 @@ def test_images_that_cannot_be_placed_are_sentences(tmp_path):
 
 def test_a_projection_that_is_not_known_is_answered_with_a_command_that_works(tmp_path):
     """gdalwarp's own engine, which rasterio has, makes the file that is then read."""
-    text = f"+proj=moll +R={R_M} +units=m +no_defs"
+    text = f"+proj=moll +R={EUROPA_M} +units=m +no_defs"
     told = refuse(tmp_path, "not known here; project it", text=text)
     target = told.split('-t_srs "')[1].split('"')[0]
     with rasterio.open(tmp_path / "a.tif") as source:
@@ -195,7 +184,7 @@ def test_a_projection_that_is_not_known_is_answered_with_a_command_that_works(tm
             dst_crs=target,
             dst_nodata=np.nan,
         )
-    write(tmp_path / "new.tif", target, transform, made, nodata=np.nan)
+    write_map(tmp_path / "new.tif", target, transform, made, nodata=np.nan)
     found = read_map_image(tmp_path / "new.tif", make_frame(tmp_path), SIZE_M)
     assert found.covered == 1.0
     assert found.mean == pytest.approx(1.0, abs=1e-6)
@@ -206,7 +195,7 @@ def test_an_image_beyond_the_patch_ends_in_the_mean_of_the_patch(tmp_path):
     frame = make_frame(tmp_path)
     x, y = (at / frame.unit_m for at in frame.origin)
     values = np.random.default_rng(4).uniform(0.4, 0.6, (400, 400)).astype(np.float32)
-    path = write(tmp_path / "a.tif", POLAR, rasterio.transform.from_origin(x - 100, y + 100, 0.5, 0.5), values)
+    path = write_map(tmp_path / "a.tif", POLAR, rasterio.transform.from_origin(x - 100, y + 100, 0.5, 0.5), values)
     patch, wide = read_map_image(path, frame, SIZE_M), read_map_image(path, frame, SIZE_M, 120.0)
     assert wide.mean == patch.mean
     assert wide.west_m < -60.0 < patch.west_m

@@ -10,13 +10,13 @@ from icymoon.formats.map_frame import map_frame_from_json
 from icymoon.nodes.build_scene import build_scene
 from icymoon.render.geometry_worker import run_job
 from icymoon.support.errors import IcyMoonError
+from map_systems import POLAR
 from rendering import complete, empty_scene
 
 rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
 
 pytestmark = pytest.mark.filterwarnings("ignore:Use `@` matmul")
 
-POLAR = "+proj=stere +lat_0=-90 +R=1560800.0 +units=m +no_defs"
 PLACE, SIZE_M, CELL_M, PIXEL, SIDE = (418215.1, 724369.8), 8.0, 0.25, 0.31, 60
 
 

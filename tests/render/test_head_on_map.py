@@ -14,6 +14,7 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.export import head
 from icymoon.stereo.export.plug_in import FoldersContext
+from map_systems import LONLAT, POLAR
 from rendering import complete, empty_scene
 
 rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
@@ -21,9 +22,6 @@ warp = pytest.importorskip("rasterio.warp")
 
 pytestmark = pytest.mark.filterwarnings("ignore:Use `@` matmul")
 
-RADIUS_M = 1560800.0
-POLAR = f"+proj=stere +lat_0=-90 +R={RADIUS_M} +units=m +no_defs"
-LONLAT = f"+proj=longlat +R={RADIUS_M} +no_defs"
 SITE, HEIGHT_M = (418215.1, 724369.8), -1234.5
 #: Where the cameras stand, in metres east and north of the site, and the azimuths that they look along, from the map's
 #: up. One looks down, and has its image's upper edge along its azimuth.

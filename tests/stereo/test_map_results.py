@@ -26,15 +26,14 @@ from icymoon.stereo.map_results import (
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare_pair import prepare_pair
 from icymoon.support.errors import IcyMoonError
+from map_systems import EUROPA_M, POLAR
 
 rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
 
 pytestmark = [pytest.mark.filterwarnings("ignore:Use `@` matmul"), pytest.mark.usefixtures("undrawn")]
 
-R_M = 1560800.0
 ZERO_M = 1200.0
 #: A polar map about 60° south, where a metre of it is 0.933 m of ground; its heights are those of the pair's plane.
-POLAR = f"+proj=stere +lat_0=-90 +R={R_M} +units=m +no_defs"
 PLACE = (418215.1, 724369.8)
 
 
@@ -48,7 +47,7 @@ def write_sited_pair(tmp_path, rock=False):
     profile = {"driver": "GTiff", "width": size, "height": size, "count": 1, "dtype": "float64", "crs": POLAR}
     with rasterio.open(tmp_path / "dem.tif", "w", **profile, transform=transform) as out:
         out.write(np.zeros((size, size)), 1)
-    place = geotiff.read_place(tmp_path / "dem.tif", Site(True, (0.0, 0.0), 30.0, R_M, MapPoint(*PLACE, False)))
+    place = geotiff.read_place(tmp_path / "dem.tif", Site(True, (0.0, 0.0), 30.0, EUROPA_M, MapPoint(*PLACE, False)))
     assert place is not None
     scale = place.scale
     # z from the plane: the camera at 3 m looks down with its upper edge in the north, so x is east and y south.

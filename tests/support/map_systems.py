@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 from icymoon.formats.map_projection import MapSystem
+from icymoon.support.arrays import Array
 
 EUROPA_M = 1560800.0
+#: Degrees on a sphere, and the plane of its south pole, as PROJ states them.
+LONLAT = f"+proj=longlat +R={EUROPA_M} +no_defs"
+POLAR = f"+proj=stere +lat_0=-90 +R={EUROPA_M} +units=m +no_defs"
 #: Systems on a sphere, as PROJ states them, and a place in metres.
 ON_A_SPHERE = {
     "+proj=merc +lat_ts=0": (MapSystem("Mercator", "", EUROPA_M), (4e5, 2e6)),
@@ -45,3 +52,17 @@ ON_A_SPHERE = {
         (-3e5, 2e5),
     ),
 }
+
+
+def write_map(path: Path, crs: str, transform: Any, values: Array, **more: Any) -> Path:
+    """A GeoTIFF of one band with its options, scales and offsets, by rasterio."""
+    import rasterio
+
+    rows, columns = values.shape
+    profile = {"driver": "GTiff", "width": columns, "height": rows, "count": 1, "dtype": values.dtype.name}
+    scales, offsets = more.pop("scales", None), more.pop("offsets", None)
+    with rasterio.open(path, "w", **profile, crs=crs, transform=transform, **more) as out:
+        out.write(values, 1)
+        if scales:
+            out.scales, out.offsets = scales, offsets
+    return path

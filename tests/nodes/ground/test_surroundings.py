@@ -21,15 +21,14 @@ from icymoon.render.plans.triangle_count import count_triangles
 from icymoon.settings.description import merged
 from icymoon.settings.user_files import find_used_files, hash_content
 from icymoon.support.errors import IcyMoonError
+from map_systems import EUROPA_M, POLAR, write_map
 from rendering import complete, empty_scene
 
 rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
 
-R_M = 1560800.0
-POLAR = f"+proj=stere +lat_0=-90 +R={R_M} +units=m +no_defs"
 PLACE = (4e5, 7e5)
 #: Metres of ground per metre of the map there: (1 + cos(c)) / 2 with the angle c from the pole.
-SCALE = 1 / (1 + (math.hypot(*PLACE) / (2 * R_M)) ** 2)
+SCALE = 1 / (1 + (math.hypot(*PLACE) / (2 * EUROPA_M)) ** 2)
 
 
 def write(path, height, pixel, size, middle=PLACE, nodata=None):
@@ -38,10 +37,7 @@ def write(path, height, pixel, size, middle=PLACE, nodata=None):
     transform = rasterio.transform.from_origin(west, north, pixel, pixel)
     step = (np.arange(size) + 0.5) * pixel
     x, y = np.meshgrid((west + step - PLACE[0]) * SCALE, (north - step - PLACE[1]) * SCALE)
-    profile = {"driver": "GTiff", "width": size, "height": size, "count": 1, "dtype": "float32", "crs": POLAR}
-    with rasterio.open(path, "w", **profile, transform=transform, nodata=nodata) as out:
-        out.write((height(x, y) + 0 * x).astype(np.float32), 1)
-    return path
+    return write_map(path, POLAR, transform, (height(x, y) + 0 * x).astype(np.float32), nodata=nodata)
 
 
 def settings_of(path, coarse=None, reach_m=1000.0, **source):
@@ -79,9 +75,9 @@ def test_two_plains_are_one_sphere_with_its_horizon(tmp_path, plain):
     coarse = write(tmp_path / "coarse.tif", lambda x, y: 100.0 + 0 * x, 50.0, 201)
     ground = load(plain, coarse, reach_m=4000.0)
     away = np.hypot(*ground.positions[:, :2].astype(np.float64).T)
-    assert np.abs(ground.positions[:, 2] + drop_m(away, R_M)).max() < 2e-6
+    assert np.abs(ground.positions[:, 2] + drop_m(away, EUROPA_M)).max() < 2e-6
     seen = np.degrees(np.arctan2(ground.positions[:, 2] - 2.0, np.maximum(away, 1e-3))).max()
-    assert seen == pytest.approx(-dip_deg(2.0, R_M), rel=1e-3)
+    assert seen == pytest.approx(-dip_deg(2.0, EUROPA_M), rel=1e-3)
     assert not [each for each in ground.warnings if "horizon" in each or "higher" in each]
 
 
@@ -93,7 +89,7 @@ def test_a_slope_goes_on_across_both_maps_and_all_rings(tmp_path):
     ground = load(fine, write(tmp_path / "coarse.tif", slope, 20.0, 201))
     assert ground.map_place is not None
     x, y, z = ground.positions.astype(np.float64).T
-    wanted = 0.1 * x - 0.05 * y - ground.map_place["height_zero_m"] - drop_m(np.hypot(x, y), R_M)
+    wanted = 0.1 * x - 0.05 * y - ground.map_place["height_zero_m"] - drop_m(np.hypot(x, y), EUROPA_M)
     # Float32 heights of some 100 m in the files, and the scale of the map, which is 1 part in a million off over 1 km.
     assert np.abs(z - wanted).max() < 1e-3
 
@@ -102,7 +98,7 @@ def test_heights_of_another_datum_are_evened_out_and_told(tmp_path, plain):
     coarse = write(tmp_path / "coarse.tif", lambda x, y: 60.0 + 0 * x, 50.0, 201)
     ground = load(plain, coarse)
     away = np.hypot(*ground.positions[:, :2].astype(np.float64).T)
-    assert np.abs(ground.positions[:, 2] + drop_m(away, R_M)).max() < 1e-5
+    assert np.abs(ground.positions[:, 2] + drop_m(away, EUROPA_M)).max() < 1e-5
     assert [each for each in ground.warnings if "40 m higher on average" in each]
     near = write(tmp_path / "near.tif", lambda x, y: 99.5 + 0 * x, 50.0, 201)
     assert not [each for each in load(plain, near).warnings if "on average" in each]
@@ -168,7 +164,7 @@ def test_gaps_of_the_coarse_map_are_filled_if_small_and_end_the_ground_if_wide(t
     x, y, z = load(plain, coarse).positions.T
     assert y.max() == pytest.approx(600.0, abs=60.0)
     assert ((np.abs(x - 500.0) < 60.0) & (np.abs(y) < 60.0)).sum() > 3
-    assert np.abs(z + drop_m(np.hypot(x, y), R_M)).max() < 1e-3
+    assert np.abs(z + drop_m(np.hypot(x, y), EUROPA_M)).max() < 1e-3
 
 
 def test_the_patch_keeps_the_heights_that_it_has_alone(tmp_path):
@@ -182,7 +178,7 @@ def test_the_patch_keeps_the_heights_that_it_has_alone(tmp_path):
     inside = np.abs(ground.positions[:, :2]).max(axis=1) <= 20.0
     assert inside.sum() == 33 * 33
     x, y, z = ground.positions[inside].astype(np.float64).T
-    np.testing.assert_allclose(z + drop_m(np.hypot(x, y), R_M), alone.positions[:, 2], atol=1e-6)
+    np.testing.assert_allclose(z + drop_m(np.hypot(x, y), EUROPA_M), alone.positions[:, 2], atol=1e-6)
 
 
 def test_points_go_back_to_heights_of_the_file(tmp_path):
@@ -196,7 +192,7 @@ def test_points_go_back_to_heights_of_the_file(tmp_path):
     heights = z + frame.height_zero_m + frame.find_drop_m(x, y)
     assert np.abs(heights - slope(x, y)).max() < 1e-3
     pose = np.eye(4)
-    pose[:3, 3] = 1200.0, 0.0, -float(drop_m(1200.0, R_M)) - frame.height_zero_m
+    pose[:3, 3] = 1200.0, 0.0, -float(drop_m(1200.0, EUROPA_M)) - frame.height_zero_m
     assert frame.describe_camera(pose)["height_m"] == pytest.approx(0.0, abs=1e-9)
 
 
@@ -224,9 +220,9 @@ def test_a_scene_stands_on_it_and_its_maps_are_of_the_patch(tmp_path):
     )
     built = build_scene(empty_scene(), merged(settings, {"rig": {"x_m": 500.0}}))
     assert built.site_m == pytest.approx(
-        0.1 * 500.0 - drop_m(500.0, R_M) - built.ground["map"]["height_zero_m"], abs=1e-3
+        0.1 * 500.0 - drop_m(500.0, EUROPA_M) - built.ground["map"]["height_zero_m"], abs=1e-3
     )
-    assert built.ground["map"]["body_radius_m"] == pytest.approx(R_M)
+    assert built.ground["map"]["body_radius_m"] == pytest.approx(EUROPA_M)
     extent = find_extent(built, 1.0)
     assert (extent.rows, extent.columns) == (40, 40)
 
