@@ -21,6 +21,7 @@ def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess
     )
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [

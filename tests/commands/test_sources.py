@@ -17,6 +17,7 @@ def found(settings: Settings, *asked: str) -> dict:
     return {origin.name: origin for origin in find_origins(settings, asked)}
 
 
+@pytest.mark.ci_takes(6)
 @pytest.mark.parametrize("scene", preset_files.preset_names("scenes"))
 def test_every_number_that_a_scene_preset_states_is_traced_to_it_or_to_what_it_includes(scene):
     """Followed back by hand: the files that the scene includes, and theirs."""

@@ -155,6 +155,7 @@ def test_every_command_is_understood(block, words):
     assert not commands.fault(words), f"{block}: {' '.join(words)}"
 
 
+@pytest.mark.ci_takes(10)
 @pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "toml"], ids=str)
 def test_every_settings_file_loads(block, tmp_path):
     raw = tomllib.loads(block.code)

@@ -12,6 +12,7 @@ TEXT = (ROOT / "docs" / "datasets.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```toml\n(# .*?)```", TEXT, re.DOTALL)
 
 
+@pytest.mark.ci_takes(5)
 @pytest.mark.parametrize("text", EXAMPLES, ids=[re.search('title = "(.*)"', text)[1] for text in EXAMPLES])
 def test_an_example_has_as_many_pairs_as_it_says(text, tmp_path):
     file = tmp_path / "plan.toml"

@@ -200,6 +200,7 @@ def test_what_is_no_regular_file_is_not_whole(tmp_path):
             read_view(tmp_path / f"{name}.exr")
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     "act",
     [
@@ -293,6 +294,7 @@ def test_the_tiles_of_all_levels_are_counted(mode):
         read_layout(ForeignBytes(stated, len(stated), Budget()), tiles=True)
 
 
+@pytest.mark.ci_takes(6)
 @pytest.mark.parametrize("seed", range(12))
 def test_random_damage_is_a_sentence_or_an_image(tmp_path, seed):
     random = np.random.default_rng(seed)

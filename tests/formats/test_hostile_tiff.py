@@ -236,6 +236,7 @@ def long_metadata(path: Path) -> Path:
     return write_tiff(path, np.zeros((4, 4), "f4"), pixel=(1.0, 1.0), metadata="<a>" + "<b/>" * 10**6 + "</a>")
 
 
+@pytest.mark.ci_takes(5)
 @pytest.mark.heavy
 @pytest.mark.parametrize(
     "make",

@@ -83,6 +83,7 @@ def test_what_is_no_label_is_told_with_its_line(text, words):
         parse_label(text)
 
 
+@pytest.mark.ci_takes(8)
 @pytest.mark.parametrize(
     "text",
     [

@@ -111,6 +111,7 @@ def test_a_data_set_is_rendered_and_the_scene_is_left_alone(described, tmp_path)
     assert dataset.readout["lines"][0] == "2 pairs, 2 already rendered"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_it_is_evaluated_afterwards_if_asked(described, tmp_path):
     described.icymoon.dataset.evaluate, described.icymoon.dataset.methods = True, "sgbm"

@@ -120,6 +120,7 @@ def test_a_choice_is_explained_in_two_lines_and_wholly_in_its_tooltip():
             assert len(sidebar_text._wrap_held(meaning.partition(". ")[0], LINE, "")) <= 2, name
 
 
+@pytest.mark.ci_takes(6)
 @pytest.mark.parametrize("model", [choice[0] for choice in TOPICS["surface"]["model"].choices])
 @pytest.mark.parametrize("positions", ["ANGLES", "DATE", "KERNELS"])
 def test_no_two_rows_of_a_panel_have_the_same_words(scene, model, positions):

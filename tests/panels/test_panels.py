@@ -353,6 +353,7 @@ def test_every_setting_of_an_entry_in_a_list_is_drawn(scene):
             assert {f"icymoon.{topic}.{setting.key}[0].{s.key}" for s in setting.entries} - set(paths) == set()
 
 
+@pytest.mark.long
 def test_a_built_scene_draws_its_preset(small):
     bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
     small.icymoon.terrain.resolution = 65

@@ -120,6 +120,7 @@ def test_every_menu_fits_the_screen(scene):
     assert {cls.bl_idname: len(drawn(cls)) for cls in menus if len(drawn(cls)) > MOST_ROWS} == {}
 
 
+@pytest.mark.ci_takes(12)
 @pytest.mark.parametrize("typed", SOUGHT)
 def test_the_words_that_users_type_find_it(found, typed):
     assert SOUGHT[typed] in found_by(typed, found)

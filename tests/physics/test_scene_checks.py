@@ -235,6 +235,7 @@ def test_the_scenes_of_the_demo_need_no_advice(name):
     assert not scene_checks.advise_on_scene(complete(preset_files.load_preset(name), *changes))
 
 
+@pytest.mark.ci_takes(24)
 @pytest.mark.parametrize("name", preset_files.preset_names())
 def test_every_shipped_preset_is_admitted(name):
     settings = complete(preset_files.load_preset(name))

@@ -89,7 +89,7 @@ def reference(tmp_path_factory) -> Path:
     return dataset
 
 
-@pytest.mark.ci_takes(3)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     "kind",
     heavy_but(
@@ -125,7 +125,7 @@ def test_a_scene_that_is_gone_is_built_anew(scene):
     assert adapt_scene(None, settings)[1] is False
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     "kind",
     heavy_but(

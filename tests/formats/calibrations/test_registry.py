@@ -93,6 +93,7 @@ def assert_same(found: CalibratedRig, wanted: CalibratedRig, px=1e-9):
         assert np.abs(one.unproject(pixels) - rays).max() < px / other.fx_px
 
 
+@pytest.mark.ci_takes(60)
 @pytest.mark.parametrize("lens", LENSES)
 @pytest.mark.parametrize(("name", "suffix"), SUFFIXES, ids=lambda value: value or "folder")
 def test_what_is_written_is_read_again(tmp_path, name, suffix, lens):

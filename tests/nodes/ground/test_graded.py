@@ -41,6 +41,7 @@ def rays(pair, eye: str) -> tuple[Array, Array]:
     return pose[:3, 3], tangent @ pose[:3, :3].T
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(("pitch", "focal"), [(45.84, 32.0), (20.0, 32.0), (0.5, 300.0)])
 def test_depth_of_a_smooth_body_is_that_of_a_sphere(tmp_path, pitch, focal):
     pair, _ = render(tmp_path, GRADED, FLAT, {"rig": {"pitch_deg": pitch, "focal_length_mm": focal}})

@@ -46,6 +46,7 @@ def test_a_plane_in_planetshine_has_the_radiance_of_the_integral(tmp_path, plane
     assert view.groups["Sun"].max() == 0
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     ("irradiance", "diameter"),
     [(14.82, 0.0556), (50.26, 0.1024), (4.14, 0.57296)],
@@ -308,6 +309,7 @@ def test_the_record_states_the_sun_that_the_images_have(tmp_path, light, source)
         assert sun["elevation_deg"] == pytest.approx(compute_sky(settings.light).sun_elevation_deg, abs=1e-4)
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("diameter", [0.5, 2.0])
 def test_a_penumbra_is_as_wide_as_the_sun(tmp_path, diameter):
     """A wall's shadow under the Sun at 45°: from full light to none over the diameter seen from the wall's top."""

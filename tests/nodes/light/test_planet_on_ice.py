@@ -146,7 +146,7 @@ PLACES = {
 }
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("backend", ["OSL", "NODES"])
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize(

@@ -143,6 +143,7 @@ FLAT = {
 }
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.heavy
 @pytest.mark.parametrize("truth_by", ["RAYS", "CYCLES"])
 def test_the_truth_of_a_pair_is_that_of_the_ground_behind_it(tmp_path, truth_by):

@@ -23,7 +23,7 @@ def surface(**changes: Any) -> SurfaceSettings:
     return defaults().surface | {"grain_amplitude_m": 0.0} | check({"surface": changes}, "test").surface
 
 
-@pytest.mark.ci_takes(6)
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -70,7 +70,7 @@ def test_bumps_as_high_as_they_are_wide_lose_the_light_that_is_reckoned_with(sub
     assert measured(settings, view_m=1.0) == pytest.approx(real_albedo(settings), rel=0.01)
 
 
-@pytest.mark.ci_takes(4)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("name", ["fresh_snow", "rough_ice"])
 def test_presets_have_their_albedo(name):
     settings = merged(defaults(), load_preset(f"surfaces/{name}")).surface

@@ -60,7 +60,7 @@ def test_a_plane_is_as_bright_as_the_reference(tmp_path, made_of, theta_bar_deg)
     assert np.quantile(errors(pair), 0.999) < SMOOTH
 
 
-@pytest.mark.ci_takes(5)
+@pytest.mark.ci_takes(2)
 @BOTH
 @pytest.mark.parametrize(
     "changes",
@@ -79,7 +79,7 @@ def test_every_part_of_the_law(tmp_path, made_of, changes):
     assert np.quantile(errors(pair), 0.999) < SMOOTH
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.ci_takes(1)
 @BOTH
 @pytest.mark.parametrize("azimuth_deg", [120.0, *slow(180.0, 60.0)])
 def test_a_sphere_is_as_bright_as_the_reference(tmp_path, made_of, azimuth_deg):
@@ -110,7 +110,7 @@ def test_the_traced_sun_is_the_lamp(tmp_path, level):
         assert np.quantile(errors(pair), 0.999) < (FACETS if change else SMOOTH)
 
 
-@pytest.mark.ci_takes(4)
+@pytest.mark.ci_takes(2)
 @BOTH
 @pytest.mark.parametrize(
     ("azimuth_deg", "theta_bar_deg"),
@@ -135,7 +135,7 @@ def by_distance(pair: Pair) -> list[Array]:
     return np.array_split(image[ground][np.argsort(view.depth[ground], kind="stable")], 5)
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -266,7 +266,7 @@ def test_the_other_laws(tmp_path):
         assert np.quantile(errors(pair, photometry.lunar_lambert(0.4, share)), 0.999) < SMOOTH
 
 
-@pytest.mark.ci_takes(6)
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize("made_of", ["AUTO", "NODES", "OSL", "OSL ACCURATE"])
 @pytest.mark.parametrize("case", [(0.9, 60.0), *slow((0.3, 20.0), (1.0, 4.0))])
 def test_the_snow_law(tmp_path, made_of, case):

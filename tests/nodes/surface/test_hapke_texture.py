@@ -54,7 +54,7 @@ def east_m(pair) -> Array:
 HALVES = np.repeat([0.0, 1.0], PIXELS // 2)
 
 
-@pytest.mark.ci_takes(4)
+@pytest.mark.ci_takes(2)
 @EVERY_WAY
 @pytest.mark.parametrize(
     ("theta_bar_deg", "range_deg"),
@@ -74,7 +74,7 @@ def test_each_half_has_its_own_roughness(tmp_path, made_of, accuracy, theta_bar_
         assert np.quantile(np.abs(image[seen] / truth[seen] - 1), 0.999) < SMOOTH
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.ci_takes(1)
 @EVERY_WAY
 def test_an_even_image_is_the_constant(tmp_path, made_of, accuracy):
     hapke = {"backend": made_of, "accuracy": accuracy, "theta_bar_deg": 20.0}
@@ -107,7 +107,7 @@ def test_what_is_off_costs_no_node(made_of):
     assert "tan θ̄" in nodes_of({"backend": made_of, "theta_bar_range_deg": 20.0}, {"set": "FROST"})
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     ("w", "span_deg", "within"),
     [
@@ -142,7 +142,7 @@ def test_the_albedo_for_the_sky_follows_the_roughness(w, span_deg, within):
             assert np.abs(found - truth).max() < within
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.ci_takes(1)
 @EVERY_WAY
 def test_shaded_ground_has_the_albedo_of_its_roughness(tmp_path, made_of, accuracy):
     """Each half under an evenly glowing dome, the Sun below the horizon, against the integral over the dome."""

@@ -41,6 +41,7 @@ def rays_to(shown, n=600):
     return ray, step**2 / length**3 * (inside > 0), way[..., None] * ray
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("face", FACES)
 @pytest.mark.parametrize("changes", [{}, {"sun": (1.0, -0.3, 0.6)}, {"rings": True}, {"phase_law": "LAMBERT"}])
 def test_a_face_gives_the_light_of_an_even_globe_in_the_colour_of_the_planet(face, changes):

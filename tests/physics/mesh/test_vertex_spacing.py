@@ -91,6 +91,7 @@ def test_rings_of_any_numbers_close_without_a_crack(counts):
     _check_closed(VertexRings(2.5 ** np.arange(len(counts)), np.array(counts)))
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("name", GROUNDS)
 def test_the_mesh_is_closed_and_grows_coarser_outward(name):
     ground, _ = made(GROUNDS[name])

@@ -290,7 +290,7 @@ def test_rocks_lie_along_a_slope():
 # Shapes
 
 
-@pytest.mark.ci_takes(6)
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("angularity", heavy_but([1.0], [0.0, 0.5, 1.0]))
 def test_shapes_are_closed_have_unit_size_and_face_outward(family, angularity):

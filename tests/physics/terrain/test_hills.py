@@ -115,6 +115,7 @@ def test_lengths_that_contradict_each_other_are_refused():
         _hills(smallest_m=0.1, largest_m=1e5)
 
 
+@pytest.mark.ci_takes(10)
 @pytest.mark.parametrize(
     "changes",
     [

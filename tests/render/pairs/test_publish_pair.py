@@ -206,7 +206,7 @@ def test_whoever_stood_still_takes_nothing_from_who_went_on(tmp_path, watched, b
         place.assert_tidy()
 
 
-@pytest.mark.ci_takes(3)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(("before", "again"), CASES)
 def test_whoever_is_killed_leaves_the_old_pair_or_the_new_one(tmp_path, watched, before, again):
     for k in range(1, calls_of(watched, tmp_path / "0", before, again) + 1):
@@ -228,6 +228,7 @@ def test_whoever_is_killed_leaves_the_old_pair_or_the_new_one(tmp_path, watched,
         place.assert_tidy()
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(("before", "again"), CASES)
 def test_two_at_any_two_moments_end_with_one_whole_pair(tmp_path, watched, before, again):
     """One is frozen at any moment and goes on at any moment of who took over from it; 40 of the pairs of moments."""

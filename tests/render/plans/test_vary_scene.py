@@ -348,7 +348,7 @@ def test_labels_are_without_units():
     assert vary_scene.find_label("no such.thing") == "no such.thing"
 
 
-@pytest.mark.ci_takes(6)
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     "variations",
     [

@@ -183,7 +183,7 @@ def _march(height, toward):
     return lit
 
 
-@pytest.mark.ci_takes(4)
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize("azimuth_deg", [0.0, 17.0, 45.0, 70.0, 123.0, 200.0, 261.0, 338.0])
 def test_light_on_rough_ground_is_that_of_a_ray_march(azimuth_deg):
     random = np.random.default_rng(int(azimuth_deg))

@@ -50,6 +50,7 @@ def test_a_hostile_image_is_one_sentence(tmp_path, name):
     refuse(read_image, path)
 
 
+@pytest.mark.ci_takes(70)
 @pytest.mark.parametrize("name", MAPS)
 def test_a_hostile_map_is_one_sentence(tmp_path, name):
     path = tmp_path / f"a.{name.partition(':')[0]}"

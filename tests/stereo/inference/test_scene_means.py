@@ -38,6 +38,7 @@ def test_outcomes_of_0_and_1_have_the_interval_of_clopper_and_pearson(yes, numbe
     assert (high == 1) if yes == number else 1 - at_least(yes + 1, number, high) == pytest.approx(0.025, abs=0.005)
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("scenes", [2, 6, 20])
 @pytest.mark.parametrize("kind", ["skewed", "mostly zero", "yes or no"])
 def test_intervals_of_shares_cover_with_any_number_of_scenes(scenes, kind):

@@ -79,6 +79,7 @@ def refused(folder, body, **options):
     return text
 
 
+@pytest.mark.ci_takes(8)
 @pytest.mark.parametrize("what", FILES)
 def test_a_file_that_is_no_map_is_refused(what, tmp_path):
     assert refused(tmp_path, ANSWER + FILES[what] + "\n    say(id=r['id'], ok=True)")

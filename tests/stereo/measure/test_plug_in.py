@@ -135,7 +135,7 @@ def test_one_that_cannot_be_used_is_left_out_aloud(evaluate, sources, said):
     assert report["plug_ins"] == []
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["l1_m", "status"])
 def test_one_with_the_name_of_ours_is_refused(evaluate, name):
     _, _, report = evaluate(METRIC, name=name)

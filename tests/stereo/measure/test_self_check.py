@@ -128,6 +128,7 @@ HARD = {
 }
 
 
+@pytest.mark.ci_takes(15)
 @pytest.mark.parametrize("hard", HARD.values(), ids=HARD.keys())
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
 def test_a_sound_pair_passes_however_hard_it_is(scene, hard):
@@ -175,6 +176,7 @@ TRUTH_FAULTS = {
 }
 
 
+@pytest.mark.ci_takes(12)
 @pytest.mark.parametrize("hard", [HARD["as it is"], HARD["all"], HARD["shadow"]], ids=["light", "hard", "dark"])
 @pytest.mark.parametrize("fault", TRUTH_FAULTS.values(), ids=TRUTH_FAULTS.keys())
 def test_a_fault_of_the_truth_is_found_in_any_light(fault, hard):

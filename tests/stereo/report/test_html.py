@@ -41,6 +41,7 @@ def page_data(html):
     return json.loads(re.search(r'id="data">(.*?)</script>', html, re.DOTALL)[1])
 
 
+@pytest.mark.long
 def test_every_pair_is_in_the_table_and_a_few_have_pictures(many):
     html = (many / "report.html").read_text(encoding="utf-8")
     data = page_data(html)

@@ -65,6 +65,7 @@ def test_octaves_that_a_mesh_cannot_carry_leave_the_mean_height_alone(basis, fra
     assert np.ptp(made.heights(x, y, 2.1)) == 0.0
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("fractal", FRACTALS)
 def test_a_layer_fades_without_steps_and_does_not_depend_on_its_neighbours(fractal):
     made = _layer(fractal=fractal, basis="VORONOI_F1", scale_m=2.0)

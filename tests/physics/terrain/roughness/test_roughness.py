@@ -58,7 +58,7 @@ def _holds(seed: int, hurst: float, multifractality: float) -> None:
     assert slope == pytest.approx(-(2 * hurst + 2), abs=0.3 if hurst < 0.85 else 0.5)
 
 
-@pytest.mark.ci_takes(6)
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     ("hurst", "multifractality"),
     heavy_but([(0.3, 1.0), (0.8, 0.0), (0.95, 0.5)], product([0.3, 0.5, 0.8, 0.95], [0.0, 0.5, 1.0])),
@@ -90,6 +90,7 @@ def test_independent_octaves_sum_to_the_law(hurst, lacunarity, dimensions):
     assert np.ptp(inner) < 1e-9 * inner[0]
 
 
+@pytest.mark.ci_takes(4)
 @pytest.mark.parametrize(
     ("baseline", "slope"),
     heavy_but([(0.5, 60.0), (1.0, 12.0), (2.0, 2.0)], product([0.5, 1.0, 2.0], [2.0, 12.0, 35.0, 60.0])),
