@@ -32,7 +32,7 @@ demo: $(VENV)/.demo
 env: $(VENV)/.tests
 
 test: $(VENV)/.tests style .types/icymoon
-	$(call TESTS,-m "$(QUICK) and not over_half_a_second")
+	$(call TESTS,-m "$(QUICK) and not left_to_ci")
 
 test-ci: $(VENV)/.tests style .types/icymoon
 	$(call TESTS,-m "not long")
@@ -44,7 +44,7 @@ test-all: $(VENV)/.tests style .types/icymoon
 test-lanes: $(VENV)/.tests zip
 	$(RUN) tests/lanes.py
 
-# Brings tests/over_half_a_second.txt up to date, the list of the tests that `make test` leaves to CI. The other targets tell
+# Brings tests/left_to_ci.txt up to date, the list of the tests that `make test` leaves to CI. The other targets tell
 # which places in it are wrong.
 measure-tests: $(VENV)/.tests
 	$(PYTEST) --measure-tests -m "not long"

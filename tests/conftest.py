@@ -55,7 +55,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what was measured to take more than half a second of a processor, by ``make measure-tests``, and the cases
+    """Mark what was measured to take more than 0.3 s of a processor, by ``make measure-tests``, and the cases
     beyond those that CI takes."""
     cases: Counter[str] = Counter()
     for item in items:
@@ -64,10 +64,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             cases[function] += 1
             if cases[function] > limit.args[0]:
                 item.add_marker("long")
-    measured = set((config.rootpath / "tests" / "over_half_a_second.txt").read_text(encoding="utf-8").splitlines())
+    measured = set((config.rootpath / "tests" / "left_to_ci.txt").read_text(encoding="utf-8").splitlines())
     for item in items:
         if item.nodeid in measured:
-            item.add_marker("over_half_a_second")
+            item.add_marker("left_to_ci")
 
 
 def pytest_collection_finish() -> None:

@@ -66,7 +66,7 @@ def test_what_takes_long_is_left_out(tmp_path):
     """A mark does not tell the other ones: what is ``long`` need not be ``slow`` or ``heavy``."""
     apart = {f"not {mark}" for mark in APART}
     _, said = run(tmp_path, "test")
-    assert set(re.search(r" -m (not .*) \[", said)[1].split(" and ")) == apart | {"not over_half_a_second"}
+    assert set(re.search(r" -m (not .*) \[", said)[1].split(" and ")) == apart | {"not left_to_ci"}
     assert set(lanes.PYTEST[lanes.PYTEST.index("-m", 2) + 1].split(" and ")) == apart
     assert "$(QUICK)" in (ROOT / "Makefile").read_text(encoding="utf-8").partition("\ntest-ends:")[2]
 
