@@ -245,7 +245,8 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
         subject = "Of the data set" + (f", {format_count(count, 'pair')}" if count else "")
     more = f" and {len(found.pairs) - 1} more" if len(found.pairs) > 1 else ""
     sentences = [f"{subject}{more}, {found.made.replace('T', ' ')[:16]} UTC"]
-    other = _find_changed_settings(scene)
+    changed = _find_changed_settings(scene)
+    other = [(topic, s) for topic, s in changed if s.key != "folder"]
     if other:
         rest = f" and {len(other) - _MOST_NAMED} more" if len(other) > _MOST_NAMED else ""
         labels = ", ".join(describe_place(topic, s) for topic, s in other[:_MOST_NAMED])
@@ -253,6 +254,11 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
         sentences.append(
             f"Measured with other settings than the present ones: {labels}{rest}. "
             f"{'Render and evaluate' if rendered else 'Evaluate'} again."
+        )
+    elif changed:
+        sentences.append(
+            "The files of these results are in another folder than Data Set ▸ Folder. "
+            "Set that folder again to see them, or render and evaluate in this one."
         )
     return sentences
 

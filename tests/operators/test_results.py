@@ -181,6 +181,16 @@ def test_what_is_not_as_it_was_measured_is_said_until_it_is_set_back(scene, tmp_
         assert len(results.list_notes(scene)) == 1
 
 
+def test_another_folder_is_no_other_measurement(scene, tmp_path):
+    evaluated(scene, tmp_path)
+    was = scene.icymoon.dataset.folder
+    scene.icymoon.dataset.folder = str(tmp_path / "other")
+    assert "in another folder" in results.list_notes(scene)[1]
+    assert "Measured with other settings" not in results.list_notes(scene)[1]
+    scene.icymoon.dataset.folder = was
+    assert len(results.list_notes(scene)) == 1
+
+
 @pytest.mark.parametrize(("key", "value"), [("threads", 3), ("device", "GPU")])
 def test_how_it_runs_does_not_matter(scene, tmp_path, key, value):
     evaluated(scene, tmp_path)
