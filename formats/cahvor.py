@@ -185,7 +185,7 @@ class Lens:
 
 
 def find_nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
-    """The lens of an Icy Moon camera that is nearest to a model; centre and rotation are the model's.
+    """The Icy Moon lens that is nearest to a model, with the model's centre and rotation.
 
     With square pixels, CAHV is exact, and so is CAHVOR with O along A and a first coefficient of 0. Raises IcyMoonError
     if the nearest lens is off by more than ``most_px``.
@@ -397,8 +397,8 @@ def _read_cahvor(text: str) -> _StatedModel:
 
 
 def _read_linearity(model: str) -> float:
-    """Linearity of a model such as ``CAHVORE3,0.4 = general``: type 1 is perspective, 2 fisheye, 3
-    states its number."""
+    """Linearity of a model such as ``CAHVORE3,0.4 = general``: 1 for type 1 (perspective), 0 for type 2 (fisheye), and
+    the stated number for type 3."""
     kind, _, parameter = model.partition("=")[0].strip().partition(",")
     if not kind.startswith("CAHVORE"):
         return 1.0

@@ -44,7 +44,7 @@ def quote_name(name: str) -> str:
 
 
 def _converted_name(name: str) -> str:
-    """The name of the file that is made of another."""
+    """The name of the file that results from the conversion of another."""
     stem = Path(name).stem or name
     return f"{stem}_new.tif" if name == f"{stem}.tif" else f"{stem}.tif"
 
@@ -78,12 +78,12 @@ def warp_command(name: str, *options: str) -> str:
 
 
 def edit_command(name: str, *options: str) -> str:
-    """The ``gdal_edit.py`` that changes what a file states of itself."""
+    """The ``gdal_edit.py`` command that changes the metadata of a file."""
     return " ".join(["gdal_edit.py", *options, quote_name(name)])
 
 
 def transform_command(source: str, target: str, point: tuple[float, float]) -> str:
-    """The ``gdaltransform`` that prints a point of one coordinate system in another."""
+    """The ``gdaltransform`` command that converts a point from one coordinate system to another."""
     return f'echo {point[0]:.12g} {point[1]:.12g} | gdaltransform -s_srs "{source}" -t_srs "{target}"'
 
 

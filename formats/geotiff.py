@@ -175,8 +175,8 @@ _CUT_MARGIN = 1.1
 
 @dataclass(frozen=True)
 class Site:
-    """The part of a map that is wanted: ``size_m`` of ground around an origin, which is ``origin_m`` (east, north) of
-    ground from the middle of the map (``centre``), or else at these coordinates of the map, in metres.
+    """The requested part of a map: ``size_m`` of ground around an origin, which is ``origin_m`` (east, north) of ground
+    from the middle of the map (``centre``), or else at these coordinates of the map, in metres.
 
     ``body_radius_m`` is the radius of the site's body, for a file in degrees that states none; 0 if it is not known.
     With a ``point`` the origin is ``origin_m`` of ground from it.
@@ -303,8 +303,8 @@ def read_place(path: Path, site: Site) -> MapPlace | None:
 
 
 def find_why_unplaced(path: Path, body_radius_m: float) -> str:
-    """Why a file does not state the size of its pixels on the ground, as the end of a sentence, from its tags; empty if
-    it states it.
+    """The reason why a file does not state the ground size of its pixels, as the end of a sentence, from its tags;
+    empty if it states it.
 
     ``body_radius_m`` is for commands that convert a file in degrees. Raises IcyMoonError for a file that cannot be
     read.
@@ -384,7 +384,7 @@ class _Placed:
 
 
 def _warn_other_body(radius_m: float, body_radius_m: float) -> list[str]:
-    """A warning if a map is of a body of another size than the one whose horizon and sky a site gets."""
+    """A warning if the body of a map differs in size from the body whose horizon and sky the site gets."""
     if abs(radius_m / body_radius_m - 1) <= _SAME_BODY:
         return []
     return [
@@ -396,7 +396,7 @@ def _warn_other_body(radius_m: float, body_radius_m: float) -> list[str]:
 
 def _describe_place(map_of: _Map, place: MapPlace, body_radius_m: float) -> tuple[list[str], list[str]]:
     """Sentences for the report, and warnings, about a map's scale at a place and the direction of north there.
-    ``body_radius_m`` is the radius of the body of the settings, or 0 where it does not matter."""
+    ``body_radius_m`` is the radius of the body of the settings, or 0 for no check."""
     report: list[str] = []
     warnings: list[str] = []
     if map_of.system is not None and place.scale != (1.0, 1.0):
@@ -508,7 +508,7 @@ def _refuse_unknown_projection(map_of: _Map) -> None:
 
 
 def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
-    """A place of a map with its scale. The scale is 1 if that is right to a thousandth, or if it is unknown."""
+    """A place of a map with its scale. The scale is 1 if 1 is accurate to a thousandth, or if it is unknown."""
     system, keys = map_of.system, map_of.keys
     vertical = keys.get(4096, 0)
     place = MapPlace(
@@ -546,7 +546,7 @@ def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
 
 
 def _cut_command(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
-    """The command that makes the wanted part of a map around a place, true to scale."""
+    """The command that cuts the requested part of a map around a place, true to scale."""
     half = (map_of.size_m / 2) * _CUT_MARGIN
     return gdal_lines.warp_command(
         map_of.name,
@@ -558,7 +558,7 @@ def _cut_command(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
 
 
 def _flat_system_option(keys: Mapping[int, Any]) -> str:
-    """The option that states the map system of a file without its vertical one."""
+    """The option that states the horizontal map system of a file without its vertical one."""
     text = make_crs_text(keys, 1.0)
     return f'-a_srs "{text}"' if text else ""
 
@@ -586,7 +586,7 @@ def clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | 
 def apply_mask(
     grid: Array, foreign: ForeignBytes, images: list[Directory], window: tuple[range, range] | None
 ) -> list[str]:
-    """Set the heights that the file's mask calls unknown to NaN; returns warnings about its other images."""
+    """Set the heights that the file's mask marks as unknown to NaN; returns warnings about its other images."""
     others = [image for image in images[1:] if not image.is_reduced]
     masks = [image for image in others if image.is_mask and image.shape == images[0].shape]
     for image in masks[:1]:
@@ -619,8 +619,8 @@ def warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
 
 
 def scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[str, ...], bool]:
-    """Turn the values into metres in place, by the scale, offset and unit that the file states; a report of it, and
-    whether it states a unit.
+    """Convert the values to metres in place, by the scale, offset and unit that the file states; a report of it, and
+    whether the file states a unit.
 
     Raises UnreadError if they are contradictory or of an unknown kind.
     """
@@ -660,7 +660,7 @@ def _scale_options(scale: float, offset: float) -> str:
 
 
 def read_metadata(image: Directory) -> dict[str, str]:
-    """What GDAL_METADATA states about the first band, by role: 'scale', 'offset', 'unittype'."""
+    """The entries of GDAL_METADATA about the first band, by role: 'scale', 'offset', 'unittype'."""
     text = _decode_text(image.tags.get(42112))
     if "<!" in text:  # entities, which no writer of metadata needs
         raise UnreadError(
@@ -682,7 +682,7 @@ def read_metadata(image: Directory) -> dict[str, str]:
 
 
 def read_scaling(image: Directory, items: Mapping[str, str]) -> tuple[float, float]:
-    """Scale and offset of the values, by the file's metadata. Raises UnreadError if they are no numbers, or 0."""
+    """Scale and offset of the values, by the file's metadata. Raises UnreadError if they are not numbers, or 0."""
     scale, offset = (
         _parse_finite(items.get(role, otherwise), role, image.name)
         for role, otherwise in (("scale", "1"), ("offset", "0"))
@@ -750,7 +750,7 @@ def _find_height_unit(
 
 
 def _refuse_two_units(stated: Mapping[str, float], file: str) -> None:
-    """Raise UnreadError where the names of units, with their metres, are of different sizes."""
+    """Raise UnreadError if the named units differ in size, by their metres."""
     if len({round(value, 9) for value in stated.values()}) > 1:
         second = list(stated.values())[-1]
         same = next((name for name, metres in _METRES_PER_NAMED_UNIT.items() if math.isclose(metres, second)), "")
@@ -766,7 +766,8 @@ def _refuse_two_units(stated: Mapping[str, float], file: str) -> None:
 
 
 def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
-    """Metres per unit of the file's coordinates, and the assumption behind it; or None and why it is unknown."""
+    """Metres per unit of the file's coordinates, and the assumption behind it; or None and the reason why it is
+    unknown."""
     model, system, code = keys.get(1024, 0), keys.get(3072), keys.get(3076)
     if model == _GEOGRAPHIC:
         radius = geographic_radius_m(keys)

@@ -1,4 +1,5 @@
-"""An image of the ground that is placed by its own coordinate system: a GeoTIFF of one band, such as an ortho-albedo.
+"""An image of the ground that is georeferenced by its own coordinate system: a GeoTIFF of one band, such as an
+ortho-albedo.
 
 In the coordinate system of the ground its pixels stay as they are. From another projection of the same body they are
 interpolated, bilinearly, on cells as wide as they are.
@@ -31,7 +32,7 @@ _Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class MapImage:
-    """Values (rows, columns) float64 over the ground, row 0 northernmost; those that the image lacks are their mean.
+    """Values (rows, columns) float64 over the ground, row 0 northernmost; missing values are replaced by the mean.
 
     ``west_m`` and ``south_m`` are the outer edges in the frame of the site, ``pixel_m`` the size of a pixel (east,
     north). ``mean`` is over the square of the ground where the image has values, and ``covered`` the share of it.
@@ -47,8 +48,8 @@ class MapImage:
 
 
 def read_map_image(path: Path, frame: MapFrame, size_m: float, seen_m: float = 0.0) -> MapImage:
-    """The image of a file over the square of ``size_m`` around the origin of a site, and beyond it over one of
-    ``seen_m``, or as much of that as has ``_MOST_SEEN`` pixels a side; then its outermost pixels are the mean.
+    """The image of a file over the square of ``size_m`` around the origin of a site, and beyond it over a square of
+    ``seen_m``, limited to ``_MOST_SEEN`` pixels a side; then its outermost pixels are the mean.
 
     Raises IcyMoonError for a file without a place, of another body or in a projection that is not known here, and for
     one that does not reach the ground.
@@ -73,7 +74,7 @@ def _find_pixel(placed: PlacedImage, frame: MapFrame) -> tuple[float, float]:
 
 
 def _frame_by_mean(made: MapImage) -> MapImage:
-    """An image whose outermost pixels, which go on beyond it, are its mean."""
+    """An image whose outermost pixels, which are repeated beyond it, are its mean."""
     values = np.pad(made.values[1:-1, 1:-1], 1, constant_values=made.mean)
     return replace(made, values=values)
 

@@ -25,8 +25,8 @@ _ROUNDED = 1e-8
 
 @dataclass(frozen=True)
 class MapPoint:
-    """A place on a map: planetocentric longitude and latitude in degrees (``degrees``), or its easting and northing in
-    the unit of the file."""
+    """A place on a map: planetocentric longitude and latitude in degrees (``degrees``), or easting and northing in the
+    unit of the file."""
 
     x: float
     y: float
@@ -44,7 +44,7 @@ class MapExtent:
     unit_m: float
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether a place is on the map, but for rounding."""
+        """Whether a place is on the map, within rounding."""
         slack = _ROUNDED * (self.east - self.west + self.north - self.south)
         west, east, south, north = self.west - slack, self.east + slack, self.south - slack, self.north + slack
         return west <= x <= east and south <= y <= north
@@ -101,7 +101,8 @@ def _first_meridian_deg(keys: Mapping[int, Any]) -> float:
 
 
 def _list_places(system: MapSystem, longitude_deg: float, latitude_deg: float) -> list[tuple[float, float]]:
-    """The places of a longitude and latitude, first that nearest to the map's middle, then a turn to either side."""
+    """The places of a longitude and latitude: first the one nearest to the map's middle, then one turn to either
+    side."""
     found = []
     for turns in (0, -1, 1):
         try:
@@ -121,7 +122,7 @@ def _describe_middle(system: MapSystem, extent: MapExtent) -> str:
 
 
 def _find_map_latitude(point: MapPoint, keys: Mapping[int, Any], unit_m: float, name: str) -> float:
-    """The latitude of a point as its map counts it: planetographic on an ellipsoid.
+    """The latitude of a point in the map's convention: planetographic on an ellipsoid.
 
     Raises UnreadError for a projection of an ellipsoid, whose places are known here to its flattening only.
     """

@@ -285,12 +285,12 @@ KNOWN_SYSTEMS = {
 
 
 def states_degrees(keys: Mapping[int, Any]) -> bool:
-    """Whether the coordinates that GeoKeys describe are longitudes and latitudes."""
+    """Whether the coordinates that GeoKeys describe are longitudes and latitudes, in degrees."""
     return bool(keys.get(_MODEL_KEY) == _GEOGRAPHIC)
 
 
 def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
-    """The projection that GeoKeys state; None for one that is not known here. ``unit_m`` is the unit of lengths."""
+    """The projection that GeoKeys state; None for an unsupported one. ``unit_m`` is the unit of lengths."""
     if states_degrees(keys):
         radius = geographic_radius_m(keys)
         return None if radius is None else MapSystem("Equidistant cylindrical", "longitude and latitude", radius)

@@ -72,7 +72,7 @@ def find_body_radius_m(settings: Settings, frame: MapFrame | None) -> float:
 
 
 def check_reach(settings: Settings, frame: MapFrame | None, name: str) -> list[str]:
-    """Warnings of ground so far from the site that its map displaces it; ``name`` is the file's.
+    """Warnings about ground so far from the site that the map's projection displaces it; ``name`` is the file's.
 
     Raises IcyMoonError for ground beyond the visible side of the body, and for a map that ends before it.
     """
@@ -107,8 +107,8 @@ def _state_target(target: str) -> str:
 
 
 def measure_displacement(frame: MapFrame, system: MapSystem, distance_m: float) -> float:
-    """The largest distance of ground from its place on the tangent plane of the site, seen from above, over its
-    distance; infinite where the map does not reach."""
+    """The largest horizontal displacement of ground from its place on the tangent plane of the site, over its distance;
+    infinite outside the map."""
     longitude, latitude = system.to_sphere(*frame.origin)
     seen = replace(MapSystem("Orthographic", "", system.radius_m), longitude_deg=longitude, latitude_deg=latitude)
 

@@ -1,4 +1,4 @@
-"""PLY files: numbers of vertices and faces as they stand in a file, and triangles written to one.
+"""PLY files: counts of vertices and faces in a file, and triangles written to one.
 
 Blender's PLY importer reads malformed numbers as zeros (measured in 4.2, 5.0 and 5.2), doubles in single precision, and
 texture coordinates only if they are called s and t; reconstructions have all of these.
@@ -113,7 +113,7 @@ class _Header:
 
 
 def _parse_header(foreign: ForeignBytes) -> _Header:
-    """The header. Raises ValueError, with the line, for one that states what cannot be."""
+    """The header. Raises ValueError, with the line, for an impossible header."""
     head = foreign.part(0, min(foreign.size, _MOST_HEADER_BYTES))
     elements: list[tuple[str, int, list[_Property]]] = []
     comments: list[bytes] = []
@@ -164,7 +164,7 @@ def _parse_property(words: list[str], number: int) -> _Property:
 
 
 def count_triangles(path: Path) -> int | None:
-    """The number of faces that the header of a file states, None if it states none. Raises IcyMoonError."""
+    """The number of faces in the header of a file, None without one. Raises IcyMoonError."""
     header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH_BYTES)
     return next((element.count for element in header.elements if element.name == "face"), None)
 
@@ -213,7 +213,7 @@ def _check_range(name: str, values: Array, lowest: int, vertices: int, row: int)
 
 
 def _find_lowest(element: _Element, name: str) -> int | None:
-    """The lowest vertex number that a property may have; None for a property of other numbers."""
+    """The smallest vertex index that a property may have; None for a property with other numbers."""
     if (element.name, name) in _VERTEX_INDEX_PROPERTIES:
         return 0
     return -1 if element.name == "tristrips" and name in _FACE_LIST_NAMES else None  # -1 begins another strip
@@ -249,7 +249,7 @@ def _check_lists(foreign: ForeignBytes, at: int, element: _Element, order: str, 
 
 
 def _type_of_first_row(foreign: ForeignBytes, at: int, element: _Element, order: str) -> np.dtype[np.void]:
-    """The type of an element's rows if all lists are as long as in the row at byte ``at``."""
+    """The type of an element's rows if all lists have the lengths of the row at byte ``at``."""
     fields: list[tuple[str, str, tuple[int, ...]]] = []
     for each in element.properties:
         length = 1
@@ -385,7 +385,7 @@ def _check_words(lines: Iterator[tuple[int, bytes]], header: _Header, element: _
 
 
 def _split_lists(element: _Element, lowest: list[int | None], words: list[bytes]) -> list[tuple[int, list[int]]]:
-    """The vertex numbers in the words of a row, each list with the lowest allowed number."""
+    """The vertex indices in the words of a row, each list with the smallest allowed index."""
     found, at = [], 0
     for each, least in zip(element.properties, lowest, strict=True):
         length = 1
@@ -544,7 +544,8 @@ def write_triangles(
 
 
 def read_triangles(path: Path) -> tuple[Array, Array]:
-    """Positions (n, 3) and triangles (m, 3) of a file of ``write_triangles``. Raises IcyMoonError for another."""
+    """Positions (n, 3) and triangles (m, 3) of a file of ``write_triangles``. Raises IcyMoonError for any other
+    file."""
     return read(path, _parse_triangles, "a PLY file of ours", "make it again")
 
 

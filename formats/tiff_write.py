@@ -45,8 +45,8 @@ class Place:
 
 @dataclass(frozen=True)
 class MapPlace:
-    """Where a north-up image lies on a map: the size of a pixel and the outer corner of the north-west one, in the unit
-    of the coordinate system that the GeoKeys state.
+    """The position of a north-up image on a map: the size of a pixel and the outer corner of the north-west one, in the
+    unit of the coordinate system that the GeoKeys state.
 
     ``unit`` names the unit of the values for GDAL, ``missing`` is the value of pixels without one, and ``notes`` are
     texts by name that GDAL shows as metadata.

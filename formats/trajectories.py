@@ -60,7 +60,7 @@ class Trajectory:
 
 
 def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camera: Array | None = None) -> Trajectory:
-    """Read the poses of a file.
+    """The text ``x y z qx qy qz qw`` of a pose (4, 4), with all digits.
 
     ``kind`` is one of ``TRAJECTORY_KINDS``; without it the suffix .csv and the count of numbers in the first line
     decide. ``times`` is a file of stamps, one a line, in place of the file's own. ``camera`` (3, 3) has the camera's

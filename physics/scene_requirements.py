@@ -56,9 +56,9 @@ def simplify_surface(settings: Settings, topic: str) -> SurfaceSettings:
 
 
 def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings) -> bool:
-    """Whether a surface reflects light onto other ground as if it were smooth, see ``quality.fine_relief``. ``surface``
-    is from ``simplify_surface``. A surface with subsurface scattering always keeps its relief, because camera rays also
-    see light that leaves it after a random walk."""
+    """Whether indirect light sees a surface as smooth, see ``quality.fine_relief``. ``surface`` is from
+    ``simplify_surface``. A surface with subsurface scattering always keeps its relief, because camera rays also see
+    light that leaves it after a random walk."""
     law = surface.model
     return quality.fine_relief == "CAMERA" and (
         law == "LAMBERT" or (law == "PRINCIPLED" and surface.subsurface_weight == 0)
@@ -96,7 +96,8 @@ def why_not_baked(settings: Settings) -> str:
 
 
 def traced_sentence(why: str) -> str:
-    """The sentence for the user that light is traced although the settings ask for baked light; ``why`` is a clause."""
+    """The sentence for the user that light is ray traced although the settings ask for baked light; ``why`` is a
+    clause."""
     return f"light: indirect light is traced although quality.indirect is BAKED, because {why}."
 
 

@@ -151,7 +151,7 @@ def _find_newer(
 
 
 def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Value:
-    """The value of a setting (``topic.key``) as it counts in a pair's id."""
+    """The value of a setting (``topic.key``) in the hash of a pair's id."""
     topic, _, key = find_present_name(name).partition(".")
     value = settings[topic][key]
     if (

@@ -83,8 +83,8 @@ def do_files_exist(settings: Settings, blend_folder: str | None = None) -> bool:
 
 
 def _list_parts(settings: Settings, name: str, path: Path) -> list[Path]:
-    """The files whose content counts: for a mesh also its buffers and, if shown, its images; for a head the
-    calibrations that it names; all files of a folder."""
+    """The files whose content counts: for a mesh also its buffers and its shown images; for a head the calibrations
+    that it names; all files of a folder."""
     if name == "source.file":
         shown = mesh_images.find_images(path).files() if settings.textures.set == "MESH" else []
         return [*mesh_file.find_geometry_files(path), *shown]

@@ -42,7 +42,7 @@ def _camera(model: Cahvor, name: str) -> CalibratedCamera:
 
 
 def why_not_cahv(camera: CalibratedCamera) -> str:
-    """A phrase on what CAHVORE lacks for a camera; empty if it can store the camera."""
+    """A phrase on why CAHVORE cannot store a camera; empty if it can."""
     return skew_of(camera) if as_cahvore(camera) else f"no lens equal to {camera.lens.name}"
 
 
@@ -56,8 +56,8 @@ def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
 
 
 def nearest_model(camera: CalibratedCamera) -> Cahvor:
-    """The model that is equal to a camera, or fitted to its lens of Brown and Conrady. Raises IcyMoonError if there is
-    none, or if the fit is off by more than ``FIT_LIMIT_PX``."""
+    """The model that is equal to a camera, or fitted to its lens of Brown and Conrady. Raises IcyMoonError without such
+    a model, or if the fit is off by more than ``FIT_LIMIT_PX``."""
     lens = camera.lens
     if isinstance(lens, Brown) and as_cahvore(camera) is None and len(lens.shortened()) <= 5 and not camera.skew_px:
         return model_from_pinhole(
@@ -69,7 +69,7 @@ def nearest_model(camera: CalibratedCamera) -> Cahvor:
 
 
 def model_of(camera: CalibratedCamera) -> Cahvor:
-    """The model of a camera whose lens CAHVORE has, see ``why_not_cahv``."""
+    """The CAHV, CAHVOR or CAHVORE model of a camera with such a lens, see ``why_not_cahv``."""
     camera = as_cahvore(camera) or camera
     right, down, a = camera.rotation
     h, v = camera.fx_px * right + camera.cx_px * a, camera.fy_px * down + camera.cy_px * a

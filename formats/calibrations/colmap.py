@@ -137,7 +137,7 @@ def _images_of_bytes(foreign: ForeignBytes) -> list[_Image]:
 
 
 def why_not_colmap(camera: CalibratedCamera) -> str:
-    """A phrase on what COLMAP lacks for a camera; empty if it can store the camera."""
+    """A phrase on why COLMAP cannot store a camera; empty if it can."""
     return why_no_opencv_lens(camera, 8)
 
 

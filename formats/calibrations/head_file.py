@@ -62,7 +62,7 @@ _AHEAD = {"RIG": ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))} | dict.fromkeys(
 
 @dataclass(frozen=True)
 class Head:
-    """The cameras of a file, and all files that they are in: itself, and the calibrations that it names."""
+    """The cameras of a file, and the files that they come from: itself, and the calibrations that it names."""
 
     cameras: tuple[HeadCamera, ...]
     files: tuple[Path, ...]
@@ -80,7 +80,7 @@ def _name_keys(sentence: str) -> str:
 
 
 def list_head_files(path: Path) -> list[Path]:
-    """A file and the calibrations that it names; the file alone if it is no head, which ``read_head`` reports."""
+    """A file and the calibrations that it names; the file alone if it is not a head, which ``read_head`` reports."""
     try:
         return list(read_head(path).files)
     except IcyMoonError:
@@ -169,7 +169,7 @@ class _Entry:
         return made
 
     def calibrated(self) -> Projection:
-        """The camera of a file of a calibration, in the axes of the first one of that file."""
+        """The camera of a calibration file, in the axes of the first camera of that file."""
         file = self._place.file.parent / parse_path(self._text("calibration"), str(self._place.at("calibration")))
         self.files.append(file)
         sizes = (self._size(),) if self._table.keys() & {*_SIZE} else ()
@@ -209,7 +209,7 @@ class _Entry:
         return self._turn(frame), position
 
     def _turn(self, frame: str) -> Array:
-        """The rotation by ``forward`` and ``up``."""
+        """The rotation that ``forward`` and ``up`` state."""
         default = _AHEAD[frame]
         forward, up = (self._vector(key, 3, each) for key, each in zip(("forward", "up"), default, strict=True))
         right = np.cross(forward, up)

@@ -86,7 +86,7 @@ def _lens(entry: dict[str, Any], name: str) -> LensModel:
 
 
 def why_not_kalibr(camera: CalibratedCamera) -> str:
-    """A phrase on what Kalibr lacks for a camera; empty if it can store the camera."""
+    """A phrase on why Kalibr cannot store a camera; empty if it can."""
     return why_no_opencv_lens(camera, 4)
 
 

@@ -95,7 +95,7 @@ def _axis(alpha: float, beta: float) -> tuple[float, ...]:
 
 
 def why_not_mrcal(camera: CalibratedCamera) -> str:
-    """A phrase on what mrcal lacks for a camera; empty if it can store the camera."""
+    """A phrase on why mrcal cannot store a camera; empty if it can."""
     return skew_of(camera) if as_brown(camera) or as_cahvore(camera) else f"no lens like {camera.lens.name}"
 
 

@@ -217,7 +217,7 @@ def _size(found: Mapping[str, Any], side: int | None, stated: Stated) -> tuple[i
 
 
 def why_not_opencv(camera: CalibratedCamera) -> str:
-    """A phrase on what OpenCV lacks for a camera; empty if it can store the camera. OpenCV's fisheye has skew."""
+    """A phrase on why OpenCV cannot store a camera; empty if it can. OpenCV's fisheye has skew."""
     lacks = why_no_opencv_lens(camera, 12)
     return "" if isinstance(camera.lens, Fisheye) else lacks
 

@@ -30,8 +30,8 @@ _MOST_ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Stated:
-    """Options of the user for facts that a file may leave open: the ``unit`` of lengths, the ``sizes`` of the images of
-    each camera (or one for all), and the ``lens``, brown or fisheye."""
+    """Options of the user for facts that a file may omit: the ``unit`` of lengths, the ``sizes`` of the images of each
+    camera (or one for all), and the ``lens``, brown or fisheye."""
 
     unit: str | None = None
     sizes: tuple[tuple[int, int], ...] = ()
@@ -110,7 +110,7 @@ def opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | Fis
 
 def why_no_opencv_lens(camera: CalibratedCamera, most: int) -> str:
     """A phrase on why a format without skew, with OpenCV's lenses, cannot store a camera; empty if it can. ``most`` is
-    the number of Brown and Conrady's coefficients in the format."""
+    the largest number of Brown and Conrady's coefficients in the format."""
     try:
         _, lens = opencv_lens(camera)
     except ValueError as error:
@@ -121,7 +121,7 @@ def why_no_opencv_lens(camera: CalibratedCamera, most: int) -> str:
 
 
 def skew_of(camera: CalibratedCamera) -> str:
-    """A phrase on why a format without skew cannot store a camera; empty if it can."""
+    """A phrase on the skew that a format without skew cannot store; empty for a camera without skew."""
     return f"no skew, which is {camera.skew_px:g} px" if camera.skew_px else ""
 
 

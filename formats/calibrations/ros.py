@@ -97,7 +97,7 @@ def _stated(lens: LensModel) -> tuple[str, tuple[float, ...]]:
 
 
 def why_not_ros(camera: CalibratedCamera) -> str:
-    """A phrase on what ROS lacks for a camera; empty if it can store the camera."""
+    """A phrase on why ROS cannot store a camera; empty if it can."""
     return why_no_opencv_lens(camera, 12)
 
 

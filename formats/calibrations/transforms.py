@@ -73,7 +73,7 @@ def _camera(frame: dict[str, Any], unit_m: float) -> CalibratedCamera:
 
 
 def why_not_transforms(camera: CalibratedCamera) -> str:
-    """A phrase on what a transforms.json lacks for a camera; empty if it can store the camera."""
+    """A phrase on why a transforms.json cannot store a camera; empty if it can."""
     return why_no_opencv_lens(camera, 5)
 
 

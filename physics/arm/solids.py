@@ -32,7 +32,7 @@ def transform_solid(solid: Solid, at: Array) -> Solid:
 
 
 def join_solids(solids: Sequence[Solid]) -> Solid:
-    """One solid that contains all of several."""
+    """One solid with the triangles of several solids."""
     starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
     return Solid(
         np.concatenate([solid.vertices for solid in solids]),

@@ -217,7 +217,7 @@ class _Reader:
         return low, high
 
     def _read_mimic(self, name: str, item: ElementTree.Element) -> tuple[str, float, float] | None:
-        """Name, factor and offset of the joint that this one follows; None for a joint of its own motion."""
+        """Name, factor and offset of the joint that this one mimics; None for an independent joint."""
         mimic = item.find("mimic")
         if mimic is None:
             return None
@@ -228,7 +228,7 @@ class _Reader:
         return mimic.get("joint", ""), factor, offset
 
     def _check_mimics(self, joints: Iterable[UrdfJoint]) -> None:
-        """Fail for a joint that follows a joint that itself follows another."""
+        """Fail for a joint that mimics a joint that itself mimics another."""
         leaders = {joint.name for joint in joints if joint.mimic is None and joint.kind not in FIXED}
         for joint in joints:
             if joint.mimic is not None and joint.mimic[0] not in leaders:

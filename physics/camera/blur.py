@@ -1,4 +1,4 @@
-"""Blur that is in the rendered light itself: depth of field, and motion of the rig during the exposure and the readout.
+"""Blur in the rendered light: depth of field, and motion of the rig during the exposure and the readout.
 
 Both depend on settings of the camera response (aperture, exposure time). Other changes of these settings need no new
 render. A pair therefore stores the response that it was rendered for; developing it with another one gives a warning.
@@ -233,7 +233,7 @@ class SteadyMotion(Protocol):
 
 
 def find_pose_after(motion: SteadyMotion, seconds: float) -> Array:
-    """Pose (4, 4) of the left eye some ``seconds`` after the middle of the exposure, in its axes of that middle (x
+    """Pose (4, 4) of the left eye ``seconds`` after the middle of the exposure, in its own axes at that middle (x
     right, y down, z forward).
     """
     pose = np.eye(4)

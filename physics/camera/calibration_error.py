@@ -69,7 +69,7 @@ def _make_true_eye(camera: StereoCamera, rig: RigSettings, eye: str) -> Calibrat
 
 
 def _bend_otherwise(lens: LensModel, error: float) -> LensModel:
-    """A lens whose coefficient of r² (k1, or R1 of CAHVORE) is larger by ``error``."""
+    """The lens with its coefficient of r² (k1, or R1 of CAHVORE) increased by ``error``."""
     if isinstance(lens, Cahvore):
         r0, r1, r2 = lens.radial
         return replace(lens, radial=(r0, r1 + error, r2))

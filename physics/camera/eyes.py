@@ -55,19 +55,19 @@ def is_calibrated(rig: RigSettings) -> bool:
 
 
 def camera_of(settings: Settings) -> StereoCamera:
-    """The rig with its calibrated eyes, if it has such. Raises ValueError for numbers that no lens has."""
+    """The rig, with calibrated eyes if the settings have them. Raises ValueError for impossible lens parameters."""
     return with_eyes(StereoCamera.from_settings(settings.rig), settings)
 
 
 def with_eyes(camera: StereoCamera, settings: Settings) -> StereoCamera:
-    """A rig with the calibrated eyes of settings, if they have such, and the panorama that those need. Raises
-    ValueError for numbers that no lens has."""
+    """A rig with the calibrated eyes of settings, if they have them, and the panorama that these eyes need. Raises
+    ValueError for impossible lens parameters."""
     found = replace(camera, eyes=eyes_of(settings))
     return replace(found, panorama=_find_panorama(found)) if found.eyes else found
 
 
 def find_light_px(settings: Settings) -> tuple[int, int]:
-    """Columns and rows of the images of the light of a rig; of the parallel rig where its eyes are no cameras."""
+    """Columns and rows of the rendered light of a rig; of the parallel rig if the calibrated eyes are invalid."""
     try:
         return camera_of(settings).light_px
     except ValueError:
@@ -76,7 +76,7 @@ def find_light_px(settings: Settings) -> tuple[int, int]:
 
 def eyes_of(settings: Settings) -> tuple[CalibratedCamera, CalibratedCamera] | None:
     """The calibrated eyes, left first, in the axes of the left eye of the parallel rig; None for a rig of two equal
-    eyes. Raises ValueError for values that no lens can have.
+    eyes. Raises ValueError for impossible lens parameters.
     """
     if not is_calibrated(settings.rig):
         return None
@@ -173,8 +173,8 @@ def eyes_json(camera: StereoCamera, rig: RigSettings) -> dict[str, Any]:
 
 
 def rays_in_rig(eye: CalibratedCamera, pixels: Array) -> Array:
-    """Directions (..., 3) of length 1 that pixels (..., 2) of an eye see, in the axes of the parallel rig; NaN where
-    they see nothing."""
+    """Unit directions (..., 3) of the pixels (..., 2) of an eye, in the axes of the parallel rig; NaN outside its field
+    of view."""
     return np.asarray(eye.unproject(pixels) @ eye.rotation)
 
 
@@ -191,7 +191,7 @@ def _grid_pixels(eye: CalibratedCamera) -> Array:
 
 
 def dark_shares(camera: StereoCamera) -> tuple[float, float]:
-    """The share of the pixels of each calibrated eye that the images of the light do not show, from a grid."""
+    """The share of the pixels of each calibrated eye outside the images of the light, sampled on a grid."""
     left, right = (_dark_share(eye, camera) for eye in camera.eyes or ())
     return left, right
 
@@ -204,7 +204,7 @@ def _dark_share(eye: CalibratedCamera, camera: StereoCamera) -> float:
 
 def in_light(rays: Array, camera: StereoCamera) -> Array:
     """Columns and rows (..., 2) of rays (..., 3) of any length in the images of the light, counted from the centre of
-    the first pixel; NaN where the images do not show a ray.
+    the first pixel; NaN for rays outside the images.
     """
     if camera.panorama is not None:
         return camera.panorama.show(rays)
@@ -217,8 +217,8 @@ def in_light(rays: Array, camera: StereoCamera) -> Array:
 
 @lru_cache(maxsize=16)
 def _find_panorama(camera: StereoCamera) -> Panorama | None:
-    """The panorama of calibrated eyes that need one; None if a pinhole of bearable size shows all that they see, or the
-    overscan that is set."""
+    """The panorama of calibrated eyes that need one; None if the stated overscan, or a pinhole of acceptable size,
+    covers their field of view."""
     set_px = np.array([camera.margin_x_px, camera.margin_y_px])
     shown = max(MOST_OVERSCAN, float((set_px / [camera.width_px, camera.height_px]).min()))
     if overscan_for(camera) <= shown:
@@ -228,7 +228,7 @@ def _find_panorama(camera: StereoCamera) -> Panorama | None:
 
 
 def _px_per_rad(eye: CalibratedCamera) -> float:
-    """Pixels per radian of an eye: those along its axis, or the median over its image if there are more."""
+    """Pixels per radian of an eye: on its axis, or the median over its image, whichever is larger."""
     pixels = _grid_pixels(eye)
     beside = np.stack([pixels + np.array(step) / 2 for step in ((-1, 0), (1, 0), (0, -1), (0, 1))])
     rays = eye.unproject(beside)
@@ -252,8 +252,8 @@ def _find_widest_rad(eye: CalibratedCamera) -> float:
 
 
 def overscan_for(camera: StereoCamera) -> float:
-    """The least ``rig.overscan`` with which the rendered images show all that the calibrated eyes see; infinite if no
-    pinhole shows it."""
+    """The least ``rig.overscan`` with which the rendered images cover the field of view of the calibrated eyes;
+    infinite if no pinhole covers it."""
     plain, size = camera.rectified, np.array([camera.width_px, camera.height_px])  # a pinhole without overscan
     needed = 0.0
     for eye in camera.eyes or ():
@@ -268,7 +268,7 @@ def overscan_for(camera: StereoCamera) -> float:
 
 
 def reasons_of_calibrated_eyes(settings: Settings) -> Iterator[tuple[str, str]]:
-    """Why calibrated eyes are not rendered: sentences, each with the setting at fault."""
+    """The reasons why calibrated eyes cannot be rendered: sentences, each with the setting at fault."""
     if not is_calibrated(settings.rig):
         return
     for topic in EYE_TOPICS:
@@ -302,7 +302,7 @@ def reasons_of_calibrated_eyes(settings: Settings) -> Iterator[tuple[str, str]]:
 
 
 def calibrated_advice(settings: Settings) -> Iterator[str]:
-    """Sentences on how calibrated eyes are rendered if not by a pinhole, and on pixels of theirs that stay dark."""
+    """Sentences on how calibrated eyes are rendered if not by a pinhole, and on their pixels that stay dark."""
     if not is_calibrated(settings.rig):
         return
     camera = camera_of(settings)

@@ -67,8 +67,7 @@ def find_greatest_disparity_px(settings: Settings, focal_px: float) -> float | N
 
 
 def name_ground(settings: Settings) -> str:
-    """A text that is equal for settings with the same ground and rocks. Ground is made again only
-    if its name changes."""
+    """A cache key of the ground: equal texts for settings with the same ground and rocks."""
     made_of = {topic: values for topic, values in settings.items() if topic not in _TOPICS_NOT_OF_GROUND}
     # Which rocks are drawn beyond the patch depends on the rig.
     beyond = make_view_beyond(settings)

@@ -25,7 +25,7 @@ def rig_of(settings: Settings) -> CalibratedRig:
 
 
 def _make_alike(pair: StereoCamera, rig: RigSettings, eye: str) -> CalibratedCamera:
-    """An eye of a pair whose eyes are one camera, in the axes of the left eye of the parallel rig."""
+    """An eye of a pair with two identical eyes, in the axes of the left eye of the parallel rig."""
     focal, rotation = pair.focal_px, pair.eye_rotation(eye)
     return CalibratedCamera(
         pair.width_px,

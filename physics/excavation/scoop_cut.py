@@ -59,7 +59,7 @@ class Pull:
         return min(x), min(y), max(x), max(y)
 
     def depth_at(self, x_m: Array, y_m: Array) -> Array:
-        """Depth in metres of the blade's edge at points on its way; -inf at other points."""
+        """Depth in metres of the blade's edge at points on its path; -inf at other points."""
         along, right = self.place(x_m, y_m)
         over = (np.abs(right) <= self.width_m / 2) & (along >= self.along_m[0]) & (along <= self.along_m[-1])
         if self.from_deg is not None:  # the sector outside a bend, which two pulls leave out
@@ -69,7 +69,8 @@ class Pull:
         return np.where(over, np.interp(along, self.along_m, self.depth_m), -np.inf)
 
     def beside(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
-        """Distance in metres of points from the blade's way, 0 on it, and the depth at the nearest point of the way."""
+        """Distance in metres of points from the blade's path (0 on it), and the depth at the nearest point of the
+        path."""
         along, right = self.place(x_m, y_m)
         nearest = np.clip(along, self.along_m[0], self.along_m[-1])
         out = np.hypot(along - nearest, np.maximum(np.abs(right) - self.width_m / 2, 0.0))

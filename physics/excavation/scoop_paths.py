@@ -75,7 +75,7 @@ def _read_recorded_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
 
 
 def make_pull_between(a: Array, b: Array, width_m: float) -> Pull | None:
-    """The straight pull between two places (east, north, depth); None if they are above each other."""
+    """The straight pull between two positions (east, north, depth); None for a vertical move."""
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     if length == 0.0:
         return None
@@ -84,7 +84,7 @@ def make_pull_between(a: Array, b: Array, width_m: float) -> Pull | None:
 
 
 def make_pulls_through(points: Iterable[Array], width_m: float) -> list[Pull]:
-    """Straight pulls through places (east, north, depth) in metres; places that coincide make no pull."""
+    """Straight pulls through positions (east, north, depth) in metres; coinciding positions make no pull."""
     pulls: list[Pull] = []
     for a, b in itertools.pairwise(points):
         if (pull := make_pull_between(a, b, width_m)) is not None:

@@ -80,7 +80,7 @@ def _read_kernel(path: Path, _size: int, _modified_ns: int) -> tuple[str, ...] |
 
 
 def _parse_kernel(foreign: ForeignBytes) -> tuple[str, ...] | None:
-    """The names that a meta-kernel lists, an empty tuple for another kernel; None for a file that is no kernel."""
+    """The names that a meta-kernel lists, an empty tuple for another kernel; None for a file that is not a kernel."""
     head = foreign.part(0, min(foreign.size, _RECORD_BYTES))
     if head.startswith(_BINARY_MARKS):
         _check_binary(foreign, head)

@@ -34,7 +34,7 @@ _LEAST_DOUBLE_AREA = 0.05
 
 @dataclass(frozen=True)
 class CutMesh:
-    """Places (n, 2) and triangles (m, 3) of a mesh, and whether a place is on a line (n,)."""
+    """Positions (n, 2) and triangles (m, 3) of a mesh, and whether a position is on a line (n,)."""
 
     places: Array
     faces: Array

@@ -72,7 +72,7 @@ def carried_share(surface: SurfaceSettings, spacing_m: float) -> float:
 
 
 def still_spacing_m(surface: SurfaceSettings) -> float:
-    """Spacing of vertices in metres from which on fine relief leaves them unmoved; infinite if it may move all."""
+    """Vertex spacing in metres from which fine relief leaves vertices unmoved; infinite if it may move all vertices."""
     return float(surface.grain_size_m) if surface.relief == "REAL" else math.inf
 
 

@@ -1,4 +1,4 @@
-"""Forms of the lines of a text with many numbers, for fast checks of large mesh files.
+"""Checks large mesh files fast, by the few patterns that their many lines of numbers have.
 
 A form is a line with each run of digits replaced by one 0. Whether the words of a line are numbers depends neither on
 the digits nor on their count. A large mesh has few forms, so the forms are checked instead of millions of lines. A text
@@ -93,8 +93,8 @@ def _has_long_exponent(values: Array, is_digit: Array) -> bool:
 
 
 class LineForms:
-    """Forms of lines that ``check`` has passed. ``check`` gets a line, and raises ValueError or UnusualTextError for a
-    wrong one."""
+    """Patterns of lines that ``check`` has passed. ``check`` gets a line, and raises ValueError or UnusualTextError for
+    a wrong one."""
 
     def __init__(self, check: Callable[[bytes], object]) -> None:
         self._check, self._known = check, set[bytes]()

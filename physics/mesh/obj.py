@@ -53,7 +53,7 @@ def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
 
 
 def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
-    """The coordinates of a statement ``v x y z`` in line ``number``. Raises ValueError if they are no numbers."""
+    """The coordinates of a statement ``v x y z`` in line ``number``. Raises ValueError if they are not numbers."""
     try:
         x, y, z = map(float, words[1:4])
         if math.inf in (abs(x), abs(y), abs(z)):
@@ -64,8 +64,8 @@ def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
 
 
 def check_statements(foreign: ForeignBytes) -> list[bytes]:
-    """Check that Blender's importer can read a file of any size right: it reads malformed coordinates as zeros and
-    leaves out faces. Returns the names of the file's material libraries.
+    """Check that Blender's importer reads a file of any size correctly: it turns malformed coordinates into zeros and
+    omits faces. Returns the names of the file's material libraries.
 
     Raises ValueError, with the line, if the file is malformed.
     """

@@ -1,4 +1,4 @@
-"""The fineness that a mesh of the ground needs, at every distance, for the cameras that look at it.
+"""The vertex spacing that a mesh of the ground needs, at every distance, for the cameras that look at it.
 
 The error of a mesh is the distance of the described ground from its triangles, along their normals, as seen from the
 nearer eye: in pixels, length over distance times focal length. A law of roughness would predict it for one kind of
@@ -92,7 +92,7 @@ def make_grading_view(rig: RigSettings) -> GradingView:
 
 @dataclass(frozen=True)
 class VertexSpacing:
-    """The spacing that was found. ``nearest_m`` (n,) are increasing distances to the eye, and ``spacing_m`` (n,) the
+    """Vertex spacing by distance. ``nearest_m`` (n,) are increasing distances to the eye, and ``spacing_m`` (n,) the
     vertex spacings there; between them the spacing is a power of the distance. ``error_px`` is the bound on its error,
     and ``wanted_vertices`` the number of vertices for the bound of the settings. ``relief`` is the cut for fine relief;
     spacings are before the cut."""
@@ -250,8 +250,8 @@ def _count_vertices(grading: VertexSpacing) -> float:
 
 
 def _probes_of(ground: Terrain, at: GradingView, ground_m: float, nearest_m: Array) -> list[_ErrorProbe]:
-    """A probe for each distance, which covers the distances half way to the next ones; the first also covers the ground
-    under the eyes."""
+    """A probe for each distance, for the range half way to its neighbours; the first also covers the ground under the
+    eyes."""
     probes = []
     for k, distance in enumerate(nearest_m):
         low, high = (

@@ -1,4 +1,4 @@
-"""Rocks from a table: places and diameters, such as those counted in an image."""
+"""Rocks from a table: positions and diameters, such as those counted in an image."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Asked:
-    """The settings of a scene, for a condition of a setting in ``topic``. ``root`` contains them by topic."""
+    """Gives a condition the settings of a scene, for a setting in ``topic``. ``root`` contains them by topic."""
 
     root: object
     topic: str
@@ -26,7 +26,7 @@ class Asked:
 
 
 class _Recording(Asked):
-    """Records which settings are asked for, as ``topic.key``."""
+    """Records the settings that a condition reads, as ``topic.key``."""
 
     def value(self, name: str) -> Any:
         self.names[name if "." in name else f"{self.topic}.{name}"] = None
@@ -34,7 +34,7 @@ class _Recording(Asked):
 
     @cached_property
     def names(self) -> dict[str, None]:
-        """The names in the order in which they were asked for."""
+        """The names in the order in which they were read."""
         return {}
 
 

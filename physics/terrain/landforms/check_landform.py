@@ -62,7 +62,7 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
 
 
 def _check_places(plugin: Plugin, run: Callable[..., Array], x: Array, y: Array, heights: Array) -> Iterator[Check]:
-    """Checks that the height of a place does not depend on the other places."""
+    """Checks that the height at a point does not depend on the other points."""
     yield check_fault(
         "the same points have the same heights again",
         lambda: _describe_difference(

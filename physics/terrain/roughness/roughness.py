@@ -123,7 +123,7 @@ def _fit_cached_amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensi
 
 
 def list_asked_statistics(terrain: TerrainSettings) -> dict[str, float | None]:
-    """The statistics that ``terrain`` settings ask of the random surface, with the keys of ``Roughness.numbers``.
+    """The statistics that ``terrain`` settings request of the random surface, with the keys of ``Roughness.numbers``.
 
     The RMS height is for endless ground with these octaves. Raises IcyMoonError where the cut-offs make no sense.
     """
@@ -137,7 +137,7 @@ def list_asked_statistics(terrain: TerrainSettings) -> dict[str, float | None]:
 
 
 def _asked_amplitudes(terrain: TerrainSettings, wavelength_m: Array) -> Array:
-    """Amplitudes of octaves whose deviation at the baseline is the one stated, also outside the cut-offs."""
+    """Amplitudes of octaves with the stated deviation at the baseline, also outside the cut-offs."""
     baseline = float(terrain.slope_baseline_m)
     at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
     unit = fit_amplitudes(wavelength_m, float(terrain.hurst))
