@@ -79,7 +79,7 @@ def read_mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
 
 @dataclass
 class _FoundMesh:
-    """A mesh in a render: kind of object, number of vertices and of triangles, matrices of its places."""
+    """A mesh in a render: kind of object, number of vertices and of triangles, matrices of its instances."""
 
     kind: str
     vertices: int
@@ -133,7 +133,7 @@ def write_geometry(
 
 
 def _count_triangles(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
-    """Number of rendered triangles, of distinct meshes (``shapes``) and of their places (``instances``)."""
+    """Number of rendered triangles, of distinct meshes (``shapes``) and of their ``instances``."""
     return {
         "triangles": sum(len(mesh.triangles) * len(mesh.places) for mesh in meshes),
         "shapes": len(meshes),
@@ -162,8 +162,8 @@ def _list_map_omissions(settings: Settings) -> list[str]:
 
 
 def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[PlacedMesh]:
-    """The meshes that ``scene`` renders, with their places. Raises IcyMoonError without a mesh, and for more triangles
-    than a file of this suffix can hold.
+    """The meshes that ``scene`` renders, with their instances. Raises IcyMoonError without a mesh, and for more
+    triangles than a file of this suffix can hold.
     """
     scene.view_layers[0].update()
     counted: dict[str, _FoundMesh] = {}

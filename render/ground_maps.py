@@ -47,7 +47,7 @@ _GROUND_AND_ROCKS = ("terrain", "rock", "rock shape")
 
 @dataclass(frozen=True)
 class GroundMap:
-    """A map of a site, (rows, columns), north first, NaN where there is nothing.
+    """A map of a site, (rows, columns), north first, NaN for unknown cells.
 
     ``ground_m`` are heights of the ground, ``surface_m`` of the top surface, rocks included, both above the z = 0 of
     the site's frame; ``albedo`` (rows, columns, 3) is of ground and rocks in even light, in the bands R, G, B.

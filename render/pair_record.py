@@ -86,9 +86,7 @@ def _describe_channels(truth: str, files: str) -> dict[str, Any]:
 
 
 def _list_omissions(built: Built, settings: Settings, indirect: dict[str, Any] | None) -> list[str]:
-    """The details that the render left out, and why light is traced, if only the scene or the image shows the
-    reason.
-    """
+    """The details that the render omitted, and why light is traced, if only the scene or the image shows the reason."""
     sentences = find_left_out(settings, built.sky)
     traced = [traced_sentence(indirect["why"])] if indirect and "why" in indirect else []
     return [*sentences, *(each for each in traced if each not in sentences)]

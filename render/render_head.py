@@ -1,4 +1,4 @@
-"""Rendering the cameras beside a pair, of the scene that the pair was rendered of."""
+"""Renders the cameras beside a pair, in the scene of the pair."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def render_head(
     rounded: Collection[str],
     render_radiance: Callable[[Path], dict[str, Path]],
 ) -> RenderedHead:
-    """Render the cameras of ``rig.head_file`` where they stand in the ``built`` scene.
+    """Render the cameras of ``rig.head_file`` at their poses in the ``built`` scene.
 
     ``render_radiance`` lets Cycles render what ``scene`` is set up for into a file at a stem. ``stage`` is for the
     truth, whose passes ``rounded`` are stored as 16-bit floats; None for settings without a head. Raises IcyMoonError
@@ -67,5 +67,5 @@ def render_head(
 
 
 def _truth_of(camera: HeadCamera) -> str:
-    """The file with the truth: the image's, unless the image is rendered on other pixels."""
+    """The file with the truth: the image's file, unless the image is rendered on other pixels."""
     return image_file(camera.name) if is_plain(camera.projection) else truth_file(camera.name)

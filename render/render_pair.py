@@ -1,4 +1,4 @@
-"""Rendering one pair of a built scene into its folder."""
+"""Renders one pair of a built scene into its folder."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _turn_head(built: Built, turn_deg: float) -> AbstractContextManager[None]:
 
 
 def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
-    """Raise IcyMoonError if the folder cannot be made or its disk has no room for the pairs that are left."""
+    """Raise IcyMoonError if the folder cannot be made or its disk has no room for the remaining pairs."""
     check_no_link(pairs_folder(dataset), dataset / CLAIMS_FOLDER, dataset / LIGHT)
     with explain_disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
@@ -209,12 +209,12 @@ class _CameraSetup:
 
 
 def _has_full_truth(planned: PlannedPair) -> bool:
-    """Whether truth is a separate render."""
+    """Whether truth takes a separate render."""
     return planned.settings.quality.truth == "FULL"
 
 
 def _list_camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[_CameraSetup]:
-    """The renders by camera: radiance and truth with one camera, unless truth has another camera than the light."""
+    """The renders by camera: radiance and truth by one camera, unless they need different cameras."""
     toed, wide = camera.toe_in_deg != 0, camera.panorama is not None
     if blur is None and not toed and not wide:
         images = ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr")) if full else ((BEAUTY, "{}.exr"),)
@@ -226,7 +226,7 @@ def _list_camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> 
 
 @dataclass(frozen=True)
 class _Rendered:
-    """The results of a pair's renders, before its files are put together."""
+    """The results of a pair's renders, before its files are assembled."""
 
     files: dict[str, dict[str, Path]]  # by name in the pair, then by layer
     poses: dict[str, Any]
@@ -288,7 +288,8 @@ def _render_takes(
     quality: QualitySettings,
     rounded: set[str],
 ) -> _Rendered:
-    """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is."""
+    """Render radiance and truth by all cameras of the pair. ``baked`` tells whether the light of the ground is
+    baked."""
     settings = planned.settings
     camera, blur, others = camera_of(settings), find_blur(settings), len(read_head_cameras(settings))
     takes = _list_camera_setups(camera, blur, _has_full_truth(planned)) if settings.rig.images == "PAIR" else []
@@ -332,8 +333,8 @@ def _render_takes(
 
 
 def _list_row_poses(settings: Settings, poses: Mapping[str, Array]) -> Mapping[str, Array]:
-    """Poses from which the rows of the eyes are traced: ``poses`` (4, 4) in the middle of the exposure, or with a
-    rolling shutter those of each rendered row (rows, 4, 4).
+    """Poses from which the rows of the eyes are traced: ``poses`` (4, 4) at the middle of the exposure, or with a
+    rolling shutter the pose of each rendered row (rows, 4, 4).
     """
     camera, shutter = camera_of(settings), find_rolling_shutter(settings.rig)
     if shutter is None:
@@ -344,7 +345,7 @@ def _list_row_poses(settings: Settings, poses: Mapping[str, Array]) -> Mapping[s
 def _prepare_cycles(
     scene: bpy.types.Scene, built: Built, planned: PlannedPair, quality: QualitySettings, blurred: bool, baked: bool
 ) -> list[separate_lights.LightPass]:
-    """Set up Cycles for the radiance of a pair and return its lights, each a render."""
+    """Set up Cycles for the radiance of a pair, and return its lights; each takes a render."""
     cycles_settings.apply_quality(scene, quality, planned.render_seed, blurred, are_rocks_clear(planned.settings))
     if baked:
         scene.cycles.max_bounces = 0
@@ -363,7 +364,7 @@ def _prepare_cycles(
 def _write_files(
     part: Path, files: dict[str, dict[str, Path]], planned: PlannedPair, baked: bool, rounded: set[str]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, float]], float | None]:
-    """Put layers together into the files of the pair, with baked light added.
+    """Assemble the layers into the files of the pair, with baked light added.
 
     Returns the facts of each file, the share of baked light by eye, and its noise in the judged image, if any.
     """
@@ -386,8 +387,8 @@ def _write_files(
 def _choose_engine(
     rays: SceneRays, settings: Settings, takes: list[_CameraSetup]
 ) -> tuple[Stage | None, dict[str, str]]:
-    """The stage on which rays of our own find the truth, None if Cycles renders it; and the pair's statement about
-    that, empty if truth comes with the radiance."""
+    """The stage on which traced rays find the truth, None if Cycles renders it; and the pair's statement about that,
+    empty if truth comes with the radiance."""
     if all(layer == BEAUTY for take in takes for layer, _ in take.images):
         return None, {}
     if has_rolling_shutter(settings.rig):
@@ -432,7 +433,7 @@ def _files_on_sensors(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str
 
 
 def _stage_of_rays(rays: SceneRays, whose: str, fix: str) -> Stage:
-    """The stage for a truth that Cycles cannot render. Raises IcyMoonError if rays cannot find it."""
+    """The stage for a truth that Cycles cannot render. Raises IcyMoonError if rays cannot find it either."""
     try:
         return rays.prepare()
     except CannotTrace as reason:
@@ -456,7 +457,7 @@ def _write_workspace(part: Path, rays: SceneRays, built: Built, frame: int) -> N
 def _render_radiance(
     scene: bpy.types.Scene, built: Built, lights: list[separate_lights.LightPass], stem: Path, planned: PlannedPair
 ) -> dict[str, Path]:
-    """``_render_light`` of a pair, with the truth that comes with it."""
+    """Render the radiance of a pair as ``_render_light`` does, with the truth that comes with it."""
     return _render_light(scene, built, lights, stem, planned, planned.settings.quality.truth)
 
 
@@ -468,8 +469,8 @@ def _render_light(
     planned: PlannedPair,
     truth: str,
 ) -> dict[str, Path]:
-    """Render radiance into separate files, by eye; lights that need it one after the other, and added up. ``truth`` is
-    the one that comes with it, see ``passes.choose_layer``."""
+    """Render radiance into separate files, by eye. Lights that need separate renders are rendered one by one and
+    summed. ``truth`` is the truth that comes with it, see ``passes.choose_layer``."""
     files: dict[str, Path] = {}
     for number, light in enumerate(lights):
         made = passes.choose_layer(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), truth)
@@ -517,7 +518,7 @@ def _render_truth(
 
 @contextmanager
 def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
-    """Render depth that is read once and removed: without surfaces where that saves time."""
+    """Render a depth that is read once and removed: without surfaces where that saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
     too_many = kept and _count_triangles(built) > truth_without_light.MOST_TRIANGLES_PER_PIXEL * pixels
@@ -527,7 +528,7 @@ def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
 
 @contextmanager
 def _report_unreadable(planned: PlannedPair) -> Iterator[None]:
-    """Raise IcyMoonError if Blender wrote an image that cannot be read."""
+    """Raise IcyMoonError if an image of Blender cannot be read."""
     try:
         yield
     except (ValueError, KeyError, OverBudgetError) as error:
@@ -538,7 +539,7 @@ def _report_unreadable(planned: PlannedPair) -> Iterator[None]:
 
 
 def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: PlannedPair) -> None:
-    """Let Cycles render into these files. Raises IcyMoonError if it fails, DiskError if they are not whole."""
+    """Let Cycles render into these files. Raises IcyMoonError if it fails, DiskError for incomplete files."""
     try:
         bpy.ops.render.render(write_still=True, scene=scene.name)
     except RuntimeError as error:

@@ -34,7 +34,8 @@ class FixedScene:
     """A built scene that is rendered as it is, with all changes of the user."""
 
     def __init__(self, built: Built, frame: int, seconds_build: float) -> None:
-        """Raises IcyMoonError if the scene shows a preview, or if a hand changed its camera, see ``check_camera``."""
+        """Raises IcyMoonError if the scene shows a preview, or if its camera was changed by hand, see
+        ``check_camera``."""
         if built.preview:
             raise IcyMoonError("The scene shows a preview; press Build Scene and render again.")
         check_camera(built)

@@ -169,7 +169,7 @@ def _repeat_text(job: dict[str, Any]) -> str:
 
 
 def run_job(job: dict[str, Any], send: Send = emit) -> None:
-    """Do a job, see ``job.read_job``. Raises IcyMoonError for errors that a user can fix."""
+    """Run a job, see ``job.read_job``. Raises IcyMoonError for errors that a user can fix."""
     dataset, again = Path(job["dataset"]), bool(job.get("again"))
     send("progress", fraction=0.0, message="Building the scene")
     if job.get("blend"):

@@ -1,4 +1,4 @@
-"""Estimates a plan before it starts: processor time, disk space, and how far off they may be. Imports no Blender.
+"""Estimates a plan before it starts: processor time, disk space, and their uncertainty. Imports no Blender.
 
 The processor seconds of a pair are a sum of a few terms, in proportion to pixels, samples and triangles. Their
 coefficients are measured (``python benchmarks plan_cost``). Pairs of the data set that are complete correct the sum for
@@ -195,7 +195,7 @@ def count_pixels(settings: Settings) -> int:
 
 
 def count_head_pixels(file: str) -> int:
-    """Pixels that are rendered for the cameras of a head; 0 for a head that cannot be read, which others report."""
+    """Pixels that are rendered for the cameras of a head; 0 for an unreadable head, which others report."""
     try:
         return _count_head_pixels(Path(file), Path(file).stat().st_mtime_ns) if file else 0
     except (OSError, IcyMoonError):
@@ -249,7 +249,8 @@ def _bytes_of_shape(settings: Settings, stored: _NormalBytes) -> float:
 
 
 def _edge_px(settings: Settings) -> float:
-    """Edge in pixels of a facet of ungraded ground where the camera looks; 0 if unknown before the ground is read."""
+    """Edge in pixels of a facet of ungraded ground at the centre of the view; 0 if unknown before the ground is
+    read."""
     rig, source = settings.rig, settings.source
     if source.kind == "PROCEDURAL":
         edge_m = math.sqrt(2.0) * settings.terrain.size_m / (settings.terrain.resolution - 1)
@@ -275,7 +276,7 @@ def sky_fraction(settings: Settings) -> float:
 
 
 def _sample_cost(settings: Settings, topic: str) -> float:
-    """Cost of a sample that meets a surface, over that with Lambert's law and shaded relief."""
+    """Cost of a sample that hits a surface, relative to Lambert's law with shaded relief."""
     surface, hapke = simplify_surface(settings, topic), settings.hapke
     relative = _COST_BY_MODEL[surface.model]
     if surface.model == "HAPKE":
@@ -319,7 +320,7 @@ def build_seconds(settings: Settings, triangles: float) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The work of a plan, and the part that is left to do.
+    """The work of a plan, and the remaining part of it.
 
     ``geometries``, ``surfaces`` and ``lights`` are numbers of distinct ones, and ``scenes`` is the number of builds.
     ``seconds`` are the processor seconds of all pairs, and ``left_s`` those of the pairs still to render, which take
@@ -383,8 +384,8 @@ def format_size(count: float) -> str:
 
 
 def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: Speed | None = None) -> Estimate:
-    """The cost of planned pairs on a machine of a known ``speed``. Pairs that are complete are not counted as left,
-    and correct the estimate."""
+    """The cost of planned pairs on a machine of a known ``speed``. Complete pairs cost nothing more, and correct the
+    estimate."""
     pairs = order_pairs(pairs)
     keys = [
         tuple(
@@ -495,7 +496,7 @@ def _read_pairs(
 def _read_ratios(
     pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str], expected: Mapping[str, float]
 ) -> list[float]:
-    """Processor seconds that pairs took over those that were expected."""
+    """Measured processor seconds of pairs over the expected seconds."""
     ratios = []
     for pair, facts in _read_pairs(pairs, dataset, there) if dataset is not None else ():
         taken, quality = facts.get("seconds", {}), facts["settings"].get("quality", {})
@@ -509,7 +510,7 @@ def _read_ratios(
 
 
 def prior_spread(speed: Speed | None, gpu: bool) -> float:
-    """Standard deviation of the logarithm of the seconds, before a pair is known."""
+    """Standard deviation of the logarithm of the seconds before the first pair is measured."""
     return _PLAN_SPREAD_HERE if speed else _CARD_SPREAD if gpu else _PLAN_SPREAD
 
 
@@ -527,7 +528,8 @@ def _correct_by_pairs(ratios: Sequence[float], speed: Speed | None, gpu: bool) -
 
 
 def count_bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = False) -> float:
-    """Bytes that rendering these pairs writes, those that are there left out unless ``again``, and learnt from."""
+    """Bytes that rendering these pairs will write. Complete pairs correct the estimate; they count only if they are
+    rendered ``again``."""
     there = {pair.id for pair in pairs if is_complete(pair.folder(dataset))}
     left = [pair for pair in pairs if again or pair.id not in there]
     return _count_bytes(pairs, left, dataset, there)
@@ -536,8 +538,8 @@ def count_bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = 
 def _count_bytes(
     pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None, there: set[str]
 ) -> float:
-    """Bytes that are left to write: the expected bytes of the pairs that are left, corrected by the complete pairs, and
-    the light that is baked for the pairs that are left."""
+    """Bytes that are still to be written: the expected bytes of the remaining pairs, corrected by the complete pairs,
+    and of the baked light of the remaining pairs."""
     known = [
         (sum(float(f["bytes"]) for f in facts["files"].values()), estimate_bytes(pair.settings))
         for pair, facts in (_read_pairs(pairs, dataset, there) if dataset is not None else ())

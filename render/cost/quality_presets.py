@@ -60,7 +60,7 @@ class QualityPreset:
 
 
 def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
-    """Wall seconds of a further pair of a scene of ``triangles`` triangles, and the factor by which they may be off.
+    """Wall seconds of a further pair of a scene of ``triangles`` triangles, and their uncertainty as a factor.
 
     Light that is baked for the view of one pair counts; light that all pairs share does not.
     """

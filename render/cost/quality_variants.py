@@ -154,8 +154,8 @@ def list_variants(settings: Settings, groups: Sequence[str] = (), able: Abilitie
 
 @dataclass(frozen=True)
 class _Shortcut:
-    """A feature that a render may leave out for speed: the key in ``quality``, its value without (``lean``) and with
-    the feature (``full``), and the names of both variants.
+    """A feature that a render may omit for speed: the key in ``quality``, its value without (``lean``) and with the
+    feature (``full``), and the names of both variants.
     """
 
     key: str
@@ -187,7 +187,7 @@ def _baked_parts(settings: Settings, area: str = "GROUND") -> _Parts:
 
 
 def _list_shortcuts(settings: Settings) -> list[_Shortcut]:
-    """The features of the scene that may be left out: shaded relief, subsurface scattering, labels and normals."""
+    """The features of the scene that a render may omit: shaded relief, subsurface scattering, labels and normals."""
     found = []
     topics = surface_topics(settings)
     if any(
@@ -243,7 +243,7 @@ def _make_isotropic_hapke(settings: Settings) -> dict[str, Any]:
 
 
 def list_candidates(settings: Settings, able: Abilities = _FULL_BUILD, images: int = 1) -> list[Variant]:
-    """Ways to compute the light of a scene that a Blender with the abilities ``able`` can render, the cheapest by
+    """The renderable ways to compute the light of a scene in a Blender with the abilities ``able``, cheapest by
     expected cost first. A search may stop at the first one that is good enough.
 
     ``images`` is the number of images of a ground under one Sun, which share the cost of baking; for one image alone,
@@ -270,8 +270,8 @@ def _has_graded_mesh(settings: Settings) -> bool:
 
 
 def _list_sample_counts(denoisers: Iterable[str], **quality: float) -> _Parts:
-    """Variants of the number of samples with each of these denoisers. Above a number of samples a denoiser costs more
-    than it saves.
+    """Variants of the number of samples with each of these denoisers. Above some number of samples a denoiser costs
+    more than it saves.
     """
     return {
         f"{format_count(n, 'sample')}{_DENOISER_SUFFIXES[denoiser]}": {

@@ -1,4 +1,4 @@
-"""The pair folder: the contract between rendering and measurement.
+"""The pair folder: the interface between rendering and measurement.
 
 ``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``; if images are blurred, eyes are toed
 in or a panorama shows them, the truth is in separate files, and so is the truth on the sensors of calibrated eyes. A
@@ -72,7 +72,7 @@ class Pair:
 
     @property
     def has_eyes(self) -> bool:
-        """Whether it has the images of a pair, and not those of the head alone."""
+        """Whether it has the images of both eyes, beside those of the head."""
         return _has_eyes(self.settings)
 
     def image(self, eye: str) -> Path:
@@ -265,7 +265,7 @@ def _has_eyes(settings: Settings) -> bool:
 
 
 def _needed_files(data: dict[str, Any]) -> Mapping[str, Any]:
-    """The shape of files that the content of a ``pair.json`` must have besides that of all."""
+    """The required shape of the files of a ``pair.json``, beside the shape that all of them have."""
     return {} if not find_fault(data, _HEAD_ONLY) else _PAIR_FILES_SHAPE
 
 
@@ -312,7 +312,7 @@ def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
 
 
 def _list_head_files(pair: Pair) -> set[str]:
-    """The names of the files of the cameras beside a pair, as they must be."""
+    """The required names of the files of the cameras beside a pair."""
     return {image_file(each.name) for each in pair.head} | {
         truth_file(each.name) for each in pair.head if not is_plain(each.projection)
     }

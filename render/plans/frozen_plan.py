@@ -102,7 +102,7 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
 
 
 def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPair]) -> str:
-    """The settings by which some ``known`` pairs are missing among the others, in words."""
+    """The settings in which the missing ``known`` pairs differ from the others, in words."""
     names = [(topic, s.key) for topic, s in list_all_settings() if affects_pixels(s)]
     before, now = (
         {name: {_value_in_id(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}

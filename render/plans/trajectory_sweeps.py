@@ -118,8 +118,8 @@ def describe_trajectory(sweep: Sweep) -> str:
 
 
 def _describe_views(sweep: Sweep, found: Trajectory, poses: PoseSequence) -> list[str]:
-    """Where the cameras look, by which wrong axes or a quaternion in another order are seen before a render; nothing
-    for poses that begin as the rig of the plan does."""
+    """The view directions of the cameras, which reveal wrong axes or a quaternion in another order before a render;
+    empty for poses that begin at the rig of the plan."""
     world = _world_of(sweep, found)
     if world == _RELATIVE_TO_FIRST:
         return []
@@ -151,7 +151,7 @@ def _world_of(sweep: Sweep, found: Trajectory) -> str:
 
 
 def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
-    """The content of the file, and its poses with the stamps and of the step that the plan states, in its own axes."""
+    """The content of the file, and its poses in its own axes, with the stamps and the step that the plan states."""
     check_keys(sweep.table, _TABLE_KEYS, sweep.place, "a trajectory sweep")
     axes, kind = _read_choice(sweep, "axes", CAMERA_IN, "OPENCV"), _read_choice(sweep, "format", TRAJECTORY_KINDS, "")
     times = _read_path(sweep, "times") if "times" in sweep.table else None

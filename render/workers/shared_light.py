@@ -1,5 +1,5 @@
-"""Selects the baked light that a process may use: its own, or light that a complete pair or a claim vouches for.
-Imports no Blender.
+"""Selects the baked light that a process may use: its own, or light that a complete pair or a claim states. Imports no
+Blender.
 
 Anyone may put a file into ``light/``. So a file is used only if its content has the checksum that
 

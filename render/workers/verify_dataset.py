@@ -68,7 +68,7 @@ class Problem:
 @dataclass(frozen=True)
 class Findings:
     """The result of ``verify_data_set``: the number of planned and of complete pairs, the problems, and notes on
-    missing files that the pairs can do without. Without a plan (``has_plan``) the existing pairs count as planned.
+    missing but optional files. Without a plan (``has_plan``) the existing pairs count as planned.
     """
 
     pairs: int
@@ -218,12 +218,12 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
 
 
 def _describe_repair(has_plan: bool) -> str:
-    """A clause that tells how to make a pair again: by the plan of its data set, or without one as it was made."""
+    """A clause on how to make a pair again: by the plan of its data set, or without a plan by its original command."""
     return "run icymoon batch" if has_plan else "render the pair again"
 
 
 def _find_foreign_files(folder: Path) -> Iterator[str]:
-    """A sentence on the files in a pair's folder that Icy Moon did not write, links aside."""
+    """A sentence on the files in a pair's folder that Icy Moon did not write, except links."""
     if paths := [path for path in list_files_not_ours(folder) if not path.is_symlink()]:
         more = f" and {len(paths) - 1} more are" if paths[1:] else " is"
         yield f"{paths[0]}{more} not Icy Moon's; move {'them' if paths[1:] else 'it'} out of the pair's folder."
@@ -236,8 +236,8 @@ def _find_link(folder: Path) -> Path | None:
 
 
 def _parse_pair_json(record: Path) -> object:
-    """The content of a ``pair.json``; None if it is missing or no JSON. Raises OSError if the system refuses to
-    tell.
+    """The content of a ``pair.json``; None if it is missing or not JSON. Raises OSError if the system refuses
+    access.
     """
     try:
         return parse_json(read_text(record))
@@ -283,7 +283,7 @@ def _find_damage(pair: Pair) -> Iterator[str]:
 
 
 def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _SharedChecks) -> Iterator[str]:
-    """Differences of a pair from the plan, as clauses. The pair's own entries excuse no difference.
+    """Differences of a pair from the plan, as clauses. The pair's own entries justify no difference.
 
     Without a plan its name and its settings decide, unless the scene was edited by hand.
     """
@@ -354,7 +354,7 @@ def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
 
 
 def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> Iterator[str]:
-    """A sentence on missing baked light, if any; the images that were rendered with it are still whole."""
+    """A sentence on missing baked light, if any; the images that were rendered with it are still complete."""
     folder = dataset / LIGHT
     gone = (
         {}
@@ -371,8 +371,8 @@ def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> It
 
 
 def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set[str], again: str) -> Iterator[Problem]:
-    """Problems of baked light: of its files, and of the pairs' entries on it. ``again`` is the clause that tells how to
-    make a pair again.
+    """Problems of baked light: of its files, and of the pairs' entries on it. ``again`` is the clause on how to make a
+    pair again.
     """
     folder = dataset / LIGHT
     if folder.is_symlink():
