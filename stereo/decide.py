@@ -75,7 +75,7 @@ _FACTS_SHAPE = {
 
 @dataclass(frozen=True)
 class PoseError:
-    """Standard deviations, per axis, of the errors in the lander's knowledge of its camera's place and direction."""
+    """Standard deviations, per axis, of the errors in the lander's knowledge of its camera's position and direction."""
 
     mm: float = 0.0
     deg: float = 0.0
@@ -95,7 +95,7 @@ class _DecideRun:
     seed: int
 
     def digest(self, source: Source) -> str:
-        """A digest of all that the rows of a pair depend on, except their methods."""
+        """A digest of everything that determines the rows of a pair, except their methods."""
         stated = (self.response, self.rules.to_json(), self.cell_m, self.pose.mm, self.pose.deg, self.seed)
         return digest_json([*source.list_dependencies(), *stated, DECISIONS_VERSION, version()])
 

@@ -167,7 +167,7 @@ class Evaluation:
             self._tell_notes(name, facts)
 
     def _make_row_key(self, method: Method, pair: str, content: str) -> str:
-        """The digest of everything on which a row depends."""
+        """The digest of everything that determines a row."""
         inputs = self._setups[method.label]
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # reported where the file is read
@@ -209,7 +209,7 @@ class Evaluation:
                 self._give_up(task, event["message"], done.pop(task.pair, set()))
 
     def _give_up(self, task: MeasureTask, message: str, done: set[str]) -> None:
-        """Record the unfinished methods of a process that ended as failed."""
+        """Record the unfinished methods of an ended process as failed."""
         why = f"{self.sources[task.pair].folder}: {message}."
         self._tell_failure({"pair": task.pair, "message": why})
         for method in self._run.methods:
@@ -219,7 +219,7 @@ class Evaluation:
                 self._tell_progress(row)
 
     def _tell_notes(self, pair: str, facts: Mapping[str, Any]) -> None:
-        """Tell each kind of note and warning once, and each pair that fails its self-check."""
+        """Report each kind of note and warning once, and each pair that fails its self-check."""
         folder = self.sources[pair].folder
         for kind in ("note", "warning"):
             for message in facts.get(f"{kind}s", ()):
@@ -263,7 +263,7 @@ def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
 
 
 def list_method_inputs(method: Method) -> list[Any]:
-    """Everything besides the images on which a method's disparity depends: its options, the files that they name, and
+    """Everything besides the images that determines a method's disparity: its options, the files that they name, and
     versions.
     """
     files = {

@@ -32,7 +32,7 @@ class Source(Protocol):
         """The folder of the pair, for messages."""
 
     def list_dependencies(self) -> list[Any]:
-        """All that the numbers of the pair depend on: checksums of its files."""
+        """Everything that determines the numbers of the pair: checksums of its files."""
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
         """Read the pair, and compute the arrays that matchers and metrics need. Raises IcyMoonError if the pair cannot
@@ -99,8 +99,8 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
 
 
 def sort_by_ground(sources: Sequence[Source]) -> list[Source]:
-    """The sources in an order in which pairs on the same ground follow each other, so that it is made once for their
-    search ranges. A pair that cannot be read is among the first."""
+    """The sources in an order in which pairs on the same ground follow each other, so that the ground for their search
+    ranges is made once. An unreadable pair is among the first."""
     restore, grounds = Restorer(), {}
     for source in sources:
         grounds[source.name] = ""
@@ -121,7 +121,7 @@ def _find_foreign(path: Path) -> list[FoundPair]:
 
 
 def check_response(sources: Sequence[Source], response: Mapping[str, Mapping[str, Any]]) -> None:
-    """Raise IcyMoonError if ``response`` would change the camera response of pairs that were not rendered."""
+    """Raise IcyMoonError if ``response`` would change the camera response of photographed pairs."""
     foreign = next((source for source in sources if isinstance(source, ForeignPair)), None)
     if response and foreign:
         raise IcyMoonError(

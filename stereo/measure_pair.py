@@ -161,7 +161,7 @@ def _add_maps(
 
 
 def has_maps(images: Mapping[str, str], method: Method, cell_m: float | None) -> bool:
-    """Whether a row has the maps that are asked for; true if none are."""
+    """Whether a row has the requested maps; true without a request."""
     wanted = {} if cell_m is None else name_maps(method, cell_m)
     return all(kind in images and Path(images[kind]).name == name for kind, name in wanted.items())
 

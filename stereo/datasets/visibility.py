@@ -1,5 +1,5 @@
-"""Finds the pixels of the left eye whose point the right eye sees too, by a mask or by the right eye's truth. Both are
-checked against the left eye's truth.
+"""Finds the pixels of the left eye whose point is visible in the right eye, by a mask or by the right eye's truth. Both
+are checked against the left eye's truth.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _LEAST_OVERLAP, _LEAST_OVERLAP_RATIO = 0.5, 2.0
 
 @dataclass(frozen=True)
 class Mask:
-    """Image files that mark the pixels whose point the right eye sees too.
+    """Image files that mark the pixels whose point is visible in the right eye.
 
     ``kind`` is "seen" (255 for a seen point, as Middlebury's nocc), "hidden" (other than 0 for a hidden point in one of
     the files, as Sintel's occlusions), or "known" (a disparity for a seen point, as KITTI's noc).
@@ -46,7 +46,7 @@ class Mask:
 
 
 def read_mask(mask: Mask, disparity: Array) -> Array:
-    """The pixels (H, W), bool, whose point the right eye sees too, by ``mask``.
+    """The pixels (H, W), bool, whose point is visible in the right eye, by ``mask``.
 
     ``disparity`` (H, W), px, is the left eye's truth, NaN where unknown. Raises IcyMoonError if the mask has another
     size or other values than a mask, if it marks no pixel with a truth, or if it fits the truth only in another
@@ -124,7 +124,7 @@ def make_right_camera(camera: StereoCamera) -> StereoCamera:
 
 def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, disparity: Array) -> list[str]:
     """Warnings about the map ``values`` (H, W) of the right eye that the left eye's true ``disparity`` (H, W), px, NaN
-    where unknown, does not confirm.
+    where unknown, contradicts.
 
     Raises IcyMoonError if it cannot be right, or fits the left eye's truth only in another reading.
     """

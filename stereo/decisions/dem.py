@@ -47,7 +47,7 @@ class Grid:
         return x, y
 
     def find_cells(self, position_m: Array) -> Array:
-        """The number of the cell, row by row, that contains each point (n, 2 or 3); -1 outside."""
+        """The index of the cell, row by row, that contains each point (n, 2 or 3); -1 outside."""
         column = np.floor((position_m[:, 0] - self.west_m) / self.cell_m)
         row = np.floor((self.north_m - position_m[:, 1]) / self.cell_m)
         inside = (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)

@@ -262,7 +262,7 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
 
 
 def make_head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
-    """The main results, one sentence per method, without claims that the numbers do not support."""
+    """The main results, one sentence per method, limited to claims that the numbers support."""
     heights = sorted({round(float(fact["sun_elevation_deg"])) for fact in facts})
     sun = (
         ""
@@ -309,7 +309,7 @@ def _format_interval(entry: Mapping[str, Any], key: str) -> str:
 
 
 def _make_volume_sentences(progress: _Entries) -> list[str]:
-    """The smallest volume that each method notices, if null pairs give it."""
+    """The smallest volume that each method detects, if null pairs give it."""
     said = []
     for entry in progress:
         if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH:
@@ -325,7 +325,7 @@ def _make_volume_sentences(progress: _Entries) -> list[str]:
 
 
 def _make_fault_sentences(faults: _Entries) -> list[str]:
-    """For each method a sentence: the fault of each joint from which on all faults were noticed."""
+    """For each method a sentence: the fault of each joint from which on all faults were detected."""
     found = []
     for method in dict.fromkeys(entry["method"] for entry in faults):
         own = [entry for entry in faults if entry["method"] == method and entry["limit_mm"] is not None]

@@ -41,7 +41,8 @@ class SiteRules:
 
 @dataclass(frozen=True)
 class PadRules:
-    """Limits of a place for a landing pad; anything under it that stands higher than ``rock_height_m`` is too high."""
+    """Limits of a position for a landing pad; anything under it that stands higher than ``rock_height_m`` is too
+    high."""
 
     disc_m: float
     slope_deg: float

@@ -43,14 +43,14 @@ def refuse_row_poses(pair: LoadedPair) -> None:
 
 
 def read_pose(pair: LoadedPair, eye: str) -> Array:
-    """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair does not contain it, or if
-    its rows have different ones."""
+    """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair lacks it, or if its rows
+    have different ones."""
     refuse_row_poses(pair)
     return read_middle_pose(pair, eye)
 
 
 def read_middle_pose(pair: LoadedPair, eye: str) -> Array:
-    """The same of the middle of the exposure, also with a rolling shutter."""
+    """As ``read_pose``, at the middle of the exposure, also with a rolling shutter."""
     pose = pair.pair.rectified_pose(eye)
     if pose is None:
         raise IcyMoonError(
@@ -60,7 +60,8 @@ def read_middle_pose(pair: LoadedPair, eye: str) -> Array:
 
 
 def pixel_rays(camera: StereoCamera) -> Array:
-    """Directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1: times planar depth, points."""
+    """Directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1; multiply by planar depth to get
+    points."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     return np.stack(
         [(u - camera.cx_px) / camera.focal_px, (v - camera.cy_px) / camera.focal_px, np.ones_like(u)], axis=-1
@@ -199,7 +200,8 @@ def _add_pair(model: _ColmapModel, pair: LoadedPair, folder: Path) -> None:
 
 
 def _choose_pixels(pair: LoadedPair) -> tuple[Array, Array, Array]:
-    """Rows and columns of left pixels that both eyes see, evenly spread, and where the right eye sees their points."""
+    """Rows and columns of left pixels that both eyes see, evenly spread, and the positions of their points in the right
+    image."""
     rows, columns = np.nonzero(pair.visible["left"])
     step = max(1, len(rows) // _POINTS_PER_PAIR)
     rows, columns = rows[::step], columns[::step]
@@ -208,7 +210,7 @@ def _choose_pixels(pair: LoadedPair) -> tuple[Array, Array, Array]:
 
 
 def _find_world_points(pair: LoadedPair, rows: Array, columns: Array) -> Array:
-    """World coordinates (n, 3) in metres of the points that left pixels see."""
+    """World coordinates (n, 3) in metres of the points at left pixels."""
     pose = read_pose(pair, "left")
     eye = pixel_rays(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
     return eye @ pose[:3, :3].T + pose[:3, 3]

@@ -41,9 +41,9 @@ _GEOMETRY_TEXT = "incidence and emission from the facet's normal, phase, deg"
 
 @dataclass(frozen=True)
 class Photometry:
-    """What an eye sees, (H, W): the radiance factor of each band (H, W, 3), and angles in degrees between the normal of
-    the facet, the Sun and the camera; NaN where there is no ground, and for incidence and emission without normals.
-    ``irradiance_wm2`` is E, the mean of the bands."""
+    """The photometry of an eye, (H, W): the radiance factor of each band (H, W, 3), and angles in degrees between the
+    normal of the facet, the Sun and the camera; NaN where there is no ground, and for incidence and emission without
+    normals. ``irradiance_wm2`` is E, the mean of the bands."""
 
     irradiance_wm2: float
     radiance_factor: Array
@@ -53,8 +53,8 @@ class Photometry:
 
 
 def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
-    """The photometry of an eye. Raises IcyMoonError if the pair does not contain the Sun or the camera's pose, if no
-    sunlight falls on it, or if its light is no Sun but a lamp nearby."""
+    """The photometry of an eye. Raises IcyMoonError if the pair lacks the Sun or the camera's pose, if no sunlight
+    falls on it, or if its light is a lamp nearby."""
     sun, pose = pair.pair.sun, pair.pair.row_poses(eye)
     if sun is None or pose is None:
         raise IcyMoonError(

@@ -37,7 +37,7 @@ _NS_PER_S, _MOST_SECONDS = 1_000_000_000, 2**31
 
 
 def check() -> str:
-    """Why no bag can be written here; empty if it can."""
+    """The reason why no bag can be written here; empty if it can."""
     if importlib.util.find_spec("rosbags") is None:
         return 'The export ros2 needs the package rosbags; pip install "icymoon[ros]".'
     return ""
@@ -83,7 +83,7 @@ def write_all(each: Each, out: Path) -> None:
 
 
 def _find_time_ns(pair: LoadedPair, count: int) -> int:
-    """Nanoseconds of a pair, the one after ``count`` others. Raises IcyMoonError for a time that ROS does not have."""
+    """Nanoseconds of a pair, the one after ``count`` others. Raises IcyMoonError for a time outside ROS' range."""
     stamp = pair.settings.rig.stamp
     time = int(Decimal(stamp) * _NS_PER_S) if stamp else count * _NS_PER_S
     if not 0 <= time < _MOST_SECONDS * _NS_PER_S:

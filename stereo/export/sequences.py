@@ -97,7 +97,7 @@ class _Sequences:
         self.known: dict[str, _Sequence] = {}
 
     def of(self, pair: LoadedPair) -> _Sequence:
-        """The sequence of a pair. Raises IcyMoonError for a pair that is no frame of one."""
+        """The sequence of a pair. Raises IcyMoonError for a pair outside any sequence."""
         key = make_sequence_key(pair.pair.settings)
         if not key:
             raise IcyMoonError(

@@ -70,7 +70,8 @@ def read_png(path: Path, decode: Decode | None = None) -> Array:
 
 
 def read_picture(path: Path) -> Array:
-    """A PNG, JPEG or WebP file, as from ``read_png``. Raises IcyMoonError for other, damaged and too large files."""
+    """Decode a PNG, JPEG or WebP file, as ``read_png`` does. Raises IcyMoonError for other, damaged and too large
+    files."""
     return read(
         path,
         lambda foreign: decode_in_this_process(parse_image(foreign)),
@@ -132,8 +133,8 @@ def _skip_spaces(head: bytes, at: int) -> int:
 
 
 def _find_pfm_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> int:
-    """The place where the last ``count`` bytes of a PFM begin. After ``end``, the end of the header's last word, come
-    one blank, or a line end with comments, and sometimes a line end after the body.
+    """The offset at which the last ``count`` bytes of a PFM begin. After ``end``, the end of the header's last word,
+    come one blank, or a line end with comments, and sometimes a line end after the body.
 
     The size of the file decides. Raises RefusedError if two places are possible, ValueError if none is.
     """

@@ -46,7 +46,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Network:
-    """A network, and where its parameters come from."""
+    """A network, and the source of its parameters."""
 
     method: str
     file: str  # the authors' name of it
@@ -130,7 +130,7 @@ def _load_network(
 
 
 def _read_parameters(path: Path) -> dict[str, Any]:
-    """Name -> tensor of a checkpoint, without the wrapping that training adds. Runs no code from the file."""
+    """Name -> tensor of a checkpoint, without the prefixes that training adds. Runs no code from the file."""
     import torch
 
     _check_archive(path)
@@ -150,7 +150,8 @@ def _read_parameters(path: Path) -> dict[str, Any]:
 
 
 def _check_archive(path: Path) -> None:
-    """Raise IcyMoonError for an archive that would unfold to more than it has: PyTorch packs no parameters."""
+    """Raise IcyMoonError for a compressed archive, which could expand beyond its size: PyTorch does not compress
+    parameters."""
     try:
         with zipfile.ZipFile(path) as archive:
             unfolded = sum(member.file_size for member in archive.infolist())

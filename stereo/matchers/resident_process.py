@@ -139,7 +139,7 @@ class _Resident:
         range_px: Sequence[int] | None,
         limit_s: float,
     ) -> tuple[Array, dict[str, Any], float]:
-        """Have it compute a pair: the disparity, its answer, and the seconds until then."""
+        """Request a pair from the program: the disparity, its answer, and the elapsed seconds."""
         self._id += 1
         paths = {key: self._folder / f"{key}{self._id}.npy" for key in ("left", "right", "out")}
         try:
@@ -203,7 +203,7 @@ class _Resident:
         return f"{how} before {before} ({self._last_words()}); correct the program."
 
     def _last_words(self) -> str:
-        """The last line of its standard error, or else of its output that is no message."""
+        """The last line of its standard error, or else of its output that is not a message."""
         return read_last_line(self._folder / "errors.txt") or self._stray[:300] or "no message"
 
     def _read_disparity(self, path: Path, shape: tuple[int, ...]) -> Array:

@@ -1,4 +1,4 @@
-"""The numbers of a row: one disparity map, measured against the truth of its pair."""
+"""The numbers of a result row: one disparity map, measured against the truth of its pair."""
 
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
 
 
 def count_values(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str, int]]]:
-    """How the pairs were made: for each of _MIXED_FACTS, the distinct values and the number of pairs with each."""
+    """The provenance of the pairs: for each of _MIXED_FACTS, the distinct values and the number of pairs with each."""
     found: dict[str, dict[str, int]] = {name: {} for name in _MIXED_FACTS}
     for pair in facts:
         for name, get in _MIXED_FACTS.items():

@@ -111,7 +111,7 @@ class RowLog:
 
 
 class LazyRows(Sequence[Row]):
-    """Rows that are read from the disk one by one, so that they need no memory."""
+    """Rows that are read from the disk on demand, to save memory."""
 
     def __init__(self, count: int, read: Callable[[int], Row]) -> None:
         self._count, self._get = count, read
