@@ -53,7 +53,7 @@ def make_rig_of_calibration(reading: Reading, where: str) -> CalibratedRig:
 
 
 def why_calibrated(rig: CalibratedRig) -> str:
-    """Why one camera cannot represent both eyes of a pair, as a clause; empty if it can."""
+    """The reason why one camera cannot represent both eyes of a pair, as a clause; empty if it can."""
     left, right = rig.cameras
     if left.size_px != right.size_px:
         return f"images have {left.width_px} x {left.height_px} and {right.width_px} x {right.height_px} px"
@@ -78,7 +78,7 @@ def why_calibrated(rig: CalibratedRig) -> str:
 
 
 def _list_shared_parameters(camera: CalibratedCamera) -> Array:
-    """The parameters that alike eyes share, in px at a focal length off the axis."""
+    """The parameters that two identical eyes share, in px at a focal length off the axis."""
     lens = camera.lens
     k = lens.coefficients[:5] if isinstance(lens, Brown) else ()
     return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *(np.array(k) * camera.fx_px)])
@@ -92,7 +92,7 @@ def make_calibrated_settings(
     stated: Stated = Stated(),  # noqa: B008
     names: str | None = None,
 ) -> tuple[Settings, list[str]]:
-    """The settings ``rig``, ``left_eye`` and ``right_eye`` of two cameras, and sentences on what to know about them.
+    """The settings ``rig``, ``left_eye`` and ``right_eye`` of two cameras, and sentences for the user about them.
 
     ``rig`` is their rectified pair, with the overscan that shows all that both see, if that is not too much. Raises
     IcyMoonError for eyes that are swapped, one above the other or at one place, and for a lens that folds the image.
@@ -151,7 +151,7 @@ def make_rig_table(
 
 
 def complete_eyes(found: Settings) -> Settings:
-    """The settings of a calibration with all that they leave out of a rig and its eyes, for settings that had others:
+    """The settings of a calibration, completed by the defaults of a rig and its eyes, to replace earlier settings:
     distortion, toe-in, overscan and lens."""
     unsaid = defaults()
     keys = [key for key in unsaid.rig if key in _OF_THE_LENS or key.startswith("distortion_")]
@@ -166,8 +166,8 @@ _OF_THE_LENS = ("eyes", "toe_in_deg", "overscan")
 
 @dataclass(frozen=True)
 class _Rectified:
-    """The rectified pair of two cameras: the rotations (3, 3) of each into it, its camera, and how far the right eye's
-    t is along x."""
+    """The rectified pair of two cameras: the rotation (3, 3) of each into it, its camera, and the x component of the
+    right eye's t."""
 
     turns: tuple[Array, Array]
     size_px: tuple[int, int]

@@ -56,8 +56,8 @@ _NO_DISTORTION = 1e-9
 
 @dataclass(frozen=True)
 class _Eye:
-    """A camera: its file, its lens, the rotation (3, 3) from world axes into its own, its place (3,) in metres, and the
-    size of its images, and its name where it was chosen by that."""
+    """A camera: its file, its lens, the rotation (3, 3) from world axes into its own, its position (3,) in metres, the
+    size of its images, and its name if it was selected by name."""
 
     path: Path
     lens: Lens
@@ -159,7 +159,7 @@ def _run_camera(options: argparse.Namespace) -> int:
 
 
 def _check_out(files: list[Path], out: list[Path], name: str | None) -> None:
-    """Raise IcyMoonError if a file that would be written is read too, or is named twice."""
+    """Raise IcyMoonError if an output file is also an input, or is named twice."""
     written = [path / each for path in out for each in COLMAP_FILES] if name == "colmap" else out
     read = [path / each for path in files for each in (COLMAP_FILES if path.is_dir() else ("",))]
     inputs = {path.resolve() for path in read}
@@ -236,7 +236,7 @@ def _read_alike(
     names: str | None,
     reading: Reading | None = None,
 ) -> tuple[Settings, list[str]]:
-    """What ``read_rig`` gives, from the cameras that were read already, if they were."""
+    """The result of ``read_rig``, from cameras that were read before, if given."""
     where = " and ".join(map(str, paths))
     kinds = {kind or format_of(path) for path in paths}
     stated_in = "the translation is"
@@ -331,8 +331,8 @@ def _check_one_size(first: _Eye, second: _Eye, where: str) -> None:
 
 
 def _settings_of(lens: Lens, size_px: tuple[int, int], baseline_m: float, where: str) -> Settings:
-    """The ``rig`` settings of two eyes with this lens. Raises IcyMoonError for a lens that folds the image, and for
-    a focal length that is not in pixels."""
+    """The ``rig`` settings of two eyes with this lens. Raises IcyMoonError for a lens that folds the image, and for a
+    focal length that is not in pixels."""
     check_focal_length(lens.focal_px, size_px, where)
     camera = CalibratedCamera(*size_px, lens.focal_px, lens.focal_px, lens.cx_px, lens.cy_px, Brown(lens.k))
     if dark := camera.dark_share():
@@ -354,14 +354,14 @@ def _read_eye(path: Path, most_px: float) -> _Eye:
 
 
 def _is_read_as_it_is(kinds: set[str], paths: tuple[Path, ...], names: str | None) -> bool:
-    """Whether two files of JPL or ROS are taken with what only they state: vectors, or a rectified pair."""
+    """Whether two files of JPL or ROS are used with their specific content: vectors, or a rectified pair."""
     return kinds in ({"cahv"}, {"ros"}) and len(paths) == 2 and names is None
 
 
 def _find_any_eyes(
     reading: Reading, paths: tuple[Path, ...], where: str, kind: str | None, names: str | None
 ) -> tuple[_Eye, _Eye, list[str]]:
-    """Two cameras of a calibration of any format, as ``_ros_eyes`` gives them."""
+    """Two cameras of a calibration in any format, in the form of ``_ros_eyes``."""
     rig = make_rig_of_calibration(reading, where)
     with explain_errors(
         " with ".join(map(str, paths)), "a calibration of two eyes side by side", "calibrate two eyes side by side"
@@ -425,7 +425,8 @@ def _refuse_no_focal_length(path: Path, camera: RosCamera) -> None:
 
 
 def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
-    """Why a rig here needs the rectified images of two cameras, as a clause; None if it can have them as they are.
+    """The reason why a rig here needs the rectified images of two cameras, as a clause; None if it can use their own
+    images.
 
     Each eye states its rotation into the axes of the rectified pair.
     """
@@ -449,7 +450,7 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
 
 
 def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
-    """A camera as it is, or the camera of its rectified images. Raises IcyMoonError if their pixels are no squares."""
+    """The camera of an eye, or of its rectified images. Raises IcyMoonError if their pixels are not square."""
     if rectified and not _has_square_pixels(camera.projection):
         fix = (
             "calibrate both eyes as a stereo pair, which gives projection_matrix one focal length"
@@ -471,14 +472,14 @@ def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
 
 
 def _make_ros_lens(camera: RosCamera, rectified: bool) -> Lens:
-    """The lens of a camera as it is, or of its rectified images; without distortion where that is no plumb_bob."""
+    """The lens of a camera, or of its rectified images; without distortion unless it is plumb_bob."""
     matrix = camera.projection if rectified else camera.matrix
     k = None if rectified else camera.k
     return Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2], k or (0.0,) * len(COEFFICIENTS), 0.0)
 
 
 def _angle_between(first: Array, second: Array) -> float:
-    """By how much two rotations (3, 3) differ, rad."""
+    """The angle between two rotations (3, 3), rad."""
     return float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
 
 
@@ -491,7 +492,7 @@ def _describe_focal_lengths(matrix: Array) -> str:
 
 
 def _title(eye: _Eye, where: str) -> str:
-    """An eye at the beginning of a sentence: its file, or its name in the files that it was chosen from."""
+    """The name of an eye at the beginning of a sentence: its file, or its name in the files."""
     return f"{where}: {eye.name}" if eye.name else str(eye.path)
 
 
@@ -521,7 +522,7 @@ def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple
 
 
 def _measure_differences(left: Lens, right: Lens) -> tuple[float, float, float]:
-    """By how many px two lenses differ in focal length, principal point and distortion."""
+    """The differences of two lenses in focal length, principal point and distortion, px."""
     return (
         abs(left.focal_px - right.focal_px),
         float(np.abs([left.cx_px - right.cx_px, left.cy_px - right.cy_px]).max()),
@@ -530,7 +531,7 @@ def _measure_differences(left: Lens, right: Lens) -> tuple[float, float, float]:
 
 
 def _describe_unlike(left: Lens, right: Lens, width_px: int) -> str:
-    """The differences of two lenses that are too large for one mean lens, in words; else empty."""
+    """The differences of two lenses that prevent one mean lens, in words; else empty."""
     focal, centre, bent = _measure_differences(left, right)
     if max(focal, bent) <= _MOST_FOCAL * left.focal_px and centre <= _MOST_CENTRE * width_px:
         return ""
@@ -538,7 +539,8 @@ def _describe_unlike(left: Lens, right: Lens, width_px: int) -> str:
 
 
 def _describe_rectification(left: _Eye, right: _Eye) -> str:
-    """The fix for models of two eyes that are not parallel, as our own exports write them beside others."""
+    """The fix for models of two eyes that are not parallel: the rectified models that our own exports write beside
+    them."""
     paths = left.path, right.path
     beside = [path.with_name(path.name.replace("_sensor.", ".")) for path in paths]
     if all(other != path and other.is_file() for other, path in zip(beside, paths, strict=True)):
@@ -556,8 +558,8 @@ def _describe_rectification(left: _Eye, right: _Eye) -> str:
 
 
 def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
-    """Raise IcyMoonError unless the right eye stands on the x axis of the left one, and looks where it looks; ``fix``
-    is what makes it so."""
+    """Raise IcyMoonError unless the right eye is on the x axis of the left one, with the same direction; ``fix`` is the
+    remedy."""
     first, second = left.rotation, right.rotation
     turned = _angle_between(first, second)
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))

@@ -1,4 +1,4 @@
-"""The verb ``check``: whether Blender, OpenEXR and OpenCV work together here, by a small pair whose truth is known.
+"""The verb ``check``: whether Blender, OpenEXR and OpenCV work together here, tested on a small pair with known truth.
 
 A level plane of Lambert's law is rendered and measured: its depth must be the depth of the plane, its light must follow
 Lambert's law, and a matcher must find its disparity.

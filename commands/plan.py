@@ -49,7 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def check_plan(plan: Plan) -> None:
-    """Combine and check the pairs of a plan, and show how far it is. Raises IcyMoonError as ``Plan.pairs`` does."""
+    """Combine and check the pairs of a plan, and show the progress. Raises IcyMoonError as ``Plan.pairs`` does."""
     with show_count("Checking the plan") as show:
         plan.check(show)
 
@@ -133,7 +133,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
 
 
 def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[str]:
-    """Why the Blender that is to render the pairs cannot, as a list of no or one sentence."""
+    """The reason why the Blender for the render cannot render the pairs, as a list of at most one sentence."""
     own = sys.executable if importlib.util.find_spec("bpy") else ""
     missing = [
         pair.settings for pair in pairs if not (options.out and is_complete(pair.folder(options.out.absolute())))
@@ -147,13 +147,13 @@ def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) ->
 
 
 def _bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
-    """A line on the pairs whose light is baked with too few samples, if there are any."""
+    """A line on the pairs whose light is baked with too few samples, if any."""
     found = [said for pair in pairs for said in advise_on_bake(pair.settings)]
     return [f"In {len(found)} of {format_count(len(pairs), 'pair')}: {found[0]}"] if found else []
 
 
 def _make_refusal_lines(plan: Plan) -> list[str]:
-    """A line on the pairs that a render will set aside, with the reason for the first one, if there are any."""
+    """A line on the pairs that a render will set aside, with the reason for the first one, if any."""
     refused = plan.refused()
     if not refused:
         return []

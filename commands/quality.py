@@ -190,7 +190,7 @@ def _run_trade(options: argparse.Namespace) -> int:
 
 
 def _print_decided(report: dict[str, Any]) -> None:
-    """Print a table of how the decisions of each variant differ from the reference's, if there are decisions."""
+    """Print a table of the differences of each variant's decisions from the reference's, if there are decisions."""
     from ..stereo.matchers.methods import describe_method
     from ..stereo.report.table_columns import format_number
     from ..stereo.trade.report import DECISION_COLUMNS, SAME_VERDICTS

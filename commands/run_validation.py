@@ -1,4 +1,4 @@
-"""The work of the verb ``validate``: make the comparisons that are asked for, print and write them."""
+"""Runs the verb ``validate``: makes the requested comparisons, prints and writes them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Temporary folders, removed when their work is done; leftovers of a killed process go when the next one is made."""
+"""Temporary folders, removed after use; leftovers of a killed process are removed when the next one is made."""
 
 from __future__ import annotations
 

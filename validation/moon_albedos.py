@@ -292,7 +292,7 @@ def _phase_coefficient_rows(whole: photometry.Law) -> list[Row]:
 
 
 def _opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: photometry.Law) -> list[Row]:
-    """How bright and how steep Europa's terrains are near zero phase."""
+    """Brightness and slope of Europa's terrains near zero phase."""
     return [
         Row(
             "`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
@@ -321,7 +321,7 @@ def _opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: photom
 
 
 def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometry.Law, why: str) -> list[Row]:
-    """Rows of a terrain that is a mixture: the number that it was fitted to, and the nearest measured ones."""
+    """Rows of a mixed terrain: the number to which it was fitted, and the nearest measured ones."""
     law, preset = read_preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
     mixed = (1 - share) * reflectance_at_five(plains) + share * reflectance_at_five(dark)
     disc = (1 - _CHAOS_SHARE) * photometry.bond_albedo(plains) + _CHAOS_SHARE * photometry.bond_albedo(law)
@@ -356,7 +356,7 @@ def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometr
 
 
 def _lunar_rows() -> list[Row]:
-    """The Moon's phase curve, to which nothing was fitted; from 30° on, as nearer the curve has no surge."""
+    """The Moon's phase curve, without any fit; from 30° on, as the curve has no surge below that."""
     law = read_preset_law("surfaces/hapke_lunar_like")
     phases = np.array([30.0, 60.0, 90.0, 120.0])
     ours = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))

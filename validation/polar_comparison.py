@@ -190,7 +190,7 @@ def _lamp_rows(lamps: dict[int, Array]) -> list[Row]:
 
 
 def _left_out_rows(terrain: Terrain, left_out: dict[tuple[View, int], LeftOut]) -> list[Row]:
-    """How much of the outlined rocks has no scan, so that a missing one shows."""
+    """The share of the outlined rocks without a scan, which would reveal a missing scan."""
     return [
         Row(
             f"outlined rocks without a scan, position {position}: share of the area",
@@ -204,7 +204,7 @@ def _left_out_rows(terrain: Terrain, left_out: dict[tuple[View, int], LeftOut]) 
 
 
 def _own_shadow_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> list[Row]:
-    """How much of the sand is dark without rocks: fitted hollows must not cast the shadows of the photographs."""
+    """The share of the sand that is dark without rocks: fitted hollows must not cast the shadows of the photographs."""
     return [
         Row(
             f"shadow of the sand without rocks, position {position}: largest share of a photograph",
@@ -300,7 +300,7 @@ _Reaches = dict[tuple[View, int, int], float]
 
 
 def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]) -> _Reaches:
-    """How far labelled shadows reach, as shares of the lengths of ours, by view, azimuth and index of the rock."""
+    """The lengths of labelled shadows, as shares of the lengths of ours, by view, azimuth and index of the rock."""
     table, found = HeightTable(sand), {}
     visible = [sand.visible(rock) for rock in terrain.rocks]
     for view, azimuth in terrain.photographs:
@@ -323,7 +323,7 @@ def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: d
 
 
 def _compare_labelled_tips(reaches: _Reaches) -> tuple[float, float]:
-    """Medians of how far labelled tips differ, as shares of lengths: between eyes, between positions; NaN if none."""
+    """Median differences of labelled tips, as shares of lengths: between eyes, between positions; NaN without any."""
     shadows: dict[tuple[int, int], dict[str, list[float]]] = {}
     for (view, azimuth, k), reach in reaches.items():
         shadows.setdefault((azimuth, k), {}).setdefault(view.position, []).append(reach)
@@ -341,7 +341,7 @@ def _median_or_nan(values: list[float]) -> float:
 
 
 def _measure_labelled_reach(ends: Array, outlines: list[Array]) -> float | None:
-    """How far a labelled shadow reaches from the foot toward our tip, as a share of the way; None without one.
+    """The length of a labelled shadow from the foot toward our tip, as a share of the distance; None without one.
 
     The outline that holds the middle of our shadow counts. Shadows that run into the next one are left out.
     """
@@ -360,7 +360,7 @@ def _measure_labelled_reach(ends: Array, outlines: list[Array]) -> float | None:
 
 
 def _disparity_rows(terrain: Terrain, camera: Calibration, sand: Sand, frames: dict[str, Frame]) -> list[Row]:
-    """How far rocks lie apart in both eyes: the outlines of each beside its scan, in pixels of the renders."""
+    """The disparity of rocks: the outlines of each beside its scan, in pixels of the renders."""
     rows = []
     visible = [sand.visible(rock) for rock in terrain.rocks]
     for position, frame in frames.items():
@@ -401,7 +401,7 @@ def _middle_column(pixels: Array) -> float:
 
 
 def _write_pictures(folder: Path, terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> None:
-    """A picture for each view: labels, our masks and our render side by side, an azimuth under the other."""
+    """Write a picture for each view: labels, our masks and our render side by side, one azimuth below the other."""
     for view in terrain.views:
         rows = []
         for azimuth in terrain.azimuths:

@@ -1,4 +1,4 @@
-"""Matchers on the photographs and on their twins: does the twin predict the errors that the photograph gives?
+"""Matchers on the photographs and on their twins: whether the twin predicts the errors on the photograph.
 
 Errors are measured where scans give the truth: at pixels that both eyes see and that show a scanned rock in the labels
 and in the twin, two pixels inside its outline. The truth is the twin's disparity. It contains the errors of the camera
@@ -143,7 +143,7 @@ def _read_photograph(terrain: Terrain, at: tuple[View, int]) -> Array:
 
 
 def rectify_photograph(frame: Frame, camera: Calibration, eye: str, image: Array) -> Array:
-    """A photograph (H, W) as our rig sees it, each pixel the mean of its part of the photograph."""
+    """A photograph (H, W) resampled to our rig, each pixel the mean of its part of the photograph."""
     rows, columns = frame.shape
     at = np.stack(
         np.meshgrid(

@@ -286,7 +286,7 @@ def _scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Ar
 
 
 def _backend_rows(radiance: Mapping[str, Array]) -> list[Row]:
-    """OSL beside nodes, in scenes whose only difference is how their law is made."""
+    """OSL beside nodes, in scenes that differ only in the implementation of their law."""
     rows = []
     for name in radiance:
         if (twin := name.replace("by OSL", "by nodes")) != name:

@@ -100,7 +100,7 @@ def replace_sections(page: str, results: Sequence[Result]) -> str:
 
 
 def _find_section(page: str, comparison: Comparison) -> tuple[int, int] | None:
-    """Where the section of a comparison begins and ends, if the page has one."""
+    """The start and the end of the section of a comparison, if the page has one."""
     head = f"## {comparison.title}\n"
     start = 0 if page.startswith(head) else page.find(f"\n{head}") + 1
     if not page.startswith(head, start):

@@ -76,7 +76,7 @@ def _ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
 
 
 def describe_surface(preset: str, backend: str) -> Settings:
-    """The surface of a preset, without everything else."""
+    """The surface of a preset alone."""
     return merged(defaults(), load_preset(f"surfaces/{preset}"), check({"hapke": {"backend": backend}}, "whole disc"))
 
 

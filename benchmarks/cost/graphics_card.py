@@ -1,4 +1,4 @@
-"""The time of renders on a graphics card, and whether its images are those of the processor.
+"""The time of renders on a graphics card, and whether its images equal the processor's.
 
     python benchmarks graphics_card --out FOLDER [--devices CUDA processor OPTIX] [--scale 1] [--seconds 3600]
 
@@ -69,9 +69,9 @@ ALL_IN_32_BITS: Parts = {"quality": {"files": "FULL", "half_floats": "NONE"}}
 
 @dataclass(frozen=True)
 class Step:
-    """Renders in one process: a name, the device, and the settings of its pairs with the headings that they have.
-    ``repeat`` is another seed of the light paths; ``way`` one of those above. It is compared with what it is ``like``
-    and with the same on other devices."""
+    """Renders in one process: a name, the device, and the settings of its pairs with their headings. ``repeat`` is
+    another seed of the light paths; ``way`` one of the ways above. It is compared with the steps ``like`` and with the
+    same step on other devices."""
 
     name: str
     device: str
@@ -82,19 +82,19 @@ class Step:
 
     @property
     def key(self) -> str:
-        """What tells it apart."""
+        """The unique key of the step."""
         return ", ".join(
             each for each in (self.name, self.way, self.device, f"seed {self.repeat}" * bool(self.repeat)) if each
         )
 
     @property
     def folder(self) -> str:
-        """The name of its data set."""
+        """The name of its data set's folder."""
         return "".join(letter if letter.isalnum() else "_" for letter in self.key)
 
 
 def rough_ice(scale: float, quality: str, headings: int, *changes: Parts) -> Settings:
-    """Europa's rough ice as the qualities are measured on it, see ``qualities.py``."""
+    """Europa's rough ice with the settings of the quality measurements, see ``qualities.py``."""
     made = description.merged(
         description.defaults(),
         preset_files.load_preset("scenes/europa_rough_ice"),
@@ -110,7 +110,7 @@ def rough_ice(scale: float, quality: str, headings: int, *changes: Parts) -> Set
 
 
 def scene(name: str, scale: float) -> Settings:
-    """A scene preset with few samples. Hapke's law is made of nodes, as a card has it."""
+    """A scene preset with few samples, and Hapke's law as nodes, which graphics cards need."""
     made = description.merged(
         description.defaults(),
         preset_files.load_preset(name),
@@ -124,7 +124,7 @@ def scene(name: str, scale: float) -> Settings:
 
 
 def steps(devices: Sequence[str], scale: float) -> list[Step]:
-    """All steps on these devices, those that tell most first."""
+    """All steps on these devices, the most informative first."""
     paper = description.merged(snow(scale), {"dataset": {"headings": SNOW_HEADINGS}})
     one = description.merged(paper, {"dataset": {"headings": 1}})
     baked = rough_ice(scale, "few_headings", BAKED_HEADINGS, {"quality": {"indirect": "BAKED"}})
@@ -211,7 +211,8 @@ def job_of(step: Step, out: Path) -> dict[str, Any]:
 
 
 def run(step: Step, out: Path, most_s: float) -> dict[str, Any]:
-    """Do a step in at most so many seconds: what it told, how long it took and, if it failed, the end of its output."""
+    """Run a step for at most ``most_s`` seconds: its messages, its run time and, after a failure, the end of its
+    output."""
     with scratch() as place:
         told, log, ended = (place / name for name in ("told.json", "log.txt", "ended.json"))
         environment = {key: value for key, value in os.environ.items() if key != ENVIRONMENT}
@@ -242,7 +243,7 @@ def run(step: Step, out: Path, most_s: float) -> dict[str, Any]:
 
 
 def facts_of(folder: Path, seconds: float) -> dict[str, Any]:
-    """What ``pair.json`` states of a pair's time and device, and the seconds of a clock that its bakes took."""
+    """The entries of ``pair.json`` on time and device, and the wall seconds of the pair's bakes."""
     stated = json.loads((folder / "pair.json").read_text())
     took = stated["seconds"]
     bakes = {
@@ -270,7 +271,7 @@ def passes_of(folder: Path) -> dict[str, Array]:
 
 
 def compare(one: Path, other: Path) -> dict[str, Any]:
-    """How the image of a pair differs from the same one of another device or seed, and whether their truth does."""
+    """The differences of a pair's image and truth from the same pair on another device or with another seed."""
     here, there = passes_of(one), passes_of(other)
     grey, base = (each[IMAGE_PASS][:, -3:].mean(axis=1, dtype=np.float64) for each in (here, there))
     rows, columns = (np.arange(size) * parts // size for size, parts in zip(base.shape, REGIONS, strict=True))
@@ -298,7 +299,7 @@ def compare(one: Path, other: Path) -> dict[str, Any]:
 
 
 def compared(step: Step, done: Mapping[str, Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """Comparisons of the pairs of a step with those of earlier steps, by the keys of these."""
+    """Comparisons of the pairs of a step with earlier steps, by the keys of these."""
     alike = [f"{step.name}, {device}" for device in (*BACKENDS, PROCESSOR) if not (step.way or step.repeat)]
     keys = [key for key in done if key != step.key and key in (*step.like, *alike)]
     made: dict[str, list[dict[str, Any]]] = {}
@@ -313,7 +314,7 @@ def compared(step: Step, done: Mapping[str, Mapping[str, Any]]) -> dict[str, lis
 
 
 def scene_of(pair: Mapping[str, Any]) -> str:
-    """What a pair shows, whatever renders it: its ground, its place and its heading."""
+    """The content of a pair, independent of its renderer: its ground, its place and its heading."""
     stated = json.loads((Path(pair["folder"]) / "pair.json").read_text())
     settings = stated["settings"]
     return json.dumps(
@@ -330,7 +331,7 @@ def scene_of(pair: Mapping[str, Any]) -> str:
 
 
 def machine() -> dict[str, Any]:
-    """The processor, and what the driver of an NVIDIA card tells of it."""
+    """The processor, and the report of an NVIDIA card's driver."""
     try:
         card = subprocess.run(
             ["nvidia-smi", "--query-gpu=name,driver_version,memory.total,memory.used", "--format=csv,noheader"],

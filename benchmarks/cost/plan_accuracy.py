@@ -1,4 +1,4 @@
-"""The costs that a dry run expects of plans, beside the costs of their renders on this machine.
+"""The estimated costs of plans by a dry run, beside the measured costs of their renders on this machine.
 
     python benchmarks plan_accuracy [--only NAME …] [--out FOLDER]
 
@@ -70,7 +70,7 @@ def main(options: argparse.Namespace) -> None:
 
 
 def print_table(out: Path, words: list[str]) -> None:
-    """Render the plans that the words ask for below ``out``, and print the table."""
+    """Render the requested plans below ``out``, and print the table."""
     speed = measure_speed(sys.executable, "CPU", out / "speed", lambda message: None)
     print(
         f"this machine: {speed.factor:.2f} of the processor seconds that are expected without a measurement, "

@@ -58,7 +58,7 @@ ROWS: dict[str, dict[str, Any]] = {
 
 
 def measured(settings: Settings, folder: Path) -> tuple[Counter[str], float, float]:
-    """Bytes by pass and in all, of a pair, and the share of sky in it."""
+    """Bytes of a pair by pass and in total, and its share of sky."""
     scene = open_empty_file()
     pair = expand_headings(description.merged(settings, {"dataset": {"headings": 1}}))[0]
     render(build_scene(scene, settings), description.merged(settings, {"dataset": {"headings": 1}}), folder)

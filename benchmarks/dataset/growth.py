@@ -1,4 +1,4 @@
-"""How costs grow with the pairs of a data set: processor seconds and bytes, beside those of ten pairs.
+"""The growth of costs with the pairs of a data set: processor seconds and bytes, relative to ten pairs.
 
     python benchmarks growth [--pairs 10 100 1000] [--evaluate]
 
@@ -64,7 +64,7 @@ def poses_of(pair: PlannedPair) -> dict[str, Any]:
 
 
 def write_dataset(folder: Path, count: int) -> tuple[Path, list[PlannedPair]]:
-    """A complete data set of so many pairs: its plan, which is beside it, and its pairs."""
+    """Write a complete data set of this many pairs: its pairs, and its plan beside it."""
     plan = folder.with_suffix(".toml")
     headings = min(count, _HEADINGS)
     plan.write_text(PLAN_TEXT.format(seeds=count // headings, headings=headings), encoding="utf-8")
@@ -103,7 +103,7 @@ def write_dataset(folder: Path, count: int) -> tuple[Path, list[PlannedPair]]:
 
 
 def run(*words: object) -> None:
-    """Run a command of ours."""
+    """Run a command of Icy Moon."""
     subprocess.run(
         [sys.executable, "-m", "icymoon", *map(str, words)],
         check=True,
@@ -113,7 +113,7 @@ def run(*words: object) -> None:
 
 
 def measure(folder: Path, count: int, evaluates: bool) -> dict[str, float]:
-    """The costs of so many pairs by name, in processor seconds and megabytes."""
+    """The costs of this many pairs by name, in processor seconds and megabytes."""
     dataset = folder / f"set{count}"
     plan, pairs = write_dataset(dataset, count)
     found = {

@@ -1,4 +1,4 @@
-"""What a sequence over a DEM costs: processor seconds, memory and disk, with a kill in its middle.
+"""The cost of a sequence over a DEM: processor seconds, memory and disk, with a kill in its middle.
 
     python benchmarks sequence [--frames 100] [--width 240] [--samples 8] [--out FOLDER]
 
@@ -105,7 +105,7 @@ def write_dem(path: Path, relief_m: Array) -> None:
 
 
 def make_poses(relief_m: Array, frames: int) -> Iterator[tuple[float, Array, Array]]:
-    """Stamp in seconds, place (3,) in metres and axes (3, 3) of each frame: 10 frames in a second, over smoothed
+    """Stamp in seconds, position (3,) in metres and axes (3, 3) of each frame: 10 frames per second, over smoothed
     ground."""
     seconds = np.arange(frames) / 10
     x, y = -8 + 0.5 * seconds, -8 + 1.2 * seconds
@@ -118,7 +118,7 @@ def make_poses(relief_m: Array, frames: int) -> Iterator[tuple[float, Array, Arr
 
 
 def write_files(folder: Path, options: argparse.Namespace) -> Path:
-    """Write the DEM, the trajectory and the plan; the path of the plan."""
+    """Write the DEM, the trajectory and the plan; return the path of the plan."""
     relief = make_relief()
     write_dem(folder / "dem.tif", relief)
     lines = ["# timestamp tx ty tz qx qy qz qw\n"]
@@ -132,8 +132,8 @@ def write_files(folder: Path, options: argparse.Namespace) -> Path:
 
 
 def _render(plan: Path, out: Path, kill_after: int = 0) -> list[tuple[int, float]]:
-    """Render; the worker's process and its resident memory in MiB after each frame. Stop by SIGKILL within the frame
-    after so many."""
+    """Render; return the worker's process and its resident memory in MiB after each frame. Stop by SIGKILL within the
+    frame after the stated number."""
     command = [sys.executable, "-m", "icymoon", "batch", str(plan), "--out", str(out), "--workers", "1", "--json"]
     found: list[tuple[int, float]] = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as runner:
@@ -150,7 +150,7 @@ def _render(plan: Path, out: Path, kill_after: int = 0) -> list[tuple[int, float
 
 
 def _find_largest(pids: list[int]) -> tuple[int, float]:
-    """The process of most resident memory, and this memory, MiB."""
+    """The process with the largest resident memory, and this memory, MiB."""
     found = [(0, 0.0)]
     for pid in pids:
         with suppress(OSError, StopIteration):  # of one that has ended
@@ -159,7 +159,7 @@ def _find_largest(pids: list[int]) -> tuple[int, float]:
 
 
 def _print_memory(found: list[tuple[int, float]]) -> None:
-    """Memory of each worker at its beginning and its end; a worker ends after a part of the frames."""
+    """Print the memory of each worker at its beginning and its end; a worker ends after a part of the frames."""
     for pid in dict.fromkeys(pid for pid, _ in found):
         part = [memory for each, memory in found if each == pid]
         few = min(10, len(part) // 2)
@@ -168,8 +168,8 @@ def _print_memory(found: list[tuple[int, float]]) -> None:
 
 
 def _render_again(out: Path, again: Path, shard: str) -> tuple[int, int]:
-    """Render a shard of a data set once more into another folder, without interruption: how many images it has, and
-    how many of them differ."""
+    """Render a shard of a data set again into another folder, without interruption: the number of images, and how many
+    of them differ."""
     again.mkdir()
     for name in ("manifest.json", "plan.jsonl"):
         shutil.copy(out / name, again)
@@ -209,7 +209,7 @@ def _print_pairs(out: Path) -> None:
 
 
 def _print_agreement(folder: Path, out: Path) -> None:
-    """Poses and stamps of an export against the file, and images against the flow between them."""
+    """Print the agreement of an export's poses and stamps with the file, and of images with the flow between them."""
     read, written = (
         read_trajectory(path).poses
         for path in (folder / "poses.txt", out.with_name(f"{out.name}_tum") / "0000" / "groundtruth.txt")

@@ -1,4 +1,4 @@
-"""Whether terrain presets are grounds of their own: correlations of their heights at one seed.
+"""Whether terrain presets are distinct grounds: correlations of their heights at one seed.
 
     python benchmarks distinct_grounds [SEED ...]        seed 1 by default
 
@@ -36,7 +36,7 @@ def correlations(seed: int, points: int = POINTS, long_waves: bool = True) -> Ar
 
 
 def of_pairs(matrix: Array) -> Array:
-    """The absolute correlation of each two presets."""
+    """The absolute correlation of each pair of presets."""
     return np.abs(matrix[np.triu_indices(len(matrix), 1)])
 
 

@@ -1,4 +1,4 @@
-"""What a trench costs to build, and how exactly its volume is kept: processor seconds, and shares of the truth.
+"""The cost of building a trench, and the accuracy of its volume: processor seconds, and shares of the truth.
 
     python benchmarks excavation                 both tables
     python benchmarks excavation volumes         the second alone, without Blender
@@ -38,7 +38,7 @@ def settings_of(excavation: dict[str, Any]) -> Settings:
 
 
 def dig(excavation: dict[str, Any], rolling_m: float = 0.0) -> ExcavationSeries:
-    """The series of an excavation, in level ground or with waves of so many metres."""
+    """The series of an excavation, in level ground or with waves of ``rolling_m`` metres."""
     settings = settings_of(excavation)
     site = make_site(settings)
     x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]

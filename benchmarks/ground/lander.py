@@ -1,5 +1,5 @@
-"""What a lander costs: processor seconds of a pair with it and without, as a ratio within one run, and the error of the
-arm's forward kinematics.
+"""The cost of a lander: processor seconds of a pair with it and without, as a ratio within one run, and the error of
+the arm's forward kinematics.
 
     python benchmarks lander [--width PX] [--samples N]
 
@@ -36,7 +36,8 @@ def scene(width: int, samples: int, kind: str) -> Settings:
 
 
 def kinematics_error_m() -> float:
-    """The largest distance of the tip from a yaw and a sum of lengths in the plane of the arm."""
+    """The largest distance of the tip by forward kinematics from the tip by trigonometry: a yaw, and the sum of the
+    links in the arm's plane."""
     arm = make_parametric_arm(description.defaults())
     offset, upper, fore, hand = arm.lengths_m
     worst = 0.0

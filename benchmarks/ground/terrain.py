@@ -58,26 +58,26 @@ def settings(*parts: dict[str, Any]) -> Settings:
 
 
 def fractal(multifractality: float) -> Callable[[], Any]:
-    """Work: the random surface of eight octaves, on a grid."""
+    """Workload: the random surface of eight octaves, on a grid."""
     ground = make_terrain(settings({"terrain": {**EIGHT, "multifractality": multifractality}}), 1)
     return lambda: ground.heights(AXIS[None, :], AXIS[:, None])
 
 
 def scattered() -> Callable[[], Any]:
-    """Work: the same at points in no order."""
+    """Workload: the same surface at points in random order."""
     ground = make_terrain(settings({"terrain": EIGHT}), 1)
     x, y = np.random.default_rng(0).uniform(-SIZE / 2, SIZE / 2, (2, SIDE**2))
     return lambda: ground.heights(x, y)
 
 
 def one_layer(**changes: object) -> Callable[[], Any]:
-    """Work: one layer of noise, in tiles as the ground does it."""
+    """Workload: one layer of noise, in tiles as the ground computes it."""
     ground = make_terrain(settings({"terrain": {"rms_slope_deg": 0.0, "layers": [{"octaves": 1, **changes}]}}), 1)
     return lambda: ground.heights(AXIS[None, :], AXIS[:, None])
 
 
 def built(*parts: dict[str, Any]) -> Callable[[], Any]:
-    """Work: a terrain from its settings to Blender's mesh."""
+    """Workload: a terrain from its settings to Blender's mesh."""
     described = settings(*parts)
 
     def work() -> None:
@@ -87,7 +87,7 @@ def built(*parts: dict[str, Any]) -> Callable[[], Any]:
 
 
 def on_a_mesh() -> Callable[[], Any]:
-    """Work: fine relief on the vertices of any mesh, a tenth of a million."""
+    """Workload: fine relief on the vertices of any mesh, a tenth of a million."""
     points = np.random.default_rng(0).uniform(-5, 5, (SIDE**2 // 10, 3))
     return lambda: relief_heights_m(points, settings({"terrain": EIGHT}), 1)
 

@@ -1,4 +1,4 @@
-"""Whether the verdict on noise puts baked and traced renders in the order of their distance from a converged one.
+"""Whether the noise verdict orders baked and traced renders by their distance from a converged render.
 
     python benchmarks bake_noise [--scale 0.15] [--suns 24 8] [--headings 0] [--bakes 4 16 64 256]
         [--traced 16 64] [--converged 1024]
@@ -39,7 +39,7 @@ DIRECT = 64
 
 
 def measured(folder: Path, reference: Path | None) -> dict[str, Any]:
-    """What a row shows of a pair, with its distance from the pair of the ``reference``."""
+    """The numbers of a row about a pair, with its distance from the pair of the ``reference``."""
     pair = load_pair(folder, {})
     eyes = compute_noise_free_level(pair, "left"), compute_noise_free_level(pair, "right")
     truth = pair.pair.camera.disparity(pair.depth["left"]), pair.visible["left"]

@@ -1,4 +1,4 @@
-"""How much baked light differs from traced light in the mean of images, toward the Sun and away from it.
+"""The difference of baked light from traced light in the mean of images, toward the Sun and away from it.
 
     python benchmarks baked_light [--scale 0.25] [--bake-samples 16] [--samples 32] [--headings 0 180]
         [--rocks 0.1] [--planet]

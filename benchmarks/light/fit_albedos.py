@@ -35,7 +35,7 @@ GEOMETRIC, BOND, EQUIGONAL, BRIGHTEST = 1.375, 0.81, 0.89, 0.92
 
 
 def make_law(w: float, b: float, c: float, b_c0: float) -> photometry.Law:
-    """Shadow hiding at its maximum, both surges as wide, roughness 6 degrees: chosen, see the presets."""
+    """Shadow hiding at its maximum, both surges equally wide, roughness 6 degrees: chosen values, see the presets."""
     return partial(
         bidirectional_reflectance,
         parameters=HapkeParameters(
@@ -45,7 +45,7 @@ def make_law(w: float, b: float, c: float, b_c0: float) -> photometry.Law:
 
 
 def solve(excess: Callable[[float, float], tuple[float, float]]) -> tuple[float, float]:
-    """w and amplitude for which both values of ``excess`` are 0, by Newton's steps in ln(1 - w)."""
+    """w and amplitude for which both values of ``excess`` are 0, by Newton's method in ln(1 - w)."""
     x = np.array([math.log(0.02), 0.6])
 
     def at(point: Array) -> Array:
@@ -59,7 +59,7 @@ def solve(excess: Callable[[float, float], tuple[float, float]]) -> tuple[float,
 
 
 def report(name: str, w: float, b: float, c: float, b_c0: float) -> None:
-    """Print parameters and what follows."""
+    """Print the parameters and the derived numbers."""
     law = make_law(w, b, c, b_c0)
     print(
         f"{name:20s} w {w:.5f}  b {b:.2f}  c {c:.1f}  b_c0 {b_c0:.4f}   geometric "

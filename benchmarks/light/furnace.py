@@ -114,7 +114,7 @@ def radiance(scene: bpy.types.Scene, emission: float, view_m: float, pixels: int
 
 
 def render_pixels(scene: bpy.types.Scene) -> Array:
-    """Render a scene as it is set; radiance (rows, columns, 3), row 0 at the bottom."""
+    """Render a scene with its present settings; radiance (rows, columns, 3), row 0 at the bottom."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "furnace.exr"
         settings = scene.render.image_settings
@@ -130,7 +130,7 @@ def render_pixels(scene: bpy.types.Scene) -> Array:
 
 
 def principled(**inputs: object) -> bpy.types.Material:
-    """A bare Principled surface with inputs of those names."""
+    """A bare Principled surface with these inputs by name."""
     material = bpy.data.materials.new("Principled")
     tree = compat.ensure_nodes(material)
     tree.nodes.clear()
@@ -143,7 +143,7 @@ def principled(**inputs: object) -> bpy.types.Material:
 
 
 def bumpy(steepness: float) -> bpy.types.Material:
-    """A white matt surface with bumps as ``nodes/surface/ice_material.py`` makes them."""
+    """A white Lambert surface with bumps as in ``nodes/surface/ice_material.py``."""
     material = principled(Base_Color=WHITE, Specular_IOR_Level=0.0)
     tree, wavelength_m = Tree(material.node_tree, keep=True), 0.02
     where = tree.node("ShaderNodeNewGeometry", "Geometry").outputs["Position"]

@@ -43,7 +43,7 @@ WAYS = {
 
 
 def of_mitsuba(folder: Path) -> None:
-    """Render ``folder``'s scene: all light, and sunlight alone. Runs in the other Python."""
+    """Render ``folder``'s scene with Mitsuba: all light, and sunlight alone. Runs in the other Python."""
     import mitsuba as mi
 
     scene = json.loads((folder / "scene.json").read_text())
@@ -79,7 +79,7 @@ def of_mitsuba(folder: Path) -> None:
 
 
 def _flatten(built: Built) -> None:
-    """Flat triangles, so that both programs have the same facets."""
+    """Make the triangles flat, so that both programs have the same facets."""
     import bmesh
 
     shape = bmesh.new()
@@ -91,7 +91,7 @@ def _flatten(built: Built) -> None:
 
 
 def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> Array:
-    """Radiance of the left eye; leaves the scene's description in ``folder``."""
+    """Radiance of the left eye by Cycles; leaves the scene's description in ``folder``."""
     import bpy
     from icymoon.benchmarks.common.renders import render
     from icymoon.nodes.build_scene import build_scene
@@ -159,7 +159,7 @@ def _blocks(image: Array) -> Array:
 
 
 def _inside(part: Array) -> Array:
-    """Pixels whose neighbours, which the pixel filter of Cycles reaches, are of the same part."""
+    """Pixels whose neighbours within the pixel filter of Cycles belong to the same part."""
     wide = np.pad(part, 2)
     rows, columns = part.shape
     return np.all([wide[r : r + rows, c : c + columns] for r in range(5) for c in range(5)], axis=0)

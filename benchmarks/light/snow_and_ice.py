@@ -1,4 +1,4 @@
-"""What layers of snow and ice cost: processor seconds of a pair, and ratios within one run.
+"""The cost of layers of snow and ice: processor seconds of a pair, and ratios within one run.
 
     python benchmarks snow_and_ice [--width PX] [--samples N]
 
@@ -44,7 +44,7 @@ def small(preset: str, width: int, samples: int, *parts: Parts) -> Settings:
 
 
 def costs(width: int, samples: int) -> Iterator[str]:
-    """Lines of a table of what each layer costs."""
+    """Lines of a table of each layer's cost."""
     plain = 0.0
     for name, part in LAYERS.items():
         took = seconds_of_render(small("gallery/block_field", width, samples, PLAIN, part))

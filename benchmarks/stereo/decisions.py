@@ -60,7 +60,7 @@ def write_workspace(folder: Path) -> Path:
 
 
 def decide_on(workspace: Workspace, depth: Array) -> None:
-    """What a depth decides, beside the truth."""
+    """The decisions by a depth, compared with the truth's."""
     compare_with_truth(workspace, decide_from_depth(workspace, depth))
 
 

@@ -1,4 +1,4 @@
-"""Processor seconds of an evaluation, per pair and method, matcher included, and where they go.
+"""Processor seconds of an evaluation, per pair and method, matcher included, and their breakdown.
 
     python benchmarks evaluate_pairs [--pairs 4] [--methods bm,sgbm] [--profile]
 

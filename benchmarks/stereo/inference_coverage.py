@@ -1,4 +1,4 @@
-"""How often the verdicts and intervals over scenes are wrong, by simulation of what scenes are like.
+"""The error rates of verdicts and intervals over scenes, by simulation of scenes.
 
     python benchmarks inference_coverage --runs 4000 --processes 2
     python benchmarks inference_coverage --runs 10000 --beyond
@@ -194,19 +194,19 @@ def wrong_mean_differences(cell: tuple[str, float, int, int], runs: int) -> floa
 
 
 def timed(work: Callable[[], Result]) -> tuple[Result, float]:
-    """What a cell gives, and its processor seconds."""
+    """The result of a cell, and its processor seconds."""
     began = time.process_time()
     return work(), time.process_time() - began
 
 
 def list_numbers_of_scenes(methods: int) -> list[int]:
-    """Those of the tables, from the first with a verdict on."""
+    """The numbers of scenes in the tables, from the first with a verdict."""
     fewest = typical_scene.count_scenes_for_methods(methods)
     return [fewest + more for more in MORE] + [MANY]
 
 
 def percent(shares: Array | list[float]) -> str:
-    """Shares as whole and tenths of a percent."""
+    """Shares in percent with one decimal."""
     return ", ".join(f"{100 * share:.1f}" for share in shares)
 
 
@@ -269,7 +269,7 @@ def rows_of_means(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, f
 
 
 def rows_beyond(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, float]]:
-    """The lines of the table of errors beyond, and the processor seconds that each took."""
+    """The lines of the table of rare large errors, and the processor seconds that each took."""
     yield (
         "| errors | spread of the first method | methods | "
         + "".join(f"{more} more | " for more in MORE)

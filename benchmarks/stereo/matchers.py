@@ -124,7 +124,7 @@ def table(labels: tuple[str, ...], folder: Path) -> None:
 
 
 def random_checkpoints(folder: Path) -> None:
-    """Files with the parameters that a new network has."""
+    """Checkpoints with the random parameters of a new network."""
     import torch
     from icymoon.stereo.networks.dsmnet import DSMNet
     from icymoon.stereo.networks.igev import IGEVStereo
@@ -135,7 +135,7 @@ def random_checkpoints(folder: Path) -> None:
 
 
 def on_cuda(folder: Path) -> None:
-    """Seconds per pair on the device, and the difference to the processor."""
+    """Seconds per pair on the device, and the difference from the processor's result."""
     left, right, _ = pair()
     for method, more in (
         ("igev", {"iterations": 8}),

@@ -1,4 +1,4 @@
-"""What compact files save and cost: bytes of each pass by codec, level and size of floats, and what they lose.
+"""The savings and losses of compact files: bytes of each pass by codec, level and size of floats, and rounding errors.
 
     python benchmarks half_floats out/workspaces
 
@@ -77,7 +77,7 @@ def print_sizes(folder: Path) -> None:
 
 
 def compact(data: bytes) -> Iterator[tuple[Piece, Piece | None, float]]:
-    """Of each part of a full file: as it is, as compact files have it, and the processor seconds of that."""
+    """For each part of a full file: its bytes, its bytes in a compact file, and the processor seconds of compaction."""
     pieces = read_pieces(data)
     watch = Stopwatch()
     twice = {IMAGE_PASS} if is_sum_of_lights(pieces) else set[str]()
@@ -130,7 +130,7 @@ def print_compact(folder: Path) -> None:
 
 
 def disparity_errors(folder: Path, methods: Sequence[Method]) -> dict[str, tuple[float, float]]:
-    """By method the mean error in px of what it measures, and the share that is wrong by 1 px or missing."""
+    """By method the mean error in px of the measured pixels, and the share that is wrong by 1 px or missing."""
     pair = load_pair(folder, {})
     camera = pair.pair.camera
     left, right = pair.images.for_matchers()
@@ -144,7 +144,7 @@ def disparity_errors(folder: Path, methods: Sequence[Method]) -> dict[str, tuple
 
 
 def print_errors(folders: list[Path], methods: Sequence[Method]) -> None:
-    """Print what rounding changes, pair by pair, and the means with their standard errors."""
+    """Print the effect of rounding, pair by pair, and the means with their standard errors."""
     whole = exr._read_with_openexr
     changes: dict[str, list[tuple[float, float]]] = {}
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Mistake:
-    """``wrong`` is what the user did; ``message`` and ``fix`` are parts of the one sentence that reports it."""
+    """``wrong`` is the user's mistake; ``message`` and ``fix`` are parts of the one sentence that reports it."""
 
     key: str
     wrong: str

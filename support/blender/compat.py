@@ -28,8 +28,8 @@ def choose_principled_table() -> str:
 
 
 def moves_along_first_corner() -> bool:
-    """Whether Cycles moves a vertex along the normal of its first corner (from 5.2 on) instead of the vertex's normal.
-    Both differ if facets are flat."""
+    """Whether Cycles displaces a vertex along the normal of its first corner (from 5.2 on) instead of the vertex's
+    normal. The two differ for flat facets."""
     return bpy.app.version >= (5, 2, 0)
 
 
@@ -62,7 +62,7 @@ def is_module() -> bool:
 
 
 def list_library_folders() -> tuple[Path, ...]:
-    """Folders in which this Blender may have the libraries that it comes with."""
+    """The folders in which this Blender may have its bundled libraries."""
     installed = Path(bpy.utils.resource_path("LOCAL")).parent
     return tuple(installed / name for name in ("lib", "blender.shared"))
 
@@ -123,7 +123,7 @@ def draw_linear_texture(texture: gpu.types.GPUTexture, x: float, y: float, width
 
 
 def _panorama_of(lens: bpy.types.Camera) -> bpy.types.bpy_struct:
-    """What has the properties of a panoramic camera: from 5.0 on the camera, before its part of Cycles."""
+    """The owner of a panoramic camera's properties: the camera from 5.0 on, earlier its Cycles properties."""
     return lens if hasattr(lens, "panorama_type") else lens.cycles
 
 

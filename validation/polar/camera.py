@@ -310,7 +310,7 @@ def measure_compared_share(terrain: Terrain, targets: dict[View, Array]) -> floa
 
 
 def _measure_outline_supports(terrain: Terrain, view: View, middles: Array, reach_px: float) -> Array:
-    """How far the outline of each rock reaches in each direction, the median of the azimuths; NaN if not outlined."""
+    """The extent of each rock's outline in each direction, the median of the azimuths; NaN without an outline."""
     found = np.full((len(terrain.azimuths), len(middles), _OUTLINE_DIRECTIONS.shape[1]), np.nan)
     for k, azimuth in enumerate(terrain.azimuths):
         outlines = terrain.polygons(view, azimuth, ROCK)

@@ -84,7 +84,7 @@ def _gaussian_bumps(xy: Array, middles: Array) -> Array:
 
 
 def _fit_plane(middles: Array, heights: Array) -> Array:
-    """The plane (3,) that most of the heights (n,) at middles (n, 2) are on: those within some spreads of it count."""
+    """The plane (3,) through most of the heights (n,) at middles (n, 2): heights within some spreads of it count."""
     basis = np.column_stack([np.ones(len(middles)), middles])
     weight: Numbers = np.ones(len(middles))
     for _ in range(50):

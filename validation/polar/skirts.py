@@ -66,8 +66,8 @@ def find_skirt(vertices: Array, faces: Array) -> Array:
 
 
 def _steepness(vertices: Array, faces: Array) -> Array:
-    """Angles (m,) in radians of triangles with the level, of normals that are averaged; above a right one if they face
-    down."""
+    """Angles (m,) in radians between triangles and the horizontal plane, by averaged normals; more than a right angle
+    for triangles that face down."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals *= 1.0 if normals[:, 2].sum() > 0 else -1.0
