@@ -36,8 +36,8 @@ def no_blender() -> str:
     if sys.version_info[:2] in _WITH_BLENDER:
         return f'{sys.executable} has no Blender; give one with --blender, or pip install "icymoon[blender]".'
     return (
-        f"{sys.executable} is Python {sys.version_info[0]}.{sys.version_info[1]}, for which there is no Blender as "
-        'a module; give a Blender with --blender, or use Python 3.11 or 3.13 and pip install "icymoon[blender]".'
+        f"{sys.executable} is Python {sys.version_info[0]}.{sys.version_info[1]}, which has no Blender as a "
+        'module; give a Blender with --blender, or use Python 3.11 or 3.13 and pip install "icymoon[blender]".'
     )
 
 

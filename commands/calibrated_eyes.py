@@ -60,7 +60,7 @@ def why_calibrated(rig: CalibratedRig) -> str:
     alike = [as_brown(camera) for camera in rig.cameras]
     for camera, same in zip(rig.cameras, alike, strict=True):
         if abs(camera.fx_px / camera.fy_px - 1) >= SQUARE_PIXEL_TOLERANCE or camera.skew_px:
-            return f"pixels are no squares (fx {camera.fx_px:g}, fy {camera.fy_px:g}, skew {camera.skew_px:g} px)"
+            return f"pixels are not square (fx {camera.fx_px:g}, fy {camera.fy_px:g}, skew {camera.skew_px:g} px)"
         if same is None or not isinstance(same.lens, Brown) or len(same.lens.shortened()) > 5:
             return f"the lens is {camera.lens.name}"
     first, second = (_list_shared_parameters(camera) for camera in alike if camera is not None)

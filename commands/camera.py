@@ -123,10 +123,10 @@ def parse_sizes(text: str) -> tuple[tuple[int, int], ...]:
     for size in text.split(","):
         words = size.strip().lower().split("x")
         if len(words) != 2 or not all(word.isascii() and word.isdecimal() and len(word) < 9 for word in words):
-            raise argparse.ArgumentTypeError(f"{size!r} is no size; write it as 640x480")
+            raise argparse.ArgumentTypeError(f"{size!r} is not a size; write it as 640x480")
         width, height = map(int, words)
         if not (PIXELS.fits(width) and PIXELS.fits(height)):
-            raise argparse.ArgumentTypeError(f"{size!r} is no size of an image")
+            raise argparse.ArgumentTypeError(f"{size!r} is not a size of an image")
         found.append((width, height))
     return tuple(found)
 
@@ -179,7 +179,7 @@ def choose_cameras(reading: Reading, names: str | None) -> Reading:
     wanted = [name.strip() for name in names.split(",")]
     for name in wanted:
         if wanted.count(name) > 1 or [camera.name for camera in reading.rig.cameras].count(name) > 1:
-            raise IcyMoonError(f"--cameras: {quote(name)} is there more than once; give each camera a name of its own.")
+            raise IcyMoonError(f"--cameras: {quote(name)} occurs more than once; give each camera a unique name.")
         if name not in known:
             guess = suggest_nearest(name, list(known), otherwise=f"the first ones are {', '.join(list(known)[:6])}.")
             raise IcyMoonError(f"--cameras: {quote(name)} is not there; {guess}")
@@ -314,8 +314,8 @@ def _pinhole_eye(camera: CalibratedCamera, paths: tuple[Path, ...], where: str) 
     lens = plain.lens if plain else None
     if plain is None or not isinstance(lens, Brown) or any(lens.coefficients) or not _has_square_pixels(plain.matrix):
         raise IcyMoonError(
-            f"{where}: {camera.name or 'a camera'} has distortion or pixels that are no squares, so it is no camera of "
-            "rectified images; leave out --rectified, or give a calibration with K, R = 1 and T of the rectified pair."
+            f"{where}: {camera.name or 'a camera'} has distortion or pixels that are not square, so its images are not "
+            "rectified; leave out --rectified, or give a calibration with K, R = 1 and T of the rectified pair."
         )
     path = paths[-1] if camera.name == "right" else paths[0]
     pinhole = Lens(plain.fx_px, plain.cx_px, plain.cy_px, (0.0,) * len(COEFFICIENTS), 0.0)
@@ -432,7 +432,7 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     """
     for camera in (left, right):
         if not _has_square_pixels(camera.matrix):
-            return f"pixels are no squares ({_describe_focal_lengths(camera.matrix)})"
+            return f"pixels are not square ({_describe_focal_lengths(camera.matrix)})"
         if camera.k is None:
             return f"the lens model is {camera.model}"
     if differ := _describe_unlike(_make_ros_lens(left, False), _make_ros_lens(right, False), left.width_px):
@@ -458,7 +458,7 @@ def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
             else "bin as many pixels along x as along y, and set binning_x and binning_y to that"
         )
         raise IcyMoonError(
-            f"{path}: its pixels are no squares, in projection_matrix too "
+            f"{path}: its pixels are not square, in projection_matrix too "
             f"({_describe_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; {fix}."
         )
     lens = _make_ros_lens(camera, rectified)

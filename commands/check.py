@@ -62,8 +62,7 @@ def _run_check(options: argparse.Namespace) -> int:
         faults = list(_measure(pair, folder / "evaluation"))
     if faults:
         raise IcyMoonError(
-            f"The installation is not right: {'; '.join(faults)}. Run icymoon doctor, and report this "
-            "with what it prints."
+            f"The installation is faulty: {'; '.join(faults)}. Run icymoon doctor, and report this with what it prints."
         )
     say(
         f"The installation is right. This took {_measure_processor_s() - before:.0f} s of processor time, "

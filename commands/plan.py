@@ -32,12 +32,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "plan", nargs="?", help="TOML file, or the name of a shipped plan; without one these are listed"
     )
-    parser.add_argument("--dry-run", action="store_true", help="print how many pairs there are and what they will take")
+    parser.add_argument("--dry-run", action="store_true", help="print the number of pairs and their estimated cost")
     parser.add_argument(
         "--out",
         type=as_path,
         metavar="DATASET",
-        help="folder of the data set; its pairs are counted, and what they took is learnt from",
+        help="folder of the data set; its finished pairs are counted, and their times improve the estimate",
     )
     parser.add_argument(
         "--blender",

@@ -49,7 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=as_path, required=True, metavar="FOLDER", help="folder for the data sets, the tables and figures"
     )
-    parser.add_argument("--dry-run", action="store_true", help="print what it will take, and end")
+    parser.add_argument("--dry-run", action="store_true", help="print the estimated cost, and end")
     size = parser.add_mutually_exclusive_group()
     size.add_argument("--quick", action="store_true", help="a tenth of the pairs, in which every value keeps its share")
     size.add_argument("--pairs", type=int, metavar="N", help="about N pairs of the 5020, chosen in the same way")
@@ -123,7 +123,7 @@ def _check_options(options: argparse.Namespace) -> None:
     if not _LEAST_SCALE <= options.scale <= 1:  # not so for NaN either
         raise IcyMoonError(f"--scale is {options.scale:g}; give {_LEAST_SCALE:g} to 1.")
     if options.files and not options.files.is_dir():
-        raise IcyMoonError(f"--files: {options.files} is no folder; give the folder with your textures and meshes.")
+        raise IcyMoonError(f"--files: {options.files} is not a folder; give the folder with your textures and meshes.")
     if not (options.out / "data" / PLAN).exists():
         for name in OUTPUT_FILES:
             if (options.out / name).exists():

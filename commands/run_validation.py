@@ -33,7 +33,7 @@ def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) ->
     known = [*load_comparisons(), *(load_own_comparison(path) for path in own)]
     names = [each.name for each in known]
     if double := next((name for name in names if names.count(name) > 1), None):
-        raise IcyMoonError(f"--own: two comparisons are called {double!r}; give yours another name.")
+        raise IcyMoonError(f"--own: two comparisons have the name {double!r}; rename yours.")
     for name in only:
         if name not in names:
             raise IcyMoonError(f"--only: no comparison is called {name!r}; {suggest_nearest(name, names)}")

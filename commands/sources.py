@@ -103,7 +103,9 @@ def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Orig
     names = {f"{topic}.{setting.key}" for topic, setting in list_all_settings()} | set(TOPICS)
     for word in wanted:
         if word not in names:
-            raise IcyMoonError(f"{word!r} is no topic and no setting; give for example light, or light.planet_albedo.")
+            raise IcyMoonError(
+                f"{word!r} is neither a topic nor a setting; give for example light, or light.planet_albedo."
+            )
     presets = _rank_presets(settings)
     stand_ins = {
         "source.stand_in" if isinstance(item, MeshItem) else "textures.stand_in": item for item in list_items(settings)

@@ -238,7 +238,7 @@ def make_cahvor_text(model: Cahvor) -> str:
     }[model.kind]
     lines = [f"Dimensions = {model.width_px} {model.height_px}", f"Model = {words}"]
     if model.residual_px:
-        lines.insert(0, f"# fitted to a lens that is no CAHVOR, off by up to {model.residual_px:.2g} px")
+        lines.insert(0, f"# fitted to a lens that is not CAHVOR, error up to {model.residual_px:.2g} px")
     lines += [f"{letter} = {' '.join(f'{value:.17g}' for value in vector)}" for letter, vector in _list_vectors(model)]
     lines += [
         f"{name} = {value:.17g}"
@@ -455,6 +455,6 @@ def _find_image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
     )
     if len(found) > 1:
         raise ValueError(
-            f"it has images of {len(found)} sizes, {found[0]} and {found[1]}, and none of them is marked as its own"
+            f"it has images of {len(found)} sizes, {found[0]} and {found[1]}, and no size is marked as its own"
         )
     return found[0] if found else None

@@ -577,7 +577,7 @@ def clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | 
     try:
         value = float(text)
     except ValueError:
-        return [f"its mark of missing heights, {text[:40]!r}, is no number, so none was taken for missing"]
+        return [f"its mark of missing heights, {text[:40]!r}, is not a number, so no height counts as missing"]
     if math.isfinite(value) and abs(value) < NO_HEIGHT:
         clear_missing_mark(grid, value, number)
     return []
@@ -613,7 +613,7 @@ def warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
         else "if they are in another unit, write them in metres"
     )
     return [
-        f"it states no unit for its heights, which were taken for metres although its coordinates are in units of "
+        f"it states no unit for its heights, which were read as metres although its coordinates are in units of "
         f"{unit_m:g} m; {fix}"
     ]
 
@@ -796,7 +796,7 @@ def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: floa
             "has pixels of {size} in the unit of EPSG:" + str(system) + ", which is not known here; state it "
             "in its folder with: " + gdal_lines.translate_command(file, _STATE_UNITS_OPTION)
         )
-    return 1.0, "it states no unit of length, so its coordinates were taken for metres"
+    return 1.0, "it states no unit of length, so its coordinates were read as metres"
 
 
 def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[float, float], tuple[float, float]] | None:

@@ -87,7 +87,7 @@ def _parse_gltf(foreign: ForeignBytes) -> tuple[dict[str, Any], int]:
     foreign.budget.charge(_MEMORY_PER_VALUE * sum(text.count(mark) for mark in (b",", b"[", b"{", b":")), "JSON")
     document = parse_json(text.removeprefix(b"\xef\xbb\xbf"))
     if not isinstance(document, dict):
-        raise ValueError("its JSON is no table")
+        raise ValueError("its JSON is not a table")
     return document, binary
 
 

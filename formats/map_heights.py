@@ -194,7 +194,7 @@ class _FileBlocks:
                 if abs(extreme) in USUAL_MARKS:
                     state = gdal_lines.edit_command(self.name, f"-a_nodata {extreme:g}")
                     yield (
-                        f"it has heights of exactly {extreme:g}, a usual mark of missing heights, which were taken for "
+                        f"it has heights of exactly {extreme:g}, a usual mark of missing heights, which were read as "
                         f"heights; set source.missing, or state the mark in its folder with: {state}"
                     )
         if not self._states_unit and not states_degrees(self.placed.keys):

@@ -131,7 +131,7 @@ def _parse_header(foreign: ForeignBytes) -> _Header:
             comments.append(raw.strip().removeprefix(b"comment").strip())
         elif words[0] == "element":
             if len(words) < 3 or not _is_count(words[2]):
-                raise ValueError(f"line {number} of the header is no element with the number of its rows")
+                raise ValueError(f"line {number} of the header is not an element with the number of its rows")
             elements.append((words[1], int(words[2]), []))
         elif words[0] == "property" and elements:
             elements[-1][2].append(_parse_property(words, number))
@@ -159,7 +159,7 @@ def _parse_property(words: list[str], number: int) -> _Property:
     is_list = words[1:2] == ["list"]
     kinds = [_NUMPY_TYPES.get(word, "") for word in (words[2:-1] if is_list else words[1:-1])]
     if len(kinds) != 1 + is_list or not all(kinds) or (is_list and kinds[0][0] == "f"):
-        raise ValueError(f"line {number} of the header is no property with its type")
+        raise ValueError(f"line {number} of the header is not a property with its type")
     return _Property(words[-1], kinds[-1], kinds[0] if is_list else None)
 
 
@@ -354,7 +354,7 @@ def _number_rows(lines: Iterator[tuple[int, bytes]], header: _Header, element: _
 
 def _make_row_error(header: _Header, element: _Element, number: int, line: bytes, why: str = "") -> ValueError:
     return ValueError(
-        f"line {header.lines + number} is no row of the element {shorten(element.name)!r}{why}: "
+        f"line {header.lines + number} is not a row of the element {shorten(element.name)!r}{why}: "
         f"{shorten(line[:200].decode('utf-8', 'replace'))!r}"
         if number
         else "it ends early"
@@ -558,7 +558,7 @@ def _parse_triangles(foreign: ForeignBytes) -> tuple[Array, Array]:
     vertices = cursor.numbers("<f4", width * header.elements[0].count).reshape(-1, width)
     faces = cursor.numbers(FACE_TYPE, header.elements[1].count)
     if cursor.left or (faces["count"] != 3).any():
-        raise ValueError("its faces are no triangles")
+        raise ValueError("its faces are not triangles")
     return vertices[:, :3], faces["corners"].copy()
 
 

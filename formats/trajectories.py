@@ -133,7 +133,7 @@ def _parse_stamp_s(text: str, unit_s: Decimal, line: int) -> Decimal:
             return seconds.quantize(_NANOSECOND)
     except InvalidOperation:
         pass
-    raise ValueError(f"line {line} has the stamp {quote(shorten(text))}, which is no number of seconds")
+    raise ValueError(f"line {line} has the stamp {quote(shorten(text))}, which is not a number of seconds")
 
 
 class _Poses:
@@ -212,7 +212,7 @@ class _Poses:
     def _rotation(self, matrix: Array, line: int) -> Array:
         off = rotation_error(matrix)
         why = f"off by {off:.3g}" if math.isfinite(off) else "mirrored or flat"
-        self._note(off, line, f"a matrix that is no rotation, {why}")
+        self._note(off, line, f"a matrix that is not a rotation, {why}")
         return from_quaternion(quaternion(nearest_rotation(matrix)))
 
     def _note(self, off: float, line: int, what: str) -> None:
@@ -231,7 +231,7 @@ def _numbers(words: list[str], count: int, line: int) -> list[float]:
     try:
         found = [float(word) for word in words]
     except ValueError:
-        raise ValueError(f"line {line} has a word that is no number") from None
+        raise ValueError(f"line {line} has a word that is not a number") from None
     if not all(map(math.isfinite, found)):
         raise ValueError(f"line {line} has a number that is not finite")
     return found

@@ -42,7 +42,7 @@ def parse_yaml(text: str) -> dict[str, Any]:
     """
     found = _Block(text).parse()
     if not isinstance(found, dict):
-        raise ValueError("it is no mapping of keys to values")
+        raise ValueError("it is not a mapping of keys to values")
     return found
 
 
@@ -190,7 +190,7 @@ class _Block:
             number, _, content = self.lines[self.at]
             match = _KEY_PATTERN.match(content)
             if match is None:
-                raise ValueError(f"line {number}: {quote(content)} is no key with a value")
+                raise ValueError(f"line {number}: {quote(content)} is not a key with a value")
             key = match[1].strip().strip("\"'")
             if key in found:
                 raise ValueError(f"line {number} states {quote(key)} again")

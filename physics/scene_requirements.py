@@ -91,7 +91,7 @@ def why_not_baked(settings: Settings) -> str:
     if settings.veil.optical_depth > 0:
         return "light that a veil scatters or absorbs is not baked (veil.optical_depth)"
     if settings.lander.kind != "NONE":
-        return "there is a lander, which is no part of the ground (lander.kind)"
+        return "there is a lander, which is not part of the ground (lander.kind)"
     return ""
 
 
@@ -175,12 +175,12 @@ def _left_out_of_veil(settings: Settings) -> Iterator[str]:
     depth, followed = settings.veil.optical_depth, 1 + settings.quality.diffuse_bounces
     if depth > 0:
         yield (
-            "truth: no veil in depth, normals and hidden pixels, because they are those of the ground behind it "
+            "truth: no veil in depth, normals and hidden pixels, because they belong to the ground behind it "
             "(veil.optical_depth)."
         )
     if depth > followed:
         yield (
-            f"light: what the veil scatters more than {followed} times is lost, and one of this optical depth scatters "
+            f"light: light that the veil scatters more than {followed} times is lost, and this optical depth scatters "
             "most light more often; raise quality.diffuse_bounces or lower veil.optical_depth."
         )
 

@@ -55,7 +55,7 @@ def check_package(plugin: Plugin) -> Iterator[Check]:
         else "",
     )
     yield Check(
-        "its first line states what it is",
+        "its first line states its purpose",
         ""
         if read_summary(loaded)
         else f"{plugin.title} has no docstring; begin it with a line that lists and reports show.",

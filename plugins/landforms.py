@@ -155,7 +155,7 @@ def _read_number(plugin: Plugin, key: object, facts: object) -> Number:
     if not (isinstance(key, str) and key.isidentifier() and key.islower()) or key in (RELEASE, "seed"):
         raise IcyMoonError(f"{where} has a name that cannot be used; choose small letters, digits and _.")
     if not isinstance(facts, Mapping) or (unknown := [name for name in facts if name not in _STATED]):
-        said = f"has {unknown[0]!r}" if isinstance(facts, Mapping) else "is no dictionary"
+        said = f"has {unknown[0]!r}" if isinstance(facts, Mapping) else "is not a dictionary"
         raise IcyMoonError(f"{where} {said}; a setting has {', '.join(_STATED)}.")
     if missing := [name for name in _STATED if name not in facts]:
         raise IcyMoonError(f"{where} has no {missing[0]}; a setting has {', '.join(_STATED)}.")
@@ -171,5 +171,5 @@ def _read_number(plugin: Plugin, key: object, facts: object) -> Number:
             "default between the others."
         )
     if not all(isinstance(facts[name], str) and facts[name].strip() for name in ("label", "doc")):
-        raise IcyMoonError(f"{where} has an empty label or doc; write what the window shows.")
+        raise IcyMoonError(f"{where} has an empty label or doc; write the texts for the window.")
     return Number(key, default, low, high, facts["label"], facts["doc"].rstrip("."))

@@ -184,7 +184,7 @@ def check_camera(built: Built) -> None:
         )
     if built.camera.data.dof.use_dof:
         raise IcyMoonError(
-            "The stereo camera has depth of field of its own, which would blur the true depth too; "
+            "The stereo camera has its own depth of field, which would blur the true depth too; "
             "switch it off, and set rig.focus_distance_m instead."
         )
     rig = built.settings.rig

@@ -98,7 +98,7 @@ def _add_metrics_arguments(command: argparse.ArgumentParser) -> None:
         help="disparity times depth of the camera, px·m; adds the disparity metrics",
     )
     command.add_argument(
-        "--guiss", action="store_true", help="add what the GUISS reference code would report, as guiss_..."
+        "--guiss", action="store_true", help="add the numbers that the GUISS reference code would report, as guiss_..."
     )
     command.add_argument(
         "--bm-min-disparity",
@@ -307,7 +307,7 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
     command.add_argument(
         "--guiss",
         action="store_true",
-        help="also show what the GUISS reference code would report, to compare with published tables",
+        help="also show the numbers that the GUISS reference code would report, for comparison with published tables",
     )
     command.add_argument(
         "--points",

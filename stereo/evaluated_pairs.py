@@ -86,7 +86,7 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
     for source in found:
         if not FILE_NAME.fits(source.name):
             raise IcyMoonError(
-                f"{source.folder}: results cannot have a pair of this name, which is no name of a file "
+                f"{source.folder}: results cannot have a pair of this name, which is not a name of a file "
                 "on every system; rename its folder."
             )
         same = first.setdefault(source.name, source)

@@ -387,7 +387,7 @@ def parse_json(text: str | bytes) -> Any:
 def _parse_finite(text: str) -> float:
     number = float(text)
     if number - number:  # which is 0 for every number; a call takes as long as all else here
-        raise ValueError(f"{text[:40]} is no number")
+        raise ValueError(f"{text[:40]} is not a number")
     return number
 
 

@@ -108,7 +108,7 @@ def open_regular(path: Path) -> IO[bytes]:
     """Open a regular file for reading. Raises OSError for any other, such as a pipe or a device, which could block its
     reader."""
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
-    irregular = OSError(errno.EINVAL, "it is no regular file", str(path))
+    irregular = OSError(errno.EINVAL, "it is not a regular file", str(path))
     try:
         handle = os.open(path, flags)
     except OSError as error:

@@ -41,7 +41,7 @@ from icymoon.support.files import quote
 from pairs import Scene, camera, write_pair
 from stated_pairs import PAIRS, whole
 
-#: What takes the place of a value: other types, other signs, what is no number, what leads elsewhere, and too much.
+#: What takes the place of a value: other types, other signs, what is not a number, what leads elsewhere, and too much.
 INSTEAD = (
     None,
     True,

@@ -41,9 +41,9 @@ def test_a_python_without_what_icymoon_needs_is_told():
     ("version", "said"),
     [
         ((3, 11), 'pip install "icymoon[blender]".'),
-        ((3, 12), "is Python 3.12, for which there is no Blender as a module"),
+        ((3, 12), "is Python 3.12, which has no Blender as a module"),
         ((3, 13), 'pip install "icymoon[blender]".'),
-        ((3, 14), "is Python 3.14, for which there is no Blender as a module"),
+        ((3, 14), "is Python 3.14, which has no Blender as a module"),
     ],
 )
 def test_a_python_for_which_there_is_no_blender_is_not_told_to_install_one(version, said, monkeypatch):

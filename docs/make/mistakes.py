@@ -197,7 +197,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
         Mistake(
             "folder as mesh",
             "The ground's file is a folder",
-            "site.obj cannot be read (it is no regular file)",
+            "site.obj cannot be read (it is not a regular file)",
             "check source.file",
         ),
         Mistake(

@@ -92,7 +92,7 @@ def _parse_cached(path: Path, text: str) -> dict[str, Any]:
     try:
         return parse_toml(text)
     except ValueError as error:
-        raise IcyMoonError(f"{path}: is no TOML file that can be read ({error}); {_FIX}.") from None
+        raise IcyMoonError(f"{path}: is not a TOML file that can be read ({error}); {_FIX}.") from None
 
 
 def _parse_head(path: Path, text: str) -> Head:
@@ -219,7 +219,7 @@ class _Entry:
                 raise self._error(key, f"{key} has the length 0; state a vector that points somewhere")
         if lengths[2] < 1e-6 * lengths[0] * lengths[1]:
             key = "forward" if "forward" in self._table else "up"
-            unsaid = "" if "up" in self._table else f", which is {list(default[1])} where none is stated"
+            unsaid = "" if "up" in self._table else f", which is {list(default[1])} by default"
             raise self._error(key, f"forward is along up{unsaid}; state an up that points elsewhere")
         z, x = forward / lengths[0], right / lengths[2]
         return np.column_stack([x, np.cross(z, x), z])
@@ -227,7 +227,7 @@ class _Entry:
     def _name(self) -> str:
         name = self._text("name")
         if not all(each.isascii() and (each.isalnum() or each in "-_") for each in name):
-            raise self._error("name", f"{quote(name)} is no name of a camera; take letters, digits, - and _")
+            raise self._error("name", f"{quote(name)} is not a name of a camera; take letters, digits, - and _")
         if fault := find_name_fault(name):
             raise self._error("name", f"Windows has no file with a name {fault}; take another name")
         if len(name) > _LONGEST_NAME:

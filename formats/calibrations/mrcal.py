@@ -46,7 +46,7 @@ def _parse(foreign: ForeignBytes) -> CalibratedCamera:
     kept = [line for line in lines if not line.startswith(("#", "'optimization_inputs'", '"optimization_inputs"'))]
     model = parse_flow("\n".join(kept))
     if not isinstance(model, dict):
-        raise ValueError("it is no table")
+        raise ValueError("it is not a table")
     name = str(model.get("lensmodel", model.get("lens_model")))
     fx, fy, cx, cy, *more = numbers_of(model["intrinsics"], "intrinsics").tolist()
     lens = _lens(name, more)

@@ -165,7 +165,7 @@ def _camera(found: Mapping[str, Any], side: int | None, stated: Stated) -> Calib
         raise ValueError(f"{name} has {len(matrix)} numbers, not 9")
     (fx, skew, cx), (below, fy, cy), last = matrix.reshape(3, 3).tolist()
     if below or last != [0, 0, 1]:
-        raise ValueError(f"{name} is no camera matrix: 0 below fx, and 0 0 1 in its last row, are missing")
+        raise ValueError(f"{name} is not a camera matrix: 0 below fx, and 0 0 1 in its last row, are missing")
     lens = _lens(found, side, stated)
     if skew and isinstance(lens, Brown):
         raise RefusedError(f"has a skew of {skew:g} px in {name}, which OpenCV's functions leave out; set it to 0.")

@@ -85,7 +85,7 @@ def format_of(path: Path) -> str:
     if _ROS_PATTERN.search(head):
         return "ros"
     raise IcyMoonError(
-        f"{path}: is no calibration that is known: it has no %YAML:1.0 (OpenCV), no camera_matrix (ROS) and no cam0 "
+        f"{path}: is not a known calibration: it has no %YAML:1.0 (OpenCV), no camera_matrix (ROS) and no cam0 "
         "(Kalibr); give another file, or state its format by --format."
     )
 
@@ -100,7 +100,7 @@ def read_calibration(paths: Sequence[Path], stated: Stated = Stated(), name: str
     kinds = [name or format_of(path) for path in paths]
     where = " and ".join(map(str, paths))
     if len(set(kinds)) > 1:
-        raise IcyMoonError(f"{where} are calibrations of several kinds, {', '.join(kinds)}; give those of one kind.")
+        raise IcyMoonError(f"{where} are calibrations of several kinds, {', '.join(kinds)}; give files of one kind.")
     kind = FORMATS[kinds[0]]
     if len(paths) > kind.most_read:
         raise IcyMoonError(

@@ -62,7 +62,7 @@ def _camera(frame: dict[str, Any], unit_m: float) -> CalibratedCamera:
     )
     fisheye = model == "OPENCV_FISHEYE" or frame.get("is_fisheye") is True
     if not fisheye and k4:
-        raise ValueError("k4 is not 0, which nerfstudio takes for a power that OpenCV's lens has not; set it to 0")
+        raise ValueError("k4 is not 0, which nerfstudio uses as a power that OpenCV's lens lacks; set it to 0")
     lens = Fisheye((k1, k2, k3, k4)) if fisheye else Brown((k1, k2, p1, p2, k3))
     rotation, centre = pose_of(numbers_of(frame["transform_matrix"], "transform_matrix", 4, 4) @ _OPENGL_TO_OURS)
     name = str(frame.get("file_path", ""))

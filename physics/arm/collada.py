@@ -158,7 +158,7 @@ class _ColladaDocument:
         """The pose (4, 4) of one transform element."""
         values = self._parse_numbers(item.text, float, _TRANSFORMS[item.tag], f"a <{item.tag}>")
         if not np.abs(values).max() <= _LARGEST_NUMBER:
-            raise ValueError(f"a <{item.tag}> contains a value that is no number")
+            raise ValueError(f"a <{item.tag}> contains a value that is not a number")
         if item.tag == "matrix":
             if not np.allclose(values[12:], [0.0, 0.0, 0.0, 1.0], atol=1e-6):
                 raise ValueError("a <matrix> must have the last row 0 0 0 1")
@@ -195,7 +195,7 @@ class _ColladaDocument:
         """The numbers (n,) of a ``<float_array>``."""
         found = self._parse_numbers(numbers.text, float, _read_count(numbers, "count"), "an array")
         if not np.isfinite(found).all():
-            raise ValueError("an array contains a value that is no number")
+            raise ValueError("an array contains a value that is not a number")
         return found
 
     def _read_positions(self, source: ElementTree.Element) -> Array:

@@ -118,7 +118,7 @@ def _file_state(path: Path) -> tuple[int, int]:
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({describe_reason(error)}); check lander.file.") from None
     if not stat.S_ISREG(there.st_mode):  # a pipe or a device may never end
-        raise IcyMoonError(f"{path}: is no file; check lander.file.")
+        raise IcyMoonError(f"{path}: is not a file; check lander.file.")
     return there.st_size, there.st_mtime_ns
 
 

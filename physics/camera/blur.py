@@ -139,8 +139,8 @@ def check_rows_of_lens(rig: RigSettings) -> None:
     wrong = ["rig.eyes"] if not alike else [key for key in _BENDING if rig[key.removeprefix("rig.")]]
     if wrong:
         raise IcyMoonError(
-            f"rig.readout_s is {rig.readout_s:g} s, and with {wrong[0]} a row of the sensor is no row of the parallel "
-            f"pair; set {wrong[0]} to {0 if alike else 'ALIKE'}, or rig.readout_s to 0."
+            f"rig.readout_s is {rig.readout_s:g} s, and with {wrong[0]} a row of the sensor is not a row of the "
+            f"parallel pair; set {wrong[0]} to {0 if alike else 'ALIKE'}, or rig.readout_s to 0."
         )
 
 

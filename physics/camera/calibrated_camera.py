@@ -63,9 +63,9 @@ class CalibratedCamera:
         off = rotation_error(rotation)
         if not off <= ROTATION_TOLERANCE:
             raise ValueError(
-                "R is no rotation: it is mirrored or has no finite numbers"
+                "R is not a rotation: it is mirrored or has no finite numbers"
                 if math.isinf(off)
-                else f"R is no rotation: R times its transpose is off from 1 by {off:.2g}"
+                else f"R is not a rotation: R times its transpose is off from 1 by {off:.2g}"
             )
         if not (np.abs(translation) <= _LARGEST_M).all():
             raise ValueError(f"the translation is {translation}, not three numbers up to {_LARGEST_M:g} m")

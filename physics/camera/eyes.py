@@ -275,7 +275,7 @@ def reasons_of_calibrated_eyes(settings: Settings) -> Iterator[tuple[str, str]]:
         try:
             eye = _make_eye(*_make_eye_key(settings[topic]))
         except ValueError as error:
-            yield f"{topic} is no camera: {error}; correct {topic}.", f"{topic}.lens"
+            yield f"{topic} is not a camera: {error}; correct {topic}.", f"{topic}.lens"
             return
         lost = eye.dark_share()
         if lost and not isinstance(eye.lens, Fisheye):

@@ -247,7 +247,7 @@ def camera_from_json(data: Mapping[str, Any]) -> HeadCamera:
     parameters."""
     pose = np.array(data["pose_camera_to_world"], np.float64)
     if not rotation_error(pose[:3, :3]) <= _SINGLE:
-        raise ValueError(f"the pose of the camera {data['name']} is no rotation")
+        raise ValueError(f"the pose of the camera {data['name']} is not a rotation")
     return HeadCamera(
         data["name"], data["role"], data["model"], _projection_from_json(data), "ZERO", pose[:3, :3], pose[:3, 3]
     )

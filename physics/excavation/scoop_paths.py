@@ -107,7 +107,7 @@ def read_path(path: Path) -> Array:
     for number, row in read_number_lines(path, PATH_COLUMNS, "excavation.file", MOST_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
             raise IcyMoonError(
-                f"{path}: line {number} is no place of the blade; give a whole state from 1, and "
+                f"{path}: line {number} is not a place of the blade; give a whole state from 1, and "
                 "x_m, y_m and depth_m in metres."
             )
         if max(abs(row[1]), abs(row[2])) > _FARTHEST_M or abs(row[3]) > _DEEPEST_M:

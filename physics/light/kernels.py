@@ -166,7 +166,7 @@ def _resolve_named_kernels(meta: Path, named: tuple[str, ...], folder: Path | No
                 f"{meta} names {shorten(name)!r}, which is not there{note_on_backslashes(name)}; copy it there."
             )
         if _inspect_kernel(file) != ():
-            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is no kernel with data; leave it out.")
+            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is not a kernel with data; leave it out.")
         found.append(file)
     return found
 

@@ -107,7 +107,7 @@ def find_reason_to_keep(path: Path, dataset: Path) -> str:
     foreign = list_files_not_ours(path) if inside == "pairs" and _PAIR_ID.fullmatch(path.name) else []
     if not foreign:
         return ""
-    return "it is no folder" if foreign[0] == path else f"{foreign[0].name} in it is not Icy Moon's"
+    return "it is not a folder" if foreign[0] == path else f"{foreign[0].name} in it is not Icy Moon's"
 
 
 def list_files_not_ours(folder: Path) -> list[Path]:

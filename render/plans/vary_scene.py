@@ -90,7 +90,7 @@ def why_fixed(topic: str, key: str) -> str:
     if setting.effect in NOT_SWEPT:
         return NOT_SWEPT[setting.effect]
     if setting.kind in ("text", "list"):
-        return "is no number, choice or tick, so no values lie between two others"
+        return "is not a number, choice or tick, so no values lie between two others"
     return ""
 
 

@@ -117,9 +117,8 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
             []
             if has_plan
             else [
-                f"{dataset} has no {PLAN}, so each pair is compared with what it states itself, and missing "
-                "pairs are not "
-                "found."
+                f"{dataset} has no {PLAN}, so each pair is compared with its own statements, and missing "
+                "pairs are not found."
             ]
         ),
     ]
@@ -178,7 +177,7 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
     name = folder.name
     if link := _find_link(folder):
         text = (
-            f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
+            f"{link} is a link, which is not part of a pair; replace it by its target, or remove it and "
             f"{_describe_repair(planned is not None)}."
         )
         strange = _find_foreign_files(folder) if link.parent == folder else ()
@@ -186,7 +185,7 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
         return
     record = folder / "pair.json"
     if not record.is_file():
-        why = f"{record} is no regular file." if os.path.lexists(record) else f"{folder} has no pair.json."
+        why = f"{record} is not a regular file." if os.path.lexists(record) else f"{folder} has no pair.json."
         if others := tuple(_find_foreign_files(folder)):
             yield Problem("foreign", name, " ".join([why, *others]))
         elif folder.exists():
@@ -279,7 +278,7 @@ def _find_damage(pair: Pair) -> Iterator[str]:
         elif file.stat().st_size != fact["bytes"]:
             yield f"{file} has {file.stat().st_size} bytes, not {fact['bytes']}."
         elif hash_file(file) != fact["sha256"]:
-            yield f"{file} is not what was rendered: its checksum differs."
+            yield f"{file} has changed since the render: its checksum differs."
 
 
 def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _SharedChecks) -> Iterator[str]:
@@ -337,7 +336,7 @@ def _find_wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
         wide, high = apart.get(file, camera.rendered_px)
         sizes = read_sizes(file)
         if not sizes:
-            yield f"{file} is no whole EXR image"
+            yield f"{file} is not a complete EXR image"
         yield from (
             f"{file} has {columns} x {rows} pixels, and its settings give {wide} x {high}"
             for columns, rows in sizes - {(wide, high)}
@@ -376,9 +375,7 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
     """
     folder = dataset / LIGHT
     if folder.is_symlink():
-        yield Problem(
-            "foreign", LIGHT, f"{folder} is a link, so its light counts as absent; put what it leads to in its place."
-        )
+        yield Problem("foreign", LIGHT, f"{folder} is a link, so its light counts as absent; replace it by its target.")
         return
     checksums: dict[str, str] = {}
     for path in list_put_there(folder):
@@ -386,17 +383,19 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
         if is_unfinished_name(path) and path.name.split("-")[0].split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif parts and not is_regular_file(path):
-            yield Problem("foreign", path.name, f"{path} is no regular file, so its light counts as absent; remove it.")
+            yield Problem(
+                "foreign", path.name, f"{path} is not a regular file, so its light counts as absent; remove it."
+            )
         elif parts:
             checksums[path.name] = checksum = hash_file(path)
             if not checksum.startswith(parts[1]):
                 yield Problem(
-                    "broken", path.name, f"{path} is not what was baked: its name states another content.", path
+                    "broken", path.name, f"{path} has changed since the bake: its name states another content.", path
                 )
             elif parts[0] not in working and not any(file.name == path.name for file in stated):
                 yield Problem("light", path.name, f"No pair states the light {path}, so it is not used; remove it.")
         elif not is_unfinished_name(path):
-            yield Problem("foreign", path.name, f"{path} is no baked light.")
+            yield Problem("foreign", path.name, f"{path} is not baked light.")
     for file, pairs in stated.items():
         if checksums.get(file.name, file.checksum) != file.checksum:
             who, which = (
@@ -466,7 +465,7 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
             if path.name.split(".")[0] not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif not is_claim_name(path):
-            yield Problem("foreign", path.name, f"{path} is no claim.")
+            yield Problem("foreign", path.name, f"{path} is not a claim.")
         elif path.name.split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)
     for path in list_put_there(dataset):

@@ -175,7 +175,7 @@ def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[Array, float]:
         return values, 1.0
     if start.startswith(_TIFF_STARTS):
         return _parse_tiff_map(foreign), 1.0
-    raise RefusedError(f"is no supported map; save it as PFM, npy, EXR, TIFF or {_describe_png_encoding(file)}.")
+    raise RefusedError(f"is not a supported map; save it as PFM, npy, EXR, TIFF or {_describe_png_encoding(file)}.")
 
 
 def _describe_png_encoding(file: MapFile) -> str:

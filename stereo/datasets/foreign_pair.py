@@ -155,7 +155,7 @@ class ForeignPair:
         values[np.isin(values, markers)] = np.nan
         notes = [
             f"{self.truth.path}: many pixels have {_describe_marker(value, kind)} to the bit, far from all others "
-            "and not as the images show it, so it was taken for unknown."
+            "and not as the images show it, so it counts as unknown."
             for value in markers
         ]
         if turned:

@@ -64,7 +64,7 @@ def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> 
         if group:
             return group[0]
     raise RefusedError(
-        f"has the channels {_list_names(names)}, and none is called as one with {_pluralise_kind(kind)}; "
+        f"has the channels {_list_names(names)}, and none has a name for {_pluralise_kind(kind)}; "
         f"{_ask_for_channel(kind, predicted)}"
     )
 

@@ -33,7 +33,7 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
     """The methods of ``NAME=FOLDER`` texts; ``pairs`` are the names of all pairs, ``taken`` the labels in use.
 
     A folder without any prediction is accepted beside other methods: ``find_prediction`` reports it later. Raises
-    IcyMoonError for any other text, a name in use, a path that is no folder, and if no method would have a result.
+    IcyMoonError for any other text, a name in use, a path that is not a folder, and if no method would have a result.
     """
     found: list[Method] = []
     empty: list[str] = []

@@ -70,8 +70,8 @@ def read_mask(mask: Mask, disparity: Array) -> Array:
         raise IcyMoonError(f"{first} fits the truth only {better}; write it so.")
     if not (seen & is_in_frame(find_matching_column(disparity))).any():
         raise IcyMoonError(
-            f"{first} marks no pixel that by the truth is in both images; give the mask of what the "
-            "right eye sees too, or leave it out."
+            f"{first} marks no pixel that by the truth is in both images; give the mask of the "
+            "points that the right eye sees too, or leave it out."
         )
     return np.asarray(seen)
 
@@ -80,12 +80,12 @@ def _check_numbers(path: Path, mask: Array) -> None:
     levels = np.unique(mask)
     if len(levels) > len(_MASK_VALUES) and np.mean(~np.isin(mask, _MASK_VALUES)) > _MOST_OTHER_VALUES:
         raise IcyMoonError(
-            f"{path} has many numbers between 0 and {_SEEN} and is no mask; write {_SEEN} where the "
+            f"{path} has many numbers between 0 and {_SEEN} and is not a mask; write {_SEEN} where the "
             "right eye sees the point too and 0 elsewhere."
         )
     if 0 < levels[-1] < _SEEN:
         raise IcyMoonError(
-            f"{path} has numbers up to {levels[-1]}, and {_SEEN} marks what the right eye sees too; "
+            f"{path} has numbers up to {levels[-1]}, and {_SEEN} marks points that the right eye sees too; "
             f"write {_SEEN} there."
         )
 
@@ -149,8 +149,8 @@ def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, dispar
     elif fault.kind == "right_eye":
         how = "as the map of the left eye"
     raise IcyMoonError(
-        f"{file.path} fits the left eye's truth only {how}; write what the right eye sees, in the unit "
-        "and order of the left eye's map."
+        f"{file.path} fits the left eye's truth only {how}; write the map of the right eye, in the "
+        "unit and order of the left eye's map."
     )
 
 

@@ -91,7 +91,7 @@ def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> Array:
         found = parse_npy(foreign, "fb")
         if found.shape != shape or found.dtype not in (np.float32, np.bool_):
             cells = " x ".join(map(str, shape))
-            raise RefusedError(f"is no map of {cells} cells; {fix}.")
+            raise RefusedError(f"is not a map of {cells} cells; {fix}.")
         return found.astype(np.float64)
 
     return read(path, parse, "a map of cells", fix, most=min(4 * math.prod(shape) + _HEADER_BYTES, MOST_BYTES))

@@ -101,7 +101,7 @@ class _Sequences:
         key = make_sequence_key(pair.pair.settings)
         if not key:
             raise IcyMoonError(
-                f"{pair.pair.folder} is no frame of a sequence; export pairs of a plan with a trajectory sweep."
+                f"{pair.pair.folder} is not a frame of a sequence; export pairs of a plan with a trajectory sweep."
             )
         return self.known.setdefault(key, _Sequence(len(self.known)))
 

@@ -109,10 +109,10 @@ def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
             raise ValueError("its header has no width, height and scale")
         words.append(head[start:end])
     if not (words[0].isdigit() and words[1].isdigit()):
-        raise ValueError("its width and height are no whole numbers")
+        raise ValueError("its width and height are not whole numbers")
     width, height = int(words[0]), int(words[1])
     if not math.isfinite(float(words[2])) or not set(words[2]) <= set(b"+-.eE0123456789"):
-        raise ValueError("its scale is no number")
+        raise ValueError("its scale is not a number")
     shape = (height, width, 3) if kind == b"PF" else (height, width)
     count = 4 * check_size(width, height) * (3 if kind == b"PF" else 1)
     body = foreign.cursor(_find_pfm_body(foreign, head, end, count), foreign.budget.charge(count, "pixels"))

@@ -89,7 +89,7 @@ def parse_image(foreign: ForeignBytes) -> EncodedImage:
         return parse_jpeg(foreign)
     if is_webp(start):
         return parse_webp(foreign)
-    raise RefusedError("is no supported image; save it as PNG, JPEG, TIFF or WebP.")
+    raise RefusedError("is not a supported image; save it as PNG, JPEG, TIFF or WebP.")
 
 
 def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedImage:

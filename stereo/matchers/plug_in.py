@@ -119,7 +119,7 @@ def _declared_options(options: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def check_disparity(plugin: Plugin, found: object, shape: tuple[int, ...]) -> Array:
-    """Check the result of a plug-in, and return it as float32. Raises IcyMoonError if it is no disparity map of this
+    """Check the result of a plug-in, and return it as float32. Raises IcyMoonError if it is not a disparity map of this
     shape.
     """
     if not isinstance(found, np.ndarray):
@@ -158,7 +158,7 @@ def read_options(plugin: Plugin, stated: object) -> list[Option]:
     """The options that a plug-in declares. Raises IcyMoonError for an invalid declaration."""
     if not isinstance(stated, Mapping):
         raise IcyMoonError(
-            f'{plugin.title} has OPTIONS that are no dictionary; write OPTIONS = {{"window": '
+            f'{plugin.title} has OPTIONS that are not a dictionary; write OPTIONS = {{"window": '
             '{"default": 7, "minimum": 3, "maximum": 15, "doc": "…"}}.'
         )
     return [_read_option(plugin, key, facts) for key, facts in stated.items()]

@@ -38,7 +38,7 @@ class RowLog:
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("a+b") as stream:
                 if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-                    raise OSError(errno.EINVAL, "it is no regular file", str(path))
+                    raise OSError(errno.EINVAL, "it is not a regular file", str(path))
                 stream.seek(0)
                 self._index_rows(stream)
 

@@ -138,7 +138,7 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
         ("cols: 4\n  data: [500., 0.", "cols: 4\n  data: [0., 0.", "no focal length"),
         ("0., 500., 240.25,\n", "0., -500., 240.25,\n", "camera_matrix has no focal length"),
         ("plumb_bob", "rational_polynomial", "distortion_coefficients has not 8 or 12 or 14 numbers"),
-        ("data: [1., 0., 0., 0., 1.", "data: [2., 0., 0., 0., 1.", "rectification_matrix is no rotation"),
+        ("data: [1., 0., 0., 0., 1.", "data: [2., 0., 0., 0., 1.", "rectification_matrix is not a rotation"),
         ("camera_name: narrow_stereo", "roi: {x_offset: 1, width: 9}", "9 x 0 px at (1, 0)"),
         ("camera_name: narrow_stereo", "roi:\n  x_offset: 600\n  width: 60\n  height: 60", "60 x 60 px at (600, 0)"),
         ("camera_name: narrow_stereo", "roi:\n  x_offset: 8", "0 x 0 px at (8, 0)"),
@@ -362,7 +362,7 @@ def test_two_kinds_of_calibration_are_refused(tmp_path, capsys):
     left, _ = ros_pair(tmp_path)
     _, right = written(tmp_path)
     assert main(["camera", str(left), str(right)]) == 1
-    assert "several kinds, ros, cahv; give those of one kind" in capsys.readouterr().err
+    assert "several kinds, ros, cahv; give files of one kind" in capsys.readouterr().err
 
 
 def test_eyes_that_differ_are_averaged_and_reported(tmp_path):
@@ -590,7 +590,7 @@ def test_a_conversion_that_cannot_be_is_a_sentence(tmp_path, capsys, words, told
 def test_a_size_that_is_none_is_refused(tmp_path, capsys, size):
     with pytest.raises(SystemExit):
         main(["camera", str(camchain(tmp_path)), f"--size={size}"])
-    assert "is no size" in capsys.readouterr().err
+    assert "is not a size" in capsys.readouterr().err
 
 
 def opencv_file(path, bent=0.0, right_px=0.0, turn=0.0, unlike=1.0):

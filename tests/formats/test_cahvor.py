@@ -110,7 +110,7 @@ def test_what_has_no_equal_is_fitted_and_its_error_is_stated():
     seen = (inside > 0).all(axis=1) & (inside < SIZE).all(axis=1)
     assert seen.sum() > 5
     assert np.abs(model.project(WORLD) - inside)[seen].max() < 0.02
-    assert f"off by up to {model.residual_px:.2g} px" in make_cahvor_text(model)
+    assert f"error up to {model.residual_px:.2g} px" in make_cahvor_text(model)
     with pytest.raises(IcyMoonError, match="cannot be represented in CAHVOR"):
         model_from_pinhole(matrix_of("BROWN_ALL"), TO_WORLD.T, CENTRE, SIZE, k, most_px=1e-3)
 

@@ -77,14 +77,14 @@ def test_whole_ply_files_pass(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (ASCII.replace("1 0 0", "1 zzz 0"), "line 11 is no row of the element 'vertex': '1 zzz 0'"),
+        (ASCII.replace("1 0 0", "1 zzz 0"), "line 11 is not a row of the element 'vertex': '1 zzz 0'"),
         (ASCII.replace("1 0 0", "1 0"), "line 11"),
         (ASCII.replace("1 0 0", "1 0,5 0"), "line 11"),
         (ASCII.replace("1 0 0", "1_0 0 0"), "line 11"),
         (ASCII.replace("1 0 0\n", "\n1 0 0\n"), "line 11"),
         (ASCII.replace("1 0 0", "\0 \x1b[31m 0"), "line 11"),
         (ASCII.replace("1 0 0", "9" * 2_000_000), "more than"),
-        (ASCII.replace("3 0 1 2", "3 0 1 3"), "line 13 is no row of the element 'face', whose vertices are 0 to 2"),
+        (ASCII.replace("3 0 1 2", "3 0 1 3"), "line 13 is not a row of the element 'face', whose vertices are 0 to 2"),
         (ASCII.replace("3 0 1 2", "3 0 1 -1"), "line 13"),
         (ASCII.replace("3 0 1 2", "3 0 1"), "line 13"),
         (ASCII.replace("3 0 1 2", "-3 0 1 2"), "line 13"),

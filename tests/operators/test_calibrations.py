@@ -85,7 +85,7 @@ def test_options_are_those_of_the_shell(scene, tmp_path):
     with pytest.raises(RuntimeError, match="Image Size") as caught:
         read([path], unit="mm")
     assert "--" not in str(caught.value)
-    with pytest.raises(RuntimeError, match="'wide' is no size; write it as 640x480"):
+    with pytest.raises(RuntimeError, match="'wide' is not a size; write it as 640x480"):
         read([path], size="wide")
     assert read([path], unit="mm", size="96x72") == {"FINISHED"}
     assert settings_of(scene).rig.baseline_m == pytest.approx(np.linalg.norm(right.centre_m))
@@ -101,7 +101,7 @@ def test_files_in_the_order_of_the_right_eye_are_exchanged(scene, tmp_path):
 def test_a_file_that_is_no_calibration_is_one_sentence_and_changes_nothing(scene, tmp_path):
     before = settings_of(scene)
     (tmp_path / "a.yaml").write_text("objects: [1, 2]\n", encoding="utf-8")
-    with pytest.raises(RuntimeError, match=r"a\.yaml: is no calibration that is known.*state its format by Format\."):
+    with pytest.raises(RuntimeError, match=r"a\.yaml: is not a known calibration.*state its format by Format\."):
         bpy.ops.icymoon.read_calibration(filepath=str(tmp_path / "a.yaml"))
     exchanged = put(tmp_path, "nearly alike", "mrcal")[::-1]
     with pytest.raises(RuntimeError, match="so it is the left eye; tick Exchange Files"):

@@ -75,7 +75,7 @@ def test_eyes_are_of_the_camera_and_distortion_of_the_rig_does_not_count_beside_
     [
         ({"k1": -0.9, "k2": 0.0, "k3": 0.0}, "left_eye.k1 to k6 fold the image over itself"),
         ({"lens": "CAHVORE", "r1": -0.9}, "left_eye.r0, r1 and r2 fold the image over itself"),
-        ({"lens": "CAHVORE", "r0": -1.5}, "left_eye is no camera: R begins with -1.5"),
+        ({"lens": "CAHVORE", "r0": -1.5}, "left_eye is not a camera: R begins with -1.5"),
         ({"lens": "CAHVORE", "axis_x": 0.8, "axis_y": 0.8}, "point the optical axis to the side"),
         ({"turn_y_deg": 170.0}, "correct left_eye.turn_x_deg, left_eye.turn_y_deg and left_eye.turn_z_deg"),
     ],
