@@ -31,7 +31,7 @@ _IN_BLENDER = {"worker", "resident-worker", "assets", "probe"}
 _WITH_BLENDER, _LEAST = ((3, 11), (3, 13)), (3, 11)
 
 
-def no_blender() -> str:
+def explain_missing_blender() -> str:
     """The fix for a Python without Blender, as a sentence."""
     if sys.version_info[:2] in _WITH_BLENDER:
         return f'{sys.executable} has no Blender; give one with --blender, or pip install "icymoon[blender]".'
@@ -66,7 +66,7 @@ def _find_blender_fault() -> str:
     if "bpy" in sys.modules:
         return ""
     if importlib.util.find_spec("bpy") is None:
-        return no_blender()
+        return explain_missing_blender()
     try:
         importlib.import_module("bpy")
     except ImportError as error:

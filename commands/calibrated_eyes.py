@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 
 from ..formats.calibrations.options import Reading, Stated, as_brown
-from ..formats.calibrations.ros import ros_pair_of
+from ..formats.calibrations.ros import make_ros_pair
 from ..formats.ros_camera import read_ros_camera
 from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ..physics.camera.eyes import (
     EYE_TOPICS,
-    camera_of,
-    dark_shares,
     describe_panorama,
-    eye_settings,
-    overscan_for,
-    reasons_of_calibrated_eyes,
+    find_calibrated_reasons,
+    find_overscan_of_eyes,
+    make_camera_with_eyes,
+    make_eye_settings,
+    measure_dark_shares,
 )
 from ..physics.camera.lens_models import Brown
 from ..physics.camera.rotations import nearest_rotation, to_vector
@@ -30,7 +30,7 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import explain_errors
-from .calibration_advice import are_chosen_by_name, check_baseline, check_focal_length, describe_exchanged
+from .calibration_advice import check_baseline, check_focal_length, describe_exchanged, selects_by_name
 
 #: Largest angle between two eyes that count as parallel, rad, and largest offset from side by side, as a share of the
 #: baseline.
@@ -52,7 +52,7 @@ def make_rig_of_calibration(reading: Reading, where: str) -> CalibratedRig:
     return reading.rig
 
 
-def why_calibrated(rig: CalibratedRig) -> str:
+def find_why_calibrated(rig: CalibratedRig) -> str:
     """The reason why one camera cannot represent both eyes of a pair, as a clause; empty if it can."""
     left, right = rig.cameras
     if left.size_px != right.size_px:
@@ -103,22 +103,22 @@ def make_calibrated_settings(
     with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
         pair = _rectify(rig, paths, kind)
     if pair.along_m > 0:
-        left, right = (camera.name if are_chosen_by_name(kind, names) else "" for camera in rig.cameras)
+        left, right = (camera.name if selects_by_name(kind, names) else "" for camera in rig.cameras)
         second = f"{where}: {right}" if right else str(paths[-1])
         raise IcyMoonError(describe_exchanged(second, left or str(paths[0]), pair.along_m, (left, right)))
     doubts = check_baseline(-pair.along_m, where, "the translation is", kind, stated)
     centre_px = pair.cx_px, pair.cy_px
     table = {**make_rig_table(pair.size_px, pair.focal_px, centre_px, -pair.along_m), "eyes": "CALIBRATED"}
     eyes = {
-        topic: eye_settings(camera, turn.T)
+        topic: make_eye_settings(camera, turn.T)
         for topic, camera, turn in zip(EYE_TOPICS, rig.cameras, pair.turns, strict=True)
     }
     whole = merged(defaults(), check({"rig": table, **eyes}, where))
-    for reason, _ in reasons_of_calibrated_eyes(whole):
+    for reason, _ in find_calibrated_reasons(whole):
         raise IcyMoonError(f"{where}: {reason}")
-    panorama = camera_of(whole).panorama
+    panorama = make_camera_with_eyes(whole).panorama
     if panorama is None:
-        table["overscan"] = math.ceil(overscan_for(camera_of(whole)) * 1000) / 1000
+        table["overscan"] = math.ceil(find_overscan_of_eyes(make_camera_with_eyes(whole)) * 1000) / 1000
     found = check({"rig": table, **eyes}, where)
     notes = [
         f"Each eye is rendered as it is: {why}. The table rig is their rectified pair, to which truth and rectified "
@@ -126,7 +126,7 @@ def make_calibrated_settings(
         *([describe_panorama(panorama)] if panorama else []),
         *doubts,
     ]
-    shares = zip(("left", "right"), dark_shares(camera_of(merged(defaults(), found))), strict=True)
+    shares = zip(("left", "right"), measure_dark_shares(make_camera_with_eyes(merged(defaults(), found))), strict=True)
     notes += [f"{share:.1%} of the {eye} eye's pixels stay dark." for eye, share in shares if share > 0]
     return found, notes
 
@@ -182,14 +182,14 @@ def _rectify(rig: CalibratedRig, paths: Sequence[Path], kind: str) -> _Rectified
     the mean focal length and the mean principal point of both eyes, as shares of the larger size.
     """
     stated = [read_ros_camera(path) for path in paths] if kind == "ros" and len(paths) == 2 else []
-    first, second = stated or ros_pair_of(rig)
+    first, second = stated or make_ros_pair(rig)
     size = (
         max(rig.cameras[0].width_px, rig.cameras[1].width_px),
         max(rig.cameras[0].height_px, rig.cameras[1].height_px),
     )
     p = second.projection
     if not (stated and p[0, 0] == p[1, 1] and np.array_equal(first.projection[:, :3], p[:, :3])):
-        first, second = ros_pair_of(rig)
+        first, second = make_ros_pair(rig)
         p = second.projection.copy()
         shares = [(np.array([camera.cx_px, camera.cy_px]) + 0.5) / camera.size_px for camera in rig.cameras]
         p[:2, 2] = np.mean(shares, axis=0) * size - 0.5

@@ -17,23 +17,23 @@ from ..support.errors import IcyMoonError
 _SHORT_BASELINE_M, _LIKELY_BASELINE_M = 0.003, 5.0
 
 
-def are_chosen_by_name(kind: str, chosen: str | None) -> bool:
+def selects_by_name(kind: str, chosen: str | None) -> bool:
     """Whether ``--cameras`` or the order within one file selects the cameras, instead of one file for each."""
     return chosen is not None or not FORMATS[kind].each
 
 
-def how_to_exchange(names: Sequence[str]) -> str:
+def describe_exchange(names: Sequence[str]) -> str:
     """The fix for eyes in the wrong order: of files for each eye, or of two ``names`` in one file."""
     return f"add --cameras {names[1]},{names[0]}" if all(names) else "give it first"
 
 
 def describe_exchanged(second: str, first: str, aside_m: float, names: Sequence[str]) -> str:
     """A sentence on eyes in the wrong order: the ``second`` one stands ``aside_m`` to the left of the ``first`` one.
-    ``names`` are as in ``how_to_exchange``."""
-    return f"{second} stands {aside_m:.4g} m to the left of {first}, so it is the left eye; {how_to_exchange(names)}."
+    ``names`` are as in ``describe_exchange``."""
+    return f"{second} stands {aside_m:.4g} m to the left of {first}, so it is the left eye; {describe_exchange(names)}."
 
 
-def doubt_on_order(rig: CalibratedRig, by_name: bool) -> list[str]:
+def check_eye_order(rig: CalibratedRig, by_name: bool) -> list[str]:
     """A sentence if the second camera of a pair is to the left of the first one."""
     if len(rig.cameras) != 2:
         return []

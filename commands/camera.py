@@ -12,7 +12,7 @@ from ..formats.cahvor import FIT_LIMIT_PX, Lens, find_nearest_lens, read_model
 from ..formats.calibrations.colmap import COLMAP_FILES
 from ..formats.calibrations.options import LENSES, UNITS_M, Reading, Stated, as_brown
 from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
-from ..formats.calibrations.ros import place_of, ros_pair_of
+from ..formats.calibrations.ros import make_ros_pair, place_of
 from ..formats.ros_camera import RosCamera, read_ros_camera
 from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ..physics.camera.lens_distortion import COEFFICIENTS
@@ -33,17 +33,17 @@ from .calibrated_eyes import (
     MOST_OFFSET_SHARE,
     MOST_TURN_RAD,
     SQUARE_PIXEL_TOLERANCE,
+    find_why_calibrated,
     make_calibrated_settings,
     make_rig_of_calibration,
     make_rig_table,
-    why_calibrated,
 )
 from .calibration_advice import (
-    are_chosen_by_name,
     check_baseline,
+    check_eye_order,
     check_focal_length,
     describe_exchanged,
-    doubt_on_order,
+    selects_by_name,
 )
 from .calibration_text import describe_rig
 
@@ -98,8 +98,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_calibration_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options for facts about the files of a calibration, see ``stated_of``."""
-    parser.add_argument("--format", choices=FORMATS, help="the format of the files (told from them)")
+    """Add the options for facts about the files of a calibration, see ``read_stated_facts``."""
+    parser.add_argument("--format", choices=FORMATS, help="the format of the files (default: detected)")
     parser.add_argument("--unit", choices=UNITS_M, help="the unit of lengths in the files, where they leave it open")
     parser.add_argument(
         "--size",
@@ -112,7 +112,7 @@ def add_calibration_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cameras", metavar="NAME,NAME", help="two cameras of a file that has more")
 
 
-def stated_of(options: argparse.Namespace) -> Stated:
+def read_stated_facts(options: argparse.Namespace) -> Stated:
     """The facts that the user states about the files of a calibration."""
     return Stated(options.unit, options.size, options.lens)
 
@@ -132,7 +132,7 @@ def parse_sizes(text: str) -> tuple[tuple[int, int], ...]:
 
 
 def _run_camera(options: argparse.Namespace) -> int:
-    stated = stated_of(options)
+    stated = read_stated_facts(options)
     if options.out and not options.to:
         raise IcyMoonError("--out names files to write, and no format is stated; add --to with one.")
     if options.to and not options.out:
@@ -143,7 +143,7 @@ def _run_camera(options: argparse.Namespace) -> int:
         for line in describe_rig(reading.rig) if options.show else []:
             say(line)
         kind = options.format or format_of(options.files[0])
-        for note in (*reading.notes, *doubt_on_order(reading.rig, are_chosen_by_name(kind, options.cameras))):
+        for note in (*reading.notes, *check_eye_order(reading.rig, selects_by_name(kind, options.cameras))):
             say(f"# {note}")
         if options.to:
             write_calibration(reading.rig, options.out, options.to)
@@ -204,7 +204,7 @@ def read_eyes(
         _refuse_no_focal_length(path, read_ros_camera(path))
     reading = choose_cameras(read_calibration(paths, stated, kind), names)
     rig = make_rig_of_calibration(reading, where)
-    why = why_calibrated(rig)
+    why = find_why_calibrated(rig)
     if not why:
         return _read_alike(paths, most_px, stated, kind, names, reading)
     found, notes = make_calibrated_settings(rig, why, paths, min(kinds), stated, names)
@@ -249,7 +249,7 @@ def _read_alike(
         fix, stated_in = _describe_rectification(first, second), "the vector C is"
     elif reading is None or _is_read_as_it_is(kinds, paths, names):
         cameras = read_ros_camera(paths[0]), read_ros_camera(paths[1])
-        first, second, taken = _ros_eyes((paths[0], paths[1]), cameras, "of projection_matrix")
+        first, second, taken = _read_ros_eyes((paths[0], paths[1]), cameras, "of projection_matrix")
         fix = "calibrate both eyes as a stereo pair"
         stated_in = "the fourth number of projection_matrix is -fx times the baseline"
     else:
@@ -261,7 +261,7 @@ def _read_alike(
     doubt = check_baseline(baseline_m, where, stated_in, min(kinds), stated)
     lens, averaged = _average_lenses(first.lens, second.lens, first.size_px[0], where)
     fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
-    return _settings_of(lens, first.size_px, baseline_m, where), [*taken, *fitted, *averaged, *doubt]
+    return _make_rig_settings(lens, first.size_px, baseline_m, where), [*taken, *fitted, *averaged, *doubt]
 
 
 def read_rectified_rig(
@@ -284,7 +284,7 @@ def read_rectified_rig(
     else:
         reading = choose_cameras(read_calibration(paths, stated, kind), names)
         notes = [*reading.notes]
-        eyes = [_pinhole_eye(camera, paths, where) for camera in make_rig_of_calibration(reading, where).cameras]
+        eyes = [_make_pinhole_eye(camera, paths, where) for camera in make_rig_of_calibration(reading, where).cameras]
         lenses = [eye.lens for eye in eyes]
     left, right = eyes
     fix = "give the calibration of the rectified images, or leave out --rectified for photographs as they were taken"
@@ -302,13 +302,13 @@ def read_rectified_rig(
         for lens, along in zip(lenses, (0.0, baseline_m), strict=True)
     ]  # fmt: skip
     return (
-        _settings_of(lenses[0], left.size_px, baseline_m, where),
+        _make_rig_settings(lenses[0], left.size_px, baseline_m, where),
         CalibratedRig(tuple(cameras)),
         [*notes, *doubt],
     )
 
 
-def _pinhole_eye(camera: CalibratedCamera, paths: tuple[Path, ...], where: str) -> _Eye:
+def _make_pinhole_eye(camera: CalibratedCamera, paths: tuple[Path, ...], where: str) -> _Eye:
     """A camera of rectified images. Raises IcyMoonError for one with distortion, or without square pixels."""
     plain = as_brown(camera)
     lens = plain.lens if plain else None
@@ -330,7 +330,7 @@ def _check_one_size(first: _Eye, second: _Eye, where: str) -> None:
         )
 
 
-def _settings_of(lens: Lens, size_px: tuple[int, int], baseline_m: float, where: str) -> Settings:
+def _make_rig_settings(lens: Lens, size_px: tuple[int, int], baseline_m: float, where: str) -> Settings:
     """The ``rig`` settings of two eyes with this lens. Raises IcyMoonError for a lens that folds the image, and for a
     focal length that is not in pixels."""
     check_focal_length(lens.focal_px, size_px, where)
@@ -361,19 +361,19 @@ def _is_read_as_it_is(kinds: set[str], paths: tuple[Path, ...], names: str | Non
 def _find_any_eyes(
     reading: Reading, paths: tuple[Path, ...], where: str, kind: str | None, names: str | None
 ) -> tuple[_Eye, _Eye, list[str]]:
-    """Two cameras of a calibration in any format, in the form of ``_ros_eyes``."""
+    """Two cameras of a calibration in any format, in the form of ``_read_ros_eyes``."""
     rig = make_rig_of_calibration(reading, where)
     with explain_errors(
         " with ".join(map(str, paths)), "a calibration of two eyes side by side", "calibrate two eyes side by side"
     ):
-        cameras = ros_pair_of(rig)
-    first, second, notes = _ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
-    by_name = are_chosen_by_name(kind or format_of(paths[0]), names)
+        cameras = make_ros_pair(rig)
+    first, second, notes = _read_ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
+    by_name = selects_by_name(kind or format_of(paths[0]), names)
     left, right = (camera.name if by_name else "" for camera in reading.rig.cameras)
     return replace(first, name=left), replace(second, name=right), [*reading.notes, *notes]
 
 
-def _ros_eyes(
+def _read_ros_eyes(
     paths: tuple[Path, Path], pair: tuple[RosCamera, RosCamera], rectified_by: str
 ) -> tuple[_Eye, _Eye, list[str]]:
     """The left and the right camera in the axes of the rectified left one, and sentences if they are of the rectified
@@ -437,7 +437,7 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
             return f"the lens model is {camera.model}"
     if differ := _describe_unlike(_make_ros_lens(left, False), _make_ros_lens(right, False), left.width_px):
         return f"the lenses differ by {differ}"
-    turned = _angle_between(left.rectification, right.rectification)
+    turned = _measure_angle_between(left.rectification, right.rectification)
     if turned > MOST_TURN_RAD:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
     x, y, z = map(float, left.rectification.T @ (place_of(right) - place_of(left)))
@@ -478,7 +478,7 @@ def _make_ros_lens(camera: RosCamera, rectified: bool) -> Lens:
     return Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2], k or (0.0,) * len(COEFFICIENTS), 0.0)
 
 
-def _angle_between(first: Array, second: Array) -> float:
+def _measure_angle_between(first: Array, second: Array) -> float:
     """The angle between two rotations (3, 3), rad."""
     return float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
 
@@ -491,7 +491,7 @@ def _describe_focal_lengths(matrix: Array) -> str:
     return f"fx {matrix[0, 0]:g}, fy {matrix[1, 1]:g} px"
 
 
-def _title(eye: _Eye, where: str) -> str:
+def _name_eye(eye: _Eye, where: str) -> str:
     """The name of an eye at the beginning of a sentence: its file, or its name in the files."""
     return f"{where}: {eye.name}" if eye.name else str(eye.path)
 
@@ -561,7 +561,7 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     """Raise IcyMoonError unless the right eye is on the x axis of the left one, with the same direction; ``fix`` is the
     remedy."""
     first, second = left.rotation, right.rotation
-    turned = _angle_between(first, second)
+    turned = _measure_angle_between(first, second)
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))
     if turned > MOST_TURN_RAD:
         raise IcyMoonError(
@@ -570,7 +570,7 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     aside = max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x)
     if x < 0 and not aside:
         raise IcyMoonError(
-            describe_exchanged(_title(right, where), left.name or str(left.path), -x, (left.name, right.name))
+            describe_exchanged(_name_eye(right, where), left.name or str(left.path), -x, (left.name, right.name))
         )
     if abs(y) > abs(x):
         raise IcyMoonError(

@@ -120,7 +120,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
         *plan.describe_stand_ins(),
         *plan.describe_trajectories(),
         *list(centred)[:_MOST_ADVICE],
-        *_bake_lines(pairs),
+        *_make_bake_lines(pairs),
         *_make_refusal_lines(plan),
     ]
     if options.json:
@@ -146,7 +146,7 @@ def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) ->
     return []
 
 
-def _bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
+def _make_bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
     """A line on the pairs whose light is baked with too few samples, if any."""
     found = [said for pair in pairs for said in advise_on_bake(pair.settings)]
     return [f"In {len(found)} of {format_count(len(pairs), 'pair')}: {found[0]}"] if found else []

@@ -25,7 +25,7 @@ from ..validation.comparison import (
     load_own_comparison,
     run_comparison,
 )
-from ..validation.tables import list_sources, make_markdown_section, replace_sections, row_cells, summarise_result
+from ..validation.tables import list_sources, make_markdown_section, make_row_cells, replace_sections, summarise_result
 
 
 def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) -> list[Comparison]:
@@ -98,7 +98,7 @@ def _print_result(result: Result) -> None:
     if result.rows:
         rows: list[list[str | tuple[str, str]]] = []
         for row in result.rows:
-            quantity, *numbers, verdict = row_cells(row)
+            quantity, *numbers, verdict = make_row_cells(row)
             rows.append([quantity.replace("`", ""), *numbers, (verdict, "red" if row.verdict == FAILS else "")])
         printer.print_table(("", "here", "held against", "allowed", "off by", "verdict"), rows, left=range(6))
     for source in list_sources(result.rows):

@@ -94,7 +94,7 @@ class Cahvor:
         return np.array([[fx, 0, hc], [0, fy, vc], [0, 0, 1.0]]), np.stack([right / fx, down / fy, self.a])
 
 
-def model_from_pinhole(
+def make_model_from_pinhole(
     matrix: Array,
     rotation: Array,
     centre_m: Array,
@@ -410,7 +410,7 @@ def _read_linearity(model: str) -> float:
 
 
 def _read_pds(text: str) -> _StatedModel:
-    groups = parse_label(text).all_groups()
+    groups = parse_label(text).list_all_groups()
     models = [group for group in groups if "MODEL_COMPONENT_ID" in group.values]
     if not models:
         return {}, 1.0, _find_image_size(groups)

@@ -31,12 +31,12 @@ from .map_projection import (
     TRUE_GRIDS,
     LocalScale,
     MapSystem,
-    angle_unit,
-    ellipsoid_m,
+    find_geographic_radius_m,
     find_local_scale,
-    geographic_radius_m,
     make_crs_text,
     make_datum_text,
+    read_angle_unit,
+    read_ellipsoid_m,
     read_system,
 )
 from .sidecar_files import NO_PIXEL_SIZE
@@ -498,12 +498,12 @@ def _refuse_unknown_projection(map_of: _Map) -> None:
         or not (numbered or 3075 in keys)
     ):
         return
-    major, minor = ellipsoid_m(keys)
+    major, minor = read_ellipsoid_m(keys)
     degrees = f'"+proj=longlat +a={major!r} +b={minor!r} +no_defs"' if major else "EPSG:4326"
     kind = f"EPSG:{code}" if numbered else f"projection {keys[3075]} of GeoTIFF"
     raise UnreadError(
         f"has a map ({kind}) whose scale is not known here; set source.metres_per_pixel if it is true to "
-        f"scale, else project it in its folder with: {gdal_lines.warp_command(map_of.name, f'-t_srs {degrees}')}"
+        f"scale, else project it in its folder with: {gdal_lines.make_warp_command(map_of.name, f'-t_srs {degrees}')}"
     )
 
 
@@ -548,7 +548,7 @@ def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
 def _cut_command(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
     """The command that cuts the requested part of a map around a place, true to scale."""
     half = (map_of.size_m / 2) * _CUT_MARGIN
-    return gdal_lines.warp_command(
+    return gdal_lines.make_warp_command(
         map_of.name,
         f'-t_srs "+proj=aeqd +lat_0={at.latitude_deg:.9f} '
         f'+lon_0={at.longitude_deg:.9f} +R={system.radius_m:.1f} +units=m +no_defs"',
@@ -606,7 +606,7 @@ def warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
     name = next(
         (name for name, metres in _METRES_PER_NAMED_UNIT.items() if math.isclose(metres, unit_m, rel_tol=1e-6)), ""
     )
-    state = gdal_lines.edit_command(file, f"-units '{name}'")
+    state = gdal_lines.make_edit_command(file, f"-units '{name}'")
     fix = (
         f"if they are in {name}, as its coordinates are, state it in its folder with: {state}"
         if name
@@ -630,7 +630,7 @@ def scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> t
     if third := _read_height_scale(image.tags):
         raise UnreadError(
             "scales its heights by the third number of ModelPixelScale; state it as others do, in its "
-            f"folder with: {gdal_lines.translate_command(image.name, _scale_options(*third))}"
+            f"folder with: {gdal_lines.make_translate_command(image.name, _scale_options(*third))}"
         )
     with np.errstate(over="ignore"):
         if (scale, offset) != (1.0, 0.0):
@@ -664,13 +664,13 @@ def read_metadata(image: Directory) -> dict[str, str]:
     text = _decode_text(image.tags.get(42112))
     if "<!" in text:  # entities, which no writer of metadata needs
         raise UnreadError(
-            "has metadata that are no plain list; drop them in its folder with: "
-            + gdal_lines.translate_command(image.name)
+            "has metadata that are not a plain list; drop them in its folder with: "
+            + gdal_lines.make_translate_command(image.name)
         )
     if len(text) > _MOST_METADATA_BYTES:
         raise UnreadError(
             f"has {len(text) / 1e6:.1f} MB of metadata; drop what is no scale in its folder with: "
-            + gdal_lines.edit_command(image.name, "-unsetmd")
+            + gdal_lines.make_edit_command(image.name, "-unsetmd")
         )
     if not text:
         return {}
@@ -690,7 +690,7 @@ def read_scaling(image: Directory, items: Mapping[str, str]) -> tuple[float, flo
     if scale == 0:
         raise UnreadError(
             "states a scale of 0 for its values, which makes it flat; state the right one, such as 1, "
-            f"in its folder with: {gdal_lines.translate_command(image.name, _scale_options(1.0, offset))}"
+            f"in its folder with: {gdal_lines.make_translate_command(image.name, _scale_options(1.0, offset))}"
         )
     return scale, offset
 
@@ -702,8 +702,8 @@ def _parse_finite(text: str, role: str, file: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise UnreadError(
-            f"states the {role} {text[:40]!r} for its values, which is no number; state the right one "
-            f"in its folder with: {gdal_lines.translate_command(file, _scale_options(1.0, 0.0))}"
+            f"states the {role} {text[:40]!r} for its values, which is not a number; state the right one "
+            f"in its folder with: {gdal_lines.make_translate_command(file, _scale_options(1.0, 0.0))}"
         )
     return value
 
@@ -718,7 +718,7 @@ def _find_height_unit(
         if named.lower() not in _METRES_PER_NAMED_UNIT:
             raise UnreadError(
                 f"states its heights in {named[:40]!r}, a unit that is not known here; name the one that "
-                f"they are in, such as m or ft, in its folder with: {gdal_lines.edit_command(file, '-units m')}"
+                f"they are in, such as m or ft, in its folder with: {gdal_lines.make_edit_command(file, '-units m')}"
             )
         stated[named] = _METRES_PER_NAMED_UNIT[named.lower()]
     code, system = keys.get(4099), keys.get(4096, 0)
@@ -727,22 +727,22 @@ def _find_height_unit(
         raise UnreadError(
             f"holds depths (EPSG:{system}), which go down, not heights; turn their sign and drop the "
             "vertical system in its folder with: "
-            + gdal_lines.translate_command(file, turned, _flat_system_option(keys))
+            + gdal_lines.make_translate_command(file, turned, _flat_system_option(keys))
         )
     if code is None and system not in (0, _USER_DEFINED):
         code = VERTICAL.get(system, 0)
     if code == _USER_DEFINED:  # GeoTIFF has no key for the size of such a unit, so GDAL loses it too
         if not named:
             raise UnreadError(
-                "states heights by a vertical system of its own, whose unit a GeoTIFF cannot contain; name the one "
-                f"that they are in, such as m or ft, in its folder with: {gdal_lines.edit_command(file, '-units m')}"
+                "states heights in a user-defined vertical system, whose unit a GeoTIFF cannot contain; state their "
+                f"unit, such as m or ft, in its folder with: {gdal_lines.make_edit_command(file, '-units m')}"
             )
     elif code is not None:
         if code not in _METRES_PER_EPSG_UNIT:
             raise UnreadError(
                 f"states heights by the vertical system {system} in the unit {code or 'of that system'}, "
                 f"which are not known here; state it in its folder with: "
-                f"{gdal_lines.translate_command(file, _STATE_UNITS_OPTION)}"
+                f"{gdal_lines.make_translate_command(file, _STATE_UNITS_OPTION)}"
             )
         stated[f"EPSG unit {code}"] = _METRES_PER_EPSG_UNIT[code]
     _refuse_two_units(stated, file)
@@ -758,7 +758,7 @@ def _refuse_two_units(stated: Mapping[str, float], file: str) -> None:
             f"states its heights in two units, {' and '.join(stated)}; "
             + (
                 "if the second is right, state it twice in its folder with: "
-                + gdal_lines.edit_command(file, f"-units {same}")
+                + gdal_lines.make_edit_command(file, f"-units {same}")
                 if same
                 else "write its heights in metres."
             )
@@ -770,14 +770,14 @@ def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: floa
     unknown."""
     model, system, code = keys.get(1024, 0), keys.get(3072), keys.get(3076)
     if model == _GEOGRAPHIC:
-        radius = geographic_radius_m(keys)
+        radius = find_geographic_radius_m(keys)
         if radius is None:
-            state = gdal_lines.translate_command(file, gdal_lines.sphere_option(body_radius_m))
+            state = gdal_lines.make_translate_command(file, gdal_lines.make_sphere_option(body_radius_m))
             return None, (
                 "has pixels of {size} degrees on a body whose radius it does not state"
                 + (f"; state it in its folder with: {state}" if body_radius_m else "")
             )
-        return math.radians(angle_unit(keys)) * radius, ""
+        return math.radians(read_angle_unit(keys)) * radius, ""
     if model not in (0, _PROJECTED, _USER_DEFINED):
         return None, "has coordinates that are no map's"
     if code == _USER_DEFINED:
@@ -794,7 +794,7 @@ def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: floa
     if system not in (None, 0, _USER_DEFINED):
         return None, (
             "has pixels of {size} in the unit of EPSG:" + str(system) + ", which is not known here; state it "
-            "in its folder with: " + gdal_lines.translate_command(file, _STATE_UNITS_OPTION)
+            "in its folder with: " + gdal_lines.make_translate_command(file, _STATE_UNITS_OPTION)
         )
     return 1.0, "it states no unit of length, so its coordinates were read as metres"
 
@@ -810,7 +810,7 @@ def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[flo
             raise UnreadError(
                 "has pixels of a negative size from north to south, which programs read in two ways; "
                 "write it as GDAL reads it, with its first row in the north, in its folder with: "
-                + gdal_lines.translate_command(image.name)
+                + gdal_lines.make_translate_command(image.name)
             )
         north = -down
         column, row, _, x, y = (float(v) for v in tags.get(33922, (0.0,) * 6)[:5])
@@ -819,7 +819,7 @@ def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[flo
         if max(abs(m[1] * rows), abs(m[4] * columns)) > _MOST_TURN_PX * min(abs(m[0]), abs(m[5])):
             raise UnreadError(
                 "has a grid that is turned against north; turn it in its folder with: "
-                + gdal_lines.warp_command(image.name)
+                + gdal_lines.make_warp_command(image.name)
             )
         east, north, column, row, x, y = m[0], m[5], 0.0, 0.0, m[3], m[7]
     else:

@@ -192,7 +192,7 @@ class _FileBlocks:
         if self._missing is None and 42113 not in self.placed.images[0].tags:
             for extreme in self._extremes:
                 if abs(extreme) in USUAL_MARKS:
-                    state = gdal_lines.edit_command(self.name, f"-a_nodata {extreme:g}")
+                    state = gdal_lines.make_edit_command(self.name, f"-a_nodata {extreme:g}")
                     yield (
                         f"it has heights of exactly {extreme:g}, a usual mark of missing heights, which were read as "
                         f"heights; set source.missing, or state the mark in its folder with: {state}"
@@ -257,7 +257,7 @@ def _describe_bent_map(name: str, frame: MapFrame) -> str:
     """The end of a sentence about a map that cannot be laid around a site by another projection."""
     target = make_crs_text(frame.geokeys.numbers(), frame.unit_m)
     option = f'-t_srs "{target}"'
-    fix = f" with: {gdal_lines.warp_command(name, option)}" if target else "."
+    fix = f" with: {gdal_lines.make_warp_command(name, option)}" if target else "."
     return f"is bent or torn around the site; project it to the system of source.file in its folder{fix}"
 
 

@@ -140,7 +140,7 @@ def _refuse_many(there: PlacedReader, columns: int, rows: int) -> None:
     if rows * columns > _MOST_PIXELS:
         raise UnreadError(
             f"has {columns} x {rows} pixels over the ground, and {_MOST_PIXELS} are read at most; make them wider, or "
-            f"terrain.size_m smaller; in its folder with: {gdal_lines.warp_command(there.name)}"
+            f"terrain.size_m smaller; in its folder with: {gdal_lines.make_warp_command(there.name)}"
         )
 
 
@@ -188,7 +188,7 @@ def _fill(found: _Cut, size_m: float, frame: MapFrame, placed: PlacedImage, name
     if not mean > 0:
         raise UnreadError(
             f"has a mean of {mean:.3g} over the ground, and an albedo is above 0; state its scale and offset in its "
-            f"folder with: {gdal_lines.translate_command(name, '-a_scale SCALE -a_offset OFFSET')}"
+            f"folder with: {gdal_lines.make_translate_command(name, '-a_scale SCALE -a_offset OFFSET')}"
         )
     covered = float((known & over).sum() / over.sum())
     warnings = []

@@ -10,7 +10,7 @@ from typing import Any
 from ..support.number_text import show_place
 from . import gdal_lines
 from .map_forward import project_point
-from .map_projection import MapSystem, ellipsoid_m, make_crs_text, states_degrees
+from .map_projection import MapSystem, make_crs_text, read_ellipsoid_m, states_degrees
 from .tiff import UnreadError
 
 _WEB_MERCATOR, _MODEL_KEY, _PROJECTED_KEY, _MERIDIAN_KEY = 3857, 1024, 3072, 2061
@@ -126,7 +126,7 @@ def _find_map_latitude(point: MapPoint, keys: Mapping[int, Any], unit_m: float, 
 
     Raises UnreadError for a projection of an ellipsoid, whose places are known here to its flattening only.
     """
-    major, minor = ellipsoid_m(keys)
+    major, minor = read_ellipsoid_m(keys)
     code = keys.get(_PROJECTED_KEY)
     if not major:
         major, minor = _WGS84_M
@@ -141,5 +141,5 @@ def _find_map_latitude(point: MapPoint, keys: Mapping[int, Any], unit_m: float, 
     raise UnreadError(
         "is in a projection of an ellipsoid, where Icy Moon has no exact place of a longitude and latitude; set "
         "source.site to MAP, with the easting and northing that this prints: "
-        + gdal_lines.transform_command(body, make_crs_text(keys, unit_m), (point.x, latitude))
+        + gdal_lines.make_transform_command(body, make_crs_text(keys, unit_m), (point.x, latitude))
     )

@@ -90,7 +90,7 @@ def check_reach(settings: Settings, frame: MapFrame | None, name: str) -> list[s
         return []
     longitude, latitude = frame.system.to_sphere(*frame.origin)
     target = f"+proj=ortho +lat_0={latitude:.9f} +lon_0={longitude:.9f} +R={radius_m:.1f} +units=m +no_defs"
-    fix = f"project it about the site in its folder with: {gdal_lines.warp_command(name, _state_target(target))}"
+    fix = f"project it about the site in its folder with: {gdal_lines.make_warp_command(name, _state_target(target))}"
     if not math.isfinite(share):
         raise IcyMoonError(
             f"{name}: has a map that ends before source.surroundings_m = {reach_m:g} m; lower it, or {fix}"

@@ -57,7 +57,7 @@ class PlacedMesh:
     triangles: Array
     places: Array
 
-    def in_places(self) -> Iterator[tuple[Array, Array, Array]]:
+    def transform_to_instances(self) -> Iterator[tuple[Array, Array, Array]]:
         """Vertices, normals and triangles in the site's frame, for each of the instances."""
         for matrix in self.places:
             turned = self.normals @ np.linalg.inv(matrix[:3, :3])  # rows times the inverse: normals by its transpose
@@ -89,11 +89,11 @@ def write_ply(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
         with part.open("wb") as stream:
             stream.write(make_header(("x", "y", "z", "nx", "ny", "nz"), vertices, triangles, (comment,)))
             for mesh in meshes:
-                for positions, normals, _ in mesh.in_places():
+                for positions, normals, _ in mesh.transform_to_instances():
                     stream.write(np.hstack([positions, normals]).astype("<f4").tobytes())
             first = 0
             for mesh in meshes:
-                for positions, _, corners in mesh.in_places():
+                for positions, _, corners in mesh.transform_to_instances():
                     faces = np.empty(len(corners), FACE_TYPE)
                     faces["count"], faces["corners"] = 3, corners + first
                     stream.write(faces.tobytes())
@@ -111,7 +111,9 @@ def write_obj(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
             first = 1
             for kind, own in group_by_kind(meshes).items():
                 stream.write(f"o {kind}\n")
-                for positions, normals, corners in itertools.chain.from_iterable(mesh.in_places() for mesh in own):
+                for positions, normals, corners in itertools.chain.from_iterable(
+                    mesh.transform_to_instances() for mesh in own
+                ):
                     _write_rows(stream, "v %.9g %.9g %.9g\n", positions.astype(np.float32))
                     _write_rows(stream, "vn %.9g %.9g %.9g\n", normals.astype(np.float32))
                     _write_rows(stream, "f %d//%d %d//%d %d//%d\n", np.repeat(corners + first, 2, axis=1))

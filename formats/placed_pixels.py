@@ -24,7 +24,7 @@ from .geotiff import (
 )
 from .map_forward import project_point
 from .map_frame import MapFrame
-from .map_projection import MapSystem, ellipsoid_m, make_crs_text, read_system
+from .map_projection import MapSystem, make_crs_text, read_ellipsoid_m, read_system
 from .tiff import Directory, UnreadError, read_directories, read_pixels
 
 #: Relative difference of the radii of one body, as files state them, and of the half axes of a sphere.
@@ -113,8 +113,8 @@ def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
     unit, _ = find_coordinate_unit(keys, foreign.name, 0.0)
     if placed is None or unit is None:
         raise UnreadError(
-            "does not state where it lies on a map; state it in its folder with: "
-            + gdal_lines.translate_command(foreign.name, "-a_srs SYSTEM -a_ullr WEST NORTH EAST SOUTH")
+            "does not state its place on a map; state it in its folder with: "
+            + gdal_lines.make_translate_command(foreign.name, "-a_srs SYSTEM -a_ullr WEST NORTH EAST SOUTH")
         )
     (east, north), corner = placed
     size = abs(east) * unit, abs(north) * unit
@@ -169,7 +169,7 @@ def _is_same_system(
 ) -> bool:
     """Whether the map coordinates of an image, in metres, equal the map coordinates of the ground."""
     if system is not None and frame.system is not None:
-        same_body = ellipsoid_m(keys) == ellipsoid_m(frame.geokeys.numbers())
+        same_body = read_ellipsoid_m(keys) == read_ellipsoid_m(frame.geokeys.numbers())
         return same_body and replace(system, name="") == replace(frame.system, name="")
     if system is not None or frame.system is not None:
         return False
@@ -181,13 +181,13 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
     """The conversion from a place on the map of the ground to a place on the map of the image, in metres. Raises
     UnreadError, with the command that projects the image, if it is unknown."""
     target = make_crs_text(frame.geokeys.numbers(), frame.unit_m)
-    fix = gdal_lines.warp_command(name, f'-t_srs "{target}"') if target else ""
+    fix = gdal_lines.make_warp_command(name, f'-t_srs "{target}"') if target else ""
     with_fix = f"; project it in its folder with: {fix}" if fix else "; project it to the system of the ground."
     ground = frame.system
     if not keys.get(_MODEL_KEY):
         raise UnreadError(
             "states no coordinate system; state it in its folder, if it is that of the ground, with: "
-            + gdal_lines.edit_command(name, f'-a_srs "{target}"')
+            + gdal_lines.make_edit_command(name, f'-a_srs "{target}"')
         )
     if system is None or ground is None:
         raise UnreadError(f"has another map than the ground, and a projection that is not known here{with_fix}")
@@ -197,7 +197,7 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
             f"{ground.radius_m / 1000:.6g} km; give a map of the same body."
         )
     for stated in (keys, frame.geokeys.numbers()):
-        major, minor = ellipsoid_m(stated)
+        major, minor = read_ellipsoid_m(stated)
         if not major or abs(major - minor) > _SPHERE * major:
             raise UnreadError(
                 f"has another coordinate system than the ground, and one of both is of an ellipsoid{with_fix}"

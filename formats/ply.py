@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..physics.mesh.line_patterns import LinePatterns, LineRows, UnusualTextError, reduce_digits
 from ..physics.mesh.mesh_faults import find_equal_rows
-from ..physics.mesh.number_line_forms import LineForms, LineRows, UnusualTextError, reduce_digits
 from ..support.arrays import Array
 from ..support.files import shorten, write_atomically
 from ..support.foreign_bytes import ForeignBytes, parse_whole_numbers, read
@@ -327,11 +327,14 @@ def _check_usual_text(foreign: ForeignBytes, header: _Header, vertices: int) -> 
         if len(list(map(float, line.split()))) < width or b"_" in line:
             raise UnusualTextError
 
-    forms_of_vertices, forms_of_faces = LineForms(check_vertex), LineForms(lambda line: lengths.add(len(line.split())))
+    patterns_of_vertices, patterns_of_faces = (
+        LinePatterns(check_vertex),
+        LinePatterns(lambda line: lengths.add(len(line.split()))),
+    )
     for text in rows.take(elements[0].count):
-        forms_of_vertices.check_lines(reduce_digits(text))
+        patterns_of_vertices.check_lines(reduce_digits(text))
     for text in rows.take(elements[1].count if len(elements) > 1 else 0):
-        forms_of_faces.check_lines(reduce_digits(text))
+        patterns_of_faces.check_lines(reduce_digits(text))
         (length,) = lengths
         table = parse_whole_numbers(text).reshape(-1, length)
         if (table[:, 0] != length - 1).any() or table[:, 1:].max(initial=0) >= vertices:

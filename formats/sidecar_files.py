@@ -68,5 +68,6 @@ def _find_world_file(path: Path) -> Path | None:
 
 def _not_read_text(path: Path) -> str:
     return (
-        f"is not read; write its numbers into a GeoTIFF, in its folder with: {gdal_lines.translate_command(path.name)}"
+        "is not read; write its numbers into a GeoTIFF, in its folder with: "
+        f"{gdal_lines.make_translate_command(path.name)}"
     )

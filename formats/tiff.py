@@ -258,10 +258,10 @@ def read_pixels(
 def _make_smaller(image: Directory, wanted: int) -> str:
     """The fix for a file whose ``wanted`` pixels take too much memory: tiles, or coarser pixels."""
     if _PIXEL_MEMORY * wanted <= _BASE_MEMORY // 2:
-        return f"store it in tiles, in its folder with: {gdal_lines.tile_command(image.name)}"
+        return f"store it in tiles, in its folder with: {gdal_lines.make_tile_command(image.name)}"
     rows, columns = image.shape
     width = max(2, int(math.sqrt(_BASE_MEMORY / 2 / _PIXEL_MEMORY * columns / rows)))
-    return "make it coarser in its folder with: " + gdal_lines.tile_command(
+    return "make it coarser in its folder with: " + gdal_lines.make_tile_command(
         image.name, f"-r average -outsize {min(width, columns)} 0"
     )
 
@@ -326,7 +326,7 @@ def _find_number_type(image: Directory) -> np.dtype[Any]:
 
 def _convert_fix(image: Directory, *options: str) -> str:
     """The fix for a kind of file that only GDAL can read."""
-    return f"convert it in its folder with: {gdal_lines.translate_command(image.name, *options)}"
+    return f"convert it in its folder with: {gdal_lines.make_translate_command(image.name, *options)}"
 
 
 def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:

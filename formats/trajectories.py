@@ -88,7 +88,7 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
     return replace(found, poses=replace(found.poses, stamp=stamps), stamped=True)
 
 
-def pose_text(pose: Array) -> str:
+def format_pose(pose: Array) -> str:
     """x y z qx qy qz qw of a pose (4, 4), with all digits."""
     w, x, y, z = quaternion(pose[:3, :3])
     return " ".join(repr(float(value)) for value in (*pose[:3, 3], x, y, z, w))
@@ -96,7 +96,7 @@ def pose_text(pose: Array) -> str:
 
 def tum_text(stamps: Sequence[Decimal], poses: Sequence[Array], about: str) -> str:
     """A file in TUM's format: poses (4, 4) by stamps in seconds. Its first line is the comment ``about``."""
-    lines = [f"{stamp:.9f} {pose_text(pose)}\n" for stamp, pose in zip(stamps, poses, strict=True)]
+    lines = [f"{stamp:.9f} {format_pose(pose)}\n" for stamp, pose in zip(stamps, poses, strict=True)]
     return "".join([f"# {about}\n# timestamp tx ty tz qx qy qz qw\n", *lines])
 
 

@@ -77,7 +77,7 @@ def emits(surface: SurfaceSettings) -> bool:
     return surface.model in ("PRINCIPLED", "LAMBERT") and surface.emitted_w_m2_sr > 0.0
 
 
-def why_not_baked(settings: Settings) -> str:
+def find_why_not_baked(settings: Settings) -> str:
     """A clause on why indirect light cannot be baked to the ground; empty if it can. Baked light assumes a diffuse
     surface, which looks the same from all directions. Only the planet's lamp gives light; the visible planet, rings and
     stars give none."""
@@ -95,7 +95,7 @@ def why_not_baked(settings: Settings) -> str:
     return ""
 
 
-def traced_sentence(why: str) -> str:
+def explain_traced_light(why: str) -> str:
     """The sentence for the user that light is ray traced although the settings ask for baked light; ``why`` is a
     clause."""
     return f"light: indirect light is traced although quality.indirect is BAKED, because {why}."
@@ -103,12 +103,12 @@ def traced_sentence(why: str) -> str:
 
 def can_be_baked(settings: Settings) -> bool:
     """Whether indirect light may be baked: the settings ask for it and the scene allows it."""
-    return settings.quality.indirect != "TRACED" and not why_not_baked(settings)
+    return settings.quality.indirect != "TRACED" and not find_why_not_baked(settings)
 
 
 def is_baked(settings: Settings) -> bool:
     """Whether the images of a pair have baked light. For a planned pair ``quality.indirect`` is never AUTO."""
-    return settings.quality.indirect == "BAKED" and not why_not_baked(settings)
+    return settings.quality.indirect == "BAKED" and not find_why_not_baked(settings)
 
 
 def advise_on_bake(settings: Settings) -> list[str]:
@@ -149,7 +149,7 @@ def planet_gives_light(settings: Settings, sky: Sky) -> bool:
     return sky.planet_over_sun > 0 and sky.planet_over_sun >= settings.light.planet_least
 
 
-def _left_out_of(topic: str, settings: Settings) -> Iterator[str]:
+def _find_omissions_of(topic: str, settings: Settings) -> Iterator[str]:
     """The sentences of ``find_left_out`` on the surface of ground or rocks."""
     length = random_walk_px(settings, topic)
     if length > 0 and not traces_random_walk(settings, topic):
@@ -171,7 +171,7 @@ def _left_out_of(topic: str, settings: Settings) -> Iterator[str]:
         yield f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA."
 
 
-def _left_out_of_veil(settings: Settings) -> Iterator[str]:
+def _find_omissions_of_veil(settings: Settings) -> Iterator[str]:
     depth, followed = settings.veil.optical_depth, 1 + settings.quality.diffuse_bounces
     if depth > 0:
         yield (
@@ -190,7 +190,7 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
 
     ``lights`` are the ``sky.describe_sky`` of the built scene.
     """
-    sentences = [each for topic in surface_topics(settings) for each in _left_out_of(topic, settings)]
+    sentences = [each for topic in surface_topics(settings) for each in _find_omissions_of(topic, settings)]
     if lets_light_through(settings.surface):
         sentences.append(
             "surface: light that enters the ground is lost, although surface.transmitted is THROUGH, "
@@ -206,14 +206,14 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
                 else "the planet is below the horizon or unlit."
             )
         )
-    if settings.quality.indirect == "BAKED" and (why := why_not_baked(settings)):
-        sentences.append(traced_sentence(why))
+    if settings.quality.indirect == "BAKED" and (why := find_why_not_baked(settings)):
+        sentences.append(explain_traced_light(why))
     if settings.quality.half_floats != "NONE":
         what = "radiance" if settings.quality.half_floats == "RADIANCE" else "radiance and normals"
         sentences.append(
             f"files: {what} rounded to 11 bits, because quality.half_floats is {settings.quality.half_floats}."
         )
-    sentences += _left_out_of_veil(settings)
+    sentences += _find_omissions_of_veil(settings)
     if settings.quality.truth != "FULL":
         what = "labels" if settings.quality.truth == "DEPTH" else "labels of single rocks and objects"
         sentences.append(f"truth: no normals and no {what}, because quality.truth is {settings.quality.truth}.")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..physics.camera.calibrated_camera import CalibratedCamera
-from ..physics.camera.eyes import rays_in_rig
+from ..physics.camera.eyes import find_rays_in_rig
 from ..support.arrays import Array
 from .shapes import World
 from .surface import Surface, Tracer, find_surface, intersect_opaque
@@ -103,7 +103,7 @@ class CalibratedEye:
         """Rays (n, 3) of length 1 in the world, by pixels as ``Eye.directions`` has them; NaN for pixels that see
         nothing."""
         row, column = np.divmod(pixels, self.columns)
-        return np.asarray(rays_in_rig(self.own, np.stack([column, row], axis=1).astype(np.float64)) @ self.axes.T)
+        return np.asarray(find_rays_in_rig(self.own, np.stack([column, row], axis=1).astype(np.float64)) @ self.axes.T)
 
     def place(self, pixels: Array) -> tuple[Array, Array]:
         """Axes (3, 3) of the rig and position (3,) of the eye, which are the same for all pixels."""

@@ -29,7 +29,7 @@ from ..physics.light.baked_noise import count_samples_needed, find_largest_share
 from ..physics.light.baked_rocks import TERM_COUNT, fit_terms
 from ..physics.random_numbers.seeds import make_generator, seed_stream
 from ..physics.rig.seen_points import find_seen_facets, find_sides_passed
-from ..physics.scene_requirements import why_not_baked
+from ..physics.scene_requirements import find_why_not_baked
 from ..settings import rebuilt_parts
 from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
@@ -99,7 +99,7 @@ class IndirectLight:
             "lights": {group: kept.to_json(share[group]) for group, kept in self.lights.items()},
         }
 
-    def why_unfit(self, stated: dict[str, Any] | None, limit: float) -> str:
+    def find_why_unfit(self, stated: dict[str, Any] | None, limit: float) -> str:
         """The reason why an image must be ray traced after all, as a clause, from the ``stated`` entry of ``to_json``;
         empty if baked light is fit.
 
@@ -132,7 +132,7 @@ def provide_baked_light(
     settings = planned.settings
     if settings.quality.indirect != "BAKED":
         return IndirectLight()
-    if why := why_not_baked(settings) or _why_unsuitable(built):
+    if why := find_why_not_baked(settings) or _find_why_unsuitable(built):
         return IndirectLight(why_traced=why)
     lights: dict[str, KeptLight] = {}
     spent, mesh = 0.0, built.terrain.data
@@ -185,7 +185,7 @@ def _find_or_bake(
     )
 
 
-def _why_unsuitable(built: Built) -> str:
+def _find_why_unsuitable(built: Built) -> str:
     """The reason why the built scene cannot use baked light, as a clause; empty if it can."""
     if find_added_objects(built.collection):
         return "objects without baked light were added to the scene"

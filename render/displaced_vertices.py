@@ -73,7 +73,7 @@ def open_rendered_mesh(
     ``quality.threads``. Vertices whose attribute ``SPACING`` is ``still_m`` or more never move. Raises IcyMoonError if
     Cycles cannot bake.
     """
-    moved, groups = move_corners(mesh, place, threads, still_m)
+    moved, groups = displace_corners(mesh, place, threads, still_m)
     loops, polygons = read_triangles(mesh)
     flat = ~read_smooth_shading(mesh)[polygons]
     made = build_mesh_from_arrays(_TEMPORARY_NAME, moved, groups[loops].astype(np.int32))
@@ -84,7 +84,7 @@ def open_rendered_mesh(
         bpy.data.meshes.remove(made)
 
 
-def move_corners(
+def displace_corners(
     mesh: bpy.types.Mesh, place: Array, threads: int = 0, still_m: float = math.inf
 ) -> tuple[Array, Array]:
     """Displaced positions (n, 3) float32, in the coordinates of a mesh, and the index of the position for each corner

@@ -23,7 +23,7 @@ from ..nodes.build_scene import Built, make_extra
 from ..nodes.datablocks.blend_file_paths import hash_content
 from ..nodes.surface.reflectance_laws import OF_NODES
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.finer_in_view import still_spacing_m
+from ..physics.mesh.finer_in_view import find_still_spacing_m
 from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import merged
@@ -193,7 +193,7 @@ def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> 
             ready[item.data.name_full] = read_mesh_triangles(item.data)
     for name, original in moved.items():
         with open_rendered_mesh(
-            original, counted[name].places[0], settings.quality.threads, still_spacing_m(settings.surface)
+            original, counted[name].places[0], settings.quality.threads, find_still_spacing_m(settings.surface)
         ) as made:
             ready[name] = read_mesh_triangles(made)
     return [PlacedMesh(each.kind, *ready[name], np.array(each.places)) for name, each in counted.items()]

@@ -24,7 +24,7 @@ from ..rays.surface import Tracer
 from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.labels import INSTANCE_ATTRIBUTE
-from .displaced_vertices import is_moved, move_corners
+from .displaced_vertices import displace_corners, is_moved
 from .mesh_arrays import (
     is_rendered,
     read_corners,
@@ -274,7 +274,7 @@ def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
 
 def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: Array, still_m: float) -> Shape:
     """The triangles of a mesh whose material displaces its vertices, in its first instance (4, 4)."""
-    vertices, groups = move_corners(mesh, place, still_m=still_m)
+    vertices, groups = displace_corners(mesh, place, still_m=still_m)
     loops, facets = read_triangles(mesh)
     return Shape(
         vertices,

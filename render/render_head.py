@@ -58,14 +58,14 @@ def render_head(
         with explain_disk_errors("write", truth):
             truth.write_bytes(encode_camera_truth(traced, settings.quality.truth, rounded))
         files.setdefault(image_file(camera.name), {})[BEAUTY] = image
-        files.setdefault(_truth_of(camera), {})[TRUTH] = truth
+        files.setdefault(_find_truth_file(camera), {})[TRUTH] = truth
     entries = [
-        camera_json(camera, pose, image_file(camera.name), _truth_of(camera))
+        camera_json(camera, pose, image_file(camera.name), _find_truth_file(camera))
         for camera, pose in zip(cameras, poses, strict=True)
     ]
     return files, entries
 
 
-def _truth_of(camera: HeadCamera) -> str:
+def _find_truth_file(camera: HeadCamera) -> str:
     """The file with the truth: the image's file, unless the image is rendered on other pixels."""
     return image_file(camera.name) if is_plain(camera.projection) else truth_file(camera.name)

@@ -29,7 +29,7 @@ from ..nodes.rig import find_eye_poses, list_lens_values, turn_about_eye
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, check_truth_of_rows, find_blur, has_rolling_shutter
-from ..physics.camera.eyes import camera_of
+from ..physics.camera.eyes import make_camera_with_eyes
 from ..physics.camera.rolling_shutter import find_rolling_shutter
 from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.scene_requirements import are_rocks_clear, can_be_baked, make_direct_quality
@@ -38,10 +38,10 @@ from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support import system
 from ..support.arrays import Array
-from ..support.errors import DiskError, IcyMoonError, first_line
+from ..support.errors import DiskError, IcyMoonError, find_first_line
 from ..support.files import explain_disk_errors, hash_file, make_part_path, write_json
 from ..support.foreign_bytes import OverBudgetError
-from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
+from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, list_rounded_passes
 from ..support.number_text import format_count
 from . import cycles_occlusion, cycles_settings, passes, separate_lights, truth_without_light
 from .baked_light import IndirectLight
@@ -157,7 +157,7 @@ def render_pair(
         part.mkdir(parents=True)
     try:
         found = _render_into(part, built, scene, planned, report, indirect, rays)
-        if why := indirect.why_unfit(found.get("indirect"), planned.settings.quality.bake_noise):
+        if why := indirect.find_why_unfit(found.get("indirect"), planned.settings.quality.bake_noise):
             traced = IndirectLight(why_traced=why, tried=indirect.lights)
             found = _render_into(part, built, scene, planned, report, traced, rays)
         found["seconds"]["build"] = round(seconds_build, 3)
@@ -248,7 +248,7 @@ def _render_into(
     """Render a pair into the folder ``part`` and return the content of its pair.json."""
     settings = planned.settings
     quality = make_direct_quality(settings.quality) if indirect.lights else settings.quality
-    rounded = rounded_passes(quality.files, quality.half_floats)
+    rounded = list_rounded_passes(quality.files, quality.half_floats)
     made = _render_takes(part, built, scene, planned, report, bool(indirect.lights), rays, quality, rounded)
     start = time.perf_counter()
     written, shares, noise_of_image = _write_files(part, made.files, planned, bool(indirect.lights), rounded)
@@ -291,7 +291,7 @@ def _render_takes(
     """Render radiance and truth by all cameras of the pair. ``baked`` tells whether the light of the ground is
     baked."""
     settings = planned.settings
-    camera, blur, others = camera_of(settings), find_blur(settings), len(read_head_cameras(settings))
+    camera, blur, others = make_camera_with_eyes(settings), find_blur(settings), len(read_head_cameras(settings))
     takes = _list_camera_setups(camera, blur, _has_full_truth(planned)) if settings.rig.images == "PAIR" else []
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
@@ -300,7 +300,7 @@ def _render_takes(
         poses = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         rows, clip_m = _list_row_poses(settings, poses), (built.camera.data.clip_start, built.camera.data.clip_end)
         stage, asked, engine = _plan_rays(part, rays, settings, takes, camera)
-        head_stage = _stage_of_rays(rays, "of cameras beside the pair", "empty rig.head_file") if others else None
+        head_stage = _open_ray_stage(rays, "of cameras beside the pair", "empty rig.head_file") if others else None
         truths = 0 if asked.keys() - {_SENSOR_TRUTH_NUMBER} or not takes else _count_truths(takes, planned)
         with (
             watch_samples(len(lights) * int(quality.samples), truths, report, others, 2 * bool(takes)) as sampling,
@@ -319,7 +319,7 @@ def _render_takes(
                             made = _render_truth(scene, built, stem, planned, camera, take.toed)
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
-            files |= _files_on_sensors(traced)
+            files |= _list_sensor_files(traced)
             render = partial(_render_light, scene, built, lights, planned=planned, truth="FULL")
             more, head = render_head(part, built, scene, head_stage, settings, rounded, render)
             files |= more
@@ -336,7 +336,7 @@ def _list_row_poses(settings: Settings, poses: Mapping[str, Array]) -> Mapping[s
     """Poses from which the rows of the eyes are traced: ``poses`` (4, 4) at the middle of the exposure, or with a
     rolling shutter the pose of each rendered row (rows, 4, 4).
     """
-    camera, shutter = camera_of(settings), find_rolling_shutter(settings.rig)
+    camera, shutter = make_camera_with_eyes(settings), find_rolling_shutter(settings.rig)
     if shutter is None:
         return poses
     return {eye: shutter.list_poses(pose, camera.find_offset_m(eye), camera.margin_y_px) for eye, pose in poses.items()}
@@ -393,7 +393,7 @@ def _choose_engine(
         return None, {}
     if has_rolling_shutter(settings.rig):
         check_truth_of_rows(settings)
-        stage = _stage_of_rays(rays, "of a rolling shutter", "set rig.readout_s to 0")
+        stage = _open_ray_stage(rays, "of a rolling shutter", "set rig.readout_s to 0")
         return stage, {"by": stage.ground_tracer.name}
     if settings.quality.truth_by == "CYCLES":
         return None, {"by": "Cycles"}
@@ -422,17 +422,17 @@ def _plan_rays(
     }
     if camera.eyes and takes:
         asked[_SENSOR_TRUTH_NUMBER] = part / f"{TRUTH}-sensors", "SENSORS"
-        stage = stage or _stage_of_rays(rays, "on the sensors of calibrated eyes", "set rig.eyes to ALIKE")
+        stage = stage or _open_ray_stage(rays, "on the sensors of calibrated eyes", "set rig.eyes to ALIKE")
     return stage, asked, engine
 
 
-def _files_on_sensors(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str, dict[str, Path]]:
+def _list_sensor_files(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str, dict[str, Path]]:
     """The files of the truth on the sensors of calibrated eyes, by name in the pair and by layer."""
     found = traced[_SENSOR_TRUTH_NUMBER].result() if _SENSOR_TRUTH_NUMBER in traced else {}
     return {RAW_TRUTH_FILE.format(eye): {TRUTH: file} for eye, file in found.items()}
 
 
-def _stage_of_rays(rays: SceneRays, whose: str, fix: str) -> Stage:
+def _open_ray_stage(rays: SceneRays, whose: str, fix: str) -> Stage:
     """The stage for a truth that Cycles cannot render. Raises IcyMoonError if rays cannot find it either."""
     try:
         return rays.prepare()
@@ -543,7 +543,7 @@ def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: Planned
     try:
         bpy.ops.render.render(write_still=True, scene=scene.name)
     except RuntimeError as error:
-        raise IcyMoonError(f"Cycles could not render pair {planned.id}: {first_line(error)}") from None
+        raise IcyMoonError(f"Cycles could not render pair {planned.id}: {find_first_line(error)}") from None
     for file in files.values():
         if not is_whole(file):
             raise DiskError(

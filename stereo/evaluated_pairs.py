@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..physics.camera.nearest_ground import name_ground
+from ..physics.camera.nearest_ground import make_ground_name_key
 from ..render.pairs.pair_folder import has_pairs, read_pair
 from ..settings.description import Restorer
 from ..support.errors import IcyMoonError
@@ -106,7 +106,7 @@ def sort_by_ground(sources: Sequence[Source]) -> list[Source]:
         grounds[source.name] = ""
         if isinstance(source, RenderedPair):
             with suppress(IcyMoonError):  # which is reported where its turn has come
-                grounds[source.name] = name_ground(read_pair(source.folder, restore).settings)
+                grounds[source.name] = make_ground_name_key(read_pair(source.folder, restore).settings)
     return sorted(sources, key=lambda source: grounds[source.name])
 
 

@@ -24,7 +24,7 @@ class DiskError(IcyMoonError):
     """Nothing can be written to this disk or folder."""
 
 
-def first_line(error: Exception) -> str:
+def find_first_line(error: Exception) -> str:
     """The reason why an operator of Blender failed, in one line."""
     lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__

@@ -52,7 +52,7 @@ def make_part_path(path: Path) -> Path:
 
     Its name ends in ``PART_SUFFIX``, and no other process on any machine uses it.
     """
-    return path.with_name(f"{path.name}.{system.computer_name()}-{os.getpid()}-{next(_part_numbers)}{PART_SUFFIX}")
+    return path.with_name(f"{path.name}.{system.find_computer_name()}-{os.getpid()}-{next(_part_numbers)}{PART_SUFFIX}")
 
 
 @contextmanager
@@ -112,7 +112,7 @@ def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
     """Half-written files in a folder whose processes, on this computer, have certainly ended. ``pattern`` is the name
     of the whole file."""
     scope = system.find_process_scope()
-    for part in folder.glob(f"{pattern}.{glob.escape(system.computer_name())}-*-*{PART_SUFFIX}"):
+    for part in folder.glob(f"{pattern}.{glob.escape(system.find_computer_name())}-*-*{PART_SUFFIX}"):
         writer = part.name.removesuffix(PART_SUFFIX).rsplit("-", 2)[1]
         if writer.isdecimal() and system.is_gone(int(writer), scope) and part.is_file() and not part.is_symlink():
             yield part

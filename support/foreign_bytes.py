@@ -398,7 +398,7 @@ def note_on_backslashes(path: object) -> str:
     return " (a \\ is a part of a name here; write / between folders)" if there else ""
 
 
-def hint_on_paths(error: ValueError) -> str:
+def make_path_hint(error: ValueError) -> str:
     """The end of a clause on the likely fault of a text that ``parse_toml`` refuses: in double quotes a backslash
     begins an escape, also in paths of Windows."""
     escape = "Unescaped" in str(error) or "hex value" in str(error)

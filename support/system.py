@@ -254,7 +254,7 @@ def _allows_long_paths() -> bool:
         return False
 
 
-def computer_name() -> str:
+def find_computer_name() -> str:
     """Name of this computer."""
     return socket.gethostname()
 
@@ -617,7 +617,7 @@ def find_process_scope() -> str:
             return f"{boot} {os.readlink('/proc/self/ns/pid')}"
         except OSError:
             return ""
-    return computer_name()
+    return find_computer_name()
 
 
 def is_gone(pid: int, where: str) -> bool:

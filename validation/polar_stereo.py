@@ -66,10 +66,10 @@ def judge_stereo(
                 unjudged=_WHY_NO_PHOTOGRAPHS,
             )
         ]
-    return _share_rows(np.array(shares))
+    return _make_share_rows(np.array(shares))
 
 
-def _share_rows(shares: Array) -> list[Row]:
+def _make_share_rows(shares: Array) -> list[Row]:
     """Rows of shares (pairs, 2, methods) of wrong or missing pixels, of photographs and twins."""
     count, family = len(shares), typical_scene.compare_in_typical_scene(shares[:, 1] - shares[:, 0], 0)
     few = f"an interval takes {format_count(family.needed, 'pair')}, here are {count}" if count < family.needed else ""
@@ -117,13 +117,13 @@ def _measure_shares(
     assert search is not None
     return np.array(
         [
-            [_wrong_share(method, pair, truth, judged, rig, search) for method in METHODS]
+            [_find_wrong_share(method, pair, truth, judged, rig, search) for method in METHODS]
             for pair in (photographed, twin)
         ]
     )
 
 
-def _wrong_share(
+def _find_wrong_share(
     method: str, pair: list[Array], truth: Array, judged: Array, rig: StereoCamera, search: SearchRange
 ) -> float:
     left, right = pair

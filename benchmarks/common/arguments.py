@@ -17,12 +17,12 @@ def add_scale(parser: argparse.ArgumentParser, default: float) -> None:
 
 
 def add_out(parser: argparse.ArgumentParser) -> None:
-    """Declare ``--out``, which ``out_folder`` reads."""
+    """Declare ``--out``, which ``open_out_folder`` reads."""
     parser.add_argument("--out", type=Path, help="folder that keeps the renders (default: a temporary one)")
 
 
 @contextmanager
-def out_folder(given: Path | None) -> Iterator[Path]:
+def open_out_folder(given: Path | None) -> Iterator[Path]:
     """The absolute folder of ``--out``, made if missing; by default a temporary folder."""
     if given is not None:
         given.mkdir(parents=True, exist_ok=True)

@@ -149,7 +149,7 @@ def snow(scale: float, ground: str = "paper") -> Settings:
     return scale_view(made, scale)
 
 
-def lambert_snow(scale: float, *changes: Parts) -> Settings:
+def make_lambert_snow(scale: float, *changes: Parts) -> Settings:
     """Complete settings of the row ``LAMBERT`` with changes."""
     rung = next(each for each in ladder() if each.name == LAMBERT)
     parts = (dict(rung.settings), *changes)

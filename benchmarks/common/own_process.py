@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from icymoon.benchmarks import FOLDER
-from icymoon.benchmarks.common.processor import seconds_of_all
+from icymoon.benchmarks.common.processor import measure_all_seconds
 
 #: The first word of ``python benchmarks`` for a call from another process.
 CALL = "--call"
@@ -55,7 +55,7 @@ def work(dataset: Path, *options: str) -> tuple[float, int]:
         nonlocal status
         status = subprocess.run(words, stdout=subprocess.DEVNULL, check=False).returncode
 
-    return seconds_of_all(run), status
+    return measure_all_seconds(run), status
 
 
 def list_processes(pid: int) -> list[int]:

@@ -27,12 +27,12 @@ def seconds_of(work: Callable[[], object]) -> float:
     return watch.lap()
 
 
-def least_seconds(work: Callable[[], object], runs: int = 3) -> float:
+def measure_least_seconds(work: Callable[[], object], runs: int = 3) -> float:
     """Processor seconds of the fastest of some runs in this process."""
     return min(seconds_of(work) for _ in range(runs))
 
 
-def seconds_of_all(work: Callable[[], object]) -> float:
+def measure_all_seconds(work: Callable[[], object]) -> float:
     """Processor seconds of one run, in this process and its finished child processes."""
     before = _spent_s()
     work()

@@ -47,7 +47,7 @@ def render(built: Built, settings: Settings, folder: Path) -> list[Path]:
     return render_pairs(built, expand_headings(settings), folder, 1, 0.0, _unheard)
 
 
-def seconds_of_render(settings: Settings) -> float:
+def measure_render_seconds(settings: Settings) -> float:
     """Processor seconds of rendering a scene's pairs in a new file, without building it."""
     built = build_scene(open_empty_file(), settings)
     with scratch() as folder:
@@ -73,7 +73,7 @@ def _unheard(*arguments: object, **facts: object) -> None:
 
 
 @contextmanager
-def only_own_words(to_errors: bool = False) -> Iterator[None]:
+def hide_cycles_output(to_errors: bool = False) -> Iterator[None]:
     """Hide Cycles' messages on standard output until the end of the ``with`` block; only Python's output is shown.
 
     ``to_errors`` shows the rest on standard error instead of dropping it.

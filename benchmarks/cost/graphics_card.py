@@ -200,7 +200,7 @@ def render(job: dict[str, Any], told_at: str) -> None:
 # In the process that measures.
 
 
-def job_of(step: Step, out: Path) -> dict[str, Any]:
+def make_step_job(step: Step, out: Path) -> dict[str, Any]:
     """The job of a step, as a worker takes it."""
     device: Parts = {"quality": {"device": "CPU" if step.device == PROCESSOR else "GPU"}}
     settings = [description.merged(each, device, ALL_IN_32_BITS) for each in step.settings]
@@ -221,7 +221,7 @@ def run(step: Step, out: Path, most_s: float) -> dict[str, Any]:
         start = time.perf_counter()
         with log.open("wb") as stream:
             process = subprocess.Popen(
-                command(render, ended, job_of(step, out), str(told)),
+                command(render, ended, make_step_job(step, out), str(told)),
                 env=environment,
                 stdout=stream,
                 stderr=subprocess.STDOUT,
@@ -238,11 +238,11 @@ def run(step: Step, out: Path, most_s: float) -> dict[str, Any]:
         if status != "0" or found["errors"]:
             found["log"] = log.read_text(errors="replace")[-3000:]
         for pair in found["pairs"]:
-            pair |= facts_of(Path(pair["folder"]), pair["seconds"])
+            pair |= read_time_and_device(Path(pair["folder"]), pair["seconds"])
         return found
 
 
-def facts_of(folder: Path, seconds: float) -> dict[str, Any]:
+def read_time_and_device(folder: Path, seconds: float) -> dict[str, Any]:
     """The entries of ``pair.json`` on time and device, and the wall seconds of the pair's bakes."""
     stated = json.loads((folder / "pair.json").read_text())
     took = stated["seconds"]
@@ -265,14 +265,14 @@ def facts_of(folder: Path, seconds: float) -> dict[str, Any]:
     }
 
 
-def passes_of(folder: Path) -> dict[str, Array]:
+def read_passes(folder: Path) -> dict[str, Array]:
     """All passes of a pair's left eye by name, float32 (height, channels, width)."""
     return {piece.name: Pixels(piece).decode() for piece in read_pieces((folder / "left.exr").read_bytes())}
 
 
 def compare(one: Path, other: Path) -> dict[str, Any]:
     """The differences of a pair's image and truth from the same pair on another device or with another seed."""
-    here, there = passes_of(one), passes_of(other)
+    here, there = read_passes(one), read_passes(other)
     grey, base = (each[IMAGE_PASS][:, -3:].mean(axis=1, dtype=np.float64) for each in (here, there))
     rows, columns = (np.arange(size) * parts // size for size, parts in zip(base.shape, REGIONS, strict=True))
     region = rows[:, None] * REGIONS[1] + columns
@@ -304,16 +304,16 @@ def compared(step: Step, done: Mapping[str, Mapping[str, Any]]) -> dict[str, lis
     keys = [key for key in done if key != step.key and key in (*step.like, *alike)]
     made: dict[str, list[dict[str, Any]]] = {}
     for key in keys:
-        there = {scene_of(pair): pair["folder"] for pair in done[key]["pairs"]}
+        there = {describe_content(pair): pair["folder"] for pair in done[key]["pairs"]}
         made[key] = [
-            {"scene": scene_of(pair), **compare(Path(pair["folder"]), Path(there[scene_of(pair)]))}
+            {"scene": describe_content(pair), **compare(Path(pair["folder"]), Path(there[describe_content(pair)]))}
             for pair in done[step.key]["pairs"]
-            if scene_of(pair) in there
+            if describe_content(pair) in there
         ]
     return made
 
 
-def scene_of(pair: Mapping[str, Any]) -> str:
+def describe_content(pair: Mapping[str, Any]) -> str:
     """The content of a pair, independent of its renderer: its ground, its place and its heading."""
     stated = json.loads((Path(pair["folder"]) / "pair.json").read_text())
     settings = stated["settings"]
@@ -353,7 +353,7 @@ def machine() -> dict[str, Any]:
     return {"processor": model, "processors": count_processors(), "card": card.strip()}
 
 
-def row_of(step: Step, found: Mapping[str, Any]) -> str:
+def format_row(step: Step, found: Mapping[str, Any]) -> str:
     """A line of the table."""
     pairs = found["pairs"]
     if not pairs:
@@ -403,7 +403,7 @@ def main(options: argparse.Namespace) -> None:
             print(f"{step.key}: no time left", flush=True)
             continue
         results["steps"][step.key] = run(step, out, min(left, MOST_S))
-        print(row_of(step, results["steps"][step.key]), flush=True)
+        print(format_row(step, results["steps"][step.key]), flush=True)
         (out / "results.json").write_text(json.dumps(results, indent=1))
         results["compared"][step.key] = compared(step, results["steps"])
         for key, each in results["compared"][step.key].items():

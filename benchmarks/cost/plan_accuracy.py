@@ -16,7 +16,7 @@ import json
 import sys
 from pathlib import Path
 
-from icymoon.benchmarks.common.arguments import add_out, is_asked, out_folder
+from icymoon.benchmarks.common.arguments import add_out, is_asked, open_out_folder
 from icymoon.benchmarks.common.own_process import work
 from icymoon.render.cost.estimate import estimate_plan
 from icymoon.render.cost.measure_speed import measure_speed
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Render, and print the table."""
-    with out_folder(options.out) as out:
+    with open_out_folder(options.out) as out:
         print_table(out, options.only)
 
 

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from icymoon.benchmarks.common.arguments import add_out, add_scale, out_folder
+from icymoon.benchmarks.common.arguments import add_out, add_scale, open_out_folder
 from icymoon.render.cost.quality_variants import make_reference
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.workers.job_commands import Job, render_job
@@ -150,7 +150,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Measure and print the table."""
-    with out_folder(options.out) as out:
+    with open_out_folder(options.out) as out:
         measure_presets(options, out)
 
 

@@ -23,8 +23,8 @@ from typing import Any
 import bpy
 import numpy as np
 from icymoon.benchmarks.common.arguments import scratch
-from icymoon.benchmarks.common.processor import seconds_of, seconds_of_all
-from icymoon.benchmarks.common.renders import only_own_words, render_planned, settings_of, start_blender
+from icymoon.benchmarks.common.processor import measure_all_seconds, seconds_of
+from icymoon.benchmarks.common.renders import hide_cycles_output, render_planned, settings_of, start_blender
 from icymoon.render import cycles_settings
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings.pair_ids import make_pair_id
@@ -158,7 +158,7 @@ def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, Array
 
 def imported(program: str) -> float:
     """Processor seconds of a program in another Python."""
-    return seconds_of_all(lambda: subprocess.run([sys.executable, "-c", program], check=True))
+    return measure_all_seconds(lambda: subprocess.run([sys.executable, "-c", program], check=True))
 
 
 def measured(feature: Feature) -> dict[str, Any]:
@@ -194,7 +194,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Print the table; write it if all features are measured."""
-    with only_own_words():
+    with hide_cycles_output():
         print_table(options.names)
 
 

@@ -104,7 +104,7 @@ def main(options: argparse.Namespace) -> None:
         ratios.append(expected / total)
         print(
             f"{name:34} {total / pixels:6.2f} {expected / pixels:6.2f} {ratios[-1]:5.2f} "
-            f"sky {sky:.2f} ({estimate.sky_fraction(settings):.2f}) {passes}",
+            f"sky {sky:.2f} ({estimate.compute_sky_fraction(settings):.2f}) {passes}",
             flush=True,
         )
     print(f"expected over measured: {min(ratios):.2f} to {max(ratios):.2f}, mean {np.mean(ratios):.3f}")

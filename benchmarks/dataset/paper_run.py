@@ -52,7 +52,7 @@ height_px = {height}
 """
 
 
-def scenes_of(name: str, options: argparse.Namespace) -> list[list[PlannedPair]]:
+def group_by_scene(name: str, options: argparse.Namespace) -> list[list[PlannedPair]]:
     """The scenes of a set in random order; each is the pairs of a ground under one Sun."""
     text = PLAN.format(name=name, width=round(640 * options.scale), height=round(480 * options.scale))
     found: defaultdict[str, list[PlannedPair]] = defaultdict(list)
@@ -124,7 +124,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Render, and print the table."""
-    every = {name: scenes_of(name, options) for name in SETS}
+    every = {name: group_by_scene(name, options) for name in SETS}
     sizes = {name: sum(map(len, scenes)) for name, scenes in every.items()}
     total = sum(sizes.values())
     chosen = {}

@@ -27,9 +27,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from icymoon.benchmarks.common.arguments import add_out, out_folder
+from icymoon.benchmarks.common.arguments import add_out, open_out_folder
 from icymoon.benchmarks.common.own_process import list_processes, send_signal
-from icymoon.benchmarks.common.processor import resident_mib, seconds_of_all
+from icymoon.benchmarks.common.processor import measure_all_seconds, resident_mib
 from icymoon.formats.trajectories import read_trajectory
 from icymoon.physics.camera.rotations import quaternion
 from icymoon.physics.light.directions import camera_axes
@@ -253,7 +253,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Print the table."""
-    with out_folder(options.out) as folder:
+    with open_out_folder(options.out) as folder:
         plan, out = write_files(folder, options), folder / "sequence"
         found = _render(plan, out, kill_after=options.frames * 9 // 20)
         print(f"killed after {len(found)} frames")
@@ -263,8 +263,8 @@ def main(options: argparse.Namespace) -> None:
         count, differ = _render_again(out, folder / "again", "5/10")
         print(f"{differ} of {count} images around the kill differ from those of a run without interruption")
         evaluate = partial(_call_stereo, "evaluate", str(out), "--methods", "sgbm", "--out", str(folder / "results"))
-        print(f"{seconds_of_all(evaluate):.0f} CPU s for SGBM")
+        print(f"{measure_all_seconds(evaluate):.0f} CPU s for SGBM")
         for kind in _EXPORTS:
-            spent = seconds_of_all(partial(_export, out, kind))
+            spent = measure_all_seconds(partial(_export, out, kind))
             print(f"{spent:.1f} CPU s for the export {kind}, {_measure_mb(out.with_name(f'{out.name}_{kind}')):.1f} MB")
         _print_agreement(folder, out)

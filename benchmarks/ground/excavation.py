@@ -45,7 +45,7 @@ def dig(excavation: dict[str, Any], rolling_m: float = 0.0) -> ExcavationSeries:
     return ExcavationSeries(site, settings.excavation, SEED, rolling_m * (np.sin(7.0 * x + 1.0) + np.cos(5.0 * y)))
 
 
-def random_trench(random: np.random.Generator) -> dict[str, Any]:
+def draw_trench(random: np.random.Generator) -> dict[str, Any]:
     """Settings of a trench of any shape, strength and heap."""
     return {
         "path": str(random.choice(["LINE", "ARC"])),
@@ -68,7 +68,7 @@ def random_trench(random: np.random.Generator) -> dict[str, Any]:
 def measure_volumes() -> None:
     """Print the error of mass of random trenches, and of the volume of shapes with a formula."""
     random = np.random.default_rng(SEED)
-    errors = [dig(random_trench(random), rolling_m=0.02).mass_error(2) for _ in range(TRENCHES)]
+    errors = [dig(draw_trench(random), rolling_m=0.02).mass_error(2) for _ in range(TRENCHES)]
     print(
         f"mass, {TRENCHES} random trenches of 2 bites: largest error {max(errors):.1e}, median {np.median(errors):.1e}",
         flush=True,

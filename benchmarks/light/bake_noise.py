@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from icymoon.benchmarks.common.arguments import add_scale, scratch
 from icymoon.benchmarks.common.guiss_rows import errors
-from icymoon.benchmarks.common.guiss_scene import lambert_snow, planned
+from icymoon.benchmarks.common.guiss_scene import make_lambert_snow, planned
 from icymoon.benchmarks.common.renders import render_planned, start_blender
 from icymoon.stereo.images.develop import average_bands
 from icymoon.stereo.inference.kendall_tau import compute_kendall_tau_b
@@ -96,7 +96,7 @@ def print_tables(options: argparse.Namespace, dataset: Path) -> None:
         for n in options.bakes
     }
     for sun_deg in options.suns:
-        scene = lambert_snow(options.scale, {"light": {"sun_elevation_deg": sun_deg}})
+        scene = make_lambert_snow(options.scale, {"light": {"sun_elevation_deg": sun_deg}})
         for heading in options.headings:
             pairs = {name: planned(scene, quality, heading) for name, quality in (baked | traced).items()}
             render_planned(list(pairs.values()), dataset)

@@ -69,7 +69,7 @@ def report(name: str, w: float, b: float, c: float, b_c0: float) -> None:
     )
 
 
-def europa_law(w: float, b_s0: float) -> photometry.Law:
+def make_europa_law(w: float, b_s0: float) -> photometry.Law:
     """Europa's whole disc after Domingue et al. 1991, with another w and surge."""
     return partial(
         bidirectional_reflectance,
@@ -89,25 +89,27 @@ def europa_law(w: float, b_s0: float) -> photometry.Law:
 
 def fit_europa() -> None:
     """Print Europa's terrains."""
-    wanted = 1.5 * opposition_effect(europa_law(0.964, 0.5))
+    wanted = 1.5 * opposition_effect(make_europa_law(0.964, 0.5))
     found = {
         "bright plains": solve(
             lambda w, surge: (
-                photometry.bond_albedo(europa_law(w, surge)) - 0.68,
-                opposition_effect(europa_law(w, surge)) - wanted,
+                photometry.bond_albedo(make_europa_law(w, surge)) - 0.68,
+                opposition_effect(make_europa_law(w, surge)) - wanted,
             )
         )
     }
-    surge, plains, dark = found["bright plains"][1], reflectance_at_five(europa_law(*found["bright plains"])), 0.17
+    surge, plains, dark = found["bright plains"][1], reflectance_at_five(make_europa_law(*found["bright plains"])), 0.17
     for name, amplitude, share in (("dark lineae", 1.0, 1.0), ("ridges", surge, 0.25), ("bands", surge, 0.5)):
         mixed = (1 - share) * plains + share * dark
         low, high = 0.1, 0.999
         for _ in range(40):  # w, by halving: I/F grows with it
             middle = (low + high) / 2
-            low, high = (middle, high) if reflectance_at_five(europa_law(middle, amplitude)) < mixed else (low, middle)
+            low, high = (
+                (middle, high) if reflectance_at_five(make_europa_law(middle, amplitude)) < mixed else (low, middle)
+            )
         found[name] = low, amplitude
     for name, (w, amplitude) in found.items():
-        law = europa_law(w, amplitude)
+        law = make_europa_law(w, amplitude)
         print(
             f"Europa, {name:14s} w {w:.5f}  b_s0 {amplitude:.4f}   I/F at 5° {reflectance_at_five(law):.4f}  "
             f"geometric {photometry.geometric_albedo(law):.4f}  Bond {photometry.bond_albedo(law):.4f}",

@@ -19,7 +19,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon.benchmarks.common.renders import only_own_words, open_empty_file
+from icymoon.benchmarks.common.renders import hide_cycles_output, open_empty_file
 from icymoon.nodes.surface.patches_and_grain import add_grain
 from icymoon.nodes.tree.builder import WHITE, Tree
 from icymoon.support.arrays import Array
@@ -192,5 +192,5 @@ def table() -> dict[str, Any]:
 
 def main(options: argparse.Namespace) -> None:
     """Print the table as JSON."""
-    with only_own_words(to_errors=True):
+    with hide_cycles_output(to_errors=True):
         print(json.dumps(table()))

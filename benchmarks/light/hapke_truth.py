@@ -42,7 +42,7 @@ WAYS = {
 }
 
 
-def of_mitsuba(folder: Path) -> None:
+def render_with_mitsuba(folder: Path) -> None:
     """Render ``folder``'s scene with Mitsuba: all light, and sunlight alone. Runs in the other Python."""
     import mitsuba as mi
 
@@ -90,7 +90,7 @@ def _flatten(built: Built) -> None:
     built.terrain.data.polygons.foreach_set("use_smooth", np.zeros(len(built.terrain.data.polygons), bool))
 
 
-def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> Array:
+def render_with_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> Array:
     """Radiance of the left eye by Cycles; leaves the scene's description in ``folder``."""
     import bpy
     from icymoon.benchmarks.common.renders import render
@@ -182,8 +182,13 @@ def main(options: argparse.Namespace) -> None:
             settings = complete({"hapke": {**hapke, "h_function": "2002"}, "surface": {"model": "HAPKE"}})
             integrals = find_albedos(settings.surface, settings.hapke)
             assert integrals is not None
-            images = {way: of_cycles(folder, {**hapke, **changes}, {"model": "HAPKE"}) for way, changes in WAYS.items()}
-            images["Lambert, same albedo"] = of_cycles(folder, hapke, {"model": "LAMBERT", "albedo": integrals.bond})
+            images = {
+                way: render_with_cycles(folder, {**hapke, **changes}, {"model": "HAPKE"})
+                for way, changes in WAYS.items()
+            }
+            images["Lambert, same albedo"] = render_with_cycles(
+                folder, hapke, {"model": "LAMBERT", "albedo": integrals.bond}
+            )
             subprocess.run([options.python, __file__, str(folder)], check=True)
             truth, sunlight = (np.load(folder / f"{part}.npy") for part in ("all", "sunlight"))
         ground, lit, dark = (_inside(part) for part in (truth > 0, sunlight > 0, (truth > 0) & (sunlight == 0)))
@@ -199,4 +204,4 @@ def main(options: argparse.Namespace) -> None:
 
 
 if __name__ == "__main__":  # in the other Python, which has no Icy Moon
-    of_mitsuba(Path(sys.argv[1]))
+    render_with_mitsuba(Path(sys.argv[1]))

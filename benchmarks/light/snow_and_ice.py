@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from icymoon.benchmarks.common.renders import seconds_of_render, settings_of, start_blender
+from icymoon.benchmarks.common.renders import measure_render_seconds, settings_of, start_blender
 from icymoon.settings import description
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
@@ -47,7 +47,7 @@ def costs(width: int, samples: int) -> Iterator[str]:
     """Lines of a table of each layer's cost."""
     plain = 0.0
     for name, part in LAYERS.items():
-        took = seconds_of_render(small("gallery/block_field", width, samples, PLAIN, part))
+        took = measure_render_seconds(small("gallery/block_field", width, samples, PLAIN, part))
         plain = plain or took
         yield f"| {name} | {took:.1f} | {took / plain:.2f} |"
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from icymoon.benchmarks.common.arguments import add_out, add_scale, out_folder
+from icymoon.benchmarks.common.arguments import add_out, add_scale, open_out_folder
 from icymoon.benchmarks.common.guiss_rows import errors, head, measured, rendered, shown
 from icymoon.benchmarks.common.guiss_scene import Rung, snow
 from icymoon.settings import description
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Render and print the table."""
-    with out_folder(options.out) as out:
+    with open_out_folder(options.out) as out:
         print_table(options, out)
 
 

@@ -42,7 +42,7 @@ _OTHERS = dict(zip(EYES, reversed(EYES), strict=True))
 Masks = dict[str, Array]
 
 
-def both_columns(disparity: Array, other: Array, eye: str) -> Array:
+def find_hidden_by_both_columns(disparity: Array, other: Array, eye: str) -> Array:
     """Hidden pixels by the method before 0.1: both columns around the point show something nearer by half a pixel."""
     column, filled = find_matching_column(disparity, eye), np.nan_to_num(other)
     nearest = np.minimum(*(sample_at_columns(filled, side(np.nan_to_num(column))) for side in (np.floor, np.ceil)))
@@ -105,7 +105,11 @@ def main(options: argparse.Namespace) -> None:
         )
 
     line("to each point", "0.25", by_rays)
-    line("both columns", "0.5", {eye: both_columns(own[eye], own[other], eye) for eye, other in _OTHERS.items()})
+    line(
+        "both columns",
+        "0.5",
+        {eye: find_hidden_by_both_columns(own[eye], own[other], eye) for eye, other in _OTHERS.items()},
+    )
     for number, tolerance in product(rays, TOLERANCES_PX):
         columns._LEAST_GAP_PX = tolerance
         line(

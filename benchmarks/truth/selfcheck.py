@@ -230,7 +230,7 @@ def row(folder: Path, other: Path | None, positive: bool) -> dict[str, Any]:
         "denoiser": settings["quality"]["denoiser"],
         "Sun": settings["light"]["sun_elevation_deg"],
         "from the Sun": (settings["light"]["sun_azimuth_deg"] - settings["rig"]["heading_deg"]) % 360,
-        "surface": surface_of(settings),
+        "surface": classify_surface(settings),
         "width": camera.width_px,
         "apart_px": apart,
         "lens": next(
@@ -245,7 +245,7 @@ def row(folder: Path, other: Path | None, positive: bool) -> dict[str, Any]:
     }
 
 
-def surface_of(settings: dict[str, Any]) -> str:
+def classify_surface(settings: dict[str, Any]) -> str:
     """The kind of surface for the table."""
     surface = settings["surface"]
     if surface["model"] == "HAPKE":

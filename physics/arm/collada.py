@@ -69,7 +69,7 @@ class _ColladaDocument:
             cache(self._read_positions),
             cache(self._find_position_source),
         )
-        self.mesh_of, self.pose_of = cache(self._read_geometry), cache(self._compose_transforms)
+        self.mesh_of, self.split_pose = cache(self._read_geometry), cache(self._compose_transforms)
 
     def read(self) -> Mesh:
         """The mesh of all shown geometries, in metres."""
@@ -129,7 +129,7 @@ class _ColladaDocument:
                 raise RefusedError(
                     "has a skin or a morph (instance_controller), which is not read; apply it and export a plain mesh."
                 )
-            place = above @ self.pose_of(node)
+            place = above @ self.split_pose(node)
             if not np.abs(place).max() <= _LARGEST_NUMBER:
                 raise ValueError("a node has a place that is not finite")
             for each in node.findall("instance_geometry"):

@@ -70,7 +70,7 @@ def load_users_arm(settings: Settings) -> UrdfArm:
     return _load_arm(path, _file_state(path))
 
 
-def arm_files(path: Path) -> list[Path]:
+def list_arm_files(path: Path) -> list[Path]:
     """A URDF file and the meshes that it names. Raises IcyMoonError for a file that cannot be used."""
     return [path, *_read_cached_urdf(path, _file_state(path)).files]
 

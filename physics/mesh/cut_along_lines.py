@@ -40,7 +40,7 @@ class CutMesh:
     faces: Array
     on_line: Array
 
-    def sharp_edges(self) -> Array:
+    def find_sharp_edges(self) -> Array:
         """The edges (k, 2) of the triangles that lie on a line."""
         faces = self.faces[self.on_line[self.faces].sum(axis=1) > 1]  # a hundredth of all
         edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)

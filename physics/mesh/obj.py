@@ -13,7 +13,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.files import shorten
 from ...support.foreign_bytes import LONGEST_LINE_BYTES, ForeignBytes, RefusedError
-from .number_line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
+from .line_patterns import LinePatterns, UnusualTextError, read_whole_lines, reduce_digits
 
 #: Bytes that may occur in a face after its first word.
 _FACE_BYTES = b"0123456789/- \t"
@@ -71,10 +71,10 @@ def check_statements(foreign: ForeignBytes) -> list[bytes]:
     """
     libraries = list[bytes]()
     try:
-        forms = LineForms(_check_form)
+        patterns = LinePatterns(_check_pattern)
         for text in read_whole_lines(foreign):
             lines = reduce_digits(text)
-            forms.check_lines(lines)
+            patterns.check_lines(lines)
             if b"mtllib" in lines:
                 for line in text.split(b"\n"):
                     _add_library(libraries, line)
@@ -83,7 +83,7 @@ def check_statements(foreign: ForeignBytes) -> list[bytes]:
     return libraries
 
 
-def _check_form(line: bytes) -> None:
+def _check_pattern(line: bytes) -> None:
     if line.endswith(b"\\"):
         raise UnusualTextError
     _check_line(line, 0)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.foreign_bytes import ForeignBytes, RefusedError
-from .number_line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
+from .line_patterns import LinePatterns, UnusualTextError, read_whole_lines, reduce_digits
 from .obj import parse_vertex
 
 _TRIANGLE_TYPE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -96,10 +96,10 @@ def _count_vertices(foreign: ForeignBytes) -> int:
     text."""
     if not foreign.part(0, min(foreign.size, _TEXT_BYTES)).lstrip(b" \t").lower().startswith(b"solid"):
         raise UnusualTextError
-    forms, count = LineForms(_check_line), 0
+    patterns, count = LinePatterns(_check_line), 0
     for text in read_whole_lines(foreign):
         lines = reduce_digits(text)
-        forms.check_lines(lines)
+        patterns.check_lines(lines)
         count += lines.count(b"vertex")
     return count
 

@@ -249,7 +249,7 @@ def _count_vertices(grading: VertexSpacing) -> float:
     return 1.0 + float(np.sum((density[1:] + density[:-1]) / 2 * np.diff(r)))
 
 
-def _probes_of(ground: Terrain, at: GradingView, ground_m: float, nearest_m: Array) -> list[_ErrorProbe]:
+def _make_probes(ground: Terrain, at: GradingView, ground_m: float, nearest_m: Array) -> list[_ErrorProbe]:
     """A probe for each distance, for the range half way to its neighbours; the first also covers the ground under the
     eyes."""
     probes = []
@@ -270,7 +270,7 @@ def choose_vertex_spacing(ground: Terrain, settings: Settings) -> VertexSpacing:
     farthest = max(min(_farthest_ground_m(ground, at, ground_m, body), float(mesh.farthest_m)), 2.0 * at.height_m)
     last = float(at.nearest_m(farthest))
     nearest = np.geomspace(at.height_m, last, 1 + max(2, math.ceil(math.log2(last / at.height_m))))
-    probes = _probes_of(ground, at, ground_m, nearest)
+    probes = _make_probes(ground, at, ground_m, nearest)
     curves = [_measure_curve(probe, mesh.edge_px / EDGE_OVER_SPACING, mesh.error_px) for probe in probes]
 
     def made(error_px: float, wider: float = 1.0) -> VertexSpacing:

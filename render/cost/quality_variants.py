@@ -14,12 +14,12 @@ from typing import Any
 from ...physics.light.sky import compute_sky
 from ...physics.scene_requirements import (
     count_images_per_bake,
+    find_why_not_baked,
     is_baked,
     is_relief_for_camera_alone,
     random_walk_px,
     surface_topics,
     traces_random_walk,
-    why_not_baked,
 )
 from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from ...physics.surfaces.photometry import hemispherical_albedo
@@ -28,7 +28,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from ...support.number_text import format_count
-from ..plans.baked_or_traced import bake_seconds
+from ..plans.baked_or_traced import estimate_bake_seconds
 from .blender_abilities import Abilities, describe_lack
 from .estimate import estimate_work
 
@@ -175,7 +175,7 @@ def _baked_parts(settings: Settings, area: str = "GROUND") -> _Parts:
     fixed = {"indirect": "BAKED", "bake_area": area, "bake_noise": 0.0}
     return (
         {}
-        if why_not_baked(settings)
+        if find_why_not_baked(settings)
         else {
             f"{where} by {format_count(most, 'sample')}, {format_count(n, 'direct sample')}": {
                 "quality": {**fixed, "bake_samples": most, "direct_samples": n}
@@ -261,7 +261,7 @@ def list_candidates(settings: Settings, able: Abilities = _FULL_BUILD, images: i
 
 def _image_seconds(settings: Settings, images: int) -> float:
     """Processor seconds of an image, with its share of the bake."""
-    bake = bake_seconds(settings) / count_images_per_bake(settings, images) if is_baked(settings) else 0.0
+    bake = estimate_bake_seconds(settings) / count_images_per_bake(settings, images) if is_baked(settings) else 0.0
     return estimate_work(settings).seconds(0.0) + bake
 
 

@@ -98,10 +98,10 @@ def find_break_even(settings: Settings) -> int:
     costs more.
     """
     saved = _pair_seconds(settings, settings.quality) - _pair_seconds(settings, make_direct_quality(settings.quality))
-    return 0 if saved <= 0 else max(1, round(0.5 + bake_seconds(settings) / saved))
+    return 0 if saved <= 0 else max(1, round(0.5 + estimate_bake_seconds(settings) / saved))
 
 
-def bake_seconds(settings: Settings) -> float:
+def estimate_bake_seconds(settings: Settings) -> float:
     """Processor seconds to bake the light of a ground and its rocks, with the planet's light, at the full number of
     samples.
     """
@@ -116,7 +116,7 @@ def bake_seconds(settings: Settings) -> float:
     return once * (1 + settings.light.planet)
 
 
-def light_bytes(settings: Settings) -> float:
+def estimate_light_bytes(settings: Settings) -> float:
     """Bytes of the baked light of a ground and its rocks, with the planet's light."""
     triangular = _is_of_triangles(settings) or settings.mesh.kind == "GRADED"
     vertices = _count_corners(settings) / (_CORNERS_PER_VERTEX if triangular else _CORNERS_PER_GRID_VERTEX)

@@ -105,7 +105,7 @@ class Claims:
         return {
             "pid": os.getpid(),
             "place": system.find_process_scope(),
-            "host": system.computer_name(),
+            "host": system.find_computer_name(),
             "key": self._key,
         }
 
@@ -169,11 +169,11 @@ class Claims:
 
     def clean_up_after(self, pid: int) -> None:
         """Remove the claims and the unfinished folders of an ended process of this machine."""
-        for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART_SUFFIX}"):
+        for part in self._pairs.glob(f"*.{system.find_computer_name()}-{pid}-*{PART_SUFFIX}"):
             self._settle_leftover(part)
         for path in self._list_claims():
             holder = _read_claim(path)
-            if holder.get("pid") == pid and holder.get("host") == system.computer_name():
+            if holder.get("pid") == pid and holder.get("host") == system.find_computer_name():
                 self._remove(path)
 
     def clean_up(self) -> None:

@@ -173,7 +173,7 @@ class Runner:
                 worker.heard, worker.spoke = time.monotonic(), True
                 self._handle_message(worker, message)
             silent = time.monotonic() - worker.heard
-            if silent > self._patience_s(worker, silent):
+            if silent > self._find_silence_limit_s(worker, silent):
                 worker.error = worker.error or f"it sent nothing for {silent:.0f} s"
                 worker.process.stop()
             elif silent > _SUSPECT_AFTER_S and len(self._running) < self._options.count and not self._queue:
@@ -182,7 +182,7 @@ class Runner:
                 self._running.remove(worker)
                 self._finish_worker(worker)
 
-    def _patience_s(self, worker: _Worker, silent: float) -> float:
+    def _find_silence_limit_s(self, worker: _Worker, silent: float) -> float:
         """Seconds for which a worker may be silent: few if all its pairs are complete, perhaps by other processes."""
         idle = worker.done or (silent > _MOST_EXIT_S and not self._get_pairs_left(worker))
         return _MOST_EXIT_S if idle else self._options.silence_s

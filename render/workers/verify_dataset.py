@@ -10,10 +10,10 @@ from typing import Any
 
 from ...formats.exr_layout import read_sizes
 from ...physics.camera.blur import describe_blur_identity
-from ...physics.camera.eyes import camera_of
+from ...physics.camera.eyes import make_camera_with_eyes
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.description import Restorer
-from ...settings.pair_ids import affects_pixels, make_counter, make_pair_id, value_in_id
+from ...settings.pair_ids import affects_pixels, find_value_in_id, make_counter, make_pair_id
 from ...settings.table import list_all_settings
 from ...support.errors import IcyMoonError, describe_error
 from ...support.file_schemas import FILE_NAME, SHA256, Each, find_fault
@@ -39,7 +39,7 @@ from ..plans.frozen_plan import PLAN, read_frozen_plan
 from ..plans.planned_pair import PlannedPair
 from .manifest import MANIFEST
 from .pair_claims import CLAIMS_FOLDER, Claims
-from .shared_light import LightFile, VouchedLight
+from .shared_light import LightFile, StatedLight
 
 #: Files and folders that a data set's folder may contain.
 _EXPECTED_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
@@ -94,7 +94,7 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
         )
     working = Claims(dataset).find_claimed_elsewhere()
     problems: list[Problem] = []
-    complete, shared = 0, _SharedChecks(VouchedLight(dataset))
+    complete, shared = 0, _SharedChecks(StatedLight(dataset))
     for name, pair in planned.items():
         folder = folder_of_pair(dataset, name)
         try:
@@ -162,7 +162,7 @@ def _describe_misplaced(folder: Path) -> str:
 class _SharedChecks:
     """Objects that are made once for all pairs of a data set, and the light that the pairs state."""
 
-    def __init__(self, light: VouchedLight) -> None:
+    def __init__(self, light: StatedLight) -> None:
         self.light = light
         self.restore, self.count = Restorer(), make_counter()
         #: Name, topic and key of the settings that can change a rendered pixel.
@@ -296,7 +296,7 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         (name, pair.settings[topic][key], wanted.settings[topic][key])
         for name, topic, key in shared.names
         if (topic in unequal or key == "relief")
-        and value_in_id(name, pair.settings) != value_in_id(name, wanted.settings)
+        and find_value_in_id(name, pair.settings) != find_value_in_id(name, wanted.settings)
     ]
     if others:
         texts = [
@@ -323,7 +323,7 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         yield f"{path}: was rendered with the seed {seeds.get('render')}, not {wanted.render_seed}"
     if "dataset" in seeds and seeds["dataset"] != wanted.settings.dataset.seed:
         yield f"{path}: seeds.dataset is {seeds['dataset']}, and its settings give {wanted.settings.dataset.seed}"
-    yield from _find_wrong_sizes(pair, camera_of(wanted.settings))
+    yield from _find_wrong_sizes(pair, make_camera_with_eyes(wanted.settings))
 
 
 def _find_wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
@@ -343,7 +343,7 @@ def _find_wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
         )
 
 
-def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
+def _find_stated_light(light: StatedLight) -> dict[LightFile, list[str]]:
     """The files of baked light in use, and for each the ids of the pairs that were rendered with it."""
     stated: dict[LightFile, list[str]] = {}
     for pair, files in sorted(light.by_pair().items()):

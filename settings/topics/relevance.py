@@ -13,7 +13,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Asked:
+class ConditionScope:
     """Gives a condition the settings of a scene, for a setting in ``topic``. ``root`` contains them by topic."""
 
     root: object
@@ -25,7 +25,7 @@ class Asked:
         return getattr(getattr(self.root, topic), key) if dot else getattr(getattr(self.root, self.topic), name)
 
 
-class _Recording(Asked):
+class _Recording(ConditionScope):
     """Records the settings that a condition reads, as ``topic.key``."""
 
     def value(self, name: str) -> Any:
@@ -42,11 +42,11 @@ class _Recording(Asked):
 class Condition:
     """A condition on the settings of a scene."""
 
-    test: Callable[[Asked], bool]
+    test: Callable[[ConditionScope], bool]
 
     def __call__(self, root: object, topic: str) -> bool:
         """Whether the condition holds for a setting of ``topic``; ``root`` holds all settings."""
-        return self.test(Asked(root, topic))
+        return self.test(ConditionScope(root, topic))
 
     def list_deciding(self, root: object, topic: str) -> tuple[str, ...]:
         """The settings (``topic.key``) whose present values decide whether the condition holds."""

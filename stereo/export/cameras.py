@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...formats.cahvor import make_cahvor_text, make_pds_text, model_from_pinhole
-from ...formats.calibrations.cahv import nearest_model
+from ...formats.cahvor import make_cahvor_text, make_model_from_pinhole, make_pds_text
+from ...formats.calibrations.cahv import find_nearest_model
 from ...physics.camera.lens_distortion import read_coefficients
 from ...physics.camera.rotations import quaternion
 from ...physics.camera.stereo_camera import StereoCamera
@@ -59,7 +59,7 @@ def read_middle_pose(pair: LoadedPair, eye: str) -> Array:
     return pose
 
 
-def pixel_rays(camera: StereoCamera) -> Array:
+def make_pixel_rays(camera: StereoCamera) -> Array:
     """Directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1; multiply by planar depth to get
     points."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
@@ -79,15 +79,15 @@ def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
     k, images = read_coefficients(pair.settings.rig), pair.images
     for eye in EYES:
         pose = read_pose(pair, eye)
-        matrix, place, size_px = centre_matrix(camera), pose[:3, 3], (camera.width_px, camera.height_px)
-        named = {eye: (images.for_files(eye), model_from_pinhole(matrix, pose[:3, :3].T, place, size_px))}
+        matrix, place, size_px = make_centred_matrix(camera), pose[:3, 3], (camera.width_px, camera.height_px)
+        named = {eye: (images.for_files(eye), make_model_from_pinhole(matrix, pose[:3, :3].T, place, size_px))}
         if any(k) or camera.looks_elsewhere:
             turn, own = camera.eye_rotation(eye) @ pose[:3, :3].T, camera.own_eye(eye)
             named[f"{eye}_sensor"] = (
                 getattr(images, f"detected_{eye}"),
-                model_from_pinhole(matrix, turn, place, size_px, k)
+                make_model_from_pinhole(matrix, turn, place, size_px, k)
                 if own is None
-                else nearest_model(replace(own, name=eye).placed(turn, -turn @ place)),
+                else find_nearest_model(replace(own, name=eye).placed(turn, -turn @ place)),
             )
         for name, (image, model) in named.items():
             write_png(folder / f"{name}.png", to_8_bit(image, images.bits, images.encoding))
@@ -95,7 +95,7 @@ def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
             write_text(folder / f"{name}.lbl", make_pds_text(model, FRAME_NAME))
 
 
-def centre_matrix(camera: StereoCamera) -> Array:
+def make_centred_matrix(camera: StereoCamera) -> Array:
     """K with pixels counted from the centre of the first one."""
     matrix = np.array(camera.matrix)
     matrix[:2, 2] -= 0.5
@@ -212,7 +212,7 @@ def _choose_pixels(pair: LoadedPair) -> tuple[Array, Array, Array]:
 def _find_world_points(pair: LoadedPair, rows: Array, columns: Array) -> Array:
     """World coordinates (n, 3) in metres of the points at left pixels."""
     pose = read_pose(pair, "left")
-    eye = pixel_rays(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
+    eye = make_pixel_rays(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
     return eye @ pose[:3, :3].T + pose[:3, 3]
 
 

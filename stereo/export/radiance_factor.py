@@ -26,7 +26,7 @@ from ...support.labels import LIGHT_GROUPS
 from ..images.develop import scale_radiance
 from ..measure.prepare_pair import LoadedPair
 from . import Export
-from .cameras import pixel_rays
+from .cameras import make_pixel_rays
 
 TITLES = {
     "fits": "FITS: the radiance factor I/F, and incidence, emission and phase",
@@ -73,7 +73,7 @@ def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
         )
     by_band = irradiance * sun_colour(float(pair.pair.settings.light.sun_temperature_k))
     view, camera, depth = pair.views[eye], pair.pair.camera, pair.depth[eye]
-    rays = pixel_rays(camera)
+    rays = make_pixel_rays(camera)
     ahead = (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).reshape(-1, 3)
     back = -turn_to_world(ahead, pose, np.arange(len(ahead)) // camera.width_px).reshape(rays.shape)
     known = np.isfinite(depth)

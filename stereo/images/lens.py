@@ -16,7 +16,7 @@ import numpy as np
 
 from ...physics.camera.calibrated_camera import CalibratedCamera
 from ...physics.camera.calibration_error import make_rectifying_map, moves_pixels
-from ...physics.camera.eyes import in_light, rays_in_rig
+from ...physics.camera.eyes import find_rays_in_rig, project_to_light
 from ...physics.camera.lens_distortion import distort_points, read_coefficients, refuse_folds, undistort_points
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import CalibrationErrorSettings, RigSettings
@@ -137,9 +137,9 @@ def _make_calibrated_lens(camera: StereoCamera, own: CalibratedCamera) -> Lens:
     """The lens of a calibrated eye whose rendered image is the one of the parallel rig, or its panorama."""
     rays = _rectified_rays(camera)
     return Lens(
-        in_light(rays_in_rig(own, make_pixel_grid(*own.size_px)), camera).astype(np.float32),
+        project_to_light(find_rays_in_rig(own, make_pixel_grid(*own.size_px)), camera).astype(np.float32),
         own.show(rays @ own.rotation.T).astype(np.float32),
-        in_light(rays, camera).astype(np.float32),
+        project_to_light(rays, camera).astype(np.float32),
         camera.light_px,
         is_calibrated=True,
     )

@@ -56,7 +56,7 @@ class Network:
 
 def check(network: Network, options: Mapping[str, Any]) -> None:
     """Raise IcyMoonError unless torch and the checkpoint exist."""
-    path = checkpoint_path(network, options)
+    path = find_checkpoint(network, options)
     if not path.is_file():
         raise IcyMoonError(
             f"{network.method} has no checkpoint at {path}; download {network.file} as the README of "
@@ -66,7 +66,7 @@ def check(network: Network, options: Mapping[str, Any]) -> None:
         raise IcyMoonError(f"{network.method} needs PyTorch, which this Python lacks; run: pip install torch")
 
 
-def checkpoint_path(network: Network, options: Mapping[str, Any]) -> Path:
+def find_checkpoint(network: Network, options: Mapping[str, Any]) -> Path:
     """The checkpoint file of a network: the one in the options, or the default one."""
     if options["checkpoint"]:
         return parse_path(options["checkpoint"], f"{network.method}.checkpoint")
@@ -84,7 +84,7 @@ def load(network: Network, options: Mapping[str, Any]) -> tuple[nn.Module, dict[
         raise IcyMoonError(f"{network.method}.device is cuda, but PyTorch finds no CUDA device here; use cpu.")
     if device == "auto":
         device = "cuda" if torch.cuda.is_available() else "cpu"
-    path = checkpoint_path(network, options)
+    path = find_checkpoint(network, options)
     check(network, options)
     changed = path.stat()
     state = changed.st_mtime_ns, changed.st_size

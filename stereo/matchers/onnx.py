@@ -205,7 +205,7 @@ def _open_network(options: dict[str, Any]) -> _Network:
         session = onnxruntime.InferenceSession(str(path), settings, providers=providers)
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
-            f"{path} cannot be read as an ONNX network ({_first_line(error)}); export it again."
+            f"{path} cannot be read as an ONNX network ({_find_first_line(error)}); export it again."
         ) from None
     inputs = _find_inputs(path, session.get_inputs())
     return _Network(
@@ -289,7 +289,7 @@ def _run_network(
         ) from None
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
-            f"onnx.model {_find_model_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
+            f"onnx.model {_find_model_path(options).name} failed in ONNX Runtime ({_find_first_line(error)}); try "
             f"onnx.multiple, {multiple}, onnx.device=cpu or smaller images."
         ) from None
     factor = options["scale"] * (-1 if options["sign"] == "negative" else 1)
@@ -431,7 +431,7 @@ def _run_bounded(session: onnxruntime.InferenceSession, given: dict[str, Array],
         clock.cancel()
 
 
-def _first_line(error: Exception) -> str:
+def _find_first_line(error: Exception) -> str:
     """First line of ONNX Runtime's message, without the prefix, number and name of the error."""
     line = (str(error).splitlines() or [type(error).__name__])[0]
     return re.sub(r"^\[ONNXRuntimeError\] : \d+ : [A-Z_]+ : ", "", line)[:300].rstrip(". ")

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...render.cost.error_tolerance import Tolerance, all_hold
+from ...render.cost.error_tolerance import Tolerance, combine_verdicts
 from ...render.cost.quality_variants import SHAPES
 from ..matchers.methods import describe_method
 from .quality_losses import find_number, find_pareto_front
@@ -54,7 +54,7 @@ def make_decision_advice(rows: Sequence[Row], methods: Sequence[str], references
 def _make_decision_line(
     name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float, reference: Row
 ) -> str:
-    same = {row["key"]: all_hold(row["decisions"][method]["same"] for method in methods) for row in rows}
+    same = {row["key"]: combine_verdicts(row["decisions"][method]["same"] for method in methods) for row in rows}
     best = _find_cheapest([row for row in rows if same[row["key"]]], margin)
     if best is not None:
         differs = describe_decisions(best["decisions"][methods[0]]) if len(methods) == 1 else ""
@@ -64,7 +64,7 @@ def _make_decision_line(
             f"{name}, the same decisions as the reference: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
             f"{_format_ratio(scene, best, margin)}{differs and f', decides {differs}'}{empty}."
         )
-    own = all_hold(found["same"] for label, found in reference["own_decisions"].items() if label in methods)
+    own = combine_verdicts(found["same"] for label, found in reference["own_decisions"].items() if label in methods)
     if own is False or None in same.values():
         return (
             f"{name}: noise leaves open which variant leads to the same decisions as the reference; give more "
@@ -132,7 +132,7 @@ def _make_matcher_advice(
     shown = [row for row in rows if _shows_this_scene(row)]
     for px in TOLERANCES_PX:
         keeps = {
-            row["key"]: all_hold(
+            row["key"]: combine_verdicts(
                 Tolerance(px, None).allows(row["loss"][method], row["loss_doubt"][method]) for method in methods
             )
             for row in shown

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...render.cost.error_tolerance import Tolerance, all_hold
+from ...render.cost.error_tolerance import Tolerance, combine_verdicts
 from ...render.cost.quality_variants import Variant, list_candidates, list_leaner_settings, make_reference
 from ...settings.description import changed, merged
 from ...settings.toml_text import to_toml
@@ -123,7 +123,7 @@ class _QualitySearch:
 
     def _judge_losses(self, found: dict[str, Any], share: float) -> bool | None:
         """Whether all matchers would be within the tolerance with uncertainties reduced to this share."""
-        return all_hold(
+        return combine_verdicts(
             self.tolerance.allows(
                 loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][label].items()}
             )

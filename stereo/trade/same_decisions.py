@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...render.cost.error_tolerance import all_hold
+from ...render.cost.error_tolerance import combine_verdicts
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
@@ -92,7 +92,7 @@ class DecisionReference:
         }
         result |= self._compare_choices(found, own)
         return result | {
-            "same": all_hold(
+            "same": combine_verdicts(
                 (
                     _is_within(result["otherwise"], result["otherwise_doubt"], MOST_OTHERWISE_SHARE),
                     _is_within(result["unsafe"], result["unsafe_doubt"], MOST_UNSAFE_SHARE),

@@ -107,7 +107,7 @@ def set_equidistant_fisheye(lens: bpy.types.Camera, field_rad: float) -> None:
     ``set_fisheye`` is for images of any shape. Its rays are the same within rounding, so noise and edges differ.
     """
     lens.type = "PANO"
-    own = _panorama_of(lens)
+    own = _find_panorama_owner(lens)
     own.panorama_type, own.fisheye_fov = "FISHEYE_EQUIDISTANT", field_rad
 
 
@@ -122,7 +122,7 @@ def draw_linear_texture(texture: gpu.types.GPUTexture, x: float, y: float, width
     draw_texture_2d(texture, (x, y), width, height, **options)
 
 
-def _panorama_of(lens: bpy.types.Camera) -> bpy.types.bpy_struct:
+def _find_panorama_owner(lens: bpy.types.Camera) -> bpy.types.bpy_struct:
     """The owner of a panoramic camera's properties: the camera from 5.0 on, earlier its Cycles properties."""
     return lens if hasattr(lens, "panorama_type") else lens.cycles
 
@@ -130,7 +130,7 @@ def _panorama_of(lens: bpy.types.Camera) -> bpy.types.bpy_struct:
 def set_panorama(lens: bpy.types.Camera, longitude_rad: float, latitude_rad: float) -> None:
     """Let a camera take equirectangular images, up to these angles on both sides of the middle."""
     lens.type = "PANO"
-    panorama = _panorama_of(lens)
+    panorama = _find_panorama_owner(lens)
     panorama.panorama_type = "EQUIRECTANGULAR"
     panorama.longitude_min, panorama.longitude_max = -longitude_rad, longitude_rad
     panorama.latitude_min, panorama.latitude_max = -latitude_rad, latitude_rad
@@ -143,7 +143,7 @@ def set_fisheye(lens: bpy.types.Camera, focal_mm: float) -> None:
     the opposite sign.
     """
     lens.type = "PANO"
-    panorama = _panorama_of(lens)
+    panorama = _find_panorama_owner(lens)
     panorama.panorama_type = "FISHEYE_LENS_POLYNOMIAL"
     panorama.fisheye_fov = 2.0 * math.pi
     panorama.fisheye_polynomial_k1 = -1.0 / focal_mm

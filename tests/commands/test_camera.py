@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.commands.camera import read_rectified_rig, read_rig
 from icymoon.commands.cli import main
-from icymoon.formats.cahvor import make_cahvor_text, make_pds_text, model_from_pinhole
+from icymoon.formats.cahvor import make_cahvor_text, make_model_from_pinhole, make_pds_text
 from icymoon.formats.calibrations.options import Stated
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.settings.description import defaults, merged
@@ -40,7 +40,7 @@ def written(tmp_path, at=(0.3, 0, 0), turn=0.0, text=make_cahvor_text):
     for name, place, angle in (("left", (0, 0, 0), 0.0), ("right", at, turn)):
         c, s = np.cos(angle), np.sin(angle)
         rotation = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) @ TURN
-        model = model_from_pinhole(matrix, rotation, np.array(place) @ TURN + np.array([5, 6, 7]), (640, 480), K)
+        model = make_model_from_pinhole(matrix, rotation, np.array(place) @ TURN + np.array([5, 6, 7]), (640, 480), K)
         paths.append(tmp_path / f"{name}.txt")
         paths[-1].write_text(text(model), encoding="utf-8")
     return paths
@@ -370,7 +370,7 @@ def test_eyes_that_differ_are_averaged_and_reported(tmp_path):
     paths = []
     for name, along, more in (("left", 0.0, 0.0), ("right", 0.3, 4.0)):
         matrix = np.array(camera.matrix) + np.array([[more, 0, 3 * more], [0, more, -more], [0, 0, 0]])
-        model = model_from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
+        model = make_model_from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
         paths.append(tmp_path / f"{name}.cahvor")
         paths[-1].write_text(make_cahvor_text(model), encoding="utf-8")
     found, (note,) = read_rig(*paths)
@@ -428,7 +428,7 @@ def test_eyes_of_two_kinds_of_camera_are_refused(tmp_path):
     paths = []
     for name, along, more in (("left", 0.0, 0.0), ("right", 0.3, 100.0)):
         matrix = np.array(StereoCamera.from_settings(RIG).matrix) + np.diag([more, more, 0])
-        model = model_from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
+        model = make_model_from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
         paths.append(tmp_path / f"{name}.cahvor")
         paths[-1].write_text(make_cahvor_text(model), encoding="utf-8")
     with pytest.raises(IcyMoonError, match=r"differ by 100 px in focal length, .* rectify their images first"):

@@ -18,7 +18,7 @@ from icymoon.formats import mesh_file, mesh_images, ply
 from icymoon.formats.mesh_checks import check_mesh
 from icymoon.formats.mesh_file import FORMATS
 from icymoon.physics.mesh import obj, stl
-from icymoon.physics.mesh.number_line_forms import LineForms, UnusualTextError
+from icymoon.physics.mesh.line_patterns import LinePatterns, UnusualTextError
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import ForeignBytes
 
@@ -672,7 +672,7 @@ def test_many_lines_together_are_judged_as_each_by_itself(tmp_path, monkeypatch,
 
 
 def test_long_and_many_forms_are_not_kept():
-    forms = LineForms(len)
+    forms = LinePatterns(len)
     for k in range(300):
         forms.check_lines(b"\n".join(b"%s%s" % (bytes([97 + k % 26]) * (k // 26), bytes([97 + j])) for j in range(26)))
     forms.check_lines(b"\n".join(b"#%x" % j for j in range(20_000)) + b"\n" + b"x" * 60_000)

@@ -13,7 +13,7 @@ from icymoon.commands.camera import read_eyes
 from icymoon.formats.calibrations.registry import FORMATS, read_calibration, write_calibration
 from icymoon.operators import calibrations
 from icymoon.physics.camera.calibrated_camera import CalibratedRig
-from icymoon.physics.camera.eyes import EYE_TOPICS, camera_of
+from icymoon.physics.camera.eyes import EYE_TOPICS, make_camera_with_eyes
 from icymoon.physics.camera.lens_models import Brown
 from icymoon.physics.camera.rig_cameras import rig_of
 from icymoon.settings.blender import scene_properties
@@ -128,11 +128,11 @@ def test_calibrated_eyes_are_written_and_read_again(scene, tmp_path):
     with pytest.raises(RuntimeError, match=r"Kalibr has no lens like CAHVORE.*choose"):
         bpy.ops.icymoon.write_calibration(filepath=str(tmp_path / "head"), kind="kalibr")
     scene_properties.write_settings(scene.icymoon, head_settings("nearly alike"))
-    before = camera_of(merged(defaults(), settings_of(scene)))
+    before = make_camera_with_eyes(merged(defaults(), settings_of(scene)))
     assert bpy.ops.icymoon.write_calibration(filepath=str(tmp_path / "head"), kind="mrcal") == {"FINISHED"}
     scene_properties.write_settings(scene.icymoon, head_settings("verged and rolled"))
     assert read(calibrations.list_calibration_files(tmp_path / "head", "mrcal")) == {"FINISHED"}
-    after = camera_of(merged(defaults(), settings_of(scene)))
+    after = make_camera_with_eyes(merged(defaults(), settings_of(scene)))
     for first, second in zip(before.eyes, after.eyes, strict=True):
         np.testing.assert_allclose(second.matrix, first.matrix, rtol=1e-6)
         np.testing.assert_allclose(second.rotation, first.rotation, atol=1e-6)

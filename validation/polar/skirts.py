@@ -30,7 +30,7 @@ def open_corners(faces: Array) -> Array:
     return np.unique(unique[count == 1])
 
 
-def rim_plane(rim: Array, middle: Array) -> Array:
+def fit_rim_plane(rim: Array, middle: Array) -> Array:
     """The plane (3,) of a rim (n, 3), height at a ``middle`` (2,) and slopes: most of the rim is on it and little below
     it.
     """
@@ -53,7 +53,7 @@ def find_skirt(vertices: Array, faces: Array) -> Array:
     if not len(edge):
         return np.zeros(len(faces), bool)
     middles = vertices[faces].mean(axis=1)
-    plane = rim_plane(vertices[edge], middles[:, :2].mean(axis=0))
+    plane = fit_rim_plane(vertices[edge], middles[:, :2].mean(axis=0))
     above = middles[:, 2] - plane[0] - (middles[:, :2] - middles[:, :2].mean(axis=0)) @ plane[1:]
     flat = (_steepness(vertices, faces) < math.radians(REPOSE_DEG)) & (above < BOUND_M)
     reached = np.zeros(len(vertices), bool)
