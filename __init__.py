@@ -91,7 +91,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Called by Blender when the extension is disabled; undoes ``register`` in reverse."""
+    """Called by Blender when the extension is disabled; undoes ``register`` in reverse order."""
     from . import operators, panels
     from .operators import preferences
     from .settings.blender import scene_properties

@@ -31,18 +31,18 @@ _IN_BLENDER = {"worker", "resident-worker", "assets", "probe"}
 _WITH_BLENDER, _LEAST = ((3, 11), (3, 13)), (3, 11)
 
 
-def no_blender() -> str:
-    """What to do in a Python that has no Blender, as a sentence."""
+def explain_missing_blender() -> str:
+    """The fix for a Python without Blender, as a sentence."""
     if sys.version_info[:2] in _WITH_BLENDER:
         return f'{sys.executable} has no Blender; give one with --blender, or pip install "icymoon[blender]".'
     return (
-        f"{sys.executable} is Python {sys.version_info[0]}.{sys.version_info[1]}, for which there is no Blender as "
-        'a module; give a Blender with --blender, or use Python 3.11 or 3.13 and pip install "icymoon[blender]".'
+        f"{sys.executable} is Python {sys.version_info[0]}.{sys.version_info[1]}, which has no Blender as a "
+        'module; give a Blender with --blender, or use Python 3.11 or 3.13 and pip install "icymoon[blender]".'
     )
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the verb that the arguments begin with and return its exit status."""
+    """Run the verb that the arguments begin with, and return its exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     system = importlib.import_module("icymoon.support.system")
     importlib.import_module("icymoon.support.printer").open_streams()
@@ -62,11 +62,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _find_blender_fault() -> str:
-    """Why Blender cannot be loaded as a module, with the fix; empty if it can, or for an error that nobody knows."""
+    """The reason why Blender cannot be loaded as a module, with the fix; empty if it can, or for an unknown error."""
     if "bpy" in sys.modules:
         return ""
     if importlib.util.find_spec("bpy") is None:
-        return no_blender()
+        return explain_missing_blender()
     try:
         importlib.import_module("bpy")
     except ImportError as error:
@@ -75,7 +75,7 @@ def _find_blender_fault() -> str:
 
 
 def _end_quietly(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Say nothing of a Ctrl-C before the command has begun."""
+    """End without a message at a Ctrl-C before the command has begun."""
     if issubclass(kind, KeyboardInterrupt):
         os._exit(130)
     sys.__excepthook__(kind, error, trace)

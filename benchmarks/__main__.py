@@ -8,7 +8,7 @@ import sys
 
 
 def run(words: list[str]) -> int:
-    """Run the study, or the function of one, that the words name; the exit status."""
+    """Run the study, or the function of a study, in the command line's words; return the exit status."""
     from icymoon.benchmarks.common import own_process, studies
 
     if words[:1] == [own_process.CALL]:

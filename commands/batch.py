@@ -41,7 +41,7 @@ def add_batch_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--evaluate",
         metavar="METHODS",
-        help="match its pairs with these, separated by commas: each while others are rendered, and then what is left",
+        help="match its pairs with these, separated by commas: each while others are rendered, and then the rest",
     )
     add_own_matchers(parser, "--evaluate")
     add_maps_option(parser)
@@ -339,5 +339,5 @@ def _describe_fix(found: Findings, removed: bool) -> str:
     if not found.has_plan:
         return "render again what is broken"
     if not removed and any(problem.path for problem in found.problems):
-        return "icymoon verify --remove takes away what is broken, icymoon batch makes it again"
-    return "do what each line asks for, and run icymoon batch to make what is missing"
+        return "icymoon verify --remove removes damaged pairs, icymoon batch renders them again"
+    return "follow the fix in each line, and run icymoon batch to make missing pairs"

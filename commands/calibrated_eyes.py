@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 
 from ..formats.calibrations.options import Reading, Stated, as_brown
-from ..formats.calibrations.ros import ros_pair_of
+from ..formats.calibrations.ros import make_ros_pair
 from ..formats.ros_camera import read_ros_camera
 from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ..physics.camera.eyes import (
     EYE_TOPICS,
-    camera_of,
-    dark_shares,
     describe_panorama,
-    eye_settings,
-    overscan_for,
-    reasons_of_calibrated_eyes,
+    find_calibrated_reasons,
+    find_overscan_of_eyes,
+    make_camera_with_eyes,
+    make_eye_settings,
+    measure_dark_shares,
 )
 from ..physics.camera.lens_models import Brown
 from ..physics.camera.rotations import nearest_rotation, to_vector
@@ -30,7 +30,7 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import explain_errors
-from .calibration_advice import are_chosen_by_name, check_baseline, check_focal_length, describe_exchanged
+from .calibration_advice import check_baseline, check_focal_length, describe_exchanged, selects_by_name
 
 #: Largest angle between two eyes that count as parallel, rad, and largest offset from side by side, as a share of the
 #: baseline.
@@ -52,15 +52,15 @@ def make_rig_of_calibration(reading: Reading, where: str) -> CalibratedRig:
     return reading.rig
 
 
-def why_calibrated(rig: CalibratedRig) -> str:
-    """Why one camera cannot represent both eyes of a pair, as a clause; empty if it can."""
+def find_why_calibrated(rig: CalibratedRig) -> str:
+    """The reason why one camera cannot represent both eyes of a pair, as a clause; empty if it can."""
     left, right = rig.cameras
     if left.size_px != right.size_px:
         return f"images have {left.width_px} x {left.height_px} and {right.width_px} x {right.height_px} px"
     alike = [as_brown(camera) for camera in rig.cameras]
     for camera, same in zip(rig.cameras, alike, strict=True):
         if abs(camera.fx_px / camera.fy_px - 1) >= SQUARE_PIXEL_TOLERANCE or camera.skew_px:
-            return f"pixels are no squares (fx {camera.fx_px:g}, fy {camera.fy_px:g}, skew {camera.skew_px:g} px)"
+            return f"pixels are not square (fx {camera.fx_px:g}, fy {camera.fy_px:g}, skew {camera.skew_px:g} px)"
         if same is None or not isinstance(same.lens, Brown) or len(same.lens.shortened()) > 5:
             return f"the lens is {camera.lens.name}"
     first, second = (_list_shared_parameters(camera) for camera in alike if camera is not None)
@@ -78,7 +78,7 @@ def why_calibrated(rig: CalibratedRig) -> str:
 
 
 def _list_shared_parameters(camera: CalibratedCamera) -> Array:
-    """The parameters that alike eyes share, in px at a focal length off the axis."""
+    """The parameters that two identical eyes share, in px at a focal length off the axis."""
     lens = camera.lens
     k = lens.coefficients[:5] if isinstance(lens, Brown) else ()
     return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *(np.array(k) * camera.fx_px)])
@@ -92,7 +92,7 @@ def make_calibrated_settings(
     stated: Stated = Stated(),  # noqa: B008
     names: str | None = None,
 ) -> tuple[Settings, list[str]]:
-    """The settings ``rig``, ``left_eye`` and ``right_eye`` of two cameras, and sentences on what to know about them.
+    """The settings ``rig``, ``left_eye`` and ``right_eye`` of two cameras, and sentences for the user about them.
 
     ``rig`` is their rectified pair, with the overscan that shows all that both see, if that is not too much. Raises
     IcyMoonError for eyes that are swapped, one above the other or at one place, and for a lens that folds the image.
@@ -103,22 +103,22 @@ def make_calibrated_settings(
     with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
         pair = _rectify(rig, paths, kind)
     if pair.along_m > 0:
-        left, right = (camera.name if are_chosen_by_name(kind, names) else "" for camera in rig.cameras)
+        left, right = (camera.name if selects_by_name(kind, names) else "" for camera in rig.cameras)
         second = f"{where}: {right}" if right else str(paths[-1])
         raise IcyMoonError(describe_exchanged(second, left or str(paths[0]), pair.along_m, (left, right)))
     doubts = check_baseline(-pair.along_m, where, "the translation is", kind, stated)
     centre_px = pair.cx_px, pair.cy_px
     table = {**make_rig_table(pair.size_px, pair.focal_px, centre_px, -pair.along_m), "eyes": "CALIBRATED"}
     eyes = {
-        topic: eye_settings(camera, turn.T)
+        topic: make_eye_settings(camera, turn.T)
         for topic, camera, turn in zip(EYE_TOPICS, rig.cameras, pair.turns, strict=True)
     }
     whole = merged(defaults(), check({"rig": table, **eyes}, where))
-    for reason, _ in reasons_of_calibrated_eyes(whole):
+    for reason, _ in find_calibrated_reasons(whole):
         raise IcyMoonError(f"{where}: {reason}")
-    panorama = camera_of(whole).panorama
+    panorama = make_camera_with_eyes(whole).panorama
     if panorama is None:
-        table["overscan"] = math.ceil(overscan_for(camera_of(whole)) * 1000) / 1000
+        table["overscan"] = math.ceil(find_overscan_of_eyes(make_camera_with_eyes(whole)) * 1000) / 1000
     found = check({"rig": table, **eyes}, where)
     notes = [
         f"Each eye is rendered as it is: {why}. The table rig is their rectified pair, to which truth and rectified "
@@ -126,7 +126,7 @@ def make_calibrated_settings(
         *([describe_panorama(panorama)] if panorama else []),
         *doubts,
     ]
-    shares = zip(("left", "right"), dark_shares(camera_of(merged(defaults(), found))), strict=True)
+    shares = zip(("left", "right"), measure_dark_shares(make_camera_with_eyes(merged(defaults(), found))), strict=True)
     notes += [f"{share:.1%} of the {eye} eye's pixels stay dark." for eye, share in shares if share > 0]
     return found, notes
 
@@ -151,7 +151,7 @@ def make_rig_table(
 
 
 def complete_eyes(found: Settings) -> Settings:
-    """The settings of a calibration with all that they leave out of a rig and its eyes, for settings that had others:
+    """The settings of a calibration, completed by the defaults of a rig and its eyes, to replace earlier settings:
     distortion, toe-in, overscan and lens."""
     unsaid = defaults()
     keys = [key for key in unsaid.rig if key in _OF_THE_LENS or key.startswith("distortion_")]
@@ -166,8 +166,8 @@ _OF_THE_LENS = ("eyes", "toe_in_deg", "overscan")
 
 @dataclass(frozen=True)
 class _Rectified:
-    """The rectified pair of two cameras: the rotations (3, 3) of each into it, its camera, and how far the right eye's
-    t is along x."""
+    """The rectified pair of two cameras: the rotation (3, 3) of each into it, its camera, and the x component of the
+    right eye's t."""
 
     turns: tuple[Array, Array]
     size_px: tuple[int, int]
@@ -182,14 +182,14 @@ def _rectify(rig: CalibratedRig, paths: Sequence[Path], kind: str) -> _Rectified
     the mean focal length and the mean principal point of both eyes, as shares of the larger size.
     """
     stated = [read_ros_camera(path) for path in paths] if kind == "ros" and len(paths) == 2 else []
-    first, second = stated or ros_pair_of(rig)
+    first, second = stated or make_ros_pair(rig)
     size = (
         max(rig.cameras[0].width_px, rig.cameras[1].width_px),
         max(rig.cameras[0].height_px, rig.cameras[1].height_px),
     )
     p = second.projection
     if not (stated and p[0, 0] == p[1, 1] and np.array_equal(first.projection[:, :3], p[:, :3])):
-        first, second = ros_pair_of(rig)
+        first, second = make_ros_pair(rig)
         p = second.projection.copy()
         shares = [(np.array([camera.cx_px, camera.cy_px]) + 0.5) / camera.size_px for camera in rig.cameras]
         p[:2, 2] = np.mean(shares, axis=0) * size - 0.5

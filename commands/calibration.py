@@ -1,4 +1,4 @@
-"""The verb ``calibration``: how large an error of the calibration a rig and a matcher bear."""
+"""The verb ``calibration``: the tolerance of a rig and a matcher to errors of the calibration."""
 
 from __future__ import annotations
 

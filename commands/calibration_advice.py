@@ -1,4 +1,4 @@
-"""Advice on calibrations with exchanged eyes, or with lengths in another unit."""
+"""Advice on calibrations with exchanged eyes, or with lengths in a wrong unit."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from ..support.errors import IcyMoonError
 _SHORT_BASELINE_M, _LIKELY_BASELINE_M = 0.003, 5.0
 
 
-def are_chosen_by_name(kind: str, chosen: str | None) -> bool:
-    """Whether ``--cameras`` or one file gives the order of cameras, not a file for each."""
+def selects_by_name(kind: str, chosen: str | None) -> bool:
+    """Whether ``--cameras`` or the order within one file selects the cameras, instead of one file for each."""
     return chosen is not None or not FORMATS[kind].each
 
 
-def how_to_exchange(names: Sequence[str]) -> str:
+def describe_exchange(names: Sequence[str]) -> str:
     """The fix for eyes in the wrong order: of files for each eye, or of two ``names`` in one file."""
     return f"add --cameras {names[1]},{names[0]}" if all(names) else "give it first"
 
 
 def describe_exchanged(second: str, first: str, aside_m: float, names: Sequence[str]) -> str:
     """A sentence on eyes in the wrong order: the ``second`` one stands ``aside_m`` to the left of the ``first`` one.
-    ``names`` are as in ``how_to_exchange``."""
-    return f"{second} stands {aside_m:.4g} m to the left of {first}, so it is the left eye; {how_to_exchange(names)}."
+    ``names`` are as in ``describe_exchange``."""
+    return f"{second} stands {aside_m:.4g} m to the left of {first}, so it is the left eye; {describe_exchange(names)}."
 
 
-def doubt_on_order(rig: CalibratedRig, by_name: bool) -> list[str]:
-    """A sentence if the second camera of a pair stands to the left of the first one."""
+def check_eye_order(rig: CalibratedRig, by_name: bool) -> list[str]:
+    """A sentence if the second camera of a pair is to the left of the first one."""
     if len(rig.cameras) != 2:
         return []
     first, second = rig.cameras
@@ -46,7 +46,7 @@ def doubt_on_order(rig: CalibratedRig, by_name: bool) -> list[str]:
 
 
 def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, stated: Stated) -> list[str]:
-    """A sentence if the unit of a distance of the eyes in metres may be another.
+    """A sentence if the baseline in metres is likely in another unit.
 
     Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number of the file that is it.
     """
@@ -71,7 +71,7 @@ def check_baseline(baseline_m: float, where: str, stated_in: str, kind: str, sta
 
 
 def check_focal_length(focal_px: float, size_px: tuple[int, int], where: str) -> None:
-    """Raise IcyMoonError if a focal length is in another unit than pixels: too short for any image of this size, or too
+    """Raise IcyMoonError if a focal length is likely not in pixels: too short for any image of this size, or too
     long."""
     focal = TOPICS["rig"]["focal_length_mm"]
     mm = focal_px / size_px[0] * defaults().rig.sensor_width_mm

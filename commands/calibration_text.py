@@ -1,4 +1,4 @@
-"""Calibrated cameras in lines to read."""
+"""Calibrated cameras as text for the user."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..support.arrays import Array
 
 
 def describe_rig(rig: CalibratedRig) -> Iterator[str]:
-    """The lines of all cameras, and how each stands and looks from the first one."""
+    """The lines of all cameras, with the position and direction of each relative to the first one."""
     for number, camera in enumerate(rig.cameras):
         yield from _describe(camera, camera.name or f"camera {number + 1}")
         if number:

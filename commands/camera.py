@@ -12,7 +12,7 @@ from ..formats.cahvor import FIT_LIMIT_PX, Lens, find_nearest_lens, read_model
 from ..formats.calibrations.colmap import COLMAP_FILES
 from ..formats.calibrations.options import LENSES, UNITS_M, Reading, Stated, as_brown
 from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
-from ..formats.calibrations.ros import place_of, ros_pair_of
+from ..formats.calibrations.ros import make_ros_pair, place_of
 from ..formats.ros_camera import RosCamera, read_ros_camera
 from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ..physics.camera.lens_distortion import COEFFICIENTS
@@ -33,17 +33,17 @@ from .calibrated_eyes import (
     MOST_OFFSET_SHARE,
     MOST_TURN_RAD,
     SQUARE_PIXEL_TOLERANCE,
+    find_why_calibrated,
     make_calibrated_settings,
     make_rig_of_calibration,
     make_rig_table,
-    why_calibrated,
 )
 from .calibration_advice import (
-    are_chosen_by_name,
     check_baseline,
+    check_eye_order,
     check_focal_length,
     describe_exchanged,
-    doubt_on_order,
+    selects_by_name,
 )
 from .calibration_text import describe_rig
 
@@ -56,8 +56,8 @@ _NO_DISTORTION = 1e-9
 
 @dataclass(frozen=True)
 class _Eye:
-    """A camera: its file, its lens, the rotation (3, 3) from world axes into its own, its place (3,) in metres, and the
-    size of its images, and its name where it was chosen by that."""
+    """A camera: its file, its lens, the rotation (3, 3) from world axes into its own, its position (3,) in metres, the
+    size of its images, and its name if it was selected by name."""
 
     path: Path
     lens: Lens
@@ -98,8 +98,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_calibration_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options for facts about the files of a calibration, see ``stated_of``."""
-    parser.add_argument("--format", choices=FORMATS, help="the format of the files (told from them)")
+    """Add the options for facts about the files of a calibration, see ``read_stated_facts``."""
+    parser.add_argument("--format", choices=FORMATS, help="the format of the files (default: detected)")
     parser.add_argument("--unit", choices=UNITS_M, help="the unit of lengths in the files, where they leave it open")
     parser.add_argument(
         "--size",
@@ -112,7 +112,7 @@ def add_calibration_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cameras", metavar="NAME,NAME", help="two cameras of a file that has more")
 
 
-def stated_of(options: argparse.Namespace) -> Stated:
+def read_stated_facts(options: argparse.Namespace) -> Stated:
     """The facts that the user states about the files of a calibration."""
     return Stated(options.unit, options.size, options.lens)
 
@@ -123,16 +123,16 @@ def parse_sizes(text: str) -> tuple[tuple[int, int], ...]:
     for size in text.split(","):
         words = size.strip().lower().split("x")
         if len(words) != 2 or not all(word.isascii() and word.isdecimal() and len(word) < 9 for word in words):
-            raise argparse.ArgumentTypeError(f"{size!r} is no size; write it as 640x480")
+            raise argparse.ArgumentTypeError(f"{size!r} is not a size; write it as 640x480")
         width, height = map(int, words)
         if not (PIXELS.fits(width) and PIXELS.fits(height)):
-            raise argparse.ArgumentTypeError(f"{size!r} is no size of an image")
+            raise argparse.ArgumentTypeError(f"{size!r} is not a size of an image")
         found.append((width, height))
     return tuple(found)
 
 
 def _run_camera(options: argparse.Namespace) -> int:
-    stated = stated_of(options)
+    stated = read_stated_facts(options)
     if options.out and not options.to:
         raise IcyMoonError("--out names files to write, and no format is stated; add --to with one.")
     if options.to and not options.out:
@@ -143,7 +143,7 @@ def _run_camera(options: argparse.Namespace) -> int:
         for line in describe_rig(reading.rig) if options.show else []:
             say(line)
         kind = options.format or format_of(options.files[0])
-        for note in (*reading.notes, *doubt_on_order(reading.rig, are_chosen_by_name(kind, options.cameras))):
+        for note in (*reading.notes, *check_eye_order(reading.rig, selects_by_name(kind, options.cameras))):
             say(f"# {note}")
         if options.to:
             write_calibration(reading.rig, options.out, options.to)
@@ -159,7 +159,7 @@ def _run_camera(options: argparse.Namespace) -> int:
 
 
 def _check_out(files: list[Path], out: list[Path], name: str | None) -> None:
-    """Raise IcyMoonError if a file that would be written is read too, or is named twice."""
+    """Raise IcyMoonError if an output file is also an input, or is named twice."""
     written = [path / each for path in out for each in COLMAP_FILES] if name == "colmap" else out
     read = [path / each for path in files for each in (COLMAP_FILES if path.is_dir() else ("",))]
     inputs = {path.resolve() for path in read}
@@ -179,7 +179,7 @@ def choose_cameras(reading: Reading, names: str | None) -> Reading:
     wanted = [name.strip() for name in names.split(",")]
     for name in wanted:
         if wanted.count(name) > 1 or [camera.name for camera in reading.rig.cameras].count(name) > 1:
-            raise IcyMoonError(f"--cameras: {quote(name)} is there more than once; give each camera a name of its own.")
+            raise IcyMoonError(f"--cameras: {quote(name)} occurs more than once; give each camera a unique name.")
         if name not in known:
             guess = suggest_nearest(name, list(known), otherwise=f"the first ones are {', '.join(list(known)[:6])}.")
             raise IcyMoonError(f"--cameras: {quote(name)} is not there; {guess}")
@@ -204,7 +204,7 @@ def read_eyes(
         _refuse_no_focal_length(path, read_ros_camera(path))
     reading = choose_cameras(read_calibration(paths, stated, kind), names)
     rig = make_rig_of_calibration(reading, where)
-    why = why_calibrated(rig)
+    why = find_why_calibrated(rig)
     if not why:
         return _read_alike(paths, most_px, stated, kind, names, reading)
     found, notes = make_calibrated_settings(rig, why, paths, min(kinds), stated, names)
@@ -236,7 +236,7 @@ def _read_alike(
     names: str | None,
     reading: Reading | None = None,
 ) -> tuple[Settings, list[str]]:
-    """What ``read_rig`` gives, from the cameras that were read already, if they were."""
+    """The result of ``read_rig``, from cameras that were read before, if given."""
     where = " and ".join(map(str, paths))
     kinds = {kind or format_of(path) for path in paths}
     stated_in = "the translation is"
@@ -249,7 +249,7 @@ def _read_alike(
         fix, stated_in = _describe_rectification(first, second), "the vector C is"
     elif reading is None or _is_read_as_it_is(kinds, paths, names):
         cameras = read_ros_camera(paths[0]), read_ros_camera(paths[1])
-        first, second, taken = _ros_eyes((paths[0], paths[1]), cameras, "of projection_matrix")
+        first, second, taken = _read_ros_eyes((paths[0], paths[1]), cameras, "of projection_matrix")
         fix = "calibrate both eyes as a stereo pair"
         stated_in = "the fourth number of projection_matrix is -fx times the baseline"
     else:
@@ -261,7 +261,7 @@ def _read_alike(
     doubt = check_baseline(baseline_m, where, stated_in, min(kinds), stated)
     lens, averaged = _average_lenses(first.lens, second.lens, first.size_px[0], where)
     fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
-    return _settings_of(lens, first.size_px, baseline_m, where), [*taken, *fitted, *averaged, *doubt]
+    return _make_rig_settings(lens, first.size_px, baseline_m, where), [*taken, *fitted, *averaged, *doubt]
 
 
 def read_rectified_rig(
@@ -284,7 +284,7 @@ def read_rectified_rig(
     else:
         reading = choose_cameras(read_calibration(paths, stated, kind), names)
         notes = [*reading.notes]
-        eyes = [_pinhole_eye(camera, paths, where) for camera in make_rig_of_calibration(reading, where).cameras]
+        eyes = [_make_pinhole_eye(camera, paths, where) for camera in make_rig_of_calibration(reading, where).cameras]
         lenses = [eye.lens for eye in eyes]
     left, right = eyes
     fix = "give the calibration of the rectified images, or leave out --rectified for photographs as they were taken"
@@ -302,20 +302,20 @@ def read_rectified_rig(
         for lens, along in zip(lenses, (0.0, baseline_m), strict=True)
     ]  # fmt: skip
     return (
-        _settings_of(lenses[0], left.size_px, baseline_m, where),
+        _make_rig_settings(lenses[0], left.size_px, baseline_m, where),
         CalibratedRig(tuple(cameras)),
         [*notes, *doubt],
     )
 
 
-def _pinhole_eye(camera: CalibratedCamera, paths: tuple[Path, ...], where: str) -> _Eye:
+def _make_pinhole_eye(camera: CalibratedCamera, paths: tuple[Path, ...], where: str) -> _Eye:
     """A camera of rectified images. Raises IcyMoonError for one with distortion, or without square pixels."""
     plain = as_brown(camera)
     lens = plain.lens if plain else None
     if plain is None or not isinstance(lens, Brown) or any(lens.coefficients) or not _has_square_pixels(plain.matrix):
         raise IcyMoonError(
-            f"{where}: {camera.name or 'a camera'} has distortion or pixels that are no squares, so it is no camera of "
-            "rectified images; leave out --rectified, or give a calibration with K, R = 1 and T of the rectified pair."
+            f"{where}: {camera.name or 'a camera'} has distortion or pixels that are not square, so its images are not "
+            "rectified; leave out --rectified, or give a calibration with K, R = 1 and T of the rectified pair."
         )
     path = paths[-1] if camera.name == "right" else paths[0]
     pinhole = Lens(plain.fx_px, plain.cx_px, plain.cy_px, (0.0,) * len(COEFFICIENTS), 0.0)
@@ -330,9 +330,9 @@ def _check_one_size(first: _Eye, second: _Eye, where: str) -> None:
         )
 
 
-def _settings_of(lens: Lens, size_px: tuple[int, int], baseline_m: float, where: str) -> Settings:
-    """The ``rig`` settings of two eyes with this lens. Raises IcyMoonError for a lens that folds the image, and for
-    a focal length that is not in pixels."""
+def _make_rig_settings(lens: Lens, size_px: tuple[int, int], baseline_m: float, where: str) -> Settings:
+    """The ``rig`` settings of two eyes with this lens. Raises IcyMoonError for a lens that folds the image, and for a
+    focal length that is not in pixels."""
     check_focal_length(lens.focal_px, size_px, where)
     camera = CalibratedCamera(*size_px, lens.focal_px, lens.focal_px, lens.cx_px, lens.cy_px, Brown(lens.k))
     if dark := camera.dark_share():
@@ -354,26 +354,26 @@ def _read_eye(path: Path, most_px: float) -> _Eye:
 
 
 def _is_read_as_it_is(kinds: set[str], paths: tuple[Path, ...], names: str | None) -> bool:
-    """Whether two files of JPL or ROS are taken with what only they state: vectors, or a rectified pair."""
+    """Whether two files of JPL or ROS are used with their specific content: vectors, or a rectified pair."""
     return kinds in ({"cahv"}, {"ros"}) and len(paths) == 2 and names is None
 
 
 def _find_any_eyes(
     reading: Reading, paths: tuple[Path, ...], where: str, kind: str | None, names: str | None
 ) -> tuple[_Eye, _Eye, list[str]]:
-    """Two cameras of a calibration of any format, as ``_ros_eyes`` gives them."""
+    """Two cameras of a calibration in any format, in the form of ``_read_ros_eyes``."""
     rig = make_rig_of_calibration(reading, where)
     with explain_errors(
         " with ".join(map(str, paths)), "a calibration of two eyes side by side", "calibrate two eyes side by side"
     ):
-        cameras = ros_pair_of(rig)
-    first, second, notes = _ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
-    by_name = are_chosen_by_name(kind or format_of(paths[0]), names)
+        cameras = make_ros_pair(rig)
+    first, second, notes = _read_ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
+    by_name = selects_by_name(kind or format_of(paths[0]), names)
     left, right = (camera.name if by_name else "" for camera in reading.rig.cameras)
     return replace(first, name=left), replace(second, name=right), [*reading.notes, *notes]
 
 
-def _ros_eyes(
+def _read_ros_eyes(
     paths: tuple[Path, Path], pair: tuple[RosCamera, RosCamera], rectified_by: str
 ) -> tuple[_Eye, _Eye, list[str]]:
     """The left and the right camera in the axes of the rectified left one, and sentences if they are of the rectified
@@ -425,18 +425,19 @@ def _refuse_no_focal_length(path: Path, camera: RosCamera) -> None:
 
 
 def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
-    """Why a rig here needs the rectified images of two cameras, as a clause; None if it can have them as they are.
+    """The reason why a rig here needs the rectified images of two cameras, as a clause; None if it can use their own
+    images.
 
     Each eye states its rotation into the axes of the rectified pair.
     """
     for camera in (left, right):
         if not _has_square_pixels(camera.matrix):
-            return f"pixels are no squares ({_describe_focal_lengths(camera.matrix)})"
+            return f"pixels are not square ({_describe_focal_lengths(camera.matrix)})"
         if camera.k is None:
             return f"the lens model is {camera.model}"
     if differ := _describe_unlike(_make_ros_lens(left, False), _make_ros_lens(right, False), left.width_px):
         return f"the lenses differ by {differ}"
-    turned = _angle_between(left.rectification, right.rectification)
+    turned = _measure_angle_between(left.rectification, right.rectification)
     if turned > MOST_TURN_RAD:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
     x, y, z = map(float, left.rectification.T @ (place_of(right) - place_of(left)))
@@ -449,7 +450,7 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
 
 
 def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
-    """A camera as it is, or the camera of its rectified images. Raises IcyMoonError if their pixels are no squares."""
+    """The camera of an eye, or of its rectified images. Raises IcyMoonError if their pixels are not square."""
     if rectified and not _has_square_pixels(camera.projection):
         fix = (
             "calibrate both eyes as a stereo pair, which gives projection_matrix one focal length"
@@ -457,7 +458,7 @@ def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
             else "bin as many pixels along x as along y, and set binning_x and binning_y to that"
         )
         raise IcyMoonError(
-            f"{path}: its pixels are no squares, in projection_matrix too "
+            f"{path}: its pixels are not square, in projection_matrix too "
             f"({_describe_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; {fix}."
         )
     lens = _make_ros_lens(camera, rectified)
@@ -471,14 +472,14 @@ def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
 
 
 def _make_ros_lens(camera: RosCamera, rectified: bool) -> Lens:
-    """The lens of a camera as it is, or of its rectified images; without distortion where that is no plumb_bob."""
+    """The lens of a camera, or of its rectified images; without distortion unless it is plumb_bob."""
     matrix = camera.projection if rectified else camera.matrix
     k = None if rectified else camera.k
     return Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2], k or (0.0,) * len(COEFFICIENTS), 0.0)
 
 
-def _angle_between(first: Array, second: Array) -> float:
-    """By how much two rotations (3, 3) differ, rad."""
+def _measure_angle_between(first: Array, second: Array) -> float:
+    """The angle between two rotations (3, 3), rad."""
     return float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
 
 
@@ -490,8 +491,8 @@ def _describe_focal_lengths(matrix: Array) -> str:
     return f"fx {matrix[0, 0]:g}, fy {matrix[1, 1]:g} px"
 
 
-def _title(eye: _Eye, where: str) -> str:
-    """An eye at the beginning of a sentence: its file, or its name in the files that it was chosen from."""
+def _name_eye(eye: _Eye, where: str) -> str:
+    """The name of an eye at the beginning of a sentence: its file, or its name in the files."""
     return f"{where}: {eye.name}" if eye.name else str(eye.path)
 
 
@@ -521,7 +522,7 @@ def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple
 
 
 def _measure_differences(left: Lens, right: Lens) -> tuple[float, float, float]:
-    """By how many px two lenses differ in focal length, principal point and distortion."""
+    """The differences of two lenses in focal length, principal point and distortion, px."""
     return (
         abs(left.focal_px - right.focal_px),
         float(np.abs([left.cx_px - right.cx_px, left.cy_px - right.cy_px]).max()),
@@ -530,7 +531,7 @@ def _measure_differences(left: Lens, right: Lens) -> tuple[float, float, float]:
 
 
 def _describe_unlike(left: Lens, right: Lens, width_px: int) -> str:
-    """The differences of two lenses that are too large for one mean lens, in words; else empty."""
+    """The differences of two lenses that prevent one mean lens, in words; else empty."""
     focal, centre, bent = _measure_differences(left, right)
     if max(focal, bent) <= _MOST_FOCAL * left.focal_px and centre <= _MOST_CENTRE * width_px:
         return ""
@@ -538,7 +539,8 @@ def _describe_unlike(left: Lens, right: Lens, width_px: int) -> str:
 
 
 def _describe_rectification(left: _Eye, right: _Eye) -> str:
-    """The fix for models of two eyes that are not parallel, as our own exports write them beside others."""
+    """The fix for models of two eyes that are not parallel: the rectified models that our own exports write beside
+    them."""
     paths = left.path, right.path
     beside = [path.with_name(path.name.replace("_sensor.", ".")) for path in paths]
     if all(other != path and other.is_file() for other, path in zip(beside, paths, strict=True)):
@@ -556,10 +558,10 @@ def _describe_rectification(left: _Eye, right: _Eye) -> str:
 
 
 def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
-    """Raise IcyMoonError unless the right eye stands on the x axis of the left one, and looks where it looks; ``fix``
-    is what makes it so."""
+    """Raise IcyMoonError unless the right eye is on the x axis of the left one, with the same direction; ``fix`` is the
+    remedy."""
     first, second = left.rotation, right.rotation
-    turned = _angle_between(first, second)
+    turned = _measure_angle_between(first, second)
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))
     if turned > MOST_TURN_RAD:
         raise IcyMoonError(
@@ -568,7 +570,7 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     aside = max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x)
     if x < 0 and not aside:
         raise IcyMoonError(
-            describe_exchanged(_title(right, where), left.name or str(left.path), -x, (left.name, right.name))
+            describe_exchanged(_name_eye(right, where), left.name or str(left.path), -x, (left.name, right.name))
         )
     if abs(y) > abs(x):
         raise IcyMoonError(

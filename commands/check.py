@@ -1,4 +1,4 @@
-"""The verb ``check``: whether Blender, OpenEXR and OpenCV work together here, by a small pair whose truth is known.
+"""The verb ``check``: whether Blender, OpenEXR and OpenCV work together here, tested on a small pair with known truth.
 
 A level plane of Lambert's law is rendered and measured: its depth must be the depth of the plane, its light must follow
 Lambert's law, and a matcher must find its disparity.
@@ -62,8 +62,7 @@ def _run_check(options: argparse.Namespace) -> int:
         faults = list(_measure(pair, folder / "evaluation"))
     if faults:
         raise IcyMoonError(
-            f"The installation is not right: {'; '.join(faults)}. Run icymoon doctor, and report this "
-            "with what it prints."
+            f"The installation is faulty: {'; '.join(faults)}. Run icymoon doctor, and report this with what it prints."
         )
     say(
         f"The installation is right. This took {_measure_processor_s() - before:.0f} s of processor time, "

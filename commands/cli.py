@@ -43,7 +43,7 @@ _MODULE_BY_VERB = {
     "trade": ("measure how much accuracy each way to save time costs, on one scene", "quality", "add_trade_options"),
     "auto": ("find the cheapest quality whose stereo error is tolerable, on one scene", "quality", "add_auto_options"),
     "study": (
-        "render and measure a preregistered study of recipes, and go on where it stopped",
+        "render and measure a preregistered study of recipes, and continue where it stopped",
         "study",
         "add_options",
     ),
@@ -64,8 +64,8 @@ _MODULE_BY_VERB = {
     ),
     "sky": ("print Sun, planet and eclipse over a site at a date, without a render", "sky", "add_options"),
     "check": ("render and measure a small pair whose truth is known: does all work?", "check", "add_options"),
-    "plan": ("list the pairs that a plan of a data set asks for, or what they will take", "plan", "add_options"),
-    "batch": ("render the data set that a plan describes, and go on where it stopped", "batch", "add_batch_options"),
+    "plan": ("list the pairs that a plan of a data set asks for, or their cost", "plan", "add_options"),
+    "batch": ("render the data set that a plan describes, and continue where it stopped", "batch", "add_batch_options"),
     "work": ("render a shard of a data set that icymoon batch or slurm has planned", "batch", "add_work_options"),
     "slurm": ("write the job script that renders a data set on a cluster with SLURM", "batch", "add_slurm_options"),
     "verify": (
@@ -96,11 +96,11 @@ _MODULE_BY_VERB = {
         "add_options",
     ),
     "check-plugin": (
-        "try a plug-in that is installed in this Python, and print what it lacks",
+        "try a plug-in that is installed in this Python, and print its faults",
         "check_plugin",
         "add_options",
     ),
-    "doctor": ("print what is installed, what is missing and how to fix that", "doctor", "add_options"),
+    "doctor": ("print the installed and the missing programs, with fixes", "doctor", "add_options"),
 }
 
 
@@ -110,7 +110,7 @@ def main(arguments: list[str]) -> int:
     verb = next((word for word in arguments if not word.startswith("-")), "")
     with silence_interrupts():
         parser = make_parser(verb)
-    return run_verb(parser, arguments, "icymoon", "stopped; finished pairs are kept, run the same command to go on.")
+    return run_verb(parser, arguments, "icymoon", "stopped; finished pairs are kept, run the same command to continue.")
 
 
 def make_parser(only: str | None = None) -> argparse.ArgumentParser:

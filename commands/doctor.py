@@ -1,4 +1,4 @@
-"""The verb ``doctor``: the programs that are installed or missing, and how to fix that."""
+"""The verb ``doctor``: the installed and the missing programs, and how to fix them."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def examine_evaluator(python: str) -> list[Finding]:
 
 
 def examine_landforms() -> list[Finding]:
-    """The landforms of plug-ins in this Python, and why any cannot be used."""
+    """The landforms of plug-ins in this Python, and the reason why any is unusable."""
     usable, faults = load_landform_plugins()
     found = [f"{landform.label} ({landform.plugin.release})" for landform in usable.values()]
     return [

@@ -1,4 +1,4 @@
-"""The evaluator's verbs ``evaluate`` and ``decide``; here the folder for the results may be left out."""
+"""The evaluator's verbs ``evaluate`` and ``decide``, with a default folder for the results."""
 
 from __future__ import annotations
 

@@ -32,12 +32,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "plan", nargs="?", help="TOML file, or the name of a shipped plan; without one these are listed"
     )
-    parser.add_argument("--dry-run", action="store_true", help="print how many pairs there are and what they will take")
+    parser.add_argument("--dry-run", action="store_true", help="print the number of pairs and their estimated cost")
     parser.add_argument(
         "--out",
         type=as_path,
         metavar="DATASET",
-        help="folder of the data set; its pairs are counted, and what they took is learnt from",
+        help="folder of the data set; its finished pairs are counted, and their times improve the estimate",
     )
     parser.add_argument(
         "--blender",
@@ -49,7 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def check_plan(plan: Plan) -> None:
-    """Combine and check the pairs of a plan, and show how far it is. Raises IcyMoonError as ``Plan.pairs`` does."""
+    """Combine and check the pairs of a plan, and show the progress. Raises IcyMoonError as ``Plan.pairs`` does."""
     with show_count("Checking the plan") as show:
         plan.check(show)
 
@@ -120,7 +120,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
         *plan.describe_stand_ins(),
         *plan.describe_trajectories(),
         *list(centred)[:_MOST_ADVICE],
-        *_bake_lines(pairs),
+        *_make_bake_lines(pairs),
         *_make_refusal_lines(plan),
     ]
     if options.json:
@@ -133,7 +133,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
 
 
 def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[str]:
-    """Why the Blender that is to render the pairs cannot, as a list of no or one sentence."""
+    """The reason why the Blender for the render cannot render the pairs, as a list of at most one sentence."""
     own = sys.executable if importlib.util.find_spec("bpy") else ""
     missing = [
         pair.settings for pair in pairs if not (options.out and is_complete(pair.folder(options.out.absolute())))
@@ -146,14 +146,14 @@ def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) ->
     return []
 
 
-def _bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
-    """A line on the pairs whose light is baked with too few samples, if there are any."""
+def _make_bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
+    """A line on the pairs whose light is baked with too few samples, if any."""
     found = [said for pair in pairs for said in advise_on_bake(pair.settings)]
     return [f"In {len(found)} of {format_count(len(pairs), 'pair')}: {found[0]}"] if found else []
 
 
 def _make_refusal_lines(plan: Plan) -> list[str]:
-    """A line on the pairs that a render will set aside, with the reason for the first one, if there are any."""
+    """A line on the pairs that a render will set aside, with the reason for the first one, if any."""
     refused = plan.refused()
     if not refused:
         return []

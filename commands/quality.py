@@ -97,7 +97,7 @@ def _add_bench_options(parser: argparse.ArgumentParser) -> None:
         type=_parse_count,
         default=1,
         metavar="N",
-        help="images of the ground under this Sun, which share what it takes to bake its light (%(default)s)",
+        help="images of the ground under this Sun, which share the cost of baking its light (%(default)s)",
     )
     parser.add_argument("--out", type=as_path, required=True, help="folder for renders and report")
 
@@ -174,7 +174,7 @@ def _run_trade(options: argparse.Namespace) -> int:
     from ..stereo.trade.measure_variants import run_trade
 
     if options.repeats < 1:
-        raise IcyMoonError(f"--repeats is {options.repeats}; give 1, or 2 to tell noise from the rest.")
+        raise IcyMoonError(f"--repeats is {options.repeats}; give 1, or 2 to measure the noise.")
     page = options.out.absolute() / "trade.html"
 
     def show(report: dict[str, Any]) -> None:
@@ -190,7 +190,7 @@ def _run_trade(options: argparse.Namespace) -> int:
 
 
 def _print_decided(report: dict[str, Any]) -> None:
-    """Print a table of how the decisions of each variant differ from the reference's, if there are decisions."""
+    """Print a table of the differences of each variant's decisions from the reference's, if there are decisions."""
     from ..stereo.matchers.methods import describe_method
     from ..stereo.report.table_columns import format_number
     from ..stereo.trade.report import DECISION_COLUMNS, SAME_VERDICTS

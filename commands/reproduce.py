@@ -1,4 +1,5 @@
-"""The verb ``reproduce``: the tables and figures of the GUISS paper, from nothing, in one folder."""
+"""The verb ``reproduce``: the tables and figures of the GUISS paper, rendered and measured from the start, in one
+folder."""
 
 from __future__ import annotations
 
@@ -48,7 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=as_path, required=True, metavar="FOLDER", help="folder for the data sets, the tables and figures"
     )
-    parser.add_argument("--dry-run", action="store_true", help="print what it will take, and end")
+    parser.add_argument("--dry-run", action="store_true", help="print the estimated cost, and end")
     size = parser.add_mutually_exclusive_group()
     size.add_argument("--quick", action="store_true", help="a tenth of the pairs, in which every value keeps its share")
     size.add_argument("--pairs", type=int, metavar="N", help="about N pairs of the 5020, chosen in the same way")
@@ -118,11 +119,11 @@ def _run_reproduce(options: argparse.Namespace) -> int:
 
 
 def _check_options(options: argparse.Namespace) -> None:
-    """Raise IcyMoonError for a scale or a folder of files that cannot be, and for an output with tables of others."""
+    """Raise IcyMoonError for an impossible scale or folder of files, and for an output folder with other tables."""
     if not _LEAST_SCALE <= options.scale <= 1:  # not so for NaN either
         raise IcyMoonError(f"--scale is {options.scale:g}; give {_LEAST_SCALE:g} to 1.")
     if options.files and not options.files.is_dir():
-        raise IcyMoonError(f"--files: {options.files} is no folder; give the folder with your textures and meshes.")
+        raise IcyMoonError(f"--files: {options.files} is not a folder; give the folder with your textures and meshes.")
     if not (options.out / "data" / PLAN).exists():
         for name in OUTPUT_FILES:
             if (options.out / name).exists():
@@ -132,7 +133,7 @@ def _check_options(options: argparse.Namespace) -> None:
 
 
 def _find_own_files(parts: dict[str, Part], folder: Path) -> set[Path]:
-    """The user's files that replace stand-ins. Raises IcyMoonError if none does."""
+    """The user's files that replace stand-ins. Raises IcyMoonError if there are none."""
     own = find_own_files([pair for part in parts.values() for pair in part.pairs], [folder.absolute()])
     if not own:
         raise IcyMoonError(
@@ -143,7 +144,7 @@ def _find_own_files(parts: dict[str, Part], folder: Path) -> set[Path]:
 
 def _freeze_part(part: Part, options: argparse.Namespace) -> FrozenPlan:
     """The data set of a part, frozen into its folder. Raises IcyMoonError if Blender cannot render it, or if the folder
-    has pairs of another one."""
+    has pairs of another data set."""
     dataset = options.out.absolute() / part.folder
     frozen = freeze_plan(dataset, part.pairs, part.text)
     if frozen.note:  # pairs of another version, which the tables do not hold
@@ -181,7 +182,7 @@ def _forward_event(tell: Callable[..., None], event: dict[str, Any]) -> None:
 
 
 class _Steps:
-    """The progress of the steps, one after the other, as one."""
+    """The progress of consecutive steps as one progress."""
 
     def __init__(self, tell: Event, parts: dict[str, Part]) -> None:
         self._tell = tell
@@ -190,7 +191,7 @@ class _Steps:
         self._before = self._work = 0.0
 
     def begin(self, title: str, work: float) -> Callable[..., None]:
-        """A step of this work; the function that takes its messages."""
+        """Begin a step of ``work``; return the function that receives its messages."""
         self._before += self._work
         self._work = work
         before = self._before

@@ -1,4 +1,4 @@
-"""The work of the verb ``validate``: make the comparisons that are asked for, print and write them."""
+"""Runs the verb ``validate``: makes the requested comparisons, prints and writes them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ..validation.comparison import (
     load_own_comparison,
     run_comparison,
 )
-from ..validation.tables import list_sources, make_markdown_section, replace_sections, row_cells, summarise_result
+from ..validation.tables import list_sources, make_markdown_section, make_row_cells, replace_sections, summarise_result
 
 
 def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) -> list[Comparison]:
@@ -33,7 +33,7 @@ def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) ->
     known = [*load_comparisons(), *(load_own_comparison(path) for path in own)]
     names = [each.name for each in known]
     if double := next((name for name in names if names.count(name) > 1), None):
-        raise IcyMoonError(f"--own: two comparisons are called {double!r}; give yours another name.")
+        raise IcyMoonError(f"--own: two comparisons have the name {double!r}; rename yours.")
     for name in only:
         if name not in names:
             raise IcyMoonError(f"--only: no comparison is called {name!r}; {suggest_nearest(name, names)}")
@@ -98,7 +98,7 @@ def _print_result(result: Result) -> None:
     if result.rows:
         rows: list[list[str | tuple[str, str]]] = []
         for row in result.rows:
-            quantity, *numbers, verdict = row_cells(row)
+            quantity, *numbers, verdict = make_row_cells(row)
             rows.append([quantity.replace("`", ""), *numbers, (verdict, "red" if row.verdict == FAILS else "")])
         printer.print_table(("", "here", "held against", "allowed", "off by", "verdict"), rows, left=range(6))
     for source in list_sources(result.rows):

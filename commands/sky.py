@@ -54,7 +54,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--longitude", type=float, metavar="DEG", help="light.longitude_deg, east")
     parser.add_argument("--date", help="light.date_utc, such as 2035-03-01T12:00:00")
     parser.add_argument("--kernels", help="light.kernels: a SPICE meta-kernel or a folder, in place of own elements")
-    parser.add_argument("--hours", type=float, default=0.0, help="a table from the date to so many hours after it")
+    parser.add_argument("--hours", type=float, default=0.0, help="a table from the date to this many hours after it")
     parser.add_argument(
         "--every", type=float, default=1.0, metavar="HOURS", help="hours between its rows (%(default)s)"
     )

@@ -1,4 +1,4 @@
-"""Where the numbers of a scene come from: the preset that states each number, and the source that the preset gives.
+"""The origin of the numbers of a scene: the preset that states each number, and the preset's source.
 
 Settings contain values only, not who set them. So a value is traced to a shipped preset that states the same value. A
 preset counts if the settings have at least half of its values that are not defaults. The most similar preset and the
@@ -26,8 +26,7 @@ DEFAULT, BY_HAND, STAND_IN = "default", "stated", "stand-in"
 
 @dataclass(frozen=True)
 class Origin:
-    """A setting's value and where it is from: ``preset`` is its name, ``DEFAULT``, ``BY_HAND`` or
-    ``STAND_IN``."""
+    """A setting's value and its origin: ``preset`` is its name, ``DEFAULT``, ``BY_HAND`` or ``STAND_IN``."""
 
     name: str
     value: Value
@@ -73,7 +72,7 @@ def _measure_likeness(stated: Settings, settings: Settings, defaults: Settings) 
 
 
 def _rank_presets(settings: Settings) -> list[_Preset]:
-    """The presets that count: first the preset most similar to the settings, and the presets that it includes."""
+    """The presets that apply: first the preset most similar to the settings, and the presets that it includes."""
     defaults, known = description.defaults(), {name: _read_preset(name) for name in preset_files.preset_names()}
     whole = {name: preset_files.load_preset(name) for name in known}
     family = [max(known, key=lambda name: _measure_likeness(whole[name], settings, defaults))]
@@ -104,7 +103,9 @@ def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Orig
     names = {f"{topic}.{setting.key}" for topic, setting in list_all_settings()} | set(TOPICS)
     for word in wanted:
         if word not in names:
-            raise IcyMoonError(f"{word!r} is no topic and no setting; give for example light, or light.planet_albedo.")
+            raise IcyMoonError(
+                f"{word!r} is neither a topic nor a setting; give for example light, or light.planet_albedo."
+            )
     presets = _rank_presets(settings)
     stand_ins = {
         "source.stand_in" if isinstance(item, MeshItem) else "textures.stand_in": item for item in list_items(settings)

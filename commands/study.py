@@ -29,7 +29,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--methods", help="matchers, separated by commas, instead of the study's: another set makes another study"
     )
-    parser.add_argument("--measure", action="store_true", help="render nothing: measure what is there")
+    parser.add_argument("--measure", action="store_true", help="render nothing: measure the existing pairs")
     parser.add_argument(
         "--page", type=as_path, metavar="FILE", help="page of the manual between whose marks the tables are put"
     )

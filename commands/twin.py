@@ -21,7 +21,7 @@ from ..settings.user_files import find_used_files
 from ..support import printer
 from ..support.terminal import as_path, show_count, show_progress
 from .batch import add_worker_options, parse_workers, render_missing
-from .camera import add_calibration_options, choose_cameras, read_rectified_rig, read_rig, stated_of
+from .camera import add_calibration_options, choose_cameras, read_rectified_rig, read_rig, read_stated_facts
 from .scene_options import add_scene_options
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _read_cameras(options: argparse.Namespace) -> tuple[Settings, CalibratedRig, list[str]]:
     """The rig's settings, the two cameras that took the images, and sentences about the calibration."""
-    files, stated = options.calibration, stated_of(options)
+    files, stated = options.calibration, read_stated_facts(options)
     if options.rectified:
         return read_rectified_rig(*files, stated=stated, kind=options.format, names=options.cameras)
     rig, notes = read_rig(*files, stated=stated, kind=options.format, names=options.cameras)

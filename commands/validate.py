@@ -1,4 +1,4 @@
-"""The verb ``validate``: Icy Moon beside measurements and other programs that no one here made."""
+"""The verb ``validate``: Icy Moon beside independent measurements and other programs."""
 
 from __future__ import annotations
 

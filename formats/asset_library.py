@@ -75,7 +75,7 @@ def find_files(folder: Path) -> list[Path]:
         return []
     if strange := [name for name in listed if not _ASSET_PATTERN.fullmatch(name)]:
         raise IcyMoonError(
-            f"{folder / RECORD_FILE} lists {strange[0]!r}, which is no asset; delete the folder by hand."
+            f"{folder / RECORD_FILE} lists {strange[0]!r}, which is not an asset; delete the folder by hand."
         )
     return [path for path in map(folder.joinpath, listed) if path.is_file()]
 

@@ -94,7 +94,7 @@ class Cahvor:
         return np.array([[fx, 0, hc], [0, fy, vc], [0, 0, 1.0]]), np.stack([right / fx, down / fy, self.a])
 
 
-def model_from_pinhole(
+def make_model_from_pinhole(
     matrix: Array,
     rotation: Array,
     centre_m: Array,
@@ -185,7 +185,7 @@ class Lens:
 
 
 def find_nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
-    """The lens of an Icy Moon camera that is nearest to a model; centre and rotation are the model's.
+    """The Icy Moon lens that is nearest to a model, with the model's centre and rotation.
 
     With square pixels, CAHV is exact, and so is CAHVOR with O along A and a first coefficient of 0. Raises IcyMoonError
     if the nearest lens is off by more than ``most_px``.
@@ -238,7 +238,7 @@ def make_cahvor_text(model: Cahvor) -> str:
     }[model.kind]
     lines = [f"Dimensions = {model.width_px} {model.height_px}", f"Model = {words}"]
     if model.residual_px:
-        lines.insert(0, f"# fitted to a lens that is no CAHVOR, off by up to {model.residual_px:.2g} px")
+        lines.insert(0, f"# fitted to a lens that is not CAHVOR, error up to {model.residual_px:.2g} px")
     lines += [f"{letter} = {' '.join(f'{value:.17g}' for value in vector)}" for letter, vector in _list_vectors(model)]
     lines += [
         f"{name} = {value:.17g}"
@@ -397,8 +397,8 @@ def _read_cahvor(text: str) -> _StatedModel:
 
 
 def _read_linearity(model: str) -> float:
-    """Linearity of a model such as ``CAHVORE3,0.4 = general``: type 1 is perspective, 2 fisheye, 3
-    states its number."""
+    """Linearity of a model such as ``CAHVORE3,0.4 = general``: 1 for type 1 (perspective), 0 for type 2 (fisheye), and
+    the stated number for type 3."""
     kind, _, parameter = model.partition("=")[0].strip().partition(",")
     if not kind.startswith("CAHVORE"):
         return 1.0
@@ -410,7 +410,7 @@ def _read_linearity(model: str) -> float:
 
 
 def _read_pds(text: str) -> _StatedModel:
-    groups = parse_label(text).all_groups()
+    groups = parse_label(text).list_all_groups()
     models = [group for group in groups if "MODEL_COMPONENT_ID" in group.values]
     if not models:
         return {}, 1.0, _find_image_size(groups)
@@ -455,6 +455,6 @@ def _find_image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
     )
     if len(found) > 1:
         raise ValueError(
-            f"it has images of {len(found)} sizes, {found[0]} and {found[1]}, and none of them is marked as its own"
+            f"it has images of {len(found)} sizes, {found[0]} and {found[1]}, and no size is marked as its own"
         )
     return found[0] if found else None

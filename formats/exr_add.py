@@ -21,7 +21,7 @@ _SUM_ERROR = 2.0**-20
 
 
 def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
-    """The number of the part, and of the channel in it, for each of the bands R, G and B of a pass ``LAYER.PASS``."""
+    """The index of the part, and of the channel in it, for each of the bands R, G and B of a pass ``LAYER.PASS``."""
     return {
         name[-1]: (number, k)
         for number, part in enumerate(parts)

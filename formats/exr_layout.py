@@ -160,7 +160,8 @@ def _read_header(cursor: Cursor) -> _Header:
 
 
 def _read_part(header: _Header, is_tiled: bool, tiles: bool, found: list[Part]) -> int:
-    """Add the part of a header to ``found``, without the places of its chunks. Returns the number of its chunks."""
+    """Add the part of a header to ``found``, without the byte ranges of its chunks. Returns the number of its
+    chunks."""
     window = _read_window(header, b"dataWindow")
     if b"displayWindow" in header.values:
         _read_window(header, b"displayWindow")
@@ -244,7 +245,7 @@ def _count_tiles(header: _Header, width: int, height: int) -> int:
 
 
 def _find_chunks(foreign: ForeignBytes, table: int, parts: list[Part], counts: list[int], several: bool) -> list[Array]:
-    """Begin and end of the chunks of each part. Raises ValueError for impossible ones."""
+    """The byte range of each chunk of each part. Raises ValueError for an impossible range."""
     count = sum(counts)
     foreign.budget.charge(_CHUNK_MEMORY * count, "table of chunks")
     offsets = np.frombuffer(foreign.part(table, 8 * count), "<u8")
@@ -271,7 +272,7 @@ def _find_chunks(foreign: ForeignBytes, table: int, parts: list[Part], counts: l
 
 
 def _check_places_in_image(parts: list[Part], counts: list[int], number: Array, stated: Array) -> None:
-    """Raise ValueError for chunks of lines that the part does not have or has twice. Tiles are only checked for
+    """Raise ValueError for chunks with lines outside the part or with repeated lines. Tiles are only checked for
     duplicates."""
     if stated.shape[1] == 1:
         tops, steps = (

@@ -55,7 +55,7 @@ def read_pieces(data: bytes) -> list[Piece]:
 
 
 def assemble(parts: Sequence[Piece]) -> bytes:
-    """An EXR file of these parts, whose names differ."""
+    """An EXR file of these parts; their names must differ."""
     headers = b"".join(b"".join(part.attributes.values()) + b"\0" for part in parts) + b"\0"
     long_names = any(len(name) > 31 for part in parts for name in part.attributes)
     place = _FILE_START.size + len(headers) + 8 * sum(len(part.chunks) for part in parts)
@@ -103,7 +103,7 @@ def strip_passing(piece: Piece, name: str) -> Piece:
 
 
 def encode_attribute(name: str, kind: str, value: bytes) -> bytes:
-    """An attribute as it stands in a file."""
+    """An attribute in the encoding of a file."""
     return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
 
 

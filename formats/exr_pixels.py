@@ -98,14 +98,14 @@ class Pixels:
         return replace(self._piece, chunks=self._encode_chunks(values, self._line))
 
     def select_channels(self, wanted: Sequence[int]) -> Piece:
-        """The part with only the channels at the places ``wanted``."""
+        """The part with only the channels at the indices ``wanted``."""
         stated = b"".join(self._stated[self.channels[k]] for k in wanted) + b"\0"
         kept = {**self._piece.attributes, b"channels": encode_attribute("channels", "chlist", stated)}
         line = np.dtype([(name, self._line[name]) for name in (self.channels[k] for k in wanted)])
         return replace(self._piece, attributes=kept, chunks=self._encode_chunks(self.decode()[:, wanted], line))
 
     def round_to_half(self, wanted: Collection[int], values: Array) -> Piece:
-        """The part with the channels at the places ``wanted`` as 16-bit floats; ``values`` are from ``decode``."""
+        """The part with the channels at the indices ``wanted`` as 16-bit floats; ``values`` are from ``decode``."""
         for k in wanted:
             stated = self._stated[self.channels[k]]
             self._stated[self.channels[k]] = stated[:-16] + struct.pack("<i", _HALF_TYPE) + stated[-12:]
@@ -185,7 +185,7 @@ def _raw_chunk_type(stored: np.dtype[Any]) -> np.dtype[Any]:
 
 
 def _empty_chunks(top: int, height: int) -> list[bytes]:
-    """Chunks by ZIP of a part from its first line ``top`` on, without values."""
+    """ZIP-compressed chunks of a part from its first line ``top`` on, without values."""
     return [struct.pack("<2i", line, 0) for line in range(top, top + height, _LINES_PER_CHUNK[_ZIP_COMPRESSION])]
 
 
@@ -256,8 +256,8 @@ def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
 
 
 def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
-    """A part with the values of some passes (``LAYER.PASS``) as 16-bit floats. They stay as they are if one is too
-    large for 16 bits, or if many are so small that their RMS rounding error exceeds one in two thousand.
+    """A part with the values of some passes (``LAYER.PASS``) as 16-bit floats. The passes stay unchanged if a value is
+    too large for 16 bits, or if many values are so small that their RMS rounding error exceeds one in two thousand.
 
     A part of an unsupported kind is returned unchanged. Raises ValueError for a damaged part.
     """

@@ -65,7 +65,7 @@ def _encode_image(image: Image, first: bool, extended: bool) -> bytes:
 
 
 def _make_card(key: str, value: Value, comment: str) -> bytes:
-    """A card of 80 characters. Raises ValueError for a value that no card can contain."""
+    """A card of 80 characters. Raises ValueError for a value that a card cannot contain."""
     if isinstance(value, bool):
         text = ("T" if value else "F").rjust(20)
     elif isinstance(value, str):

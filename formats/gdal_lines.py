@@ -44,26 +44,26 @@ def quote_name(name: str) -> str:
 
 
 def _converted_name(name: str) -> str:
-    """The name of the file that is made of another."""
+    """The name of the file that results from the conversion of another."""
     stem = Path(name).stem or name
     return f"{stem}_new.tif" if name == f"{stem}.tif" else f"{stem}.tif"
 
 
-def translate_command(name: str, *options: str) -> str:
+def make_translate_command(name: str, *options: str) -> str:
     """The ``gdal_translate`` that copies the first band of a file, packed, with ``options``."""
     return " ".join(
         ["gdal_translate", "-b 1", *options, *_PACKED_OPTIONS, quote_name(name), quote_name(_converted_name(name))]
     )
 
 
-def tile_command(name: str, *options: str) -> str:
+def make_tile_command(name: str, *options: str) -> str:
     """The ``gdal_translate`` that copies the first band of a file in tiles; a site needs only a few tiles."""
     return " ".join(
         ["gdal_translate", "-b 1", *options, *_TILED_OPTIONS, quote_name(name), quote_name(_converted_name(name))]
     )
 
 
-def warp_command(name: str, *options: str) -> str:
+def make_warp_command(name: str, *options: str) -> str:
     """The ``gdalwarp`` that makes a map along the axes, with NaN where the file has no heights."""
     return " ".join(
         [
@@ -77,18 +77,18 @@ def warp_command(name: str, *options: str) -> str:
     )
 
 
-def edit_command(name: str, *options: str) -> str:
-    """The ``gdal_edit.py`` that changes what a file states of itself."""
+def make_edit_command(name: str, *options: str) -> str:
+    """The ``gdal_edit.py`` command that changes the metadata of a file."""
     return " ".join(["gdal_edit.py", *options, quote_name(name)])
 
 
-def transform_command(source: str, target: str, point: tuple[float, float]) -> str:
-    """The ``gdaltransform`` that prints a point of one coordinate system in another."""
+def make_transform_command(source: str, target: str, point: tuple[float, float]) -> str:
+    """The ``gdaltransform`` command that converts a point from one coordinate system to another."""
     return f'echo {point[0]:.12g} {point[1]:.12g} | gdaltransform -s_srs "{source}" -t_srs "{target}"'
 
 
-def sphere_option(radius_m: float) -> str:
-    """The option of ``translate_command`` for a file in degrees on a sphere."""
+def make_sphere_option(radius_m: float) -> str:
+    """The option of ``make_translate_command`` for a file in degrees on a sphere."""
     return f'-a_srs "+proj=longlat +R={radius_m:.12g} +no_defs"'
 
 
@@ -100,7 +100,7 @@ def advise(path: Path, start: bytes, body_radius_m: float) -> str:
     if suffix == ".hgt" and not _TILE_NAME.match(name):
         return (
             f"is {kind}, whose name must state its south-west corner, such as N46E007.hgt; rename it and convert "
-            f"it in its folder with: {tile_command('N46E007.hgt')}"
+            f"it in its folder with: {make_tile_command('N46E007.hgt')}"
         )
     if suffix == ".img":
         label = _find_label(path, start)
@@ -108,11 +108,11 @@ def advise(path: Path, start: bytes, body_radius_m: float) -> str:
             return f"is {kind}, and {path.with_suffix('.lbl').name} is not beside it; put it there and give it."
         name = label.name
     degrees = (
-        f"if its coordinates are degrees, add {sphere_option(body_radius_m)}; "
+        f"if its coordinates are degrees, add {make_sphere_option(body_radius_m)}; "
         if suffix in _SUFFIXES_WITHOUT_SYSTEM
         else ""
     )
-    return f"is {kind}, which Icy Moon does not read; {degrees}convert it in its folder with: {tile_command(name)}"
+    return f"is {kind}, which Icy Moon does not read; {degrees}convert it in its folder with: {make_tile_command(name)}"
 
 
 def _find_label(path: Path, start: bytes) -> Path | None:

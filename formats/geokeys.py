@@ -82,7 +82,7 @@ def read_numbers(directory: Sequence[Any], doubles: Sequence[Any], wanted: Colle
     for k in range(4, len(directory) - 3, 4):
         key, where, _, value = directory[k : k + 4]
         if key in wanted and where not in (0, _DOUBLES):
-            raise ValueError(f"GeoKey {key} is no number")
+            raise ValueError(f"GeoKey {key} is not a number")
         if key in wanted:
             keys[key] = float(doubles[value]) if where else value
     return keys

@@ -31,12 +31,12 @@ from .map_projection import (
     TRUE_GRIDS,
     LocalScale,
     MapSystem,
-    angle_unit,
-    ellipsoid_m,
+    find_geographic_radius_m,
     find_local_scale,
-    geographic_radius_m,
     make_crs_text,
     make_datum_text,
+    read_angle_unit,
+    read_ellipsoid_m,
     read_system,
 )
 from .sidecar_files import NO_PIXEL_SIZE
@@ -175,8 +175,8 @@ _CUT_MARGIN = 1.1
 
 @dataclass(frozen=True)
 class Site:
-    """The part of a map that is wanted: ``size_m`` of ground around an origin, which is ``origin_m`` (east, north) of
-    ground from the middle of the map (``centre``), or else at these coordinates of the map, in metres.
+    """The requested part of a map: ``size_m`` of ground around an origin, which is ``origin_m`` (east, north) of ground
+    from the middle of the map (``centre``), or else at these coordinates of the map, in metres.
 
     ``body_radius_m`` is the radius of the site's body, for a file in degrees that states none; 0 if it is not known.
     With a ``point`` the origin is ``origin_m`` of ground from it.
@@ -303,8 +303,8 @@ def read_place(path: Path, site: Site) -> MapPlace | None:
 
 
 def find_why_unplaced(path: Path, body_radius_m: float) -> str:
-    """Why a file does not state the size of its pixels on the ground, as the end of a sentence, from its tags; empty if
-    it states it.
+    """The reason why a file does not state the ground size of its pixels, as the end of a sentence, from its tags;
+    empty if it states it.
 
     ``body_radius_m`` is for commands that convert a file in degrees. Raises IcyMoonError for a file that cannot be
     read.
@@ -384,7 +384,7 @@ class _Placed:
 
 
 def _warn_other_body(radius_m: float, body_radius_m: float) -> list[str]:
-    """A warning if a map is of a body of another size than the one whose horizon and sky a site gets."""
+    """A warning if the body of a map differs in size from the body whose horizon and sky the site gets."""
     if abs(radius_m / body_radius_m - 1) <= _SAME_BODY:
         return []
     return [
@@ -396,7 +396,7 @@ def _warn_other_body(radius_m: float, body_radius_m: float) -> list[str]:
 
 def _describe_place(map_of: _Map, place: MapPlace, body_radius_m: float) -> tuple[list[str], list[str]]:
     """Sentences for the report, and warnings, about a map's scale at a place and the direction of north there.
-    ``body_radius_m`` is the radius of the body of the settings, or 0 where it does not matter."""
+    ``body_radius_m`` is the radius of the body of the settings, or 0 for no check."""
     report: list[str] = []
     warnings: list[str] = []
     if map_of.system is not None and place.scale != (1.0, 1.0):
@@ -498,17 +498,17 @@ def _refuse_unknown_projection(map_of: _Map) -> None:
         or not (numbered or 3075 in keys)
     ):
         return
-    major, minor = ellipsoid_m(keys)
+    major, minor = read_ellipsoid_m(keys)
     degrees = f'"+proj=longlat +a={major!r} +b={minor!r} +no_defs"' if major else "EPSG:4326"
     kind = f"EPSG:{code}" if numbered else f"projection {keys[3075]} of GeoTIFF"
     raise UnreadError(
         f"has a map ({kind}) whose scale is not known here; set source.metres_per_pixel if it is true to "
-        f"scale, else project it in its folder with: {gdal_lines.warp_command(map_of.name, f'-t_srs {degrees}')}"
+        f"scale, else project it in its folder with: {gdal_lines.make_warp_command(map_of.name, f'-t_srs {degrees}')}"
     )
 
 
 def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
-    """A place of a map with its scale. The scale is 1 if that is right to a thousandth, or if it is unknown."""
+    """A place of a map with its scale. The scale is 1 if 1 is accurate to a thousandth, or if it is unknown."""
     system, keys = map_of.system, map_of.keys
     vertical = keys.get(4096, 0)
     place = MapPlace(
@@ -546,9 +546,9 @@ def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
 
 
 def _cut_command(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
-    """The command that makes the wanted part of a map around a place, true to scale."""
+    """The command that cuts the requested part of a map around a place, true to scale."""
     half = (map_of.size_m / 2) * _CUT_MARGIN
-    return gdal_lines.warp_command(
+    return gdal_lines.make_warp_command(
         map_of.name,
         f'-t_srs "+proj=aeqd +lat_0={at.latitude_deg:.9f} '
         f'+lon_0={at.longitude_deg:.9f} +R={system.radius_m:.1f} +units=m +no_defs"',
@@ -558,7 +558,7 @@ def _cut_command(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
 
 
 def _flat_system_option(keys: Mapping[int, Any]) -> str:
-    """The option that states the map system of a file without its vertical one."""
+    """The option that states the horizontal map system of a file without its vertical one."""
     text = make_crs_text(keys, 1.0)
     return f'-a_srs "{text}"' if text else ""
 
@@ -577,7 +577,7 @@ def clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | 
     try:
         value = float(text)
     except ValueError:
-        return [f"its mark of missing heights, {text[:40]!r}, is no number, so none was taken for missing"]
+        return [f"its mark of missing heights, {text[:40]!r}, is not a number, so no height counts as missing"]
     if math.isfinite(value) and abs(value) < NO_HEIGHT:
         clear_missing_mark(grid, value, number)
     return []
@@ -586,7 +586,7 @@ def clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | 
 def apply_mask(
     grid: Array, foreign: ForeignBytes, images: list[Directory], window: tuple[range, range] | None
 ) -> list[str]:
-    """Set the heights that the file's mask calls unknown to NaN; returns warnings about its other images."""
+    """Set the heights that the file's mask marks as unknown to NaN; returns warnings about its other images."""
     others = [image for image in images[1:] if not image.is_reduced]
     masks = [image for image in others if image.is_mask and image.shape == images[0].shape]
     for image in masks[:1]:
@@ -606,21 +606,21 @@ def warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
     name = next(
         (name for name, metres in _METRES_PER_NAMED_UNIT.items() if math.isclose(metres, unit_m, rel_tol=1e-6)), ""
     )
-    state = gdal_lines.edit_command(file, f"-units '{name}'")
+    state = gdal_lines.make_edit_command(file, f"-units '{name}'")
     fix = (
         f"if they are in {name}, as its coordinates are, state it in its folder with: {state}"
         if name
         else "if they are in another unit, write them in metres"
     )
     return [
-        f"it states no unit for its heights, which were taken for metres although its coordinates are in units of "
+        f"it states no unit for its heights, which were read as metres although its coordinates are in units of "
         f"{unit_m:g} m; {fix}"
     ]
 
 
 def scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[str, ...], bool]:
-    """Turn the values into metres in place, by the scale, offset and unit that the file states; a report of it, and
-    whether it states a unit.
+    """Convert the values to metres in place, by the scale, offset and unit that the file states; a report of it, and
+    whether the file states a unit.
 
     Raises UnreadError if they are contradictory or of an unknown kind.
     """
@@ -630,7 +630,7 @@ def scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> t
     if third := _read_height_scale(image.tags):
         raise UnreadError(
             "scales its heights by the third number of ModelPixelScale; state it as others do, in its "
-            f"folder with: {gdal_lines.translate_command(image.name, _scale_options(*third))}"
+            f"folder with: {gdal_lines.make_translate_command(image.name, _scale_options(*third))}"
         )
     with np.errstate(over="ignore"):
         if (scale, offset) != (1.0, 0.0):
@@ -660,17 +660,17 @@ def _scale_options(scale: float, offset: float) -> str:
 
 
 def read_metadata(image: Directory) -> dict[str, str]:
-    """What GDAL_METADATA states about the first band, by role: 'scale', 'offset', 'unittype'."""
+    """The entries of GDAL_METADATA about the first band, by role: 'scale', 'offset', 'unittype'."""
     text = _decode_text(image.tags.get(42112))
     if "<!" in text:  # entities, which no writer of metadata needs
         raise UnreadError(
-            "has metadata that are no plain list; drop them in its folder with: "
-            + gdal_lines.translate_command(image.name)
+            "has metadata that are not a plain list; drop them in its folder with: "
+            + gdal_lines.make_translate_command(image.name)
         )
     if len(text) > _MOST_METADATA_BYTES:
         raise UnreadError(
             f"has {len(text) / 1e6:.1f} MB of metadata; drop what is no scale in its folder with: "
-            + gdal_lines.edit_command(image.name, "-unsetmd")
+            + gdal_lines.make_edit_command(image.name, "-unsetmd")
         )
     if not text:
         return {}
@@ -682,7 +682,7 @@ def read_metadata(image: Directory) -> dict[str, str]:
 
 
 def read_scaling(image: Directory, items: Mapping[str, str]) -> tuple[float, float]:
-    """Scale and offset of the values, by the file's metadata. Raises UnreadError if they are no numbers, or 0."""
+    """Scale and offset of the values, by the file's metadata. Raises UnreadError if they are not numbers, or 0."""
     scale, offset = (
         _parse_finite(items.get(role, otherwise), role, image.name)
         for role, otherwise in (("scale", "1"), ("offset", "0"))
@@ -690,7 +690,7 @@ def read_scaling(image: Directory, items: Mapping[str, str]) -> tuple[float, flo
     if scale == 0:
         raise UnreadError(
             "states a scale of 0 for its values, which makes it flat; state the right one, such as 1, "
-            f"in its folder with: {gdal_lines.translate_command(image.name, _scale_options(1.0, offset))}"
+            f"in its folder with: {gdal_lines.make_translate_command(image.name, _scale_options(1.0, offset))}"
         )
     return scale, offset
 
@@ -702,8 +702,8 @@ def _parse_finite(text: str, role: str, file: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise UnreadError(
-            f"states the {role} {text[:40]!r} for its values, which is no number; state the right one "
-            f"in its folder with: {gdal_lines.translate_command(file, _scale_options(1.0, 0.0))}"
+            f"states the {role} {text[:40]!r} for its values, which is not a number; state the right one "
+            f"in its folder with: {gdal_lines.make_translate_command(file, _scale_options(1.0, 0.0))}"
         )
     return value
 
@@ -718,7 +718,7 @@ def _find_height_unit(
         if named.lower() not in _METRES_PER_NAMED_UNIT:
             raise UnreadError(
                 f"states its heights in {named[:40]!r}, a unit that is not known here; name the one that "
-                f"they are in, such as m or ft, in its folder with: {gdal_lines.edit_command(file, '-units m')}"
+                f"they are in, such as m or ft, in its folder with: {gdal_lines.make_edit_command(file, '-units m')}"
             )
         stated[named] = _METRES_PER_NAMED_UNIT[named.lower()]
     code, system = keys.get(4099), keys.get(4096, 0)
@@ -727,22 +727,22 @@ def _find_height_unit(
         raise UnreadError(
             f"holds depths (EPSG:{system}), which go down, not heights; turn their sign and drop the "
             "vertical system in its folder with: "
-            + gdal_lines.translate_command(file, turned, _flat_system_option(keys))
+            + gdal_lines.make_translate_command(file, turned, _flat_system_option(keys))
         )
     if code is None and system not in (0, _USER_DEFINED):
         code = VERTICAL.get(system, 0)
     if code == _USER_DEFINED:  # GeoTIFF has no key for the size of such a unit, so GDAL loses it too
         if not named:
             raise UnreadError(
-                "states heights by a vertical system of its own, whose unit a GeoTIFF cannot contain; name the one "
-                f"that they are in, such as m or ft, in its folder with: {gdal_lines.edit_command(file, '-units m')}"
+                "states heights in a user-defined vertical system, whose unit a GeoTIFF cannot contain; state their "
+                f"unit, such as m or ft, in its folder with: {gdal_lines.make_edit_command(file, '-units m')}"
             )
     elif code is not None:
         if code not in _METRES_PER_EPSG_UNIT:
             raise UnreadError(
                 f"states heights by the vertical system {system} in the unit {code or 'of that system'}, "
                 f"which are not known here; state it in its folder with: "
-                f"{gdal_lines.translate_command(file, _STATE_UNITS_OPTION)}"
+                f"{gdal_lines.make_translate_command(file, _STATE_UNITS_OPTION)}"
             )
         stated[f"EPSG unit {code}"] = _METRES_PER_EPSG_UNIT[code]
     _refuse_two_units(stated, file)
@@ -750,7 +750,7 @@ def _find_height_unit(
 
 
 def _refuse_two_units(stated: Mapping[str, float], file: str) -> None:
-    """Raise UnreadError where the names of units, with their metres, are of different sizes."""
+    """Raise UnreadError if the named units differ in size, by their metres."""
     if len({round(value, 9) for value in stated.values()}) > 1:
         second = list(stated.values())[-1]
         same = next((name for name, metres in _METRES_PER_NAMED_UNIT.items() if math.isclose(metres, second)), "")
@@ -758,7 +758,7 @@ def _refuse_two_units(stated: Mapping[str, float], file: str) -> None:
             f"states its heights in two units, {' and '.join(stated)}; "
             + (
                 "if the second is right, state it twice in its folder with: "
-                + gdal_lines.edit_command(file, f"-units {same}")
+                + gdal_lines.make_edit_command(file, f"-units {same}")
                 if same
                 else "write its heights in metres."
             )
@@ -766,17 +766,18 @@ def _refuse_two_units(stated: Mapping[str, float], file: str) -> None:
 
 
 def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
-    """Metres per unit of the file's coordinates, and the assumption behind it; or None and why it is unknown."""
+    """Metres per unit of the file's coordinates, and the assumption behind it; or None and the reason why it is
+    unknown."""
     model, system, code = keys.get(1024, 0), keys.get(3072), keys.get(3076)
     if model == _GEOGRAPHIC:
-        radius = geographic_radius_m(keys)
+        radius = find_geographic_radius_m(keys)
         if radius is None:
-            state = gdal_lines.translate_command(file, gdal_lines.sphere_option(body_radius_m))
+            state = gdal_lines.make_translate_command(file, gdal_lines.make_sphere_option(body_radius_m))
             return None, (
                 "has pixels of {size} degrees on a body whose radius it does not state"
                 + (f"; state it in its folder with: {state}" if body_radius_m else "")
             )
-        return math.radians(angle_unit(keys)) * radius, ""
+        return math.radians(read_angle_unit(keys)) * radius, ""
     if model not in (0, _PROJECTED, _USER_DEFINED):
         return None, "has coordinates that are no map's"
     if code == _USER_DEFINED:
@@ -793,9 +794,9 @@ def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: floa
     if system not in (None, 0, _USER_DEFINED):
         return None, (
             "has pixels of {size} in the unit of EPSG:" + str(system) + ", which is not known here; state it "
-            "in its folder with: " + gdal_lines.translate_command(file, _STATE_UNITS_OPTION)
+            "in its folder with: " + gdal_lines.make_translate_command(file, _STATE_UNITS_OPTION)
         )
-    return 1.0, "it states no unit of length, so its coordinates were taken for metres"
+    return 1.0, "it states no unit of length, so its coordinates were read as metres"
 
 
 def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[float, float], tuple[float, float]] | None:
@@ -809,7 +810,7 @@ def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[flo
             raise UnreadError(
                 "has pixels of a negative size from north to south, which programs read in two ways; "
                 "write it as GDAL reads it, with its first row in the north, in its folder with: "
-                + gdal_lines.translate_command(image.name)
+                + gdal_lines.make_translate_command(image.name)
             )
         north = -down
         column, row, _, x, y = (float(v) for v in tags.get(33922, (0.0,) * 6)[:5])
@@ -818,7 +819,7 @@ def read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[flo
         if max(abs(m[1] * rows), abs(m[4] * columns)) > _MOST_TURN_PX * min(abs(m[0]), abs(m[5])):
             raise UnreadError(
                 "has a grid that is turned against north; turn it in its folder with: "
-                + gdal_lines.warp_command(image.name)
+                + gdal_lines.make_warp_command(image.name)
             )
         east, north, column, row, x, y = m[0], m[5], 0.0, 0.0, m[3], m[7]
     else:

@@ -40,7 +40,7 @@ _GLB_HEADER_BYTES = 20
 
 
 def read_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
-    """Facts from the JSON of a .gltf or .glb. Raises IcyMoonError if it is not what glTF demands."""
+    """Facts from the JSON of a .gltf or .glb. Raises IcyMoonError if it violates the glTF standard."""
     return read(
         path, lambda foreign: facts(_parse_gltf(foreign)[0]), "a whole glTF file", _FIX, MOST_MESH_BYTES, _MOST_MEMORY
     )
@@ -87,7 +87,7 @@ def _parse_gltf(foreign: ForeignBytes) -> tuple[dict[str, Any], int]:
     foreign.budget.charge(_MEMORY_PER_VALUE * sum(text.count(mark) for mark in (b",", b"[", b"{", b":")), "JSON")
     document = parse_json(text.removeprefix(b"\xef\xbb\xbf"))
     if not isinstance(document, dict):
-        raise ValueError("its JSON is no table")
+        raise ValueError("its JSON is not a table")
     return document, binary
 
 
@@ -157,7 +157,7 @@ def _find_accessor_size(stated: dict[str, Any], views: list[int], document: dict
 
 
 def _list_used_accessors(document: dict[str, Any]) -> Iterator[int]:
-    """The numbers of the accessors of all primitives, skins and animations, one for each use."""
+    """The indices of the accessors of all primitives, skins and animations, one for each use."""
     for mesh in document.get("meshes", ()):
         for primitive in mesh["primitives"]:
             named = [primitive["attributes"], *primitive.get("targets", ())]
@@ -176,7 +176,7 @@ def _list_used_accessors(document: dict[str, Any]) -> Iterator[int]:
 
 
 def _check_scenes(document: dict[str, Any]) -> None:
-    """Check that scenes have existing nodes, and that the scene to show exists."""
+    """Check that scenes have existing nodes, and that the default scene exists."""
     scenes, nodes = document.get("scenes", []), document.get("nodes", [])
     if scenes and _read_count(document, "scene", 0) >= len(scenes):
         raise ValueError(f"its scene {document['scene']} is not there")

@@ -99,7 +99,7 @@ _FORWARDS: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] =
 
 
 def project_point(system: MapSystem, longitude_deg: float, latitude_deg: float, turns: int = 0) -> tuple[float, float]:
-    """The place on a map, in metres, of a longitude and latitude in degrees.
+    """The place on a map, in metres, at a longitude and latitude in degrees.
 
     The longitude is taken within 180° of the central one; ``turns`` adds full turns, for maps that go on beyond their
     edge. Raises ValueError for a place that the projection does not have.

@@ -48,9 +48,9 @@ WIDE_CELLS = 4.0
 
 @dataclass(frozen=True)
 class MapCover:
-    """The extent of a map as the site sees it: the width of a pixel in metres of ground at the site, the distances in
-    metres along x or y from the site to the farthest edge and to the nearest, which is negative for a site beside the
-    map."""
+    """The extent of a map seen from the site: the width of a pixel in metres of ground at the site, and the distances
+    in metres along x or y from the site to the farthest edge and to the nearest one, which is negative for a site
+    beside the map."""
 
     pixel_m: float
     farthest_m: float
@@ -71,9 +71,9 @@ ReadBlock = Callable[[range, range], Array]
 
 @dataclass(frozen=True)
 class MapPixels:
-    """The pixels of a map around a site: (rows, columns) in all, the place of the site among them (column, row) from
-    the centre of the south-western one, pixels per metre of ground along x and y, and ``cut``, which divides a window
-    into pieces for ``read``.
+    """The pixels of a map around a site: the number of all pixels (rows, columns), the position of the site among them
+    (column, row) from the centre of the south-western one, pixels per metre of ground along x and y, and ``cut``, which
+    divides a window into pieces for ``read``.
 
     ``way`` leads from metres around the site to columns and rows; None where pixels lie along the axes. ``bent`` is the
     end of a sentence about a map for which it cannot be followed.
@@ -175,7 +175,7 @@ class _FileBlocks:
         return grid.turn_north_up(values)[::-1] * self._height_scale
 
     def cut(self, rows: range, columns: range) -> Iterator[tuple[range, range]]:
-        """Pieces of whole tiles, in which no tile is read twice."""
+        """Pieces of whole tiles, so that each tile is read once."""
         grid = self.placed.grid
         width, height = find_tile_size(self.placed.images[0])
         across = len(columns) if width >= grid.shape[1] else max(width, _BLOCK_WIDTH // width * width)
@@ -192,9 +192,9 @@ class _FileBlocks:
         if self._missing is None and 42113 not in self.placed.images[0].tags:
             for extreme in self._extremes:
                 if abs(extreme) in USUAL_MARKS:
-                    state = gdal_lines.edit_command(self.name, f"-a_nodata {extreme:g}")
+                    state = gdal_lines.make_edit_command(self.name, f"-a_nodata {extreme:g}")
                     yield (
-                        f"it has heights of exactly {extreme:g}, a usual mark of missing heights, which were taken for "
+                        f"it has heights of exactly {extreme:g}, a usual mark of missing heights, which were read as "
                         f"heights; set source.missing, or state the mark in its folder with: {state}"
                     )
         if not self._states_unit and not states_degrees(self.placed.keys):
@@ -236,7 +236,7 @@ def _place_pixels(blocks: _FileBlocks, frame: MapFrame) -> MapPixels:
 
 
 def _try_way(way: Way, x: float, y: float) -> tuple[float, float]:
-    """A place by a ``way``; NaN for one that a projection does not have."""
+    """Apply a ``way`` to a place; NaN where the projection is undefined."""
     try:
         return way(x, y)
     except (ValueError, OverflowError, ZeroDivisionError):
@@ -257,7 +257,7 @@ def _describe_bent_map(name: str, frame: MapFrame) -> str:
     """The end of a sentence about a map that cannot be laid around a site by another projection."""
     target = make_crs_text(frame.geokeys.numbers(), frame.unit_m)
     option = f'-t_srs "{target}"'
-    fix = f" with: {gdal_lines.warp_command(name, option)}" if target else "."
+    fix = f" with: {gdal_lines.make_warp_command(name, option)}" if target else "."
     return f"is bent or torn around the site; project it to the system of source.file in its folder{fix}"
 
 
@@ -315,8 +315,8 @@ def _keep(pixels: MapPixels, rows: range, columns: range) -> MapPixels:
 
 @dataclass(frozen=True)
 class _Places:
-    """The squares whose means are taken, and where the points of a level lie among them, in steps (column, row); None
-    where they are these points."""
+    """The squares of the means, and the position of the level's points among them, in steps (column, row); None where
+    both coincide."""
 
     squares: Squares
     at: tuple[Array, Array] | None

@@ -1,4 +1,5 @@
-"""An image of the ground that is placed by its own coordinate system: a GeoTIFF of one band, such as an ortho-albedo.
+"""An image of the ground that is georeferenced by its own coordinate system: a GeoTIFF of one band, such as an
+ortho-albedo.
 
 In the coordinate system of the ground its pixels stay as they are. From another projection of the same body they are
 interpolated, bilinearly, on cells as wide as they are.
@@ -31,7 +32,7 @@ _Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class MapImage:
-    """Values (rows, columns) float64 over the ground, row 0 northernmost; those that the image lacks are their mean.
+    """Values (rows, columns) float64 over the ground, row 0 northernmost; missing values are replaced by the mean.
 
     ``west_m`` and ``south_m`` are the outer edges in the frame of the site, ``pixel_m`` the size of a pixel (east,
     north). ``mean`` is over the square of the ground where the image has values, and ``covered`` the share of it.
@@ -47,8 +48,8 @@ class MapImage:
 
 
 def read_map_image(path: Path, frame: MapFrame, size_m: float, seen_m: float = 0.0) -> MapImage:
-    """The image of a file over the square of ``size_m`` around the origin of a site, and beyond it over one of
-    ``seen_m``, or as much of that as has ``_MOST_SEEN`` pixels a side; then its outermost pixels are the mean.
+    """The image of a file over the square of ``size_m`` around the origin of a site, and beyond it over a square of
+    ``seen_m``, limited to ``_MOST_SEEN`` pixels a side; then its outermost pixels are the mean.
 
     Raises IcyMoonError for a file without a place, of another body or in a projection that is not known here, and for
     one that does not reach the ground.
@@ -73,7 +74,7 @@ def _find_pixel(placed: PlacedImage, frame: MapFrame) -> tuple[float, float]:
 
 
 def _frame_by_mean(made: MapImage) -> MapImage:
-    """An image whose outermost pixels, which go on beyond it, are its mean."""
+    """An image whose outermost pixels, which are repeated beyond it, are its mean."""
     values = np.pad(made.values[1:-1, 1:-1], 1, constant_values=made.mean)
     return replace(made, values=values)
 
@@ -139,7 +140,7 @@ def _refuse_many(there: PlacedReader, columns: int, rows: int) -> None:
     if rows * columns > _MOST_PIXELS:
         raise UnreadError(
             f"has {columns} x {rows} pixels over the ground, and {_MOST_PIXELS} are read at most; make them wider, or "
-            f"terrain.size_m smaller; in its folder with: {gdal_lines.warp_command(there.name)}"
+            f"terrain.size_m smaller; in its folder with: {gdal_lines.make_warp_command(there.name)}"
         )
 
 
@@ -187,7 +188,7 @@ def _fill(found: _Cut, size_m: float, frame: MapFrame, placed: PlacedImage, name
     if not mean > 0:
         raise UnreadError(
             f"has a mean of {mean:.3g} over the ground, and an albedo is above 0; state its scale and offset in its "
-            f"folder with: {gdal_lines.translate_command(name, '-a_scale SCALE -a_offset OFFSET')}"
+            f"folder with: {gdal_lines.make_translate_command(name, '-a_scale SCALE -a_offset OFFSET')}"
         )
     covered = float((known & over).sum() / over.sum())
     warnings = []

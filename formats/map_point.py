@@ -10,7 +10,7 @@ from typing import Any
 from ..support.number_text import show_place
 from . import gdal_lines
 from .map_forward import project_point
-from .map_projection import MapSystem, ellipsoid_m, make_crs_text, states_degrees
+from .map_projection import MapSystem, make_crs_text, read_ellipsoid_m, states_degrees
 from .tiff import UnreadError
 
 _WEB_MERCATOR, _MODEL_KEY, _PROJECTED_KEY, _MERIDIAN_KEY = 3857, 1024, 3072, 2061
@@ -25,8 +25,8 @@ _ROUNDED = 1e-8
 
 @dataclass(frozen=True)
 class MapPoint:
-    """A place on a map: planetocentric longitude and latitude in degrees (``degrees``), or its easting and northing in
-    the unit of the file."""
+    """A place on a map: planetocentric longitude and latitude in degrees (``degrees``), or easting and northing in the
+    unit of the file."""
 
     x: float
     y: float
@@ -44,7 +44,7 @@ class MapExtent:
     unit_m: float
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether a place is on the map, but for rounding."""
+        """Whether a place is on the map, within rounding."""
         slack = _ROUNDED * (self.east - self.west + self.north - self.south)
         west, east, south, north = self.west - slack, self.east + slack, self.south - slack, self.north + slack
         return west <= x <= east and south <= y <= north
@@ -101,7 +101,8 @@ def _first_meridian_deg(keys: Mapping[int, Any]) -> float:
 
 
 def _list_places(system: MapSystem, longitude_deg: float, latitude_deg: float) -> list[tuple[float, float]]:
-    """The places of a longitude and latitude, first that nearest to the map's middle, then a turn to either side."""
+    """The places of a longitude and latitude: first the one nearest to the map's middle, then one turn to either
+    side."""
     found = []
     for turns in (0, -1, 1):
         try:
@@ -121,11 +122,11 @@ def _describe_middle(system: MapSystem, extent: MapExtent) -> str:
 
 
 def _find_map_latitude(point: MapPoint, keys: Mapping[int, Any], unit_m: float, name: str) -> float:
-    """The latitude of a point as its map counts it: planetographic on an ellipsoid.
+    """The latitude of a point in the map's convention: planetographic on an ellipsoid.
 
     Raises UnreadError for a projection of an ellipsoid, whose places are known here to its flattening only.
     """
-    major, minor = ellipsoid_m(keys)
+    major, minor = read_ellipsoid_m(keys)
     code = keys.get(_PROJECTED_KEY)
     if not major:
         major, minor = _WGS84_M
@@ -140,5 +141,5 @@ def _find_map_latitude(point: MapPoint, keys: Mapping[int, Any], unit_m: float, 
     raise UnreadError(
         "is in a projection of an ellipsoid, where Icy Moon has no exact place of a longitude and latitude; set "
         "source.site to MAP, with the easting and northing that this prints: "
-        + gdal_lines.transform_command(body, make_crs_text(keys, unit_m), (point.x, latitude))
+        + gdal_lines.make_transform_command(body, make_crs_text(keys, unit_m), (point.x, latitude))
     )

@@ -285,14 +285,14 @@ KNOWN_SYSTEMS = {
 
 
 def states_degrees(keys: Mapping[int, Any]) -> bool:
-    """Whether the coordinates that GeoKeys describe are longitudes and latitudes."""
+    """Whether the coordinates that GeoKeys describe are longitudes and latitudes, in degrees."""
     return bool(keys.get(_MODEL_KEY) == _GEOGRAPHIC)
 
 
 def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
-    """The projection that GeoKeys state; None for one that is not known here. ``unit_m`` is the unit of lengths."""
+    """The projection that GeoKeys state; None for an unsupported one. ``unit_m`` is the unit of lengths."""
     if states_degrees(keys):
-        radius = geographic_radius_m(keys)
+        radius = find_geographic_radius_m(keys)
         return None if radius is None else MapSystem("Equidistant cylindrical", "longitude and latitude", radius)
     code = keys.get(_PROJECTED_KEY)
     if code in KNOWN_SYSTEMS:
@@ -310,7 +310,7 @@ def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
 
 def _stated_system(kind: str, keys: Mapping[int, Any], unit_m: float) -> MapSystem:
     """The projection of a kind whose parameters GeoKeys state."""
-    angle = angle_unit(keys)
+    angle = read_angle_unit(keys)
 
     def stated(*numbers: int, otherwise: float = 0.0) -> float:
         return next((float(keys[number]) for number in numbers if isinstance(keys.get(number), float)), otherwise)
@@ -395,8 +395,8 @@ def _make_body_text(keys: Mapping[int, Any]) -> str:
     """PROJ's words for the body's ellipsoid and its prime meridian; empty if they are unsupported."""
     if keys.get(2051, _GREENWICH) not in (_GREENWICH, _USER_DEFINED):
         return ""
-    first = f" +pm={angle_unit(keys) * keys[2061]!r}" if keys.get(2061) else ""
-    major, minor = ellipsoid_m(keys)
+    first = f" +pm={read_angle_unit(keys) * keys[2061]!r}" if keys.get(2061) else ""
+    major, minor = read_ellipsoid_m(keys)
     if major:
         return f"+a={major!r} +b={minor!r}{first}"
     code = keys.get(_GEOGRAPHIC_KEY, _USER_DEFINED)
@@ -409,13 +409,13 @@ def make_datum_text(keys: Mapping[int, Any]) -> str:
     code, projected = (keys.get(key, 0) for key in (_GEOGRAPHIC_KEY, _PROJECTED_KEY))
     if code not in (0, _USER_DEFINED):
         return f"EPSG:{code}"
-    major, minor = ellipsoid_m(keys)
+    major, minor = read_ellipsoid_m(keys)
     if major:
         return f"ellipsoid with half axes of {major!r} and {minor!r} m"
     return f"that of EPSG:{projected}" if projected not in (0, _USER_DEFINED) else ""
 
 
-def geographic_radius_m(keys: Mapping[int, Any]) -> float | None:
+def find_geographic_radius_m(keys: Mapping[int, Any]) -> float | None:
     """Radius of the body to which a file's longitudes and latitudes belong; None if the file states neither a radius
     nor a system of Earth."""
     if _SEMI_MAJOR_KEY in keys:
@@ -425,11 +425,11 @@ def geographic_radius_m(keys: Mapping[int, Any]) -> float | None:
 
 def _sphere_m(keys: Mapping[int, Any]) -> float:
     """Radius of the sphere with the volume of the body's ellipsoid; Earth's if the file states none."""
-    major, minor = ellipsoid_m(keys)
+    major, minor = read_ellipsoid_m(keys)
     return float((major * major * minor) ** (1 / 3)) if major else _EARTH_RADIUS_M
 
 
-def ellipsoid_m(keys: Mapping[int, Any]) -> tuple[float, float]:
+def read_ellipsoid_m(keys: Mapping[int, Any]) -> tuple[float, float]:
     """Half axes of the body's ellipsoid, at the equator and at the poles; 0 if the file states none."""
     major = keys.get(_SEMI_MAJOR_KEY)
     if not (isinstance(major, float) and 0 < major < math.inf):
@@ -441,7 +441,7 @@ def ellipsoid_m(keys: Mapping[int, Any]) -> tuple[float, float]:
     return major, minor
 
 
-def angle_unit(keys: Mapping[int, Any]) -> float:
+def read_angle_unit(keys: Mapping[int, Any]) -> float:
     """Degrees per unit of the angles in the GeoKeys; 1 if these state no unit."""
     return {9101: math.degrees(1.0), 9105: 0.9, 9106: 0.9}.get(keys.get(2054, 9102), 1.0)
 

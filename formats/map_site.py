@@ -25,7 +25,7 @@ _MOST_LONGITUDE_DEG, _MOST_LATITUDE_DEG = 360.0, 90.0
 
 
 def read_site_place(path: Path, settings: Settings) -> MapPlace | None:
-    """Where the site of the settings is on the map of a GeoTIFF file, from its tags; None if it has no map.
+    """The position of the settings' site on the map of a GeoTIFF file, from its tags; None without a map.
 
     Raises IcyMoonError for a file that cannot be read, and for a site that is not on its map.
     """
@@ -33,8 +33,8 @@ def read_site_place(path: Path, settings: Settings) -> MapPlace | None:
 
 
 def check_map(path: Path, settings: Settings) -> None:
-    """Raise IcyMoonError for a height map of a format that is not read, and if it and the settings do not state the
-    size of its pixels. Only the head of the file is read.
+    """Raise IcyMoonError for a height map of an unsupported format, and if neither it nor the settings state the size
+    of its pixels. Only the head of the file is read.
     """
     source, radius_m = settings.source, float(settings.terrain.body_radius_m)
     refuse_size_by_hand(source)
@@ -48,7 +48,7 @@ def check_map(path: Path, settings: Settings) -> None:
 
 
 def read_start(path: Path, body_radius_m: float) -> bytes:
-    """The first bytes of a height map, which show its format. Raises IcyMoonError for a format that is not read.
+    """The first bytes of a height map, which show its format. Raises IcyMoonError for an unsupported format.
 
     ``body_radius_m`` is for commands that convert a file in degrees.
     """
@@ -68,7 +68,7 @@ def read_start(path: Path, body_radius_m: float) -> bytes:
 
 
 def refuse_size_by_hand(source: SourceSettings) -> None:
-    """Raise IcyMoonError where the settings replace the map that the site's coordinates are of."""
+    """Raise IcyMoonError if the settings replace the map that the site's coordinates refer to."""
     if source.site != "OFFSET" and source.metres_per_pixel > 0:
         raise IcyMoonError(
             f"source.metres_per_pixel = {source.metres_per_pixel:g} replaces the map of the file, in which source.site "
@@ -89,7 +89,7 @@ def refuse_unplaced(path: Path, unplaced: str, source: SourceSettings) -> NoRetu
 
 
 def make_map_site(settings: Settings) -> Site:
-    """The part of a map that the settings of a height map want. Raises IcyMoonError for half a place."""
+    """The part of a map that the settings of a height map request. Raises IcyMoonError for half a place."""
     source, terrain = settings.source, settings.terrain
     return Site(
         bool(source.centre),
@@ -101,8 +101,8 @@ def make_map_site(settings: Settings) -> Site:
 
 
 def _find_stated_point(source: SourceSettings) -> MapPoint | None:
-    """The place that the settings state by coordinates; None if they state none. Raises IcyMoonError for half a
-    place, and for a place that no globe has."""
+    """The place that the settings state by coordinates; None without coordinates. Raises IcyMoonError for half a place,
+    and for impossible coordinates."""
     if source.site == "OFFSET":
         return None
     degrees = source.site == "DEGREES"

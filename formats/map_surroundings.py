@@ -72,7 +72,7 @@ def find_body_radius_m(settings: Settings, frame: MapFrame | None) -> float:
 
 
 def check_reach(settings: Settings, frame: MapFrame | None, name: str) -> list[str]:
-    """Warnings of ground so far from the site that its map displaces it; ``name`` is the file's.
+    """Warnings about ground so far from the site that the map's projection displaces it; ``name`` is the file's.
 
     Raises IcyMoonError for ground beyond the visible side of the body, and for a map that ends before it.
     """
@@ -90,7 +90,7 @@ def check_reach(settings: Settings, frame: MapFrame | None, name: str) -> list[s
         return []
     longitude, latitude = frame.system.to_sphere(*frame.origin)
     target = f"+proj=ortho +lat_0={latitude:.9f} +lon_0={longitude:.9f} +R={radius_m:.1f} +units=m +no_defs"
-    fix = f"project it about the site in its folder with: {gdal_lines.warp_command(name, _state_target(target))}"
+    fix = f"project it about the site in its folder with: {gdal_lines.make_warp_command(name, _state_target(target))}"
     if not math.isfinite(share):
         raise IcyMoonError(
             f"{name}: has a map that ends before source.surroundings_m = {reach_m:g} m; lower it, or {fix}"
@@ -107,8 +107,8 @@ def _state_target(target: str) -> str:
 
 
 def measure_displacement(frame: MapFrame, system: MapSystem, distance_m: float) -> float:
-    """The largest distance of ground from its place on the tangent plane of the site, seen from above, over its
-    distance; infinite where the map does not reach."""
+    """The largest horizontal displacement of ground from its place on the tangent plane of the site, over its distance;
+    infinite outside the map."""
     longitude, latitude = system.to_sphere(*frame.origin)
     seen = replace(MapSystem("Orthographic", "", system.radius_m), longitude_deg=longitude, latitude_deg=latitude)
 

@@ -27,7 +27,7 @@ _ESCAPED_HTML = re.compile(r'&lt;(br|span id="[\w.]+"|/span)&gt;|&amp;(nbsp|lt);
 
 
 def find_formulas(text: str) -> list[tuple[str, bool]]:
-    """The formulas of a page in TeX, each with True if it is displayed on lines of its own."""
+    """The formulas of a page in TeX, each with True if it is displayed in its own block."""
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
     return [
         (_clean_tex(found), bool(found["block"])) for found in _CODE_OR_FORMULA.finditer(outside) if not found["code"]

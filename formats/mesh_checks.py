@@ -82,7 +82,7 @@ def _check_named(path: Path, file: Path) -> None:
     except (OSError, ValueError):
         return  # it can be no file
     if is_odd:
-        raise IcyMoonError(f"{path}: names {shorten(str(file))!r}, which is no regular file; {_FIX}.")
+        raise IcyMoonError(f"{path}: names {shorten(str(file))!r}, which is not a regular file; {_FIX}.")
 
 
 def _check_usd(path: Path, foreign: ForeignBytes) -> None:

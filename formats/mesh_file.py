@@ -54,7 +54,7 @@ class Cost:
 
     @property
     def is_high(self) -> bool:
-        """Whether the user should be warned first."""
+        """Whether the cost is high enough to warn the user."""
         return self.seconds > 15.0 or self.memory_mib > 2048.0
 
     def sentence(self, path: Path) -> str:

@@ -193,7 +193,7 @@ def _unsupported_use(stated: dict[str, Any], factor: float) -> str:
     """The unsupported request of a glTF material for its image, as a clause; empty if there is no such request."""
     transform = stated.get("extensions", {}).get("KHR_texture_transform", {})
     if stated.get("texCoord", 0) != 0 or transform.get("texCoord", 0) != 0:
-        return "has UV coordinates of its own"
+        return "has separate UV coordinates"
     if any(
         value != plain
         for key, plain in (("offset", [0, 0]), ("scale", [1, 1]), ("rotation", 0))

@@ -36,9 +36,9 @@ class Group:
     groups: list[Group] = field(default_factory=list)
     unclear: set[str] = field(default_factory=set)
 
-    def all_groups(self) -> list[Group]:
+    def list_all_groups(self) -> list[Group]:
         """This group and all within it, in the order of the label."""
-        return [self, *(inner for group in self.groups for inner in group.all_groups())]
+        return [self, *(inner for group in self.groups for inner in group.list_all_groups())]
 
 
 def parse_label(text: str) -> Group:

@@ -1,4 +1,4 @@
-"""Meshes with many places, and files written of them: PLY, OBJ, USD and glTF.
+"""Meshes with many instances, and their export: PLY, OBJ, USD and glTF.
 
 USD and glTF contain each mesh once, with a matrix for each place. PLY and OBJ have no instances, so each place gets its
 own triangles there; places are written one after another, so that memory holds one at a time. Numbers in text have nine
@@ -45,7 +45,7 @@ _GLTF_INDICES = 34963
 
 @dataclass(frozen=True)
 class PlacedMesh:
-    """A mesh of one ``kind``, such as rock, and its places.
+    """A mesh of one ``kind``, such as rock, and the matrices of its instances.
 
     ``vertices`` and ``normals`` (n, 3) and ``triangles`` (m, 3) are in the mesh's own coordinates, and ``places``
     (k, 4, 4) are the matrices from these to the site's frame, in metres.
@@ -57,8 +57,8 @@ class PlacedMesh:
     triangles: Array
     places: Array
 
-    def in_places(self) -> Iterator[tuple[Array, Array, Array]]:
-        """Vertices, normals and triangles in the site's frame, for each of the places."""
+    def transform_to_instances(self) -> Iterator[tuple[Array, Array, Array]]:
+        """Vertices, normals and triangles in the site's frame, for each of the instances."""
         for matrix in self.places:
             turned = self.normals @ np.linalg.inv(matrix[:3, :3])  # rows times the inverse: normals by its transpose
             turned = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
@@ -79,7 +79,7 @@ def group_by_kind(meshes: Iterable[PlacedMesh]) -> dict[str, list[PlacedMesh]]:
 
 
 def write_ply(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
-    """Write all places of meshes as one mesh, a binary PLY file in single precision with normals."""
+    """Write all instances of meshes as one mesh, a binary PLY file in single precision with normals."""
     vertices, triangles = (
         sum(len(mesh.places) * count for mesh, count in zip(meshes, counts, strict=True))
         for counts in ([len(mesh.vertices) for mesh in meshes], [len(mesh.triangles) for mesh in meshes])
@@ -89,11 +89,11 @@ def write_ply(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
         with part.open("wb") as stream:
             stream.write(make_header(("x", "y", "z", "nx", "ny", "nz"), vertices, triangles, (comment,)))
             for mesh in meshes:
-                for positions, normals, _ in mesh.in_places():
+                for positions, normals, _ in mesh.transform_to_instances():
                     stream.write(np.hstack([positions, normals]).astype("<f4").tobytes())
             first = 0
             for mesh in meshes:
-                for positions, _, corners in mesh.in_places():
+                for positions, _, corners in mesh.transform_to_instances():
                     faces = np.empty(len(corners), FACE_TYPE)
                     faces["count"], faces["corners"] = 3, corners + first
                     stream.write(faces.tobytes())
@@ -103,7 +103,7 @@ def write_ply(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 
 
 def write_obj(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
-    """Write all places of meshes as an OBJ file with normals and an object for each kind."""
+    """Write all instances of meshes as an OBJ file with normals and an object for each kind."""
 
     def write(part: Path) -> None:
         with part.open("w", encoding="utf-8", newline="\n") as stream:
@@ -111,7 +111,9 @@ def write_obj(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
             first = 1
             for kind, own in group_by_kind(meshes).items():
                 stream.write(f"o {kind}\n")
-                for positions, normals, corners in itertools.chain.from_iterable(mesh.in_places() for mesh in own):
+                for positions, normals, corners in itertools.chain.from_iterable(
+                    mesh.transform_to_instances() for mesh in own
+                ):
                     _write_rows(stream, "v %.9g %.9g %.9g\n", positions.astype(np.float32))
                     _write_rows(stream, "vn %.9g %.9g %.9g\n", normals.astype(np.float32))
                     _write_rows(stream, "f %d//%d %d//%d %d//%d\n", np.repeat(corners + first, 2, axis=1))
@@ -128,7 +130,7 @@ def _write_rows(stream: IO[str], row: str, values: Array) -> None:
 
 
 def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
-    """Write meshes as a USD file in text, z up, in metres, with an instance for each place of a mesh that has many."""
+    """Write meshes as a USD file in text, z up, in metres, with an instance for each place of a repeated mesh."""
 
     def write(part: Path) -> None:
         with part.open("w", encoding="utf-8", newline="\n") as stream:
@@ -165,7 +167,7 @@ def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 
 
 def _make_names(meshes: Sequence[PlacedMesh]) -> list[str]:
-    """Names of meshes, which differ."""
+    """Unique names of meshes."""
     return [f"{_make_identifier(mesh.kind)}_{number}" for number, mesh in enumerate(meshes)]
 
 
@@ -207,7 +209,7 @@ def _write_usd_mesh(stream: IO[str], name: str, mesh: PlacedMesh, matrix: Array 
 
 
 def write_gltf(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
-    """Write meshes as a binary glTF file, in metres, with a node for each place.
+    """Write meshes as a binary glTF file, in metres, with a node for each instance.
 
     Raises IcyMoonError for more than 4 GB, which the format does not allow.
     """
@@ -270,7 +272,7 @@ def _make_gltf_json(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comme
 
 
 def _accessor(number: int, array: Array) -> dict[str, Any]:
-    """The glTF accessor of an array by its number; vertices, normals and triangles of each mesh take turns."""
+    """The glTF accessor of an array by its index; vertices, normals and triangles of each mesh take turns."""
     if array.dtype.kind == "u":
         return {"bufferView": number, "componentType": _GLTF_UNSIGNED, "count": array.size, "type": "SCALAR"}
     # The format asks for the ends of positions.
@@ -279,8 +281,8 @@ def _accessor(number: int, array: Array) -> dict[str, Any]:
 
 
 def _nodes(meshes: Sequence[PlacedMesh], names: Sequence[str]) -> list[dict[str, Any]]:
-    """The tree of a scene: the ground, below it a node for each kind, and below that a node for
-    each place of a mesh."""
+    """The tree of a scene: the ground, below it a node for each kind, and below that a node for each instance of a
+    mesh."""
     nodes: list[dict[str, Any]] = [{"name": "ground", "matrix": _Z_UP_TO_Y_UP, "children": []}]
     numbers = {id(mesh): k for k, mesh in enumerate(meshes)}
     for kind, own in group_by_kind(meshes).items():

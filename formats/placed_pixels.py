@@ -1,5 +1,5 @@
-"""A GeoTIFF of one band as pixels that lie on a map: windows of it from the south-west, and the way to its map from the
-map of the ground."""
+"""A GeoTIFF of one band as georeferenced pixels: windows of it from the south-west, and the conversion from the map of
+the ground to its own map."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .geotiff import (
 )
 from .map_forward import project_point
 from .map_frame import MapFrame
-from .map_projection import MapSystem, ellipsoid_m, make_crs_text, read_system
+from .map_projection import MapSystem, make_crs_text, read_ellipsoid_m, read_system
 from .tiff import Directory, UnreadError, read_directories, read_pixels
 
 #: Relative difference of the radii of one body, as files state them, and of the half axes of a sphere.
@@ -69,7 +69,7 @@ def reverse_range(wanted: range, count: int) -> range:
 
 
 def interpolate_pixels(values: Array, column: Array, row: Array) -> Array:
-    """Values between pixels, bilinear; NaN where one of the four around has none that counts."""
+    """Values between pixels, bilinear; NaN where one of the four neighbours is invalid."""
     left = np.clip(np.floor(column).astype(np.intp), 0, values.shape[1] - 2)
     low = np.clip(np.floor(row).astype(np.intp), 0, values.shape[0] - 2)
     u, v = column - left, row - low
@@ -84,7 +84,7 @@ def interpolate_pixels(values: Array, column: Array, row: Array) -> Array:
 @dataclass(frozen=True)
 class PlacedImage:
     """The first image of a file, with its GeoKeys, its pixels on its map in metres, metres per unit of the file, and
-    the way to its map from that of the ground; None where the two are one."""
+    the conversion from the map of the ground to its map; None if both maps are the same."""
 
     images: list[Directory]
     keys: Mapping[int, Any]
@@ -102,7 +102,7 @@ class PlacedImage:
 
 
 def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
-    """The image of a file on its map, beside the ground of ``frame``.
+    """The image of a file on its map, for the ground of ``frame``.
 
     Raises UnreadError for a file without a place, of another body, and in a projection that is not known here.
     """
@@ -113,8 +113,8 @@ def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
     unit, _ = find_coordinate_unit(keys, foreign.name, 0.0)
     if placed is None or unit is None:
         raise UnreadError(
-            "does not state where it lies on a map; state it in its folder with: "
-            + gdal_lines.translate_command(foreign.name, "-a_srs SYSTEM -a_ullr WEST NORTH EAST SOUTH")
+            "does not state its place on a map; state it in its folder with: "
+            + gdal_lines.make_translate_command(foreign.name, "-a_srs SYSTEM -a_ullr WEST NORTH EAST SOUTH")
         )
     (east, north), corner = placed
     size = abs(east) * unit, abs(north) * unit
@@ -128,7 +128,8 @@ def open_placed(foreign: ForeignBytes, frame: MapFrame) -> PlacedImage:
 
 
 def _turn_to_site(grid: Grid, system: MapSystem, frame: MapFrame) -> Grid:
-    """A map around the body, whose longitudes may be counted to 180 or to 360, by whole turns about the site."""
+    """The map of an image around the body, whose longitudes may count to 180 or to 360, shifted by whole turns to the
+    site."""
     once = project_point(system, system.longitude_deg, 0.0, 1)[0] - project_point(system, system.longitude_deg, 0.0)[0]
     middle = grid.west + grid.shape[1] * grid.size[0] / 2
     return replace(grid, west=grid.west + once * round((frame.origin[0] - middle) / once))
@@ -166,9 +167,9 @@ class PlacedReader:
 def _is_same_system(
     keys: Mapping[int, Any], system: MapSystem | None, geokeys: GeoKeys | None, frame: MapFrame
 ) -> bool:
-    """Whether map coordinates of an image, in metres, are map coordinates of the ground."""
+    """Whether the map coordinates of an image, in metres, equal the map coordinates of the ground."""
     if system is not None and frame.system is not None:
-        same_body = ellipsoid_m(keys) == ellipsoid_m(frame.geokeys.numbers())
+        same_body = read_ellipsoid_m(keys) == read_ellipsoid_m(frame.geokeys.numbers())
         return same_body and replace(system, name="") == replace(frame.system, name="")
     if system is not None or frame.system is not None:
         return False
@@ -177,16 +178,16 @@ def _is_same_system(
 
 
 def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame, grid: Grid, name: str) -> Way:
-    """From a place on the map of the ground to one on that of the image, in metres. Raises UnreadError, with the
-    command that projects the image, where it is not known."""
+    """The conversion from a place on the map of the ground to a place on the map of the image, in metres. Raises
+    UnreadError, with the command that projects the image, if it is unknown."""
     target = make_crs_text(frame.geokeys.numbers(), frame.unit_m)
-    fix = gdal_lines.warp_command(name, f'-t_srs "{target}"') if target else ""
+    fix = gdal_lines.make_warp_command(name, f'-t_srs "{target}"') if target else ""
     with_fix = f"; project it in its folder with: {fix}" if fix else "; project it to the system of the ground."
     ground = frame.system
     if not keys.get(_MODEL_KEY):
         raise UnreadError(
             "states no coordinate system; state it in its folder, if it is that of the ground, with: "
-            + gdal_lines.edit_command(name, f'-a_srs "{target}"')
+            + gdal_lines.make_edit_command(name, f'-a_srs "{target}"')
         )
     if system is None or ground is None:
         raise UnreadError(f"has another map than the ground, and a projection that is not known here{with_fix}")
@@ -196,7 +197,7 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
             f"{ground.radius_m / 1000:.6g} km; give a map of the same body."
         )
     for stated in (keys, frame.geokeys.numbers()):
-        major, minor = ellipsoid_m(stated)
+        major, minor = read_ellipsoid_m(stated)
         if not major or abs(major - minor) > _SPHERE * major:
             raise UnreadError(
                 f"has another coordinate system than the ground, and one of both is of an ellipsoid{with_fix}"
@@ -206,8 +207,8 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
 
 
 def _make_way(ground: MapSystem, system: MapSystem, frame: MapFrame, grid: Grid) -> Way:
-    """``_find_way`` of two projections of a sphere: longitudes go on beyond the edge of the image's map at 180 degrees,
-    and are those among which the image lies."""
+    """``_find_way`` for two projections of a sphere: longitudes go on beyond the edge of the image's map at 180
+    degrees, and are in the range of the image."""
 
     def apart_deg(longitude_deg: float) -> float:
         return (longitude_deg - system.longitude_deg + 180.0) % 360.0 - 180.0

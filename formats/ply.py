@@ -1,4 +1,4 @@
-"""PLY files: numbers of vertices and faces as they stand in a file, and triangles written to one.
+"""PLY files: counts of vertices and faces in a file, and triangles written to one.
 
 Blender's PLY importer reads malformed numbers as zeros (measured in 4.2, 5.0 and 5.2), doubles in single precision, and
 texture coordinates only if they are called s and t; reconstructions have all of these.
@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..physics.mesh.line_patterns import LinePatterns, LineRows, UnusualTextError, reduce_digits
 from ..physics.mesh.mesh_faults import find_equal_rows
-from ..physics.mesh.number_line_forms import LineForms, LineRows, UnusualTextError, reduce_digits
 from ..support.arrays import Array
 from ..support.files import shorten, write_atomically
 from ..support.foreign_bytes import ForeignBytes, parse_whole_numbers, read
@@ -113,7 +113,7 @@ class _Header:
 
 
 def _parse_header(foreign: ForeignBytes) -> _Header:
-    """The header. Raises ValueError, with the line, for one that states what cannot be."""
+    """The header. Raises ValueError, with the line, for an impossible header."""
     head = foreign.part(0, min(foreign.size, _MOST_HEADER_BYTES))
     elements: list[tuple[str, int, list[_Property]]] = []
     comments: list[bytes] = []
@@ -131,7 +131,7 @@ def _parse_header(foreign: ForeignBytes) -> _Header:
             comments.append(raw.strip().removeprefix(b"comment").strip())
         elif words[0] == "element":
             if len(words) < 3 or not _is_count(words[2]):
-                raise ValueError(f"line {number} of the header is no element with the number of its rows")
+                raise ValueError(f"line {number} of the header is not an element with the number of its rows")
             elements.append((words[1], int(words[2]), []))
         elif words[0] == "property" and elements:
             elements[-1][2].append(_parse_property(words, number))
@@ -159,12 +159,12 @@ def _parse_property(words: list[str], number: int) -> _Property:
     is_list = words[1:2] == ["list"]
     kinds = [_NUMPY_TYPES.get(word, "") for word in (words[2:-1] if is_list else words[1:-1])]
     if len(kinds) != 1 + is_list or not all(kinds) or (is_list and kinds[0][0] == "f"):
-        raise ValueError(f"line {number} of the header is no property with its type")
+        raise ValueError(f"line {number} of the header is not a property with its type")
     return _Property(words[-1], kinds[-1], kinds[0] if is_list else None)
 
 
 def count_triangles(path: Path) -> int | None:
-    """The number of faces that the header of a file states, None if it states none. Raises IcyMoonError."""
+    """The number of faces in the header of a file, None without one. Raises IcyMoonError."""
     header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH_BYTES)
     return next((element.count for element in header.elements if element.name == "face"), None)
 
@@ -213,7 +213,7 @@ def _check_range(name: str, values: Array, lowest: int, vertices: int, row: int)
 
 
 def _find_lowest(element: _Element, name: str) -> int | None:
-    """The lowest vertex number that a property may have; None for a property of other numbers."""
+    """The smallest vertex index that a property may have; None for a property with other numbers."""
     if (element.name, name) in _VERTEX_INDEX_PROPERTIES:
         return 0
     return -1 if element.name == "tristrips" and name in _FACE_LIST_NAMES else None  # -1 begins another strip
@@ -249,7 +249,7 @@ def _check_lists(foreign: ForeignBytes, at: int, element: _Element, order: str, 
 
 
 def _type_of_first_row(foreign: ForeignBytes, at: int, element: _Element, order: str) -> np.dtype[np.void]:
-    """The type of an element's rows if all lists are as long as in the row at byte ``at``."""
+    """The type of an element's rows if all lists have the lengths of the row at byte ``at``."""
     fields: list[tuple[str, str, tuple[int, ...]]] = []
     for each in element.properties:
         length = 1
@@ -327,11 +327,14 @@ def _check_usual_text(foreign: ForeignBytes, header: _Header, vertices: int) -> 
         if len(list(map(float, line.split()))) < width or b"_" in line:
             raise UnusualTextError
 
-    forms_of_vertices, forms_of_faces = LineForms(check_vertex), LineForms(lambda line: lengths.add(len(line.split())))
+    patterns_of_vertices, patterns_of_faces = (
+        LinePatterns(check_vertex),
+        LinePatterns(lambda line: lengths.add(len(line.split()))),
+    )
     for text in rows.take(elements[0].count):
-        forms_of_vertices.check_lines(reduce_digits(text))
+        patterns_of_vertices.check_lines(reduce_digits(text))
     for text in rows.take(elements[1].count if len(elements) > 1 else 0):
-        forms_of_faces.check_lines(reduce_digits(text))
+        patterns_of_faces.check_lines(reduce_digits(text))
         (length,) = lengths
         table = parse_whole_numbers(text).reshape(-1, length)
         if (table[:, 0] != length - 1).any() or table[:, 1:].max(initial=0) >= vertices:
@@ -354,7 +357,7 @@ def _number_rows(lines: Iterator[tuple[int, bytes]], header: _Header, element: _
 
 def _make_row_error(header: _Header, element: _Element, number: int, line: bytes, why: str = "") -> ValueError:
     return ValueError(
-        f"line {header.lines + number} is no row of the element {shorten(element.name)!r}{why}: "
+        f"line {header.lines + number} is not a row of the element {shorten(element.name)!r}{why}: "
         f"{shorten(line[:200].decode('utf-8', 'replace'))!r}"
         if number
         else "it ends early"
@@ -385,7 +388,7 @@ def _check_words(lines: Iterator[tuple[int, bytes]], header: _Header, element: _
 
 
 def _split_lists(element: _Element, lowest: list[int | None], words: list[bytes]) -> list[tuple[int, list[int]]]:
-    """The vertex numbers in the words of a row, each list with the lowest allowed number."""
+    """The vertex indices in the words of a row, each list with the smallest allowed index."""
     found, at = [], 0
     for each, least in zip(element.properties, lowest, strict=True):
         length = 1
@@ -544,7 +547,8 @@ def write_triangles(
 
 
 def read_triangles(path: Path) -> tuple[Array, Array]:
-    """Positions (n, 3) and triangles (m, 3) of a file of ``write_triangles``. Raises IcyMoonError for another."""
+    """Positions (n, 3) and triangles (m, 3) of a file of ``write_triangles``. Raises IcyMoonError for any other
+    file."""
     return read(path, _parse_triangles, "a PLY file of ours", "make it again")
 
 
@@ -557,7 +561,7 @@ def _parse_triangles(foreign: ForeignBytes) -> tuple[Array, Array]:
     vertices = cursor.numbers("<f4", width * header.elements[0].count).reshape(-1, width)
     faces = cursor.numbers(FACE_TYPE, header.elements[1].count)
     if cursor.left or (faces["count"] != 3).any():
-        raise ValueError("its faces are no triangles")
+        raise ValueError("its faces are not triangles")
     return vertices[:, :3], faces["corners"].copy()
 
 

@@ -88,7 +88,7 @@ def _parse_camera(foreign: ForeignBytes) -> RosCamera:
     k = _read_numbers(stated, "distortion_coefficients", *_COEFFICIENT_COUNTS[model])
     rotation = _read_numbers(stated, "rectification_matrix", 9).reshape(3, 3)
     if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _MOST_ROTATION_ERROR or np.linalg.det(rotation) < 0:
-        raise ValueError("rectification_matrix is no rotation")
+        raise ValueError("rectification_matrix is not a rotation")
     matrix = _read_numbers(stated, "camera_matrix", 9).reshape(3, 3)
     projection = _read_numbers(stated, "projection_matrix", 12).reshape(3, 4)
     whole = 0, 0, _read_whole(stated, "image_width"), _read_whole(stated, "image_height")
@@ -114,7 +114,7 @@ def _parse_camera(foreign: ForeignBytes) -> RosCamera:
 def _read_window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
     """The part of the calibrated images that is read out: its corner, its width and its height."""
     if not isinstance(roi, dict):
-        raise ValueError("roi is no mapping")
+        raise ValueError("roi is not a mapping")
     x, y, wide, high = (
         _read_whole(roi, key, least=0) if key in roi else 0 for key in ("x_offset", "y_offset", "width", "height")
     )
@@ -123,7 +123,7 @@ def _read_window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, 
     width, height = whole[2:]
     if not (0 < wide <= width - x and 0 < high <= height - y):
         raise RefusedError(
-            f"has a roi of {wide} x {high} px at ({x}, {y}), which is no part of images of {width} x "
+            f"has a roi of {wide} x {high} px at ({x}, {y}), which is not part of images of {width} x "
             f"{height} px; correct it, or remove roi for whole images."
         )
     return x, y, wide, high

@@ -34,7 +34,7 @@ _MOST_BYTES = 2**24
 
 
 def why_unplaced(path: Path) -> str:
-    """The end of a sentence on why a map has no place: it states none, and its world file is not read."""
+    """The reason why a map has no place, as the end of a sentence: it states none, and its world file is not read."""
     world = _find_world_file(path)
     return NO_PIXEL_SIZE + (f", and {world.name} beside it {_not_read_text(path)}" if world else "")
 
@@ -68,5 +68,6 @@ def _find_world_file(path: Path) -> Path | None:
 
 def _not_read_text(path: Path) -> str:
     return (
-        f"is not read; write its numbers into a GeoTIFF, in its folder with: {gdal_lines.translate_command(path.name)}"
+        "is not read; write its numbers into a GeoTIFF, in its folder with: "
+        f"{gdal_lines.make_translate_command(path.name)}"
     )

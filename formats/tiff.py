@@ -110,7 +110,7 @@ Tags = dict[int, tuple[Any, ...]]
 
 
 class UnreadError(RefusedError):
-    """A feature of a TIFF file that is not read, as the end of a sentence about the file."""
+    """An unsupported feature of a TIFF file, as the end of a sentence about the file."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def grant_memory(foreign: ForeignBytes) -> None:
 
 
 def read_directories(foreign: ForeignBytes) -> list[Directory]:
-    """The images of a TIFF file in their order. Raises KeyError, ValueError or OverBudgetError if it is torn."""
+    """The images of a TIFF file in their order. Raises KeyError, ValueError or OverBudgetError if it is truncated."""
     start = foreign.cursor(0, min(foreign.size, 16))
     order = {b"II": "<", b"MM": ">"}[start.take(2)]
     magic = start.number(f"{order}H")
@@ -179,7 +179,7 @@ def stores_floats(path: Path) -> bool:
 
 
 def _read_tags(foreign: ForeignBytes, at: int, order: str, place: str) -> tuple[Tags, int]:
-    """Values of a directory's tags by number, and the place of the next directory, 0 after the last."""
+    """Values of a directory's tags by number, and the offset of the next directory, 0 after the last."""
     big = place.endswith("Q")
     head, inline = (f"{order}HHQ", 8) if big else (f"{order}HHI", 4)
     length = 8 if big else 2
@@ -197,7 +197,7 @@ def _read_tags(foreign: ForeignBytes, at: int, order: str, place: str) -> tuple[
 
 
 def _read_values(foreign: ForeignBytes, kind: int, n: int, order: str, place: str, value: bytes) -> tuple[Any, ...]:
-    """``n`` values of a tag, from its entry or from the place that the entry points to."""
+    """``n`` values of a tag, from its entry or from the offset in the entry."""
     unit = order + _VALUE_TYPES[kind]
     size = n * struct.calcsize(unit)
     foreign.budget.charge(size + _VALUE_MEMORY * (1 if kind == 2 else n), "tags")
@@ -212,7 +212,7 @@ def read_pixels(
     """The one band of an image as float64 (rows, columns), NaN for an absent tile, and its own number type. With a
     ``window`` (rows, columns), only its tiles or strips are read. Raises UnreadError for an unsupported kind of image,
     or one that needs more memory than a file of its size may use. Raises ValueError, or an error of the decompressor,
-    for a torn file or an impossible window."""
+    for a truncated file or an impossible window."""
     number, unpack = _find_number_type(image), _choose_unpacker(image)
     rows, columns = image.shape
     tiled = 322 in image.tags
@@ -258,10 +258,10 @@ def read_pixels(
 def _make_smaller(image: Directory, wanted: int) -> str:
     """The fix for a file whose ``wanted`` pixels take too much memory: tiles, or coarser pixels."""
     if _PIXEL_MEMORY * wanted <= _BASE_MEMORY // 2:
-        return f"store it in tiles, in its folder with: {gdal_lines.tile_command(image.name)}"
+        return f"store it in tiles, in its folder with: {gdal_lines.make_tile_command(image.name)}"
     rows, columns = image.shape
     width = max(2, int(math.sqrt(_BASE_MEMORY / 2 / _PIXEL_MEMORY * columns / rows)))
-    return "make it coarser in its folder with: " + gdal_lines.tile_command(
+    return "make it coarser in its folder with: " + gdal_lines.make_tile_command(
         image.name, f"-r average -outsize {min(width, columns)} 0"
     )
 
@@ -325,8 +325,8 @@ def _find_number_type(image: Directory) -> np.dtype[Any]:
 
 
 def _convert_fix(image: Directory, *options: str) -> str:
-    """The fix for a kind of file that only GDAL reads."""
-    return f"convert it in its folder with: {gdal_lines.translate_command(image.name, *options)}"
+    """The fix for a kind of file that only GDAL can read."""
+    return f"convert it in its folder with: {gdal_lines.make_translate_command(image.name, *options)}"
 
 
 def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:

@@ -45,8 +45,8 @@ class Place:
 
 @dataclass(frozen=True)
 class MapPlace:
-    """Where a north-up image lies on a map: the size of a pixel and the outer corner of the north-west one, in the unit
-    of the coordinate system that the GeoKeys state.
+    """The position of a north-up image on a map: the size of a pixel and the outer corner of the north-west one, in the
+    unit of the coordinate system that the GeoKeys state.
 
     ``unit`` names the unit of the values for GDAL, ``missing`` is the value of pixels without one, and ``notes`` are
     texts by name that GDAL shows as metadata.
@@ -82,7 +82,7 @@ def encode_tiff(pixels: Array, place: Place | MapPlace | None = None, descriptio
     image = pixels[..., None] if pixels.ndim == 2 else pixels
     kinds = {np.dtype(np.uint8): 1, np.dtype(np.uint16): 1, np.dtype(np.float32): 3}
     if image.ndim != 3 or image.dtype not in kinds or not image.size:
-        raise ValueError(f"pixels of {pixels.dtype} and shape {pixels.shape} are no image that is written here")
+        raise ValueError(f"pixels of {pixels.dtype} and shape {pixels.shape} are not a supported image")
     rows, columns, bands = image.shape
     bits = 8 * image.dtype.itemsize
     rows_each = max(1, _STRIP_BYTES // (columns * bands * image.dtype.itemsize))

@@ -27,7 +27,7 @@ _MOST_PARSED_CHARACTERS = 2**21
 
 
 def _parse_beginning(beginning: str, budget: Budget) -> dict[str, Any] | None:
-    """Parse the first lines of a TOML file; a list that is still open there is closed. None if they are no TOML."""
+    """Parse the first lines of a TOML file, with open lists closed. None if they are not TOML."""
     for end in ("", "\n]"):
         budget.charge(len(beginning) + 100)
         try:

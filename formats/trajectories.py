@@ -60,7 +60,7 @@ class Trajectory:
 
 
 def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camera: Array | None = None) -> Trajectory:
-    """Read the poses of a file.
+    """The text ``x y z qx qy qz qw`` of a pose (4, 4), with all digits.
 
     ``kind`` is one of ``TRAJECTORY_KINDS``; without it the suffix .csv and the count of numbers in the first line
     decide. ``times`` is a file of stamps, one a line, in place of the file's own. ``camera`` (3, 3) has the camera's
@@ -88,7 +88,7 @@ def read_trajectory(path: Path, kind: str = "", times: Path | None = None, camer
     return replace(found, poses=replace(found.poses, stamp=stamps), stamped=True)
 
 
-def pose_text(pose: Array) -> str:
+def format_pose(pose: Array) -> str:
     """x y z qx qy qz qw of a pose (4, 4), with all digits."""
     w, x, y, z = quaternion(pose[:3, :3])
     return " ".join(repr(float(value)) for value in (*pose[:3, 3], x, y, z, w))
@@ -96,7 +96,7 @@ def pose_text(pose: Array) -> str:
 
 def tum_text(stamps: Sequence[Decimal], poses: Sequence[Array], about: str) -> str:
     """A file in TUM's format: poses (4, 4) by stamps in seconds. Its first line is the comment ``about``."""
-    lines = [f"{stamp:.9f} {pose_text(pose)}\n" for stamp, pose in zip(stamps, poses, strict=True)]
+    lines = [f"{stamp:.9f} {format_pose(pose)}\n" for stamp, pose in zip(stamps, poses, strict=True)]
     return "".join([f"# {about}\n# timestamp tx ty tz qx qy qz qw\n", *lines])
 
 
@@ -133,7 +133,7 @@ def _parse_stamp_s(text: str, unit_s: Decimal, line: int) -> Decimal:
             return seconds.quantize(_NANOSECOND)
     except InvalidOperation:
         pass
-    raise ValueError(f"line {line} has the stamp {quote(shorten(text))}, which is no number of seconds")
+    raise ValueError(f"line {line} has the stamp {quote(shorten(text))}, which is not a number of seconds")
 
 
 class _Poses:
@@ -212,7 +212,7 @@ class _Poses:
     def _rotation(self, matrix: Array, line: int) -> Array:
         off = rotation_error(matrix)
         why = f"off by {off:.3g}" if math.isfinite(off) else "mirrored or flat"
-        self._note(off, line, f"a matrix that is no rotation, {why}")
+        self._note(off, line, f"a matrix that is not a rotation, {why}")
         return from_quaternion(quaternion(nearest_rotation(matrix)))
 
     def _note(self, off: float, line: int, what: str) -> None:
@@ -231,7 +231,7 @@ def _numbers(words: list[str], count: int, line: int) -> list[float]:
     try:
         found = [float(word) for word in words]
     except ValueError:
-        raise ValueError(f"line {line} has a word that is no number") from None
+        raise ValueError(f"line {line} has a word that is not a number") from None
     if not all(map(math.isfinite, found)):
         raise ValueError(f"line {line} has a number that is not finite")
     return found

@@ -42,7 +42,7 @@ def parse_yaml(text: str) -> dict[str, Any]:
     """
     found = _Block(text).parse()
     if not isinstance(found, dict):
-        raise ValueError("it is no mapping of keys to values")
+        raise ValueError("it is not a mapping of keys to values")
     return found
 
 
@@ -56,8 +56,7 @@ def parse_flow(text: str) -> Any:
 
 
 def write_number(value: float) -> str:
-    """A number with all of its digits. YAML 1.1, which PyYAML reads, takes 2e-05 for a text and 2.0e-05 for a
-    number."""
+    """A number with all of its digits. YAML 1.1, which PyYAML reads, parses 2e-05 as a text and 2.0e-05 as a number."""
     mantissa, exponent_sign, exponent = repr(float(value)).partition("e")
     return mantissa + (".0" if exponent_sign and "." not in mantissa else "") + exponent_sign + exponent
 
@@ -84,7 +83,7 @@ class _Flow:
         self.text, self.at = text, 0
 
     def skip(self) -> int:
-        """Go to the next character that is no blank, and return its place."""
+        """Go to the next character that is not a blank, and return its index."""
         self.at = _BLANKS.match(self.text, self.at).end()  # type: ignore[union-attr]
         return self.at
 
@@ -191,7 +190,7 @@ class _Block:
             number, _, content = self.lines[self.at]
             match = _KEY_PATTERN.match(content)
             if match is None:
-                raise ValueError(f"line {number}: {quote(content)} is no key with a value")
+                raise ValueError(f"line {number}: {quote(content)} is not a key with a value")
             key = match[1].strip().strip("\"'")
             if key in found:
                 raise ValueError(f"line {number} states {quote(key)} again")

@@ -132,7 +132,7 @@ def _sort_matchers(
         )
     for name, count in Counter(name for name, _ in named).items():
         if count > 1 and name.replace("<lambda>", "lambda") in functions:
-            raise IcyMoonError(f"{count} matchers are called {name}; give them names of their own in a dictionary.")
+            raise IcyMoonError(f"{count} matchers have the name {name}; give them unique names in a dictionary.")
     texts = {name: each for name, each in named if isinstance(each, str)}
     if isinstance(matchers, Mapping):
         return (

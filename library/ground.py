@@ -25,7 +25,7 @@ def export_ground(
     cell_m: float | None = None,
     blender: str | Path | None = None,
 ) -> list[Path]:
-    """Write the ground of a scene, a pair, pairs or a data set, and return the folders that were written in ``out``.
+    """Write the ground of a scene, a pair, pairs or a data set, and return the written folders in ``out``.
 
     ``kind`` is ``dem`` (GeoTIFF in cells of ``cell_m``: height of the ground, height of ground and rocks, both in
     metres, and albedo), ``ply``, ``obj``, ``usd`` or ``gltf`` (meshes). All are in metres in the site's frame: x east,

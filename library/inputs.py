@@ -82,7 +82,7 @@ def sample_field(field: Field, x_m: Array, y_m: Array, what: str) -> Array:
             values = np.asarray(field, np.float64)
         except (TypeError, ValueError):
             raise IcyMoonError(
-                f"What is given as {what} is no array of numbers; give one, or a function f(x_m, y_m)."
+                f"What is given as {what} is not an array of numbers; give one, or a function f(x_m, y_m)."
             ) from None
     if values.ndim < 2 or min(values.shape[:2]) < 2:
         raise IcyMoonError(
@@ -136,7 +136,7 @@ def make_rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, 
     try:
         table = np.asarray(rocks, np.float64)
     except (TypeError, ValueError):
-        raise IcyMoonError("The rocks are no array of numbers; give (n, 3): x_m, y_m, diameter_m.") from None
+        raise IcyMoonError("The rocks are not an array of numbers; give (n, 3): x_m, y_m, diameter_m.") from None
     if table.ndim != 2 or table.shape[1] != len(ROCK_COLUMNS) or not len(table):
         raise IcyMoonError(f"The rocks have the shape {table.shape}; give (n, 3): x_m, y_m, diameter_m.")
     if not np.isfinite(table).all() or (table[:, 2] <= 0).any():

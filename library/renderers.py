@@ -52,7 +52,7 @@ def issue_warnings(hear: MessageReceiver) -> MessageReceiver:
 
 
 class Worker:
-    """A process of Blender that is started at the first render and stays for the next ones.
+    """A process of Blender that is started at the first render and reused for the next ones.
 
     If Blender crashes, that render raises an error, and the next one starts another process. Use it in a ``with``
     statement, or ``close`` it; it ends with this process at the latest. ``blender`` is a Blender or a Python with

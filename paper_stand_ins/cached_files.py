@@ -33,12 +33,12 @@ _LEFTOVER_AGE_S = 3600.0  # after which a part is a leftover of a process that w
 
 
 def find_folder(item: TextureItem | MeshItem) -> Path:
-    """Where the files of a stand-in are, or will be."""
+    """The folder of the files of a stand-in, which may be missing."""
     return own_cache_folder() / "stand_ins" / str(RECIPE_NUMBER) / item.stem
 
 
 def find_texture_files(key: str) -> dict[str, Path]:
-    """The images of a stand-in texture that the paper's has, by kind; made if they are not there.
+    """The images of a stand-in texture that the paper's texture has, by kind; made if missing.
 
     Raises IcyMoonError if the cache folder cannot be written to.
     """
@@ -48,7 +48,7 @@ def find_texture_files(key: str) -> dict[str, Path]:
 
 
 def find_mesh_file(key: str) -> Path:
-    """The mesh of a stand-in, a PLY file with its image beside it; made if it is not there.
+    """The mesh of a stand-in, a PLY file with its image beside it; made if missing.
 
     Raises IcyMoonError if the cache folder cannot be written to.
     """
@@ -57,7 +57,7 @@ def find_mesh_file(key: str) -> Path:
 
 
 def make_files(item: TextureItem | MeshItem, folder: Path | None = None) -> Path:
-    """Make the files of a stand-in, unless they are whole, and return their folder: that in the cache, or ``folder``.
+    """Make the files of a stand-in, unless they are complete, and return their folder: the cache, or ``folder``.
 
     Raises IcyMoonError if the folder cannot be written to.
     """

@@ -22,7 +22,7 @@ def list_wave_numbers(n: int) -> tuple[Array, Array]:
 
 
 def normalise(field: Array) -> Array:
-    """The field with mean 0 and standard deviation 1."""
+    """The field scaled to mean 0 and standard deviation 1."""
     return np.asarray((field - field.mean()) / field.std())
 
 
@@ -41,7 +41,7 @@ def blur(field: Array, sigma_px: float) -> Array:
 
 
 def sample_wrapped(field: Array, rows: Array, columns: Array) -> Array:
-    """The field, interpolated linearly at places in pixels, which wrap around."""
+    """The field, interpolated linearly at positions in pixels, which wrap around."""
     n = len(field)
     row, column = np.floor(rows).astype(np.int64), np.floor(columns).astype(np.int64)
     b, a = rows - row, columns - column
@@ -83,7 +83,7 @@ class FieldGenerator:
         return np.full((self.n, self.n), value)
 
     def draw_per_cell(self, cells: Cells) -> Array:
-        """A random number for each cell, evenly from 0 to 1."""
+        """A random number for each cell, uniform from 0 to 1."""
         return self.random.random(cells.count)[cells.number]
 
     def draw_normal_per_cell(self, cells: Cells) -> Array:
@@ -139,7 +139,7 @@ class FieldGenerator:
         return top
 
     def lines(self, count: int, length: float, width_px: float, bend: float, branches: int = 0) -> Array:
-        """How much of each pixel random lines cover, 0 to 1: ``count`` of about ``length`` widths.
+        """The share of each pixel that random lines cover, 0 to 1: ``count`` lines of about ``length`` widths.
 
         A line turns by about ``bend`` radians over its length. Each has ``branches`` shorter and thinner ones.
         """

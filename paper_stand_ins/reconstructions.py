@@ -1,4 +1,4 @@
-"""The stand-in meshes: ground as a reconstruction from photographs gives it, made by code.
+"""The stand-in meshes: ground like a reconstruction from photographs, made by code.
 
 First there is a true ground, relief and colour. It is "photographed" (light and shadow, exposures that differ from
 photograph to photograph) into one image, and "reconstructed": few irregular triangles; fine relief lost; a doming of
@@ -42,7 +42,7 @@ _HOLE_DISTANCE = 3.0
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Vertices (k, 3) in metres, faces (m, 3), image coordinates (k, 2) of the vertices, and the image (n, n, 3).
+    """Vertices (k, 3) in metres, faces (m, 3), texture coordinates (k, 2) of the vertices, and the image (n, n, 3).
 
     The image is linear, 0 to 1, row 0 at the bottom.
     """
@@ -95,7 +95,7 @@ def reconstruct(key: str, seed: int = STAND_IN_SEED) -> Reconstruction:
 
 
 def _make_drift(random: np.random.Generator, xy: Array, size_m: float) -> Array:
-    """The doming and the slow warps (k, 3) at places (k, 2), in metres."""
+    """The doming and the slow distortion (k, 3) at positions (k, 2), in metres."""
     at = xy / size_m
     moved = np.zeros((len(xy), 3))
     moved[:, 2] = _DOMING_SHARE * size_m * (1.0 - 8.0 * (at**2).sum(axis=1))
@@ -108,7 +108,7 @@ def _make_drift(random: np.random.Generator, xy: Array, size_m: float) -> Array:
 
 
 def _find_within_rim(random: np.random.Generator, xy: Array, item: MeshItem) -> Array:
-    """Which places are within the ragged rim of the photographed ground."""
+    """The positions within the ragged rim of the photographed ground."""
     turn = np.arctan2(xy[:, 1], xy[:, 0])
     radius = np.full(len(xy), 0.46)
     for k in range(2, 24):
@@ -122,7 +122,7 @@ def _find_within_rim(random: np.random.Generator, xy: Array, item: MeshItem) -> 
 
 
 def _find_rim_edges(faces: Array) -> tuple[Array, Array]:
-    """Vertices at the beginning and the end of the edges that only one face has."""
+    """Start and end vertices of the boundary edges, which belong to only one face."""
     begin, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     key = np.minimum(begin, end).astype(np.int64) * (int(faces.max()) + 1) + np.maximum(begin, end)
     _, first, count = np.unique(key, return_index=True, return_counts=True)
@@ -159,7 +159,7 @@ def _cut_holes(
     openness: Array,
     item: MeshItem,
 ) -> Array:
-    """The faces to keep with ``item.holes`` holes, where the least of the sky is seen, apart from sites and rim."""
+    """The faces to keep with ``item.holes`` holes, where the openness to the sky is least, apart from sites and rim."""
     middle = xy[faces].mean(axis=1)
     rim = xy[_find_rim_edges(faces[keep])[0]]
     order = np.argsort(openness[faces].mean(axis=1) + 0.05 * random.random(len(faces)))

@@ -82,7 +82,7 @@ def make_maps(key: str, seed: int = STAND_IN_SEED, size: int = TEXTURE_SIDE_PX) 
 
 
 def _scale_to_mean(picture: Array, mean: float) -> Array:
-    """The picture with this mean in green, and nothing below 0 or above 1."""
+    """The picture scaled to this mean in green, and clipped to 0 to 1."""
     for _ in range(6):  # clipping at 1 darkens it again
         picture = np.clip(picture * (mean / picture[..., 1].mean()), 0.0, 1.0)
     return picture

@@ -1,4 +1,4 @@
-"""Irregular triangles over a height map, few where it is flat, as decimated reconstructions have them.
+"""Irregular triangles over a height map, few on flat ground, as in decimated reconstructions.
 
 First the square is halved into right triangles wherever they miss the heights (Evans, Kirkpatrick and Townsend 2001,
 "Right-triangulated irregular networks", Algorithmica 30, 264). Then the vertices are moved at random and edges are
@@ -15,7 +15,8 @@ _MOST_FLIP_ROUNDS = 80  # of flips; the triangles that could still be better are
 
 
 def triangulate(random: np.random.Generator, heights: Array, triangles: int, flat: float) -> tuple[Array, Array]:
-    """Places (k, 2) of vertices in pixels (column, row) and faces (m, 3), counter-clockwise, of about ``triangles``.
+    """Positions (k, 2) of vertices in pixels (column, row) and faces (m, 3), counter-clockwise, about ``triangles`` in
+    number.
 
     ``heights`` is (2^j + 1, 2^j + 1) in pixels. ``flat`` is the error that a flat triangle counts at least, as a share
     of its edge, so that flat ground has triangles too.
@@ -42,7 +43,8 @@ def _list_levels(size: int) -> list[Array]:
 
 
 def _measure_errors(heights: Array, flat: float) -> Array:
-    """For each vertex, by how much the triangles that it halves, and all within them, miss the heights."""
+    """For each vertex, the largest deviation from the heights of the triangles that it halves and of all triangles
+    within them."""
     error = np.zeros_like(heights)
     for level in reversed(_list_levels(heights.shape[0] - 1)):
         a, b, c = level[:, 0], level[:, 1], level[:, 2]
@@ -62,7 +64,7 @@ def _measure_errors(heights: Array, flat: float) -> Array:
 
 
 def _halve_triangles(error: Array, most: float) -> list[tuple[Array, Array]]:
-    """For each level the triangles that are there and which of them are halved."""
+    """For each level the existing triangles, and which of them are halved."""
     size = error.shape[0] - 1
     level = np.array([[(0, 0), (size, size), (size, 0)], [(size, size), (0, 0), (0, size)]])
     found = []
@@ -96,7 +98,7 @@ def _twice_area(places: Array, faces: Array) -> Array:
 
 
 def _move_vertices(random: np.random.Generator, places: Array, faces: Array, size: int) -> Array:
-    """The vertices, each moved by too little to turn over a triangle; vertices on the border stay."""
+    """The vertices, each moved by a distance too small to turn over a triangle; vertices on the border stay."""
     height = np.full(len(places), np.inf)  # least height of a triangle at each vertex
     for k in range(3):
         a, b = places[faces[:, k]], places[faces[:, (k + 1) % 3]]
@@ -110,7 +112,7 @@ def _move_vertices(random: np.random.Generator, places: Array, faces: Array, siz
 
 
 def _flip_edges(random: np.random.Generator, places: Array, faces: Array) -> Array:
-    """The faces after flips of edges whose two triangles are better the other way (Delaunay)."""
+    """The faces after flips of the edges that violate the Delaunay condition."""
     faces = faces.copy()
     for _ in range(_MOST_FLIP_ROUNDS):
         begin, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()

@@ -23,7 +23,7 @@ from .arm.kinematics import Joint, find_joints_beyond_limits
 from .arm.lander_arm import is_users_arm, joint_values, make_arm
 from .arm.parametric_arm import JOINTS
 from .camera.depth_accuracy import advise_on_coarse_triangles, advise_on_principal_point, measure_ground_row
-from .camera.eyes import calibrated_advice, reasons_of_calibrated_eyes
+from .camera.eyes import advise_on_calibrated_eyes, find_calibrated_reasons
 from .excavation import arm_reach
 from .excavation import dig_site as excavation
 from .light.directions import camera_axes
@@ -87,9 +87,9 @@ def find_reasons_in_settings(settings: Settings) -> list[Reason]:
         *_find_rock_reasons(settings),
         *_find_sky_reasons(settings),
         *_find_lamp_reasons(settings),
-        *_veil_reasons(settings),
+        *_find_veil_reasons(settings),
         *find_lander_reasons(settings),
-        *(Reason(text, name) for text, name in reasons_of_calibrated_eyes(settings)),
+        *(Reason(text, name) for text, name in find_calibrated_reasons(settings)),
         *(Reason(text, "excavation.path") for text in excavation.find_refusals(settings)),
     ]
 
@@ -106,7 +106,7 @@ def advise_on_scene(settings: Settings) -> list[str]:
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRID":
         said += advise_on_coarse_triangles(rig, patch.size_m / (patch.resolution - 1))
     said += advise_on_bake(settings)
-    said += calibrated_advice(settings)
+    said += advise_on_calibrated_eyes(settings)
     dug = excavation.advise_on_excavation(settings)
     return said + dug + (arm_reach.advise_on_reach(settings) if not excavation.find_refusals(settings) else [])
 
@@ -222,7 +222,7 @@ def _has_law_in_osl(settings: Settings) -> bool:
     return ("HAPKE" in models and backend != "NODES") or ("SNOW" in models and backend == "OSL")
 
 
-def _veil_reasons(settings: Settings) -> Iterator[Reason]:
+def _find_veil_reasons(settings: Settings) -> Iterator[Reason]:
     """Reasons against a veil, which needs light and truth traced separately by Cycles."""
     depth, key = settings.veil.optical_depth, "veil.optical_depth"
     if depth <= 0:
@@ -295,15 +295,15 @@ def find_eye_reasons(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[R
     return [
         Reason(buried_sentence(rig, "left", -float(left)), "rig.z_m", *_POSE_SETTINGS)
         if left < LEAST_EYE_HEIGHT_M
-        else _eye_reason(rig, float(above), bool(inside))
+        else _find_eye_reason(rig, float(above), bool(inside))
         for rig, left, above, inside in zip(rigs, height, eyes.above_m, eyes.in_rock, strict=True)
     ]
 
 
-def _eye_reason(rig: RigSettings, above_m: float, in_rock: bool) -> Reason | None:
+def _find_eye_reason(rig: RigSettings, above_m: float, in_rock: bool) -> Reason | None:
     if not math.isfinite(above_m):
         return Reason(
-            f"{_camera_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.",
+            f"{_find_camera_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.",
             *OUTSIDE_SETTINGS,
         )
     if above_m < LEAST_EYE_HEIGHT_M:
@@ -311,7 +311,7 @@ def _eye_reason(rig: RigSettings, above_m: float, in_rock: bool) -> Reason | Non
     return Reason(in_rock_sentence(rig, "right"), *_POSE_SETTINGS) if in_rock else None
 
 
-def _camera_place(rig: RigSettings) -> str:
+def _find_camera_place(rig: RigSettings) -> str:
     return f"The camera at east {rig.x_m:g} m, north {rig.y_m:g} m, heading {rig.heading_deg:g}°"
 
 
@@ -320,8 +320,8 @@ def buried_sentence(rig: RigSettings, eye: str, depth_m: float) -> str:
     ``LEAST_EYE_HEIGHT_M`` above it."""
     height = "rig.z_m" if rig.height_from == "ZERO" else "rig.height_m"
     return (
-        f"{_camera_place(rig)}, has its {eye} eye {describe_depth(depth_m)}; raise {height} ({rig[height[4:]]:g} m), "
-        "or change the site, rig.heading_deg or rig.baseline_m."
+        f"{_find_camera_place(rig)}, has its {eye} eye {describe_depth(depth_m)}; raise {height} "
+        f"({rig[height[4:]]:g} m), or change the site, rig.heading_deg or rig.baseline_m."
     )
 
 
@@ -334,4 +334,4 @@ def describe_depth(depth_m: float) -> str:
 
 def in_rock_sentence(rig: RigSettings, eye: str) -> str:
     """The sentence about an eye in a rock."""
-    return f"{_camera_place(rig)}, has its {eye} eye in a rock; change the site or raise rocks.clear_radius_m."
+    return f"{_find_camera_place(rig)}, has its {eye} eye in a rock; change the site or raise rocks.clear_radius_m."

@@ -56,9 +56,9 @@ def simplify_surface(settings: Settings, topic: str) -> SurfaceSettings:
 
 
 def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings) -> bool:
-    """Whether a surface reflects light onto other ground as if it were smooth, see ``quality.fine_relief``. ``surface``
-    is from ``simplify_surface``. A surface with subsurface scattering always keeps its relief, because camera rays also
-    see light that leaves it after a random walk."""
+    """Whether indirect light sees a surface as smooth, see ``quality.fine_relief``. ``surface`` is from
+    ``simplify_surface``. A surface with subsurface scattering always keeps its relief, because camera rays also see
+    light that leaves it after a random walk."""
     law = surface.model
     return quality.fine_relief == "CAMERA" and (
         law == "LAMBERT" or (law == "PRINCIPLED" and surface.subsurface_weight == 0)
@@ -77,7 +77,7 @@ def emits(surface: SurfaceSettings) -> bool:
     return surface.model in ("PRINCIPLED", "LAMBERT") and surface.emitted_w_m2_sr > 0.0
 
 
-def why_not_baked(settings: Settings) -> str:
+def find_why_not_baked(settings: Settings) -> str:
     """A clause on why indirect light cannot be baked to the ground; empty if it can. Baked light assumes a diffuse
     surface, which looks the same from all directions. Only the planet's lamp gives light; the visible planet, rings and
     stars give none."""
@@ -91,23 +91,24 @@ def why_not_baked(settings: Settings) -> str:
     if settings.veil.optical_depth > 0:
         return "light that a veil scatters or absorbs is not baked (veil.optical_depth)"
     if settings.lander.kind != "NONE":
-        return "there is a lander, which is no part of the ground (lander.kind)"
+        return "there is a lander, which is not part of the ground (lander.kind)"
     return ""
 
 
-def traced_sentence(why: str) -> str:
-    """The sentence for the user that light is traced although the settings ask for baked light; ``why`` is a clause."""
+def explain_traced_light(why: str) -> str:
+    """The sentence for the user that light is ray traced although the settings ask for baked light; ``why`` is a
+    clause."""
     return f"light: indirect light is traced although quality.indirect is BAKED, because {why}."
 
 
 def can_be_baked(settings: Settings) -> bool:
     """Whether indirect light may be baked: the settings ask for it and the scene allows it."""
-    return settings.quality.indirect != "TRACED" and not why_not_baked(settings)
+    return settings.quality.indirect != "TRACED" and not find_why_not_baked(settings)
 
 
 def is_baked(settings: Settings) -> bool:
     """Whether the images of a pair have baked light. For a planned pair ``quality.indirect`` is never AUTO."""
-    return settings.quality.indirect == "BAKED" and not why_not_baked(settings)
+    return settings.quality.indirect == "BAKED" and not find_why_not_baked(settings)
 
 
 def advise_on_bake(settings: Settings) -> list[str]:
@@ -148,7 +149,7 @@ def planet_gives_light(settings: Settings, sky: Sky) -> bool:
     return sky.planet_over_sun > 0 and sky.planet_over_sun >= settings.light.planet_least
 
 
-def _left_out_of(topic: str, settings: Settings) -> Iterator[str]:
+def _find_omissions_of(topic: str, settings: Settings) -> Iterator[str]:
     """The sentences of ``find_left_out`` on the surface of ground or rocks."""
     length = random_walk_px(settings, topic)
     if length > 0 and not traces_random_walk(settings, topic):
@@ -170,16 +171,16 @@ def _left_out_of(topic: str, settings: Settings) -> Iterator[str]:
         yield f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA."
 
 
-def _left_out_of_veil(settings: Settings) -> Iterator[str]:
+def _find_omissions_of_veil(settings: Settings) -> Iterator[str]:
     depth, followed = settings.veil.optical_depth, 1 + settings.quality.diffuse_bounces
     if depth > 0:
         yield (
-            "truth: no veil in depth, normals and hidden pixels, because they are those of the ground behind it "
+            "truth: no veil in depth, normals and hidden pixels, because they belong to the ground behind it "
             "(veil.optical_depth)."
         )
     if depth > followed:
         yield (
-            f"light: what the veil scatters more than {followed} times is lost, and one of this optical depth scatters "
+            f"light: light that the veil scatters more than {followed} times is lost, and this optical depth scatters "
             "most light more often; raise quality.diffuse_bounces or lower veil.optical_depth."
         )
 
@@ -189,7 +190,7 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
 
     ``lights`` are the ``sky.describe_sky`` of the built scene.
     """
-    sentences = [each for topic in surface_topics(settings) for each in _left_out_of(topic, settings)]
+    sentences = [each for topic in surface_topics(settings) for each in _find_omissions_of(topic, settings)]
     if lets_light_through(settings.surface):
         sentences.append(
             "surface: light that enters the ground is lost, although surface.transmitted is THROUGH, "
@@ -205,14 +206,14 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
                 else "the planet is below the horizon or unlit."
             )
         )
-    if settings.quality.indirect == "BAKED" and (why := why_not_baked(settings)):
-        sentences.append(traced_sentence(why))
+    if settings.quality.indirect == "BAKED" and (why := find_why_not_baked(settings)):
+        sentences.append(explain_traced_light(why))
     if settings.quality.half_floats != "NONE":
         what = "radiance" if settings.quality.half_floats == "RADIANCE" else "radiance and normals"
         sentences.append(
             f"files: {what} rounded to 11 bits, because quality.half_floats is {settings.quality.half_floats}."
         )
-    sentences += _left_out_of_veil(settings)
+    sentences += _find_omissions_of_veil(settings)
     if settings.quality.truth != "FULL":
         what = "labels" if settings.quality.truth == "DEPTH" else "labels of single rocks and objects"
         sentences.append(f"truth: no normals and no {what}, because quality.truth is {settings.quality.truth}.")

@@ -1,4 +1,4 @@
-"""The checks that every plug-in must pass, whatever it adds, with the fix of each fault."""
+"""The checks that every kind of plug-in must pass, with the fix of each fault."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def check_making(what: str, make: Callable[[], Made]) -> tuple[Check, Made | Non
 
 
 def check_call(what: str, act: Callable[..., Any], /, *arguments: object, **changes: object) -> Check:
-    """A check that a call succeeds, whatever it returns."""
+    """A check that a call succeeds, with any result."""
     return check_making(what, partial(act, *arguments, **changes))[0]
 
 
 def check_fault(what: str, act: Callable[[], str | None]) -> Check:
-    """A check whose fault is what ``act`` returns, or the sentence that it raises."""
+    """A check whose fault is the text that ``act`` returns, or the sentence that it raises."""
     check, fault = check_making(what, act)
     return Check(what, check.fault or fault or "")
 
@@ -55,7 +55,7 @@ def check_package(plugin: Plugin) -> Iterator[Check]:
         else "",
     )
     yield Check(
-        "its first line states what it is",
+        "its first line states its purpose",
         ""
         if read_summary(loaded)
         else f"{plugin.title} has no docstring; begin it with a line that lists and reports show.",

@@ -39,7 +39,7 @@ except OSError:  # the folder was removed
 
 @dataclass(frozen=True)
 class Plugin:
-    """One plug-in: ``kind`` is a key of GROUPS, ``package`` and ``version`` are those that pip knows.
+    """One plug-in: ``kind`` is a key of GROUPS, ``package`` and ``version`` are pip's.
 
     A ``built_in`` one is part of Icy Moon.
     """
@@ -54,18 +54,18 @@ class Plugin:
 
     @property
     def title(self) -> str:
-        """What sentences call it."""
+        """The name of the plug-in in sentences."""
         return f"The {self.kind} {self.name} of the package {self.package} {self.version}"
 
     @property
     def release(self) -> str:
-        """Package and version, as results state them."""
+        """Package and version, in the form of results."""
         return f"{self.package} {self.version}"
 
 
 @dataclass(frozen=True)
 class Found:
-    """The usable plug-ins of a kind by name, Icy Moon's first, and a sentence on each that is refused, by name."""
+    """The usable plug-ins of a kind by name, Icy Moon's first, and by name a sentence on each refused one."""
 
     usable: Mapping[str, Plugin]
     refused: Mapping[str, str]
@@ -77,8 +77,8 @@ class Found:
 
 
 def find_installed(kind: str, taken: Collection[str] = ()) -> Found:
-    """The plug-ins of a kind. Of the installed ones, two of one name are refused, and one that is named as one of Icy
-    Moon's, or as one of ``taken``."""
+    """The plug-ins of a kind. Refused are two installed ones of one name, and one with the name of one of Icy Moon's or
+    of ``taken``."""
     ours = {plugin.name: plugin for plugin in _list_built_in() if plugin.kind == kind}
     by_name: dict[str, list[Plugin]] = {}
     plugins, damaged = _scan_packages(tuple(sys.path))
@@ -125,8 +125,8 @@ def _list_built_in() -> tuple[Plugin, ...]:
 
 @lru_cache(maxsize=8)
 def _scan_packages(path: tuple[str, ...]) -> tuple[list[Plugin], dict[str, tuple[str, str]]]:
-    """All plug-ins of the packages that are installed on a search path, each package once; and by name, what packages
-    that cannot be read state as their entry points, with a sentence."""
+    """All plug-ins of the packages on a search path, each package once; and by name, a sentence on each entry point of
+    an unreadable package."""
     kinds = {group: kind for kind, group in GROUPS.items()}
     folders = [folder for folder in path if folder and os.path.realpath(folder) != _STARTED_IN]
     seen: set[str] = set()
@@ -221,7 +221,7 @@ def read_summary(loaded: object) -> str:
 
 @contextmanager
 def explain_failures(plugin: Plugin, what: str = "failed", fix: str = "correct it, or leave it out") -> Iterator[None]:
-    """Turn whatever a plug-in raises into one sentence that names it, and the line of its source."""
+    """Turn any exception of a plug-in into one sentence that names the plug-in and the line of its source."""
     try:
         yield
     except (IcyMoonError, DiskError, KeyboardInterrupt, GeneratorExit):
@@ -244,7 +244,7 @@ def _error_text(error: BaseException) -> str:
 
 
 def _find_failing_line(plugin: Plugin, error: BaseException) -> str:
-    """The last file and line of the plug-in's own that an error went through."""
+    """The last file and line of the plug-in that an error passed through."""
     top = plugin.entry.module.partition(".")[0]
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         path = Path(frame.filename)
@@ -268,7 +268,7 @@ def _import_without_current_folder() -> Iterator[None]:
 
 
 def find_source_files(loaded: object) -> list[str]:
-    """The Python files of a plug-in: results depend on them, also where its version stays the same."""
+    """The Python files of a plug-in: results depend on them, even with an unchanged version."""
     module = sys.modules.get(getattr(loaded, "__name__", ""), None) or sys.modules.get(
         getattr(loaded, "__module__", ""), None
     )

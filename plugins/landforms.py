@@ -62,8 +62,8 @@ class PluginLandform:
         return f"{PREFIX}{self.plugin.name}"
 
     def heights(self, x_m: Array, y_m: Array, settings: Mapping[str, Any]) -> Array:
-        """Heights in metres, float64, of points in metres that broadcast. Raises IcyMoonError where the plug-in fails,
-        or gives something else."""
+        """Heights in metres, float64, of points in metres that broadcast. Raises IcyMoonError if the plug-in fails or
+        returns something else."""
         x, y = (np.array(values, np.float64) for values in np.broadcast_arrays(x_m, y_m))
         with explain_failures(self.plugin, fix="correct it, or set its first setting to 0"):
             found = self.height(x, y, settings)
@@ -91,12 +91,12 @@ class PluginLandform:
         return length
 
     def told(self, settings: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
-        """The settings that the plug-in gets, with the ``seed`` for its random numbers."""
+        """The settings that the plug-in receives, with the ``seed`` for its random numbers."""
         return MappingProxyType({**{number.key: settings[number.key] for number in self.settings}, "seed": seed})
 
 
 def describe_missing_landform(topic: str, release: str) -> str:
-    """Why a landform cannot be made here, without the place where it is named, and how to fix it."""
+    """The reason why a landform cannot be made here, and the fix, without naming where it was stated."""
     _, faults = load_landform_plugins()
     if topic in faults:
         return f"{topic} cannot be used: {faults[topic]}"
@@ -127,7 +127,7 @@ def load_landform_plugins() -> tuple[dict[str, PluginLandform], dict[str, str]]:
 
 
 def read_landform(plugin: Plugin) -> PluginLandform:
-    """What a plug-in declares. Raises IcyMoonError if it cannot be loaded or is not complete."""
+    """The declaration of a plug-in. Raises IcyMoonError if it cannot be loaded or is incomplete."""
     loaded = load_plugin(plugin)
     height = find_function(plugin, loaded, "height", "x, y, settings")
     stated = getattr(loaded, "SETTINGS", None)
@@ -155,7 +155,7 @@ def _read_number(plugin: Plugin, key: object, facts: object) -> Number:
     if not (isinstance(key, str) and key.isidentifier() and key.islower()) or key in (RELEASE, "seed"):
         raise IcyMoonError(f"{where} has a name that cannot be used; choose small letters, digits and _.")
     if not isinstance(facts, Mapping) or (unknown := [name for name in facts if name not in _STATED]):
-        said = f"has {unknown[0]!r}" if isinstance(facts, Mapping) else "is no dictionary"
+        said = f"has {unknown[0]!r}" if isinstance(facts, Mapping) else "is not a dictionary"
         raise IcyMoonError(f"{where} {said}; a setting has {', '.join(_STATED)}.")
     if missing := [name for name in _STATED if name not in facts]:
         raise IcyMoonError(f"{where} has no {missing[0]}; a setting has {', '.join(_STATED)}.")
@@ -171,5 +171,5 @@ def _read_number(plugin: Plugin, key: object, facts: object) -> Number:
             "default between the others."
         )
     if not all(isinstance(facts[name], str) and facts[name].strip() for name in ("label", "doc")):
-        raise IcyMoonError(f"{where} has an empty label or doc; write what the window shows.")
+        raise IcyMoonError(f"{where} has an empty label or doc; write the texts for the window.")
     return Number(key, default, low, high, facts["label"], facts["doc"].rstrip("."))

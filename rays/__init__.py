@@ -1,1 +1,1 @@
-"""Rays against triangles: the first triangle that a ray meets, and whether a ray is blocked. Imports no Blender."""
+"""Intersects rays with triangles: the first triangle on a ray, and whether a ray is blocked. Imports no Blender."""

@@ -1,4 +1,4 @@
-"""Embree, driven without a wrapper: the library that Blender has for Cycles, or the one in the package embreex.
+"""Embree without a wrapper: the library that Blender has for Cycles, or the one in the package embreex.
 
 Embree 4 API, https://www.embree.org/api.html. Vertices stay where they are; Embree keeps a pointer to them.
 """
@@ -81,7 +81,7 @@ _CALLS = {
 
 
 def _find_files(folders: Sequence[Path]) -> Iterator[str]:
-    """Where the library may be: in ``folders``, in embreex, and wherever the system finds it."""
+    """The candidate files of the library: in ``folders``, in embreex, and in the system's search path."""
     spec = importlib.util.find_spec("embreex")
     if spec is not None and spec.origin is not None:
         package = Path(spec.origin).parent
@@ -93,7 +93,7 @@ def _find_files(folders: Sequence[Path]) -> Iterator[str]:
 
 
 def load_library(folders: Sequence[Path] = ()) -> ctypes.CDLL | None:
-    """Embree, from one of ``folders``, else from the package embreex or the system; None if it is nowhere."""
+    """Embree, from one of ``folders``, else from the package embreex or the system; None if it is missing."""
     for file in _find_files(folders):
         try:
             library = ctypes.CDLL(file)
@@ -107,7 +107,7 @@ def load_library(folders: Sequence[Path] = ()) -> ctypes.CDLL | None:
 
 
 class EmbreeTracer:
-    """Traces rays through a world. Trees of shapes are built once; call ``place`` if only places have changed."""
+    """Traces rays through a world. Trees of shapes are built once; call ``place`` if only the matrices have changed."""
 
     name = "Embree"
 
@@ -218,7 +218,7 @@ class EmbreeTracer:
             yield part, packets
 
     def _trace(self, call: ctypes._NamedFuncPointer, packets: Array) -> None:
-        """Let Embree fill in the records."""
+        """Let Embree trace the records in place."""
         arguments = ctypes.byref(_Arguments(_COHERENT, _ALL_FEATURES))
         valid = _make_packets(1)
         valid.view(np.int32)[:] = -1

@@ -1,4 +1,4 @@
-"""The world that rays are traced against: shapes of triangles, and the places where they stand."""
+"""The world that rays are traced against: shapes of triangles, and their instances."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Placed:
-    """A shape and its places: matrices (k, 4, 4), float64, from its coordinates to the world's, and the number (k,),
-    int64, that labels it at each place."""
+    """A shape and its instances: matrices (k, 4, 4), float64, from its coordinates to the world's, and the number (k,),
+    int64, that labels each instance."""
 
     shape: Shape
     places: Array
@@ -78,8 +78,8 @@ class World:
         )
 
     def move_planes(self, number: int, place: Array, triangle: Array) -> tuple[Array, Array]:
-        """The planes of triangles (n,) of the shape ``number`` in the world, each at its ``place`` (n,): normals (n, 3)
-        of any length, and their dot products (n,) with points of the planes."""
+        """The planes of triangles (n,) of the shape ``number`` in the world, each in its instance ``place`` (n,):
+        normals (n, 3) of any length, and their dot products (n,) with points of the planes."""
         planes = self.placed[number].shape.planes(triangle)
         normal = self.turn_normals(number, place, planes[:, :3])
         if len(self.placed[number].places) == 1:
@@ -96,7 +96,7 @@ class World:
         return np.asarray(np.einsum("nij,nj->ni", self._cofactors[place], normals))
 
     def _first_place(self, number: int) -> int:
-        """The first place of a shape."""
+        """The index of the first instance of a shape."""
         return int(np.searchsorted(self.of, number))
 
     @cached_property
@@ -135,7 +135,7 @@ class Hits:
 
     @property
     def met(self) -> Array:
-        """Whether (n,) a ray meets anything."""
+        """Whether each ray (n,) hits anything."""
         return np.asarray(self.place >= 0)
 
 

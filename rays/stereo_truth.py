@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..physics.camera.calibrated_camera import CalibratedCamera
-from ..physics.camera.eyes import rays_in_rig
+from ..physics.camera.eyes import find_rays_in_rig
 from ..support.arrays import Array
 from .shapes import World
 from .surface import Surface, Tracer, find_surface, intersect_opaque
@@ -38,7 +38,8 @@ class Eye:
     position: Array
 
     def directions(self, pixels: Array) -> Array:
-        """Rays (n, 3) in the world through the centres of pixels (n,), counted along rows; one unit long ahead."""
+        """Rays (n, 3) in the world through the centres of pixels (n,), counted along rows, scaled to a planar depth of
+        1."""
         row, column = np.divmod(pixels, self.columns)
         own = np.stack(
             [
@@ -70,7 +71,7 @@ class Eye:
             )
 
     def measure(self, away: Array) -> Array:
-        """How far (n,) points are that are ``away`` (n, 3) from the eye in its axes, as along rays: ahead."""
+        """Planar depths (n,) of points ``away`` (n, 3) from the eye, in its axes."""
         return np.asarray(away[:, 2])
 
     def own_depth(self, direction: Array, depth_m: Array) -> Array:
@@ -102,7 +103,7 @@ class CalibratedEye:
         """Rays (n, 3) of length 1 in the world, by pixels as ``Eye.directions`` has them; NaN for pixels that see
         nothing."""
         row, column = np.divmod(pixels, self.columns)
-        return np.asarray(rays_in_rig(self.own, np.stack([column, row], axis=1).astype(np.float64)) @ self.axes.T)
+        return np.asarray(find_rays_in_rig(self.own, np.stack([column, row], axis=1).astype(np.float64)) @ self.axes.T)
 
     def place(self, pixels: Array) -> tuple[Array, Array]:
         """Axes (3, 3) of the rig and position (3,) of the eye, which are the same for all pixels."""
@@ -116,7 +117,7 @@ class CalibratedEye:
             return np.asarray(((where >= -0.5) & (where <= beyond)).all(axis=-1))
 
     def measure(self, away: Array) -> Array:
-        """How far (n,) points are that are ``away`` (n, 3) from the eye, as along rays: their distances."""
+        """Distances (n,) of points ``away`` (n, 3) from the eye."""
         return np.asarray(np.linalg.norm(away, axis=-1))
 
     def own_depth(self, direction: Array, distance_m: Array) -> Array:
@@ -211,8 +212,8 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
 
 
 def list_squares(rows: int, columns: int) -> Iterator[Array]:
-    """Pixels in groups, counted along rows: square by square, so that consecutive rays meet similar places. Some pixels
-    come twice at the borders."""
+    """Groups of pixels, counted along rows: square by square, so that consecutive rays hit nearby places. Some pixels
+    occur twice at the borders."""
     step = max(_TILE_SIDE_PX, _PIXELS_AT_ONCE // max(1, columns) // _TILE_SIDE_PX * _TILE_SIDE_PX)
     for first in range(0, rows, step):
         part = np.arange(first * columns, min(rows, first + step) * columns).reshape(-1, columns)
@@ -221,7 +222,7 @@ def list_squares(rows: int, columns: int) -> Iterator[Array]:
 
 
 def find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: float, far_m: float) -> Surface:
-    """The first surface that rays (n, 3) from ``origin``, (3,) or (n, 3), meet: the ground, else the sky."""
+    """The first surface that rays (n, 3) from ``origin``, (3,) or (n, 3), hit: the ground, else the sky."""
     seen = find_surface(
         stage.ground, stage.ground_tracer.intersect(origin, direction, near_m, far_m), origin, direction
     )
@@ -248,7 +249,7 @@ def _find_hidden(
     baseline_m: float,
     near_m: float,
 ) -> Array:
-    """Whether (n,) the other eye sees something nearer in front of a point that is ``along_m`` (n,) along a ray, by at
+    """Whether the other eye sees something nearer in front of each point, which is ``along_m`` (n,) along a ray, by at
     least ``LEAST_GAP_PX`` of disparity. With a rolling shutter the other eye sees the point in the same row."""
     hidden = np.zeros(len(along_m), bool)
     axes, position = other.place(pixels)

@@ -1,4 +1,4 @@
-"""Normals, labels and distances where rays meet the world, in double precision."""
+"""Normals, labels and distances where rays hit the world, in double precision."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def _interpolate(values: Array, corners: Array, hits: Hits, rays: Array) -> Arra
 
 
 def _group_by_shape(world: World, hits: Hits) -> Iterator[tuple[int, Array]]:
-    """The number of each shape that is met, and the rays that meet it."""
+    """The index of each shape that is hit, and the rays that hit it."""
     rays = np.flatnonzero(hits.met)
     if not len(rays):
         return
@@ -132,7 +132,7 @@ def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Arr
 
 
 def _lets_pass(world: World, hits: Hits) -> Array:
-    """Whether (n,) rays meet a surface that transmits them."""
+    """Whether rays (n,) hit a surface that transmits them."""
     found = np.zeros(len(hits.place), bool)
     for number, rays in _group_by_shape(world, hits):
         shape = world.placed[number].shape

@@ -29,7 +29,7 @@ from ..physics.light.baked_noise import count_samples_needed, find_largest_share
 from ..physics.light.baked_rocks import TERM_COUNT, fit_terms
 from ..physics.random_numbers.seeds import make_generator, seed_stream
 from ..physics.rig.seen_points import find_seen_facets, find_sides_passed
-from ..physics.scene_requirements import why_not_baked
+from ..physics.scene_requirements import find_why_not_baked
 from ..settings import rebuilt_parts
 from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
@@ -69,7 +69,7 @@ _KEY_PARTS_BY_GROUP: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
 
 @dataclass(frozen=True)
 class IndirectLight:
-    """How the indirect light of a pair is made: baked ``lights`` by light group, or traced if ``lights`` is empty.
+    """How the indirect light of a pair is computed: baked ``lights`` by light group, or traced if ``lights`` is empty.
 
     ``why_traced`` is the reason if the settings ask for baked light. ``tried`` is baked light that proved unfit for an
     image, so the image is traced. ``spent_s`` are the processor seconds of bakes in this call.
@@ -99,9 +99,9 @@ class IndirectLight:
             "lights": {group: kept.to_json(share[group]) for group, kept in self.lights.items()},
         }
 
-    def why_unfit(self, stated: dict[str, Any] | None, limit: float) -> str:
-        """Why an image must be traced after all, as a clause, from the ``stated`` entry of ``to_json``; empty if baked
-        light is fit.
+    def find_why_unfit(self, stated: dict[str, Any] | None, limit: float) -> str:
+        """The reason why an image must be ray traced after all, as a clause, from the ``stated`` entry of ``to_json``;
+        empty if baked light is fit.
 
         The noise of baked light is fixed to the ground and passes for texture, so where much light is indirect it would
         make matching easier than it is. A ``limit`` of 0 means no limit.
@@ -132,7 +132,7 @@ def provide_baked_light(
     settings = planned.settings
     if settings.quality.indirect != "BAKED":
         return IndirectLight()
-    if why := why_not_baked(settings) or _why_unsuitable(built):
+    if why := find_why_not_baked(settings) or _find_why_unsuitable(built):
         return IndirectLight(why_traced=why)
     lights: dict[str, KeptLight] = {}
     spent, mesh = 0.0, built.terrain.data
@@ -185,8 +185,8 @@ def _find_or_bake(
     )
 
 
-def _why_unsuitable(built: Built) -> str:
-    """Why the built scene cannot use baked light, as a clause; empty if it can."""
+def _find_why_unsuitable(built: Built) -> str:
+    """The reason why the built scene cannot use baked light, as a clause; empty if it can."""
     if find_added_objects(built.collection):
         return "objects without baked light were added to the scene"
     if built.edited_parts("terrain object", "terrain materials"):
@@ -338,7 +338,7 @@ def _hide_lamps(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
 
 
 def _find_covered_texels(bake_texels: Callable[[str, int, int], Array], seed: int) -> Array:
-    """Which texels (n,) of the ground are within rocks: no ray leaves a rock."""
+    """Which texels (n,) of the ground are inside rocks, where no ray escapes."""
     return bake_texels("AO", _OPEN_SKY_SAMPLES, seed)[:, :3].max(axis=1) <= 0
 
 
@@ -390,7 +390,7 @@ def _open_bake(
 
 
 def _find_rendered_triangles(mesh: bpy.types.Mesh, seen: Array | None) -> Array:
-    """Vertices (n, 3) of the triangles that Cycles makes of a mesh, or of the facets of it that are ``seen``."""
+    """Vertices (n, 3) of the triangles into which Cycles divides a mesh, or its facets that are ``seen``."""
     loops, facets = read_triangles(mesh)
     return read_corners(mesh)[loops if seen is None else loops[seen[facets]]]
 

@@ -1,4 +1,4 @@
-"""Where Cycles moves the vertices of a mesh by the displacement of its material, before it traces.
+"""The displacement by which Cycles moves the vertices of a mesh, by its material, before it traces.
 
 Cycles moves each vertex along its normal by the height that the material has there. Geometry nodes compute the height
 of our own materials, see ``nodes.tree.evaluate_field``. For other materials Cycles bakes positions to texels, which
@@ -50,7 +50,7 @@ _TEMPORARY_NAME = "Icy Moon Moved"
 
 
 def is_moved(mesh: bpy.types.Mesh) -> bool:
-    """Whether a material of a mesh moves its vertices in renders."""
+    """Whether a material of a mesh displaces its vertices in renders."""
     return any(
         material is not None
         and material.displacement_method != "BUMP"
@@ -67,13 +67,13 @@ def is_moved(mesh: bpy.types.Mesh) -> bool:
 def open_rendered_mesh(
     mesh: bpy.types.Mesh, place: Array, threads: int = 0, still_m: float = math.inf
 ) -> Iterator[bpy.types.Mesh]:
-    """Open a mesh of triangles like ``mesh``, with its vertices where Cycles moves them.
+    """Open a mesh of triangles like ``mesh``, with its vertices displaced as in Cycles.
 
     ``place`` (4, 4) is the matrix of the mesh's object, or of its first instance. ``threads`` is as in
     ``quality.threads``. Vertices whose attribute ``SPACING`` is ``still_m`` or more never move. Raises IcyMoonError if
     Cycles cannot bake.
     """
-    moved, groups = move_corners(mesh, place, threads, still_m)
+    moved, groups = displace_corners(mesh, place, threads, still_m)
     loops, polygons = read_triangles(mesh)
     flat = ~read_smooth_shading(mesh)[polygons]
     made = build_mesh_from_arrays(_TEMPORARY_NAME, moved, groups[loops].astype(np.int32))
@@ -84,11 +84,11 @@ def open_rendered_mesh(
         bpy.data.meshes.remove(made)
 
 
-def move_corners(
+def displace_corners(
     mesh: bpy.types.Mesh, place: Array, threads: int = 0, still_m: float = math.inf
 ) -> tuple[Array, Array]:
-    """Positions (n, 3) float32, in the coordinates of a mesh, to which Cycles moves its vertices, and the position's
-    number for each corner of a facet (k,). For the arguments see ``open_rendered_mesh``.
+    """Displaced positions (n, 3) float32, in the coordinates of a mesh, and the index of the position for each corner
+    of a facet (k,). For the arguments see ``open_rendered_mesh``.
     """
     groups, vertex, normals = _group_corners(mesh)
     vertices = read_vertices(mesh)
@@ -100,8 +100,8 @@ def move_corners(
 
 
 def _find_heights(mesh: bpy.types.Mesh, vertices: Array, place: Array, still_m: float) -> Array | None:
-    """Distances (n,), m, by which the material of a mesh moves its vertices (n, 3); None if geometry nodes cannot
-    compute them.
+    """Displacement heights (n,) in metres of the vertices (n, 3) of a mesh by its material; None if geometry nodes
+    cannot compute them.
     """
     if len(mesh.materials) != 1:
         return None

@@ -23,7 +23,7 @@ from ..nodes.build_scene import Built, make_extra
 from ..nodes.datablocks.blend_file_paths import hash_content
 from ..nodes.surface.reflectance_laws import OF_NODES
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.finer_in_view import still_spacing_m
+from ..physics.mesh.finer_in_view import find_still_spacing_m
 from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import merged
@@ -79,7 +79,7 @@ def read_mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
 
 @dataclass
 class _FoundMesh:
-    """A mesh in a render: kind of object, number of vertices and of triangles, matrices of its places."""
+    """A mesh in a render: kind of object, number of vertices and of triangles, matrices of its instances."""
 
     kind: str
     vertices: int
@@ -133,7 +133,7 @@ def write_geometry(
 
 
 def _count_triangles(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
-    """Number of rendered triangles, of distinct meshes (``shapes``) and of their places (``instances``)."""
+    """Number of rendered triangles, of distinct meshes (``shapes``) and of their ``instances``."""
     return {
         "triangles": sum(len(mesh.triangles) * len(mesh.places) for mesh in meshes),
         "shapes": len(meshes),
@@ -162,8 +162,8 @@ def _list_map_omissions(settings: Settings) -> list[str]:
 
 
 def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[PlacedMesh]:
-    """The meshes that ``scene`` renders, with their places. Raises IcyMoonError without a mesh, and for more triangles
-    than a file of this suffix can hold.
+    """The meshes that ``scene`` renders, with their instances. Raises IcyMoonError without a mesh, and for more
+    triangles than a file of this suffix can hold.
     """
     scene.view_layers[0].update()
     counted: dict[str, _FoundMesh] = {}
@@ -193,7 +193,7 @@ def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> 
             ready[item.data.name_full] = read_mesh_triangles(item.data)
     for name, original in moved.items():
         with open_rendered_mesh(
-            original, counted[name].places[0], settings.quality.threads, still_spacing_m(settings.surface)
+            original, counted[name].places[0], settings.quality.threads, find_still_spacing_m(settings.surface)
         ) as made:
             ready[name] = read_mesh_triangles(made)
     return [PlacedMesh(each.kind, *ready[name], np.array(each.places)) for name, each in counted.items()]

@@ -10,7 +10,7 @@ from .workers.assign_cards import BACKENDS, Cards, choose_card_numbers, read_cho
 
 
 def select_cards() -> list[str]:
-    """Number and name of each graphics card that Cycles is to render on, such as "0: Name".
+    """Index and name of each graphics card that Cycles is to render on, such as "0: Name".
 
     The cards are the ones that ``read_chosen_cards`` names, or all. They and their backend are selected in the
     preferences of this session only. Raises IcyMoonError if a chosen card is missing.

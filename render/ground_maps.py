@@ -28,7 +28,7 @@ from ..rays.surface import Tracer, find_surface
 from ..settings.user_files import has_surroundings
 from ..support import system
 from ..support.arrays import Array
-from ..support.errors import IcyMoonError, first_line
+from ..support.errors import IcyMoonError, find_first_line
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import ALBEDO_AOV, ROCK, SALT_AOV, SKY_DEPTH_M, TERRAIN, TRUTH
 from . import cycles_settings, passes, separate_lights
@@ -47,7 +47,7 @@ _GROUND_AND_ROCKS = ("terrain", "rock", "rock shape")
 
 @dataclass(frozen=True)
 class GroundMap:
-    """A map of a site, (rows, columns), north first, NaN where there is nothing.
+    """A map of a site, (rows, columns), north first, NaN for unknown cells.
 
     ``ground_m`` are heights of the ground, ``surface_m`` of the top surface, rocks included, both above the z = 0 of
     the site's frame; ``albedo`` (rows, columns, 3) is of ground and rocks in even light, in the bands R, G, B.
@@ -292,7 +292,7 @@ def _render_cells(scene: bpy.types.Scene, stem: Path) -> dict[str, Array]:
     try:
         bpy.ops.render.render(write_still=True, scene=scene.name)
     except RuntimeError as error:
-        raise IcyMoonError(f"Cycles could not render the map: {first_line(error)}") from None
+        raise IcyMoonError(f"Cycles could not render the map: {find_first_line(error)}") from None
     if not is_whole(file):
         raise IcyMoonError(
             f"Blender could not write the map to {file}: the disk is full, or you may not write to the folder; free "

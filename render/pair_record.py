@@ -16,9 +16,9 @@ from ..nodes.surface.sun_inputs import describe_hapke
 from ..paper_stand_ins.shown_items import describe_item, list_items
 from ..physics import scene_checks
 from ..physics.camera.blur import find_blur
-from ..physics.camera.eyes import camera_of, eyes_json
+from ..physics.camera.eyes import eyes_json, make_camera_with_eyes
 from ..physics.light.sky import planet_to_sun_ratio
-from ..physics.scene_requirements import find_left_out, traced_sentence
+from ..physics.scene_requirements import explain_traced_light, find_left_out
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.blender import compat
@@ -46,7 +46,7 @@ def make_light_json(built: Built, source: str) -> dict[str, Any]:
     return facts
 
 
-def _eye_pose(pose: Array, rotation: Array) -> Array:
+def _compute_eye_pose(pose: Array, rotation: Array) -> Array:
     """The camera-to-world matrix (4, 4) of an eye of the parallel rig after a turn by ``rotation`` (3, 3)."""
     turned = pose.copy()
     turned[:3, :3] = pose[:3, :3] @ rotation.T
@@ -86,11 +86,9 @@ def _describe_channels(truth: str, files: str) -> dict[str, Any]:
 
 
 def _list_omissions(built: Built, settings: Settings, indirect: dict[str, Any] | None) -> list[str]:
-    """The details that the render left out, and why light is traced, if only the scene or the image shows the
-    reason.
-    """
+    """The details that the render omitted, and why light is traced, if only the scene or the image shows the reason."""
     sentences = find_left_out(settings, built.sky)
-    traced = [traced_sentence(indirect["why"])] if indirect and "why" in indirect else []
+    traced = [explain_traced_light(indirect["why"])] if indirect and "why" in indirect else []
     return [*sentences, *(each for each in traced if each not in sentences)]
 
 
@@ -118,8 +116,8 @@ def make_pair_json(
     baked light, if any, ``head`` the entries of the cameras beside the pair.
     """
     settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
-    camera, blur = camera_of(settings), find_blur(settings)
-    eyes = {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)) for eye in EYES}
+    camera, blur = make_camera_with_eyes(settings), find_blur(settings)
+    eyes = {eye: _compute_eye_pose(poses[eye], camera.eye_rotation(eye)) for eye in EYES}
     on_map = describe_cameras(built.ground, eyes)
     return {
         "format": FORMAT,

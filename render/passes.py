@@ -18,7 +18,7 @@ _FILE_SUFFIX_BY_EYE = {"left": "_L", "right": "_R"}
 
 
 def _enable_only(layer: bpy.types.ViewLayer, *passes: str) -> None:
-    """Enable exactly these passes of a view layer."""
+    """Enable only these passes of a view layer."""
     for settings in (layer, layer.cycles):
         for prop in settings.bl_rna.properties:
             if prop.identifier.startswith("use_pass_"):
@@ -80,8 +80,8 @@ _TRUTH_PASSES = _FIRST_SAMPLE_PASSES | {
 
 
 def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> dict[str, Path]:
-    """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``; of
-    a camera that is no pair the one file, with an empty name.
+    """Prepare the next render of ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``;
+    for a single camera one file, with an empty name.
 
     ``truth`` is as in ``quality.truth``. All truth but FULL comes with the radiance.
     """

@@ -1,4 +1,4 @@
-"""Prints the abilities of the Blender that runs this, as one JSON line."""
+"""Prints the abilities of the Blender that runs this script, as one JSON line."""
 
 from __future__ import annotations
 

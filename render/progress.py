@@ -1,4 +1,4 @@
-"""The progress of a render, from the status lines of Cycles."""
+"""The progress of a render, parsed from the status lines of Cycles."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SAMPLE_STATUS = re.compile(r"Sample (\d+)/(\d+)")
 
 
 class SampleCounter:
-    """Fraction of a stereo render that is done, from Cycles' status lines.
+    """Completed fraction of a stereo render, from Cycles' status lines.
 
     Cycles renders the radiance of the ``eyes``, then ``truths`` times the truth of both, then the radiance of
     ``others``, cameras beside the pair; each run counts its samples from 0 to its own total. ``seconds`` is the time
@@ -27,7 +27,7 @@ class SampleCounter:
         self.seconds = 0.0
 
     def add_time(self, status: str, now_s: float) -> None:
-        """Add to ``seconds`` if Cycles has been sampling since the last status line."""
+        """Add the time since the last status line to ``seconds`` if Cycles has been sampling."""
         if self._since is not None:
             self.seconds += now_s - self._since
         self._since = now_s if _SAMPLE_STATUS.search(status) else None

@@ -1,4 +1,4 @@
-"""The triangles that Cycles traces of a scene, with their places and labels, for rays of our own.
+"""The triangles that Cycles traces of a scene, with their matrices and labels, for rays that Icy Moon traces.
 
 Blender evaluates the objects of a view layer for its window. An object without a mesh, or one that looks different in a
 render, is refused with a reason. Cycles then renders the truth too.
@@ -24,7 +24,7 @@ from ..rays.surface import Tracer
 from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.labels import INSTANCE_ATTRIBUTE
-from .displaced_vertices import is_moved, move_corners
+from .displaced_vertices import displace_corners, is_moved
 from .mesh_arrays import (
     is_rendered,
     read_corners,
@@ -43,14 +43,12 @@ _GROUND_TAGS, _ROCK_TAGS = ("terrain",), ("rock", "rock shape")
 
 
 class CannotTrace(Exception):  # noqa: N818  it is an answer, not a fault
-    """Raised if rays of our own would not meet the surfaces that Cycles renders; its message is a part of a
-    sentence.
-    """
+    """Raised if Icy Moon's rays would not hit the surfaces that Cycles renders; its message is a clause."""
 
 
 @dataclass
 class _LabelledMesh:
-    """A mesh with the labels of its materials, the matrices of its places and the numbers of these places."""
+    """A mesh with the labels of its materials, and the matrices and the numbers of its instances."""
 
     shape: Shape | None
     places: list[Array]
@@ -80,7 +78,7 @@ class SceneRays:
     @contextmanager
     def open_ground(self, rocks: bool) -> Iterator[tuple[World, Tracer]]:
         """Yield the ground of the site in the present scene, with or without its rocks, and a tracer of rays through
-        it. Other objects are left out. Raises MemoryError as ``prepare`` does.
+        it. Other objects are omitted. Raises MemoryError as ``prepare`` does.
         """
         self._refresh()
         stage, roles = self._open_stage(), _GROUND_TAGS + (_ROCK_TAGS if rocks else ())
@@ -113,7 +111,7 @@ class SceneRays:
         self._parts, self._refused = _collect_parts(self._scene, self._still_m)
 
     def _move_shapes(self) -> None:
-        """Move the same shapes to their new places."""
+        """Move the unchanged shapes to their new matrices."""
         made = _find_meshes(self._scene, read=False)
         found, self._refused = list(made.parts.values()), made.refused
         if len(found) != len(self._parts):
@@ -128,7 +126,7 @@ class SceneRays:
             self._stage = Stage(ground, self._stage.ground_tracer, sky, self._stage.sky_tracer)
 
     def _open_stage(self) -> Stage:
-        """The stage of the scene as read, with trees."""
+        """Build the stage, with trees, of the scene that was read."""
         if self._stage is None:
             ground, sky = self._make_worlds()
             tracers = [open_tracer(world, compat.list_library_folders(), TreeTracer) for world in (ground, sky)]
@@ -154,7 +152,7 @@ class SceneRays:
 
 
 def _list_instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
-    """The instances that a render shows of a scene."""
+    """The instances of a scene that a render shows."""
     layer = scene.view_layers[0]
     layer.update()
     for found in layer.depsgraph.object_instances:
@@ -191,7 +189,7 @@ class _FoundMeshes:
 
 
 def _find_meshes(scene: bpy.types.Scene, read: bool) -> _FoundMeshes:
-    """The meshes of a scene with their places.
+    """The meshes of a scene with their instances.
 
     With ``read`` shapes are read, except of moved meshes. Their vertices are found in a separate scene, which discards
     the objects that are evaluated here.
@@ -219,7 +217,7 @@ def _find_meshes(scene: bpy.types.Scene, read: bool) -> _FoundMeshes:
 
 
 def _check_traceable(item: bpy.types.Object) -> None:
-    """Raise CannotTrace if rays would not meet an object as it is rendered."""
+    """Raise CannotTrace if rays would not hit an object as it is rendered."""
     own = item.original
     if item.type != "MESH":
         raise CannotTrace(f"the object {own.name} has no mesh")
@@ -275,8 +273,8 @@ def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
 
 
 def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: Array, still_m: float) -> Shape:
-    """The triangles of a mesh whose vertices its material moves, at its first place (4, 4)."""
-    vertices, groups = move_corners(mesh, place, still_m=still_m)
+    """The triangles of a mesh whose material displaces its vertices, in its first instance (4, 4)."""
+    vertices, groups = displace_corners(mesh, place, still_m=still_m)
     loops, facets = read_triangles(mesh)
     return Shape(
         vertices,

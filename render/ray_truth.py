@@ -1,4 +1,4 @@
-"""The truth of a pair from rays of our own, in files like those of Cycles."""
+"""The exact passes of a pair, found by tracing rays and written to files like those of Cycles."""
 
 from __future__ import annotations
 
@@ -35,8 +35,9 @@ def trace_truth(
     wanted: str,
     rounded: Collection[str],
 ) -> dict[str, Path]:
-    """Trace the truth that ``wanted`` names, as in ``quality.truth``, into the files ``asked``, and return the files by
-    eye. The passes ``rounded`` are stored as 16-bit floats. Blender is not called, so it may render meanwhile.
+    """Trace the passes that ``wanted`` names, as in ``quality.truth``, write them to the files ``asked``, and return
+    the files by eye. The passes ``rounded`` are stored as 16-bit floats. Blender is not called, so it may render
+    meanwhile.
 
     ``poses`` are the camera-to-world matrices of the parallel eyes: (4, 4), or (rows, 4, 4) of each rendered row with a
     rolling shutter. Surfaces outside the depths ``clip_m`` have
@@ -81,8 +82,8 @@ def trace_in_background(
     wanted: str,
     rounded: Collection[str],
 ) -> Iterator[dict[int, Future[dict[str, Path]]]]:
-    """Trace the truths ``asked``, by number, in another thread; empty without a ``stage``. For the other arguments see
-    ``trace_truth``.
+    """Trace the requested truths ``asked``, by number, in another thread; none without a ``stage``. For the other
+    arguments see ``trace_truth``.
 
     Cycles lets other threads run while it renders, and often leaves processors idle.
     """
@@ -102,17 +103,17 @@ _PASSES_BY_TRUTH = {"DEPTH": ("Depth", DISTANCE), "SEMANTIC": ("Depth", DISTANCE
 
 
 def encode_truth(truth: EyeTruth, wanted: str = "FULL", rounded: Collection[str] = ()) -> bytes:
-    """An EXR file of the truth of an eye that is ``wanted``, with the passes ``rounded`` as 16-bit floats."""
+    """An EXR file of the truth of an eye as ``wanted``, with the passes ``rounded`` as 16-bit floats."""
     return _encode_passes({**_list_passes("Depth", truth.depth_m, truth), HIDDEN: {"X": truth.hidden}}, wanted, rounded)
 
 
 def encode_camera_truth(truth: CameraTruth, wanted: str, rounded: Collection[str]) -> bytes:
-    """The same of a camera beside the pair, with the distance along its rays in place of depth."""
+    """As ``encode_truth`` for a camera beside the pair, with the distance along its rays in place of depth."""
     return _encode_passes(_list_passes(DISTANCE, truth.distance_m, truth), wanted, rounded)
 
 
 def _list_passes(name: str, far_m: Array, truth: EyeTruth | CameraTruth) -> dict[str, dict[str, Array]]:
-    """The passes that all cameras have, with ``far_m`` as the pass ``name``."""
+    """The passes of every camera, with ``far_m`` as the pass ``name``."""
     rocks = truth.number >= FIRST_ROCK_INSTANCE
     return {
         name: {"Z": np.where(np.isinf(far_m), SKY_DEPTH_M, far_m)},

@@ -37,7 +37,7 @@ _COMMON_PROPERTIES = {prop.identifier for prop in bpy.types.ID.bl_rna.properties
 
 @contextmanager
 def add_render_camera(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterator[None]:
-    """Give ``scene`` a camera of its own, which ``set_up_camera`` turns into copies of the ``built`` one.
+    """Give ``scene`` a separate camera, which ``set_up_camera`` makes a copy of the ``built`` one.
 
     All renders share it: Cycles builds its scene again when an object comes or goes, but not when an object changes.
     """
@@ -97,8 +97,8 @@ def set_up_camera(
 
 @contextmanager
 def set_up_head_camera(scene: bpy.types.Scene, projection: Projection, pose: Array) -> Iterator[None]:
-    """Let the camera of ``scene``, see ``add_render_camera``, be a single one of a ``projection`` that Cycles has, with
-    a pose (4, 4) in the world in OpenCV's axes."""
+    """Make the camera of ``scene``, see ``add_render_camera``, a single one of a ``projection`` that Cycles supports,
+    with a pose (4, 4) in the world in OpenCV's axes."""
     item, render = scene.camera, scene.render
     set_projection(item.data, projection)
     render.resolution_x, render.resolution_y = projection.size_px
@@ -125,7 +125,7 @@ def _copy_lens(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct) -> No
 
 
 def _set_frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCamera, wide: bool) -> None:
-    """Widen the frame by the overscan, pixels keeping their size and the axis its pixel; or give it the panorama."""
+    """Widen the frame by the overscan, with unchanged pixel size and principal point; or set the panorama."""
     width, height = camera.light_px if wide else camera.rendered_px
     scene.render.resolution_x, scene.render.resolution_y = width, height
     if (scene.render.resolution_x, scene.render.resolution_y) != (width, height):

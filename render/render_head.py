@@ -1,4 +1,4 @@
-"""Rendering the cameras beside a pair, of the scene that the pair was rendered of."""
+"""Renders the cameras beside a pair, in the scene of the pair."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def render_head(
     rounded: Collection[str],
     render_radiance: Callable[[Path], dict[str, Path]],
 ) -> RenderedHead:
-    """Render the cameras of ``rig.head_file`` where they stand in the ``built`` scene.
+    """Render the cameras of ``rig.head_file`` at their poses in the ``built`` scene.
 
     ``render_radiance`` lets Cycles render what ``scene`` is set up for into a file at a stem. ``stage`` is for the
     truth, whose passes ``rounded`` are stored as 16-bit floats; None for settings without a head. Raises IcyMoonError
@@ -58,14 +58,14 @@ def render_head(
         with explain_disk_errors("write", truth):
             truth.write_bytes(encode_camera_truth(traced, settings.quality.truth, rounded))
         files.setdefault(image_file(camera.name), {})[BEAUTY] = image
-        files.setdefault(_truth_of(camera), {})[TRUTH] = truth
+        files.setdefault(_find_truth_file(camera), {})[TRUTH] = truth
     entries = [
-        camera_json(camera, pose, image_file(camera.name), _truth_of(camera))
+        camera_json(camera, pose, image_file(camera.name), _find_truth_file(camera))
         for camera, pose in zip(cameras, poses, strict=True)
     ]
     return files, entries
 
 
-def _truth_of(camera: HeadCamera) -> str:
-    """The file with the truth: the image's, unless the image is rendered on other pixels."""
+def _find_truth_file(camera: HeadCamera) -> str:
+    """The file with the truth: the image's file, unless the image is rendered on other pixels."""
     return image_file(camera.name) if is_plain(camera.projection) else truth_file(camera.name)

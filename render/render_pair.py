@@ -1,4 +1,4 @@
-"""Rendering one pair of a built scene into its folder."""
+"""Renders one pair of a built scene into its folder."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ..nodes.rig import find_eye_poses, list_lens_values, turn_about_eye
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, check_truth_of_rows, find_blur, has_rolling_shutter
-from ..physics.camera.eyes import camera_of
+from ..physics.camera.eyes import make_camera_with_eyes
 from ..physics.camera.rolling_shutter import find_rolling_shutter
 from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.scene_requirements import are_rocks_clear, can_be_baked, make_direct_quality
@@ -38,10 +38,10 @@ from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support import system
 from ..support.arrays import Array
-from ..support.errors import DiskError, IcyMoonError, first_line
+from ..support.errors import DiskError, IcyMoonError, find_first_line
 from ..support.files import explain_disk_errors, hash_file, make_part_path, write_json
 from ..support.foreign_bytes import OverBudgetError
-from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
+from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, list_rounded_passes
 from ..support.number_text import format_count
 from . import cycles_occlusion, cycles_settings, passes, separate_lights, truth_without_light
 from .baked_light import IndirectLight
@@ -113,7 +113,7 @@ def _turn_head(built: Built, turn_deg: float) -> AbstractContextManager[None]:
 
 
 def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
-    """Raise IcyMoonError if the folder cannot be made or its disk has no room for the pairs that are left."""
+    """Raise IcyMoonError if the folder cannot be made or its disk has no room for the remaining pairs."""
     check_no_link(pairs_folder(dataset), dataset / CLAIMS_FOLDER, dataset / LIGHT)
     with explain_disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
@@ -157,7 +157,7 @@ def render_pair(
         part.mkdir(parents=True)
     try:
         found = _render_into(part, built, scene, planned, report, indirect, rays)
-        if why := indirect.why_unfit(found.get("indirect"), planned.settings.quality.bake_noise):
+        if why := indirect.find_why_unfit(found.get("indirect"), planned.settings.quality.bake_noise):
             traced = IndirectLight(why_traced=why, tried=indirect.lights)
             found = _render_into(part, built, scene, planned, report, traced, rays)
         found["seconds"]["build"] = round(seconds_build, 3)
@@ -184,7 +184,7 @@ def check_camera(built: Built) -> None:
         )
     if built.camera.data.dof.use_dof:
         raise IcyMoonError(
-            "The stereo camera has depth of field of its own, which would blur the true depth too; "
+            "The stereo camera has its own depth of field, which would blur the true depth too; "
             "switch it off, and set rig.focus_distance_m instead."
         )
     rig = built.settings.rig
@@ -209,12 +209,12 @@ class _CameraSetup:
 
 
 def _has_full_truth(planned: PlannedPair) -> bool:
-    """Whether truth is a separate render."""
+    """Whether truth takes a separate render."""
     return planned.settings.quality.truth == "FULL"
 
 
 def _list_camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[_CameraSetup]:
-    """The renders by camera: radiance and truth with one camera, unless truth has another camera than the light."""
+    """The renders by camera: radiance and truth by one camera, unless they need different cameras."""
     toed, wide = camera.toe_in_deg != 0, camera.panorama is not None
     if blur is None and not toed and not wide:
         images = ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr")) if full else ((BEAUTY, "{}.exr"),)
@@ -226,7 +226,7 @@ def _list_camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> 
 
 @dataclass(frozen=True)
 class _Rendered:
-    """The results of a pair's renders, before its files are put together."""
+    """The results of a pair's renders, before its files are assembled."""
 
     files: dict[str, dict[str, Path]]  # by name in the pair, then by layer
     poses: dict[str, Any]
@@ -248,7 +248,7 @@ def _render_into(
     """Render a pair into the folder ``part`` and return the content of its pair.json."""
     settings = planned.settings
     quality = make_direct_quality(settings.quality) if indirect.lights else settings.quality
-    rounded = rounded_passes(quality.files, quality.half_floats)
+    rounded = list_rounded_passes(quality.files, quality.half_floats)
     made = _render_takes(part, built, scene, planned, report, bool(indirect.lights), rays, quality, rounded)
     start = time.perf_counter()
     written, shares, noise_of_image = _write_files(part, made.files, planned, bool(indirect.lights), rounded)
@@ -288,9 +288,10 @@ def _render_takes(
     quality: QualitySettings,
     rounded: set[str],
 ) -> _Rendered:
-    """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is."""
+    """Render radiance and truth by all cameras of the pair. ``baked`` tells whether the light of the ground is
+    baked."""
     settings = planned.settings
-    camera, blur, others = camera_of(settings), find_blur(settings), len(read_head_cameras(settings))
+    camera, blur, others = make_camera_with_eyes(settings), find_blur(settings), len(read_head_cameras(settings))
     takes = _list_camera_setups(camera, blur, _has_full_truth(planned)) if settings.rig.images == "PAIR" else []
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
@@ -299,7 +300,7 @@ def _render_takes(
         poses = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         rows, clip_m = _list_row_poses(settings, poses), (built.camera.data.clip_start, built.camera.data.clip_end)
         stage, asked, engine = _plan_rays(part, rays, settings, takes, camera)
-        head_stage = _stage_of_rays(rays, "of cameras beside the pair", "empty rig.head_file") if others else None
+        head_stage = _open_ray_stage(rays, "of cameras beside the pair", "empty rig.head_file") if others else None
         truths = 0 if asked.keys() - {_SENSOR_TRUTH_NUMBER} or not takes else _count_truths(takes, planned)
         with (
             watch_samples(len(lights) * int(quality.samples), truths, report, others, 2 * bool(takes)) as sampling,
@@ -318,7 +319,7 @@ def _render_takes(
                             made = _render_truth(scene, built, stem, planned, camera, take.toed)
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
-            files |= _files_on_sensors(traced)
+            files |= _list_sensor_files(traced)
             render = partial(_render_light, scene, built, lights, planned=planned, truth="FULL")
             more, head = render_head(part, built, scene, head_stage, settings, rounded, render)
             files |= more
@@ -332,10 +333,10 @@ def _render_takes(
 
 
 def _list_row_poses(settings: Settings, poses: Mapping[str, Array]) -> Mapping[str, Array]:
-    """Poses from which the rows of the eyes are traced: ``poses`` (4, 4) in the middle of the exposure, or with a
-    rolling shutter those of each rendered row (rows, 4, 4).
+    """Poses from which the rows of the eyes are traced: ``poses`` (4, 4) at the middle of the exposure, or with a
+    rolling shutter the pose of each rendered row (rows, 4, 4).
     """
-    camera, shutter = camera_of(settings), find_rolling_shutter(settings.rig)
+    camera, shutter = make_camera_with_eyes(settings), find_rolling_shutter(settings.rig)
     if shutter is None:
         return poses
     return {eye: shutter.list_poses(pose, camera.find_offset_m(eye), camera.margin_y_px) for eye, pose in poses.items()}
@@ -344,7 +345,7 @@ def _list_row_poses(settings: Settings, poses: Mapping[str, Array]) -> Mapping[s
 def _prepare_cycles(
     scene: bpy.types.Scene, built: Built, planned: PlannedPair, quality: QualitySettings, blurred: bool, baked: bool
 ) -> list[separate_lights.LightPass]:
-    """Set up Cycles for the radiance of a pair and return its lights, each a render."""
+    """Set up Cycles for the radiance of a pair, and return its lights; each takes a render."""
     cycles_settings.apply_quality(scene, quality, planned.render_seed, blurred, are_rocks_clear(planned.settings))
     if baked:
         scene.cycles.max_bounces = 0
@@ -363,7 +364,7 @@ def _prepare_cycles(
 def _write_files(
     part: Path, files: dict[str, dict[str, Path]], planned: PlannedPair, baked: bool, rounded: set[str]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, float]], float | None]:
-    """Put layers together into the files of the pair, with baked light added.
+    """Assemble the layers into the files of the pair, with baked light added.
 
     Returns the facts of each file, the share of baked light by eye, and its noise in the judged image, if any.
     """
@@ -386,13 +387,13 @@ def _write_files(
 def _choose_engine(
     rays: SceneRays, settings: Settings, takes: list[_CameraSetup]
 ) -> tuple[Stage | None, dict[str, str]]:
-    """The stage on which rays of our own find the truth, None if Cycles renders it; and the pair's statement about
-    that, empty if truth comes with the radiance."""
+    """The stage on which traced rays find the truth, None if Cycles renders it; and the pair's statement about that,
+    empty if truth comes with the radiance."""
     if all(layer == BEAUTY for take in takes for layer, _ in take.images):
         return None, {}
     if has_rolling_shutter(settings.rig):
         check_truth_of_rows(settings)
-        stage = _stage_of_rays(rays, "of a rolling shutter", "set rig.readout_s to 0")
+        stage = _open_ray_stage(rays, "of a rolling shutter", "set rig.readout_s to 0")
         return stage, {"by": stage.ground_tracer.name}
     if settings.quality.truth_by == "CYCLES":
         return None, {"by": "Cycles"}
@@ -421,18 +422,18 @@ def _plan_rays(
     }
     if camera.eyes and takes:
         asked[_SENSOR_TRUTH_NUMBER] = part / f"{TRUTH}-sensors", "SENSORS"
-        stage = stage or _stage_of_rays(rays, "on the sensors of calibrated eyes", "set rig.eyes to ALIKE")
+        stage = stage or _open_ray_stage(rays, "on the sensors of calibrated eyes", "set rig.eyes to ALIKE")
     return stage, asked, engine
 
 
-def _files_on_sensors(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str, dict[str, Path]]:
+def _list_sensor_files(traced: Mapping[int, Future[dict[str, Path]]]) -> dict[str, dict[str, Path]]:
     """The files of the truth on the sensors of calibrated eyes, by name in the pair and by layer."""
     found = traced[_SENSOR_TRUTH_NUMBER].result() if _SENSOR_TRUTH_NUMBER in traced else {}
     return {RAW_TRUTH_FILE.format(eye): {TRUTH: file} for eye, file in found.items()}
 
 
-def _stage_of_rays(rays: SceneRays, whose: str, fix: str) -> Stage:
-    """The stage for a truth that Cycles cannot render. Raises IcyMoonError if rays cannot find it."""
+def _open_ray_stage(rays: SceneRays, whose: str, fix: str) -> Stage:
+    """The stage for a truth that Cycles cannot render. Raises IcyMoonError if rays cannot find it either."""
     try:
         return rays.prepare()
     except CannotTrace as reason:
@@ -456,7 +457,7 @@ def _write_workspace(part: Path, rays: SceneRays, built: Built, frame: int) -> N
 def _render_radiance(
     scene: bpy.types.Scene, built: Built, lights: list[separate_lights.LightPass], stem: Path, planned: PlannedPair
 ) -> dict[str, Path]:
-    """``_render_light`` of a pair, with the truth that comes with it."""
+    """Render the radiance of a pair as ``_render_light`` does, with the truth that comes with it."""
     return _render_light(scene, built, lights, stem, planned, planned.settings.quality.truth)
 
 
@@ -468,8 +469,8 @@ def _render_light(
     planned: PlannedPair,
     truth: str,
 ) -> dict[str, Path]:
-    """Render radiance into separate files, by eye; lights that need it one after the other, and added up. ``truth`` is
-    the one that comes with it, see ``passes.choose_layer``."""
+    """Render radiance into separate files, by eye. Lights that need separate renders are rendered one by one and
+    summed. ``truth`` is the truth that comes with it, see ``passes.choose_layer``."""
     files: dict[str, Path] = {}
     for number, light in enumerate(lights):
         made = passes.choose_layer(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), truth)
@@ -517,7 +518,7 @@ def _render_truth(
 
 @contextmanager
 def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
-    """Render depth that is read once and removed: without surfaces where that saves time."""
+    """Render a depth that is read once and removed: without surfaces where that saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
     too_many = kept and _count_triangles(built) > truth_without_light.MOST_TRIANGLES_PER_PIXEL * pixels
@@ -527,7 +528,7 @@ def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
 
 @contextmanager
 def _report_unreadable(planned: PlannedPair) -> Iterator[None]:
-    """Raise IcyMoonError if Blender wrote an image that cannot be read."""
+    """Raise IcyMoonError if an image of Blender cannot be read."""
     try:
         yield
     except (ValueError, KeyError, OverBudgetError) as error:
@@ -538,11 +539,11 @@ def _report_unreadable(planned: PlannedPair) -> Iterator[None]:
 
 
 def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: PlannedPair) -> None:
-    """Let Cycles render into these files. Raises IcyMoonError if it fails, DiskError if they are not whole."""
+    """Let Cycles render into these files. Raises IcyMoonError if it fails, DiskError for incomplete files."""
     try:
         bpy.ops.render.render(write_still=True, scene=scene.name)
     except RuntimeError as error:
-        raise IcyMoonError(f"Cycles could not render pair {planned.id}: {first_line(error)}") from None
+        raise IcyMoonError(f"Cycles could not render pair {planned.id}: {find_first_line(error)}") from None
     for file in files.values():
         if not is_whole(file):
             raise DiskError(

@@ -16,7 +16,7 @@ from ..nodes.change_scene import adapt_scene
 from ..nodes.ground.user_ground import warn_of_cost
 from ..physics import scene_checks
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.finer_in_view import still_spacing_m
+from ..physics.mesh.finer_in_view import find_still_spacing_m
 from ..settings import rebuilt_parts
 from ..settings.pair_ids import make_pair_id
 from ..settings.topics.scene import Settings
@@ -34,7 +34,8 @@ class FixedScene:
     """A built scene that is rendered as it is, with all changes of the user."""
 
     def __init__(self, built: Built, frame: int, seconds_build: float) -> None:
-        """Raises IcyMoonError if the scene shows a preview, or if a hand changed its camera, see ``check_camera``."""
+        """Raises IcyMoonError if the scene shows a preview, or if its camera was changed by hand, see
+        ``check_camera``."""
         if built.preview:
             raise IcyMoonError("The scene shows a preview; press Build Scene and render again.")
         check_camera(built)
@@ -46,7 +47,7 @@ class FixedScene:
     def __enter__(self) -> Self:
         self._scene = self._held.enter_context(open_render_scene(self._built, self._frame))
         self.rays = self._held.enter_context(
-            closing(SceneRays(self._scene, still_spacing_m(self._built.settings.surface)))
+            closing(SceneRays(self._scene, find_still_spacing_m(self._built.settings.surface)))
         )
         return self
 
@@ -107,7 +108,7 @@ class ScenesFromSettings:
             self._held.close()
             self._scene = self._held.enter_context(open_render_scene(built, bpy.context.scene.frame_current))
             self.rays = self._held.enter_context(
-                closing(SceneRays(self._scene, still_spacing_m(built.settings.surface)))
+                closing(SceneRays(self._scene, find_still_spacing_m(built.settings.surface)))
             )
         assert self._scene is not None
         self._built = built

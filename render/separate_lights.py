@@ -21,8 +21,8 @@ from ..nodes.surface import sun_inputs
 
 @dataclass(frozen=True)
 class LightPass:
-    """The light in one render of an image: the roles that are left out, and the light group of the light that surfaces
-    emit; None keeps the group of the scene.
+    """The light in one render of an image: the omitted roles, and the light group of the light that surfaces emit; None
+    keeps the group of the scene.
     """
 
     dark: tuple[str, ...] = ()
@@ -81,8 +81,8 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
 
 @contextmanager
 def disable_osl(scene: bpy.types.Scene) -> Iterator[None]:
-    """Switch Open Shading Language off, as truth needs, until the end of the ``with`` block. Surfaces with OSL, through
-    which rays would pass then, become plain surfaces.
+    """Switch Open Shading Language off, as truth needs, until the end of the ``with`` block. Surfaces with OSL would
+    then transmit rays, so they become plain surfaces.
     """
     if not scene.cycles.shading_system:
         yield

@@ -32,9 +32,7 @@ def read_facets(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array, Array]:
 
 
 def add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack) -> bpy.types.Image:
-    """An image with the texels of a mesh. The texels' places are the mesh's active texture coordinates until
-    ``undo``.
-    """
+    """An image with the texels of a mesh. Their positions are the mesh's active texture coordinates until ``undo``."""
     name, before = f"{BAKED_ATTRIBUTES['Sun']}_target", mesh.uv_layers.active_index
     undo.callback(setattr, mesh.uv_layers, "active_index", before)
     mesh.uv_layers.new(name=name, do_init=False)

@@ -110,7 +110,7 @@ class TreeTracer:
         place: Array,
         asked: Array,
     ) -> None:
-        """Record the hits of rays (k,) at places (k,) before ``far`` (k,), for the rays that are ``asked``."""
+        """Record the hits of rays (k,) at distances (k,) before ``far`` (k,), for the rays that are ``asked``."""
         asked &= far > near
         far, ray, place = far[asked], ray[asked], place[asked]
         start = (origin if origin.ndim == 1 else origin[ray]) + near * direction[ray]

@@ -36,7 +36,7 @@ def switch_lights_off(scene: bpy.types.Scene) -> Iterator[None]:
 @contextmanager
 def remove_surfaces(materials: Sequence[bpy.types.Material]) -> Iterator[None]:
     """Remove the surfaces of materials, until the end of the ``with`` block: they turn black, and depth stays the same.
-    Surfaces that rays may pass stay.
+    Transparent surfaces stay.
     """
     with ExitStack() as undo:
         for material in materials:
@@ -51,8 +51,8 @@ def remove_surfaces(materials: Sequence[bpy.types.Material]) -> Iterator[None]:
 
 
 def is_opaque(tree: bpy.types.NodeTree, output: bpy.types.Node) -> bool:
-    """Whether every ray surely ends at a surface. A surface with a volume counts as not opaque, since rays
-    could enter.
+    """Whether every ray certainly ends at a surface. A surface with a volume counts as not opaque, since rays could
+    enter.
     """
     alphas = [node.inputs["Alpha"] for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled"]
     return (

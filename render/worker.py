@@ -22,9 +22,9 @@ import bpy
 from ..nodes import painted_errors
 from ..nodes.build_scene import Built, find_built, make_extra, separate_copies
 from ..settings.blender import scene_properties
-from ..settings.description import check, defaults, merged, overlaid
+from ..settings.description import check, defaults, merged, overlay
 from ..settings.topics.scene import Settings
-from ..support.errors import DiskError, IcyMoonError, first_line
+from ..support.errors import DiskError, IcyMoonError, find_first_line
 from ..support.printer import emit
 from ..support.system import end_at_interrupt
 from . import baked_light
@@ -32,7 +32,7 @@ from .pairs.pair_folder import is_complete
 from .plans.planned_pair import PlannedPair, expand_headings
 from .render_pair import check_space, render_pair
 from .scene_source import FixedScene, ScenesFromSettings
-from .workers.first_use_of_card import tell_while_compiling
+from .workers.first_use_of_card import report_while_compiling
 from .workers.job_commands import read_job, read_planned_pairs
 from .workers.out_of_memory import describe_shortage
 from .workers.pair_claims import Claims
@@ -131,7 +131,7 @@ def _render_one(
         built, scene, build_s = source.prepare(planned)
         assert source.rays is not None
         with (
-            tell_while_compiling(sampled, partial(tell, 0.0, f"{label}: {_COMPILING_MESSAGE}"))
+            report_while_compiling(sampled, partial(tell, 0.0, f"{label}: {_COMPILING_MESSAGE}"))
             if planned.settings.quality.device == "GPU" and not sampled.is_set()
             else nullcontext()
         ):
@@ -147,7 +147,7 @@ def list_job_pairs(job: dict[str, Any]) -> list[PlannedPair]:
     """The pairs of a job; the job's number of threads, if any, replaces theirs."""
     if job.get("pairs"):
         threads = check({"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}, "job")
-        return [replace(pair, settings=overlaid(pair.settings, threads)) for pair in read_planned_pairs(job)]
+        return [replace(pair, settings=overlay(pair.settings, threads)) for pair in read_planned_pairs(job)]
     settings = merged(defaults(), check(job["settings"], "job"))
     # Each pair is built from its own settings, so nothing has to be turned.
     return [
@@ -169,7 +169,7 @@ def _repeat_text(job: dict[str, Any]) -> str:
 
 
 def run_job(job: dict[str, Any], send: Send = emit) -> None:
-    """Do a job, see ``job.read_job``. Raises IcyMoonError for errors that a user can fix."""
+    """Run a job, see ``job.read_job``. Raises IcyMoonError for errors that a user can fix."""
     dataset, again = Path(job["dataset"]), bool(job.get("again"))
     send("progress", fraction=0.0, message="Building the scene")
     if job.get("blend"):
@@ -187,7 +187,7 @@ def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
     try:
         bpy.ops.wm.open_mainfile(filepath=job["blend"], load_ui=False, use_scripts=False)
     except RuntimeError as error:
-        why = first_line(error)
+        why = find_first_line(error)
         raise IcyMoonError(f"{job['blend']} cannot be opened ({why}); save the scene and render again.") from None
     scene = bpy.data.scenes.get(job["scene"])
     built = find_built(scene) if scene else None

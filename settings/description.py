@@ -286,7 +286,7 @@ def merged(*parts: Parts) -> Settings:
     return fill_in_releases(result)
 
 
-def overlaid(base: Settings, part: Parts) -> Settings:
+def overlay(base: Settings, part: Parts) -> Settings:
     """A description with a part that overrides it, as from ``merged``. The result shares unchanged tables with
     ``base``.
     """

@@ -35,7 +35,7 @@ class _Entry(NamedTuple):
 
 
 def split_words(text: str) -> list[str]:
-    """The words of a text in small letters; "_" and marks part them."""
+    """The words of a text in small letters, separated by "_" and punctuation."""
     return _WORD.findall(text.lower())
 
 
@@ -68,7 +68,7 @@ def _list_words() -> frozenset[str]:
 
 @lru_cache(maxsize=256)
 def _find_words(typed: str) -> tuple[tuple[float, frozenset[str]], ...]:
-    """The words of settings that a typed word finds, with a score: the word itself, words that begin with it, and for
+    """The words of settings that match a typed word, with a score: the word itself, words that begin with it, and for
     three letters or more words that contain it."""
     beginning = frozenset(word for word in _list_words() if word.startswith(typed))
     inside = frozenset(word for word in _list_words() if typed in word) if len(typed) > 2 else frozenset()
@@ -76,7 +76,7 @@ def _find_words(typed: str) -> tuple[tuple[float, frozenset[str]], ...]:
 
 
 def _score(entry: _Entry, typed: str) -> float | None:
-    """How far from the label a word is found, 0 for a whole word of it; None if it is not found."""
+    """How far from the label a word is found, 0 for a whole word of it; None without a match."""
     for tier, words in enumerate(entry.words):
         for score, found in _find_words(typed):
             if not words.isdisjoint(found):

@@ -92,7 +92,7 @@ def make_counter() -> Counter:
     def count(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
         first = ", ".join(
             [
-                json.dumps([made, _drop_newer_parts(made, value_in_id(made, settings))])
+                json.dumps([made, _drop_newer_parts(made, find_value_in_id(made, settings))])
                 if isinstance(made, str)
                 else made.of(settings[topic])
                 for topic, made in runs
@@ -150,8 +150,8 @@ def _find_newer(
     ]
 
 
-def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Value:
-    """The value of a setting (``topic.key``) as it counts in a pair's id."""
+def find_value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Value:
+    """The value of a setting (``topic.key``) in the hash of a pair's id."""
     topic, _, key = find_present_name(name).partition(".")
     value = settings[topic][key]
     if (

@@ -91,9 +91,7 @@ def select_scene(settings: Settings) -> Parts:
 
 
 def describe_mesh_relief(settings: Settings) -> str:
-    """A text that is equal for settings whose meshes have the same fine relief and broken walls; empty if they have
-    neither.
-    """
+    """A cache key of the fine relief and broken walls of the meshes; empty without either."""
     if settings.mesh.kind != "GRADED":
         return "grid" if is_carried_by_grid(settings) else ""
     relief, walls = find_fine_relief(settings), breaks_walls(settings)

@@ -42,7 +42,7 @@ def _make_topic(landform: PluginLandform) -> Topic:
             default="",
             effect="geometry",
             trust="name",
-            description="Package and version that make the landform. Empty for what is installed",
+            description="Package and version that make the landform. Empty for the installed one",
         )
     )
     return Topic(

@@ -34,7 +34,7 @@ def _make_text(keys: Sequence[str], table: Mapping[str, Any]) -> str:
 
 
 class SettingsTexts:
-    """Makes texts that are equal for descriptions in which these settings (topic, key) have equal values."""
+    """Makes a key of a description: equal texts if these settings (topic, key) have equal values."""
 
     def __init__(self, names: Sequence[tuple[str, str]]) -> None:
         keys: dict[str, list[str]] = {}

@@ -10,7 +10,7 @@ from typing import Any
 from ..plugins.landforms import PREFIX, RELEASE
 from ..support.errors import IcyMoonError
 from ..support.files import read_text
-from ..support.foreign_bytes import describe_reason, hint_on_paths, parse_toml
+from ..support.foreign_bytes import describe_reason, make_path_hint, parse_toml
 from .topics.declaration import Value
 
 
@@ -22,7 +22,7 @@ def read_toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({describe_reason(error)}).") from None
     except ValueError as error:  # no TOML, or no UTF-8
-        raise IcyMoonError(f"{path}: is not valid TOML ({error}){hint_on_paths(error)}.") from None
+        raise IcyMoonError(f"{path}: is not valid TOML ({error}){make_path_hint(error)}.") from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:

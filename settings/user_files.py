@@ -11,7 +11,7 @@ from pathlib import Path
 from ..formats import mesh_file, mesh_images
 from ..formats.calibrations.head_file import list_head_files
 from ..paper_stand_ins.shown_items import RECIPE_NUMBER, list_items
-from ..physics.arm.own_arm import arm_files
+from ..physics.arm.own_arm import list_arm_files
 from ..physics.light.kernels import list_kernel_files
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path, hash_file_once
@@ -83,13 +83,13 @@ def do_files_exist(settings: Settings, blend_folder: str | None = None) -> bool:
 
 
 def _list_parts(settings: Settings, name: str, path: Path) -> list[Path]:
-    """The files whose content counts: for a mesh also its buffers and, if shown, its images; for a head the
-    calibrations that it names; all files of a folder."""
+    """The files whose content counts: for a mesh also its buffers and its shown images; for a head the calibrations
+    that it names; all files of a folder."""
     if name == "source.file":
         shown = mesh_images.find_images(path).files() if settings.textures.set == "MESH" else []
         return [*mesh_file.find_geometry_files(path), *shown]
     if name == "lander.file":
-        return arm_files(path)
+        return list_arm_files(path)
     if name == "rig.head_file":
         return list_head_files(path)
     return list_kernel_files(path)

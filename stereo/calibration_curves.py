@@ -1,4 +1,5 @@
-"""Measures how accurate a calibration must be: matchers run on pairs that are rectified with one error after the other.
+"""Measures the required accuracy of a calibration: matchers run on pairs that are rectified with one error after the
+other.
 
 A pair is read once. For each error it is developed again with the same noise, matched and compared with the truth.
 """
@@ -166,7 +167,7 @@ def _measure(prepared: PreparedPair, method: str, disparity: Array, key: str, va
 
 
 def find_tolerance(errors: Sequence[float], means: Sequence[float], times: float) -> float | None:
-    """The smallest absolute error, by linear interpolation, at which the mean is ``times`` its value without an error.
+    """The smallest absolute error, by linear interpolation, at which the mean is ``times`` the error-free mean.
 
     With ``times`` above 1 the mean has grown to that value, else it has fallen to it. None if it reaches the value
     nowhere. ``errors`` (n,) are in order, with 0 among them.
@@ -185,8 +186,8 @@ def find_tolerance(errors: Sequence[float], means: Sequence[float], times: float
 
 
 def average_pairs(rows: Sequence[MeasuredError], rig: str, method: str, setting: str, key: str) -> tuple[Array, Array]:
-    """The errors (n,) of a setting, in order, and the means (n,) over pairs of the number ``key`` at them; NaN without
-    a pair.
+    """The errors (n,) of a setting, in order, and at each the mean (n,) of the number ``key`` over pairs; NaN without a
+    pair.
     """
     mine = [row for row in rows if (row.rig, row.method, row.setting) == (rig, method, setting)]
     errors = np.array(sorted({row.error for row in mine}))
@@ -196,8 +197,8 @@ def average_pairs(rows: Sequence[MeasuredError], rig: str, method: str, setting:
 
 
 def tabulate(rows: Sequence[MeasuredError]) -> list[dict[str, Any]]:
-    """For each rig, method and setting: median depth error and coverage without an error, the error that changes each
-    by its factor (None if none does), and the largest error that was measured."""
+    """For each rig, method and setting: error-free median depth error and coverage, the error that changes each by its
+    factor (None without one), and the largest error that was measured."""
     found = []
     for rig, method, setting in dict.fromkeys((row.rig, row.method, row.setting) for row in rows):
         errors, medians = average_pairs(rows, rig, method, setting, "median_relative_error")

@@ -74,15 +74,15 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
         else f"{plugin.title} gave two results for the same images; draw its random numbers from a fixed seed.",
     )
     flat = np.full_like(left, 100)
-    yield check_call("images without texture are no error", run, flat, flat)
+    yield check_call("images without texture raise no error", run, flat, flat)
     small, other, _ = make_textured_pair(24, 33, matcher.COLOUR)
-    yield check_call("small images are no error", run, small, other)
-    yield check_call("a range as wide as the image is no error", run, small, other, 48)
+    yield check_call("small images raise no error", run, small, other)
+    yield check_call("a range as wide as the image raises no error", run, small, other, 48)
     for option in matcher.OPTIONS:
         if option.key in ("disparities", "min_disparity") or (isinstance(option.default, str) and not option.choices):
             continue
         for value in option.choices or (option.minimum, option.maximum):
-            yield check_call(f"{option.key}={value} is no error", run, **{option.key: value})
+            yield check_call(f"{option.key}={value} raises no error", run, **{option.key: value})
 
 
 def _find_fault(plugin: Plugin, found: Array, truth: Array) -> str:
@@ -98,11 +98,13 @@ def _find_fault(plugin: Plugin, found: Array, truth: Array) -> str:
             "they have the wrong sign: return left column minus right column": lambda: -found,
             "they are 16 times too large: OpenCV counts sixteenths of a px": lambda: found / 16,
             "they are normalised by the width: return px": lambda: found * found.shape[1],
-            "they belong to the right image: return those of the left one": lambda: np.roll(found, 14, axis=1),
+            "they belong to the right image: return the disparities of the left one": lambda: np.roll(
+                found, 14, axis=1
+            ),
         }
         for words, guess in guesses.items():
             if share_right(guess()) > 0.5:
-                return f"{plugin.title} returned disparities that are not those of the trial: {words}." if words else ""
+                return f"{plugin.title} returned disparities that differ from the trial's: {words}." if words else ""
     if not np.isfinite(found).any():
         return f"{plugin.title} measured nothing on well textured images; return disparities in px."
     return (
@@ -146,7 +148,7 @@ def check_metric(plugin: Plugin) -> Iterator[Check]:
         "it is defined for a map with errors and gaps",
         ""
         if found is not None
-        else f"{plugin.title} returned NaN or infinity for a map with errors and gaps; leave out what is NaN.",
+        else f"{plugin.title} returned NaN or infinity for a map with errors and gaps; leave out NaN.",
     )
     yield check_fault(
         "the same map gives the same number",
@@ -154,11 +156,11 @@ def check_metric(plugin: Plugin) -> Iterator[Check]:
         if run(rough) == found
         else f"{plugin.title} gave two numbers for the same map; draw its random numbers from a fixed seed.",
     )
-    yield check_call("a map that is the truth is no error", run, truth)
-    yield check_call("a map without a measurement is no error", run, np.full_like(truth, np.nan))
+    yield check_call("a map that is the truth raises no error", run, truth)
+    yield check_call("a map without a measurement raises no error", run, np.full_like(truth, np.nan))
     sky = np.where(np.arange(_HEIGHT)[:, None] < 40, np.nan, truth)
-    yield check_call("sky without a truth is no error", run, rough, sky)
-    yield check_call("a pair without any truth is no error", run, rough, np.full_like(truth, np.nan))
+    yield check_call("sky without a truth raises no error", run, rough, sky)
+    yield check_call("a pair without any truth raises no error", run, rough, np.full_like(truth, np.nan))
 
 
 def check_export(plugin: Plugin) -> Iterator[Check]:
@@ -200,7 +202,7 @@ def check_export(plugin: Plugin) -> Iterator[Check]:
         )
         yield check_fault("it writes a pair of a colour camera, without labels", partial(run, "colour", True))
         if exporter.finishes:
-            yield check_call("finish(names, folder) is no error", exporter.finish, ["first"], folder / "first")
+            yield check_call("finish(names, folder) raises no error", exporter.finish, ["first"], folder / "first")
 
 
 def _make_exported_pair(colour: bool) -> ExportedPair:

@@ -98,7 +98,7 @@ def _add_metrics_arguments(command: argparse.ArgumentParser) -> None:
         help="disparity times depth of the camera, px·m; adds the disparity metrics",
     )
     command.add_argument(
-        "--guiss", action="store_true", help="add what the GUISS reference code would report, as guiss_..."
+        "--guiss", action="store_true", help="add the numbers that the GUISS reference code would report, as guiss_..."
     )
     command.add_argument(
         "--bm-min-disparity",
@@ -307,7 +307,7 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
     command.add_argument(
         "--guiss",
         action="store_true",
-        help="also show what the GUISS reference code would report, to compare with published tables",
+        help="also show the numbers that the GUISS reference code would report, for comparison with published tables",
     )
     command.add_argument(
         "--points",
@@ -336,13 +336,13 @@ def _choose_methods(parsed: argparse.Namespace) -> list[Method]:
 
 
 def _check_maps(parsed: argparse.Namespace) -> None:
-    """Raise IcyMoonError for a size of a cell that no map has."""
+    """Raise IcyMoonError for an impossible cell size of maps."""
     if parsed.maps is not None and not (math.isfinite(parsed.maps) and parsed.maps >= 0):
         raise IcyMoonError(f"--maps is {parsed.maps:g}; give the size of a cell in metres, above 0, or no number.")
 
 
 def _check_follow(parsed: argparse.Namespace) -> None:
-    """Raise IcyMoonError for options that ``--follow`` cannot have beside it."""
+    """Raise IcyMoonError for options that contradict ``--follow``."""
     if len(parsed.path) > 1 or parsed.predictions or parsed.dask or (parsed.jobs or 1) > 1:
         raise IcyMoonError(
             "--follow measures one data set in one process, without --predictions; give one folder "
@@ -533,14 +533,14 @@ def _export_folders(exporter: PluginExport, parsed: argparse.Namespace) -> None:
 
 @contextmanager
 def _show_progress_alone(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """A progress bar. Errors are raised, and not shown on it."""
+    """Show a progress bar. Errors are raised, without a line on the bar."""
     with show_progress(title) as show:
         yield keep_progress(show)
 
 
 @contextmanager
 def _emit_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """The same as lines of JSON."""
+    """Emit the progress as lines of JSON."""
     yield keep_progress(printer.emit_json)
 
 

@@ -40,9 +40,9 @@ from .decisions.workspace import (
     open_workspace,
     read_sun_direction,
 )
-from .evaluate import digest_json, list_method_inputs
+from .evaluate import list_method_inputs, make_json_digest
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
-from .evaluation_files import check_output_folder, named_files_exist, remove_leftovers
+from .evaluation_files import check_output_folder, do_named_files_exist, remove_leftovers
 from .images.image_files import write_png
 from .matchers import match_checked
 from .matchers.methods import Method, describe_method
@@ -75,7 +75,7 @@ _FACTS_SHAPE = {
 
 @dataclass(frozen=True)
 class PoseError:
-    """Standard deviations, per axis, of the errors in the lander's knowledge of its camera's place and direction."""
+    """Standard deviations, per axis, of the errors in the lander's knowledge of its camera's position and direction."""
 
     mm: float = 0.0
     deg: float = 0.0
@@ -94,10 +94,10 @@ class _DecideRun:
     pose: PoseError
     seed: int
 
-    def digest(self, source: Source) -> str:
-        """A digest of all that the rows of a pair depend on, except their methods."""
+    def make_digest(self, source: Source) -> str:
+        """A digest of everything that determines the rows of a pair, except their methods."""
         stated = (self.response, self.rules.to_json(), self.cell_m, self.pose.mm, self.pose.deg, self.seed)
-        return digest_json([*source.list_dependencies(), *stated, DECISIONS_VERSION, version()])
+        return make_json_digest([*source.list_dependencies(), *stated, DECISIONS_VERSION, version()])
 
 
 def decide_pairs(
@@ -180,17 +180,22 @@ def _make_rows(
 
 def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
     """The rows of a pair. Missing rows are made and written to the log."""
-    content = run.digest(source)
-    keys = {TRUE_DEPTH: content} | {m.label: digest_json([content, list_method_inputs(m)]) for m in run.methods}
+    content = run.make_digest(source)
+    keys = {TRUE_DEPTH: content} | {m.label: make_json_digest([content, list_method_inputs(m)]) for m in run.methods}
     there = {
         label: row
         for label, key in keys.items()
         if (row := log.find(source.name, label, key))
         and row["status"] != "failed"
-        and named_files_exist(row, run.out, source.name)
+        and do_named_files_exist(row, run.out, source.name)
     }
     facts = _read_facts(run.out, source.name)
-    if len(there) == len(keys) and facts and facts["key"] == content and named_files_exist(facts, run.out, source.name):
+    if (
+        len(there) == len(keys)
+        and facts
+        and facts["key"] == content
+        and do_named_files_exist(facts, run.out, source.name)
+    ):
         yield from there.values()
         return
     try:
@@ -202,7 +207,7 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
         for label, key in keys.items():
             yield _log_row(log, _make_failed_row(source.name, label, key, describe_error(error, source.folder)))
         return
-    random = make_generator(run.seed, "pose", int(digest_json(source.name), 16) % 2**32)
+    random = make_generator(run.seed, "pose", int(make_json_digest(source.name), 16) % 2**32)
     pose = disturb_pose(workspace.pose, run.pose.mm, run.pose.deg, random)
     scoop = find_scoop(workspace.pair, workspace.pose, random)
     for label, key in keys.items():

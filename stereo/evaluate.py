@@ -22,12 +22,13 @@ from ..support.version import version
 from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
 from .environment import packages
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
-from .evaluation_files import check_output_folder, named_files_exist, remove_leftovers
+from .evaluation_files import check_output_folder, do_named_files_exist, remove_leftovers
 from .matchers import describe_plugin_release, list_option_files
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.plug_in import load_plugin_metrics
-from .measure_pair import MeasureRun, MeasureTask, has_maps, make_failed_row, measure_pair
+from .measure.result_row import make_failed_row
+from .measure_pair import MeasureRun, MeasureTask, has_maps, measure_pair
 from .measuring_cluster import measure_on_cluster
 from .measuring_processes import MeasuringProcesses, choose_process_count
 from .report.row_log import Row, RowLog
@@ -146,7 +147,7 @@ class Evaluation:
         """The pairs with a missing result, ordered by ``sort_by_ground``; reports the progress of the complete ones."""
         for source in sort_by_ground([*self.sources.values()]):
             name = source.name
-            content = digest_json([*source.list_dependencies(), self._run.response, MEASURE_VERSION, version()])
+            content = make_json_digest([*source.list_dependencies(), self._run.response, MEASURE_VERSION, version()])
             keys = {method.label: self._make_row_key(method, name, content) for method in self._run.methods}
             task = MeasureTask(
                 name,
@@ -167,12 +168,12 @@ class Evaluation:
             self._tell_notes(name, facts)
 
     def _make_row_key(self, method: Method, pair: str, content: str) -> str:
-        """The digest of everything on which a row depends."""
+        """The digest of everything that determines a row."""
         inputs = self._setups[method.label]
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # reported where the file is read
                 inputs = [*inputs, read_checksum(find_prediction(method, pair))]
-        return digest_json([content, inputs, *([self._metrics] if self._metrics else [])])
+        return make_json_digest([content, inputs, *([self._metrics] if self._metrics else [])])
 
     def _is_finished(self, row: Row, task: MeasureTask) -> bool:
         compared = all(
@@ -184,7 +185,7 @@ class Evaluation:
 
     def _find_row(self, pair: str, label: str, key: str) -> Row | None:
         row = self.log.find(pair, label, key)
-        return row if row and row["status"] != "failed" and named_files_exist(row, self._run.out, pair) else None
+        return row if row and row["status"] != "failed" and do_named_files_exist(row, self._run.out, pair) else None
 
     def log_results(self, events: Iterator[tuple[MeasureTask, dict[str, Any]]]) -> None:
         """Write the results of the tasks to the log, and report the progress."""
@@ -209,17 +210,17 @@ class Evaluation:
                 self._give_up(task, event["message"], done.pop(task.pair, set()))
 
     def _give_up(self, task: MeasureTask, message: str, done: set[str]) -> None:
-        """Record the unfinished methods of a process that ended as failed."""
+        """Record the unfinished methods of an ended process as failed."""
         why = f"{self.sources[task.pair].folder}: {message}."
         self._tell_failure({"pair": task.pair, "message": why})
         for method in self._run.methods:
             if method.label not in done:
-                row = task.rows.get(method.label) or make_failed_row(task, method, why)
+                row = task.rows.get(method.label) or make_failed_row(task.pair, method, task.keys[method.label], why)
                 self.log.append(row)
                 self._tell_progress(row)
 
     def _tell_notes(self, pair: str, facts: Mapping[str, Any]) -> None:
-        """Tell each kind of note and warning once, and each pair that fails its self-check."""
+        """Report each kind of note and warning once, and each pair that fails its self-check."""
         folder = self.sources[pair].folder
         for kind in ("note", "warning"):
             for message in facts.get(f"{kind}s", ()):
@@ -259,11 +260,11 @@ class Evaluation:
 def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
     """The facts of a pair from an earlier run, if its content is the same and its pictures exist."""
     facts = find_facts(out, pair)
-    return facts if facts and facts["key"] == content and named_files_exist(facts, out, pair) else None
+    return facts if facts and facts["key"] == content and do_named_files_exist(facts, out, pair) else None
 
 
 def list_method_inputs(method: Method) -> list[Any]:
-    """Everything besides the images on which a method's disparity depends: its options, the files that they name, and
+    """Everything besides the images that determines a method's disparity: its options, the files that they name, and
     versions.
     """
     files = {
@@ -289,7 +290,7 @@ def list_method_inputs(method: Method) -> list[Any]:
     ]
 
 
-def digest_json(data: object) -> str:
+def make_json_digest(data: object) -> str:
     """A digest of JSON values, sixteen digits."""
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 

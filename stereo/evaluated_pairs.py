@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..physics.camera.nearest_ground import name_ground
+from ..physics.camera.nearest_ground import make_ground_name_key
 from ..render.pairs.pair_folder import has_pairs, read_pair
 from ..settings.description import Restorer
 from ..support.errors import IcyMoonError
@@ -32,7 +32,7 @@ class Source(Protocol):
         """The folder of the pair, for messages."""
 
     def list_dependencies(self) -> list[Any]:
-        """All that the numbers of the pair depend on: checksums of its files."""
+        """Everything that determines the numbers of the pair: checksums of its files."""
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
         """Read the pair, and compute the arrays that matchers and metrics need. Raises IcyMoonError if the pair cannot
@@ -86,7 +86,7 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
     for source in found:
         if not FILE_NAME.fits(source.name):
             raise IcyMoonError(
-                f"{source.folder}: results cannot have a pair of this name, which is no name of a file "
+                f"{source.folder}: results cannot have a pair of this name, which is not a name of a file "
                 "on every system; rename its folder."
             )
         same = first.setdefault(source.name, source)
@@ -99,14 +99,14 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
 
 
 def sort_by_ground(sources: Sequence[Source]) -> list[Source]:
-    """The sources in an order in which pairs on the same ground follow each other, so that it is made once for their
-    search ranges. A pair that cannot be read is among the first."""
+    """The sources in an order in which pairs on the same ground follow each other, so that the ground for their search
+    ranges is made once. An unreadable pair is among the first."""
     restore, grounds = Restorer(), {}
     for source in sources:
         grounds[source.name] = ""
         if isinstance(source, RenderedPair):
             with suppress(IcyMoonError):  # which is reported where its turn has come
-                grounds[source.name] = name_ground(read_pair(source.folder, restore).settings)
+                grounds[source.name] = make_ground_name_key(read_pair(source.folder, restore).settings)
     return sorted(sources, key=lambda source: grounds[source.name])
 
 
@@ -121,7 +121,7 @@ def _find_foreign(path: Path) -> list[FoundPair]:
 
 
 def check_response(sources: Sequence[Source], response: Mapping[str, Mapping[str, Any]]) -> None:
-    """Raise IcyMoonError if ``response`` would change the camera response of pairs that were not rendered."""
+    """Raise IcyMoonError if ``response`` would change the camera response of photographed pairs."""
     foreign = next((source for source in sources if isinstance(source, ForeignPair)), None)
     if response and foreign:
         raise IcyMoonError(

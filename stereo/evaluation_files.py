@@ -53,7 +53,8 @@ def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, 
 
 
 def _was_written_by_evaluation(path: Path, begin: bytes) -> bool:
-    """Whether a file begins as ours do. The file may end within these bytes, since a run may have been killed there."""
+    """Whether a file begins like a file of an evaluation. The file may end within these bytes, since a run may have
+    been killed there."""
     with explain_disk_errors("read", path), open_regular(path) as stream:
         return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin
 
@@ -64,8 +65,8 @@ def remove_leftovers(out: Path) -> None:
         remove_leftover_parts(folder)
 
 
-def named_files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
-    """Whether all files that a row or the facts of a pair name are in the folder of the pair."""
+def do_named_files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
+    """Whether all files that a row or the facts of a pair name exist in the folder of the pair."""
     folder = out / "pairs" / pair
     return all((out / path).parent == folder and (out / path).is_file() for path in entry["images"].values())
 

@@ -10,7 +10,7 @@ from ..support.errors import DiskError, describe_error
 from ..support.files import write_text
 from .evaluate import Event
 from .evaluated_pairs import check_response, find_sources
-from .export.layouts import middlebury_camera_text
+from .export.layouts import make_middlebury_text
 from .images.image_files import write_png
 
 _README = """\
@@ -41,7 +41,7 @@ def export_for_prediction(
             folder = out / source.name
             for name, image in (("im0.png", prepared.left), ("im1.png", prepared.right)):
                 write_png(folder / name, image)
-            write_text(folder / "calib.txt", middlebury_camera_text(prepared.depth_camera.rectified))
+            write_text(folder / "calib.txt", make_middlebury_text(prepared.depth_camera.rectified))
         except DiskError:
             raise
         except Exception as error:

@@ -126,7 +126,7 @@ def _sample_at(errors: DepthErrors, place: Array, depth: Array) -> tuple[Array, 
 
 
 def choose_better_known(one: VertexErrors, other: VertexErrors) -> VertexErrors:
-    """The better known result of two for each vertex; of equal kinds, the one seen from nearer."""
+    """For each vertex the better known of two results; of equal kinds, the one seen from nearer."""
     take = (other.kind < one.kind) | ((other.kind == one.kind) & (other.depth_m < one.depth_m))
     return VertexErrors(
         *(

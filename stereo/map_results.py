@@ -95,7 +95,7 @@ def make_cells(frame: MapFrame, position_m: Array, cell_m: float) -> MapCells:
 
 
 def _range_of_cells(at: Array, count: int) -> range:
-    """The cells among ``count`` in which places, in cells, lie."""
+    """The cells among ``count`` that contain positions, in cells."""
     return range(max(0, math.floor(at.min())), min(count, math.floor(at.max()) + 1))
 
 
@@ -144,7 +144,7 @@ def write_maps(
 
 
 def _raise_by_drop(frame: MapFrame, position_m: Array) -> Array:
-    """Points (n, 3) of the site above the zero of their map, which is curved where the ground has surroundings."""
+    """Points (n, 3) of the site above the zero of their map, which is curved if the ground has surroundings."""
     x, y, z = position_m.T
     return np.column_stack([x, y, z + frame.find_drop_m(x, y)])
 

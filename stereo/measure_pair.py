@@ -26,10 +26,8 @@ from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.search_range import AUTO, SearchRange, find_known_ranges
 from .measure.common_pixels import measure_common_pixels
-from .measure.metrics import COSTS
-from .measure.plug_in import measure_plugin_metrics
 from .measure.prepare_pair import PreparedPair
-from .measure.row_metrics import NUMBERS, measure_row_numbers
+from .measure.result_row import make_failed_row, make_result_row
 from .report.row_log import Row
 from .report.schema import Failure
 
@@ -71,7 +69,9 @@ def measure_pair(source: Source, run: MeasureRun, task: MeasureTask) -> Iterator
         why = describe_error(error, source.folder)
         yield _make_failed_event({"pair": source.name, "message": why})
         for method in run.methods:
-            yield _make_row_event(task.rows.get(method.label) or make_failed_row(task, method, why))
+            yield _make_row_event(
+                task.rows.get(method.label) or make_failed_row(task.pair, method, task.keys[method.label], why)
+            )
         return
     facts = prepared.facts | {"key": task.content, "images": write_pair_pictures(prepared, run.out)}
     write_json(run.out / "pairs" / source.name / "facts.json", facts)
@@ -122,13 +122,14 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
         try:
             disparity, info = _match_method(method, prepared, ranges)
             info["search"] = info["search"] and info["search"].to_json(shared)
-            rows[label] = _make_row(prepared, run, task, method, disparity, info)
+            row = make_result_row(prepared, method, task.keys[label], disparity, info)
+            rows[label] = row | {"images": write_method_pictures(prepared, method, disparity, info, run.out)}
         except DiskError:
             raise
         except Exception as error:
             why = describe_error(error, f"{prepared.pair.folder} by {describe_method(label)}")
             yield _make_failed_event({"pair": prepared.pair.name, "method": label, "message": why})
-            yield _make_row_event(make_failed_row(task, method, why))
+            yield _make_row_event(make_failed_row(task.pair, method, task.keys[method.label], why))
             continue
         disparities[label] = disparity
         yield _make_row_event(rows[label])
@@ -161,7 +162,7 @@ def _add_maps(
 
 
 def has_maps(images: Mapping[str, str], method: Method, cell_m: float | None) -> bool:
-    """Whether a row has the maps that are asked for; true if none are."""
+    """Whether a row has the requested maps; true without a request."""
     wanted = {} if cell_m is None else name_maps(method, cell_m)
     return all(kind in images and Path(images[kind]).name == name for kind, name in wanted.items())
 
@@ -190,46 +191,3 @@ def _match_method(
 
 def _read_stored_disparity(row: Row | None, prepared: PreparedPair, out: Path) -> Array | None:
     return read_disparity(out / row["images"]["disparity"], prepared.truth.shape) if row else None
-
-
-def _make_row(
-    prepared: PreparedPair, run: MeasureRun, task: MeasureTask, method: Method, disparity: Array, info: dict[str, Any]
-) -> Row:
-    return {
-        "pair": prepared.pair.name,
-        "method": method.label,
-        "key": task.keys[method.label],
-        "status": "ok" if prepared.check.ok else "suspect",
-        **measure_row_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
-        **measure_plugin_metrics(prepared, disparity),
-        "common": {},
-        **{key: info[key] for key in COSTS},
-        "options": info["options"],
-        "search": info["search"],
-        "counts": info["counts"],
-        "facts": info["facts"],
-        "error": "",
-        "images": write_method_pictures(prepared, method, disparity, info, run.out),
-    }
-
-
-def make_failed_row(task: MeasureTask, method: Method, message: str) -> Row:
-    """The row of a method that failed on a pair."""
-    return {
-        "pair": task.pair,
-        "method": method.label,
-        "key": task.keys[method.label],
-        "status": "failed",
-        **dict.fromkeys(NUMBERS),
-        "error_curve": [],
-        "sparsification": {},
-        "strata": {},
-        "histograms": {},
-        "common": {},
-        "options": method.options,
-        "search": None,
-        "counts": {},
-        "facts": {},
-        "error": message,
-        "images": {},
-    }

@@ -39,7 +39,7 @@ _LOOK_S = 0.25
 
 
 def choose_process_count(jobs: int | None, methods: Sequence[Method], pairs: int) -> int:
-    """Number of processes that measure: ``jobs``, or as many as there are processors and pairs for; 1 is this one."""
+    """Number of processes that measure: ``jobs``, or as many as processors and pairs allow; 1 is this one."""
     if jobs is not None:
         return jobs
     if not all(method.name == PREDICTION or uses_one_processor(method.name) for method in methods):
@@ -63,8 +63,8 @@ class MeasuringProcesses:
         self._said: queue.SimpleQueue[tuple[_Process, dict[str, Any] | None]] = queue.SimpleQueue()
 
     def measure(self, tasks: Iterator[MeasureTask]) -> Iterator[tuple[MeasureTask, dict[str, Any]]]:
-        """Do all tasks, and yield each event with its task; {"type": "died", "message"} if a process ended: why, and
-        what to try.
+        """Run all tasks, and yield each event with its task; {"type": "died", "message"} if a process ended: the
+        reason, and the fix.
 
         Raises DiskError if the disk refuses.
         """
@@ -112,7 +112,7 @@ class MeasuringProcesses:
 
 
 class _Process:
-    """One of them."""
+    """One measuring process."""
 
     def __init__(self, setup: dict[str, Any], said: queue.SimpleQueue[Any]) -> None:
         try:
@@ -144,7 +144,7 @@ class _Process:
         said.put((self, None))
 
     def send(self, data: dict[str, Any]) -> None:
-        """Write a line to it; nothing if it has ended, which its reader notices."""
+        """Write a line to the process; does nothing after its end, which its reader notices."""
         assert self._process.stdin is not None
         with suppress(OSError):
             self._process.stdin.write((json.dumps(data) + "\n").encode())
@@ -165,7 +165,7 @@ class _Process:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """One of the processes: do the tasks that come in until there are no more."""
+    """The program of a measuring process: run the tasks from the standard input until it ends."""
     del arguments
     lines = sys.stdin.buffer
     with _take_standard_output() as out:

@@ -54,7 +54,8 @@ class PairViews:
     warnings: tuple[str, ...]  # effects that are left out, and warnings about the exposure
 
     def pictures(self, view: str) -> list[Array]:
-        """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that take turns. KeyError for no view."""
+        """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that alternate. KeyError for an unknown
+        view."""
         return {
             "SIDE_BY_SIDE": self._make_side_by_side,
             "LEFT": lambda: [self.shown_left],

@@ -27,7 +27,7 @@ from .images.head_views import develop_head_view, read_head_view
 
 
 class Dataset:
-    """The pairs of data sets, developed when they are asked for. ``DataLoader`` works on it.
+    """The pairs of data sets, developed on demand. Works with ``DataLoader``.
 
     A sample is a dictionary of tensors: ``left`` and ``right``, float32 (1, H, W), or (3, H, W) of a colour sensor,
     from 0 to 1; ``disparity_px``, float32 (H, W), 0 where unknown; ``valid``, bool (H, W), where it is known;
@@ -82,7 +82,7 @@ class Dataset:
         return len(self.pairs)
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw crops, noise and augmentation of another epoch; before a ``DataLoader`` starts its workers for it."""
+        """Draw crops, noise and augmentation of another epoch; call it before a ``DataLoader`` starts its workers."""
         self._epoch = epoch
 
     def __getitem__(self, number: int) -> dict[str, Any]:
@@ -128,7 +128,7 @@ class Dataset:
 
 
 class Cameras:
-    """The cameras beside the pairs of data sets, for networks that need one image; ``DataLoader`` works on it.
+    """The cameras beside the pairs of data sets, for networks with a single input image; works with ``DataLoader``.
 
     A sample is a dictionary of tensors: ``image``, float32 (1, H, W), or (3, H, W) of a colour sensor, from 0 to 1;
     ``distance_m`` along the rays and ``depth_m`` along the optical axis, float32 (H, W), 0 where unknown; ``valid``,
@@ -172,7 +172,7 @@ class Cameras:
         return len(self.samples)
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw the noise of another epoch; before a ``DataLoader`` starts its workers for it."""
+        """Draw the noise of another epoch; call it before a ``DataLoader`` starts its workers."""
         self._epoch = epoch
 
     def __getitem__(self, number: int) -> dict[str, Any]:

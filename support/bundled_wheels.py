@@ -1,4 +1,4 @@
-"""The packages that come inside a store build of the extension, and the Python that evaluates with them.
+"""The packages inside a store build of the extension, and the Python that evaluates with them.
 
 Blender unpacks the wheels of all extensions into one folder of its user's. The evaluator uses them in a process of its
 own: Blender's Python, started as a program. Inside Blender they must not be loaded, since OpenEXR's wheel and Blender's
@@ -44,7 +44,7 @@ def withdraw_folder() -> None:
 
 
 def find_folder() -> str:
-    """The folder of the wheels if this is Blender's Python run as a program; else empty."""
+    """The folder of the wheels if this is Blender's Python, run as a program; else empty."""
     prefix, _, folder = os.environ.get(WHEELS_VARIABLE, "").rpartition(os.pathsep)
     ours = prefix and os.path.realpath(prefix) == os.path.realpath(sys.prefix)
     return folder if ours and "bpy" not in sys.modules and os.path.isdir(folder) else ""

@@ -1,4 +1,4 @@
-"""The folder of data that Icy Moon can make or measure again: speeds of this machine, marks of reports, stand-ins."""
+"""The folder of data that Icy Moon can recreate: speeds of this machine, marks of reports, stand-ins."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ def choose_folder(path: str) -> None:
 
 
 def own_cache_folder() -> Path:
-    """The cache folder of Icy Moon, which may be missing: from the environment, chosen, or the user's own."""
+    """The cache folder of Icy Moon, which may be missing: from the environment, the preferences, or the user's
+    default."""
     if given := os.environ.get(FOLDER_VARIABLE) or _Choice.path:
         return parse_path(given, FOLDER_VARIABLE).absolute()
     return find_cache_folder() / "icymoon"

@@ -12,7 +12,7 @@ class IcyMoonError(Exception):
 
 
 def describe_error(error: Exception, where: object) -> str:
-    """A sentence about any error that stops one of many tasks, so that the others can continue."""
+    """A sentence about an error that stops one of many tasks while the others continue."""
     if isinstance(error, IcyMoonError):
         return str(error)
     if isinstance(error, MemoryError):
@@ -24,7 +24,7 @@ class DiskError(IcyMoonError):
     """Nothing can be written to this disk or folder."""
 
 
-def first_line(error: Exception) -> str:
-    """Why an operator of Blender failed, in one line."""
+def find_first_line(error: Exception) -> str:
+    """The reason why an operator of Blender failed, in one line."""
     lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
     return lines[0] if lines else type(error).__name__

@@ -97,7 +97,7 @@ SHA256 = Kind(
 
 
 def find_fault(data: object, shape: Shape, name: str = "it") -> str:
-    """The first fault of ``data``, which is called ``name``; empty if it has the shape."""
+    """The first fault of ``data``, under the name ``name``; empty for a valid shape."""
     if isinstance(shape, Maybe):
         return "" if data is None and shape.null else find_fault(data, shape.shape, name)
     if isinstance(shape, Kind):

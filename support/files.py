@@ -52,7 +52,7 @@ def make_part_path(path: Path) -> Path:
 
     Its name ends in ``PART_SUFFIX``, and no other process on any machine uses it.
     """
-    return path.with_name(f"{path.name}.{system.computer_name()}-{os.getpid()}-{next(_part_numbers)}{PART_SUFFIX}")
+    return path.with_name(f"{path.name}.{system.find_computer_name()}-{os.getpid()}-{next(_part_numbers)}{PART_SUFFIX}")
 
 
 @contextmanager
@@ -99,7 +99,8 @@ def is_of_file_manager(name: str) -> bool:
 
 
 def list_put_there(folder: Path, pattern: str = "*") -> list[Path]:
-    """The sorted paths in a folder that fit a pattern, without the files of file managers in any folder of the path."""
+    """The sorted paths in a folder that match a pattern, without the files of file managers in any folder of the
+    path."""
     return [
         path
         for path in sorted(folder.glob(pattern))
@@ -111,7 +112,7 @@ def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
     """Half-written files in a folder whose processes, on this computer, have certainly ended. ``pattern`` is the name
     of the whole file."""
     scope = system.find_process_scope()
-    for part in folder.glob(f"{pattern}.{glob.escape(system.computer_name())}-*-*{PART_SUFFIX}"):
+    for part in folder.glob(f"{pattern}.{glob.escape(system.find_computer_name())}-*-*{PART_SUFFIX}"):
         writer = part.name.removesuffix(PART_SUFFIX).rsplit("-", 2)[1]
         if writer.isdecimal() and system.is_gone(int(writer), scope) and part.is_file() and not part.is_symlink():
             yield part
@@ -216,7 +217,7 @@ def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path
 
 
 def parse_path(text: str, name: str) -> Path:
-    """The path that the user wrote for ``name``; ``~`` at its begin is a home folder. Raises IcyMoonError for an empty
+    """The path that the user wrote for ``name``; ``~`` at its start is a home folder. Raises IcyMoonError for an empty
     or impossible path."""
     if not text.strip():
         raise IcyMoonError(f"{name} is empty; choose a path.")
@@ -267,7 +268,7 @@ def quote(value: object) -> str:
 
 
 def is_file(path: Path) -> bool:
-    """Whether a file exists; False also for a path that the system cannot have."""
+    """Whether a file exists; False also for a path that is invalid on this system."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""The one door for bytes that this process did not write.
+"""The one entrance for bytes that this process did not write.
 
 A file may come from a stranger, be cut off by a full disk, or be changed by hand. ``read`` hands it to a parser as
 ``ForeignBytes``: a regular file of bounded size, whose parts are taken by a ``Cursor`` that only moves forward or by
@@ -129,7 +129,7 @@ class Cursor:
 
     @property
     def left(self) -> int:
-        """How many bytes follow."""
+        """The number of remaining bytes."""
         return len(self._data) - self._at
 
     def take(self, count: int) -> bytes:
@@ -153,11 +153,11 @@ class Cursor:
         self.skip(place - self.at)
 
     def unpack(self, layout: str) -> tuple[Any, ...]:
-        """The next numbers, of a layout of ``struct``."""
+        """The next numbers, in a layout of ``struct``."""
         return struct.unpack(layout, self.take(struct.calcsize(layout)))
 
     def number(self, layout: str) -> int:
-        """The next whole number, of a layout of ``struct`` such as ``<I``."""
+        """The next whole number, in a layout of ``struct`` such as ``<I``."""
         return int(self.unpack(layout)[0])
 
     def take_until(self, mark: bytes, most: int) -> bytes:
@@ -209,7 +209,7 @@ class ForeignBytes:
         return data
 
     def cursor(self, start: int = 0, count: int | None = None) -> Cursor:
-        """A cursor over ``count`` bytes from ``start`` on; over all that follow without ``count``."""
+        """A cursor over ``count`` bytes from ``start`` on; over all remaining ones without ``count``."""
         return Cursor(self.part(start, self.size - start if count is None else count), self.budget, start)
 
     def content(self) -> bytes:
@@ -387,7 +387,7 @@ def parse_json(text: str | bytes) -> Any:
 def _parse_finite(text: str) -> float:
     number = float(text)
     if number - number:  # which is 0 for every number; a call takes as long as all else here
-        raise ValueError(f"{text[:40]} is no number")
+        raise ValueError(f"{text[:40]} is not a number")
     return number
 
 
@@ -398,7 +398,7 @@ def note_on_backslashes(path: object) -> str:
     return " (a \\ is a part of a name here; write / between folders)" if there else ""
 
 
-def hint_on_paths(error: ValueError) -> str:
+def make_path_hint(error: ValueError) -> str:
     """The end of a clause on the likely fault of a text that ``parse_toml`` refuses: in double quotes a backslash
     begins an escape, also in paths of Windows."""
     escape = "Unescaped" in str(error) or "hex value" in str(error)
@@ -470,7 +470,7 @@ def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
 
 def parse_whole_numbers(text: bytes) -> Array:
     """The numbers (n,) int64 of a text of digits and blanks; numbers beyond 2^63 - 1 become 2^63 - 1. Raises ValueError
-    for another text."""
+    for any other text."""
     import numpy as np
 
     if text.translate(None, b"0123456789 \t\r\n"):
@@ -545,7 +545,7 @@ def parse_npz(foreign: ForeignBytes, wanted: Collection[str] | None = None, kind
 
 
 def _check_directory(data: bytes) -> None:
-    """Refuse an archive whose list of members would take long to read; the list is read as a whole before all else."""
+    """Refuse an archive whose list of members is slow to read; the list is read as a whole before the members."""
     end = data.rfind(b"PK\x05\x06", max(0, len(data) - 2**16 - _ARCHIVE_END_BYTES))
     if end < 0 or end + _ARCHIVE_END_BYTES > len(data):
         raise ValueError("it has no list of members")

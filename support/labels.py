@@ -34,7 +34,7 @@ HALF_FLOAT_PASSES = {
 }
 
 
-def rounded_passes(files: str, half_floats: str) -> set[str]:
+def list_rounded_passes(files: str, half_floats: str) -> set[str]:
     """Passes that are stored as 16-bit floats with this ``quality.files`` and ``quality.half_floats``."""
     return HALF_FLOAT_PASSES["RADIANCE_NORMALS" if files == "COMPACT" else half_floats]
 

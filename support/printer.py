@@ -79,7 +79,7 @@ def warn(text: str, program: str = "icymoon") -> None:
 
 
 def rewrite_line(text: str) -> None:
-    """Put a text in place of the last line of the standard error, if that is a terminal. Never raises."""
+    """Replace the last line of the standard error by a text, if that is a terminal. Never raises."""
     with suppress(OSError, ValueError, AttributeError):
         if sys.stderr.isatty():
             _write(sys.stderr, f"\r\033[K{show_controls(text)}")
@@ -92,7 +92,7 @@ def print_usage(text: str, to_error: bool) -> None:
 
 
 def emit(kind: str, /, **facts: object) -> None:
-    """Print one message to whoever started this process: a JSON line with its ``type``. Raises as ``say`` does."""
+    """Print one message to the process that started this one: a JSON line with its ``type``. Raises as ``say`` does."""
     emit_json({"type": kind, **facts})
 
 
@@ -114,7 +114,7 @@ def _replace_nan(data: object) -> object:
 
 
 def flush() -> None:
-    """Print the text that is still kept back. Raises as ``say`` does."""
+    """Print the buffered text. Raises as ``say`` does."""
     _write(sys.stdout, "")
     with suppress(OSError):
         _write(sys.stderr, "")
@@ -166,7 +166,7 @@ def make_styled_text(text: str, style: str = "") -> Text:
 
 
 def make_console(to_error: bool = False) -> Console:
-    """A console of rich that prints where ``say`` or ``warn`` does, and as safely; give it instances of its Text."""
+    """A console of rich that prints like ``say`` or ``warn``, with the same safety; give it instances of its Text."""
     from rich.console import Console
 
     stream = cast(IO[str], _Stream("stderr" if to_error else "stdout"))
@@ -174,7 +174,7 @@ def make_console(to_error: bool = False) -> Console:
 
 
 def _write(stream: IO[str] | None, text: str, at_once: bool = True) -> None:
-    """Write to a stream, if it is there."""
+    """Write to a stream, if it exists."""
     if stream is None:
         return
     try:
@@ -218,7 +218,7 @@ class _Stream:
         return len(text)
 
     def flush(self) -> None:
-        """Nothing is kept back."""
+        """Do nothing, since no text is buffered."""
 
     def isatty(self) -> bool:
         """Whether it is a terminal."""

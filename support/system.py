@@ -108,7 +108,7 @@ def open_regular(path: Path) -> IO[bytes]:
     """Open a regular file for reading. Raises OSError for any other, such as a pipe or a device, which could block its
     reader."""
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
-    irregular = OSError(errno.EINVAL, "it is no regular file", str(path))
+    irregular = OSError(errno.EINVAL, "it is not a regular file", str(path))
     try:
         handle = os.open(path, flags)
     except OSError as error:
@@ -190,7 +190,7 @@ def lock(path: Path) -> IO[bytes] | None:
 
 
 def lock_for_child(path: Path) -> IO[bytes] | None:
-    """As ``lock``, to be the standard input of another process, which then holds it until it ends."""
+    """As ``lock``, for use as the standard input of another process, which then holds it until it ends."""
     if not is_windows():
         return lock(path)
     return None if is_lock_held(path) else path.open("a+b")
@@ -254,7 +254,7 @@ def _allows_long_paths() -> bool:
         return False
 
 
-def computer_name() -> str:
+def find_computer_name() -> str:
     """Name of this computer."""
     return socket.gethostname()
 
@@ -265,12 +265,12 @@ def find_user_key() -> str:
 
 
 def belongs_to_user(path: Path) -> bool:
-    """Whether a file or folder belongs to this user; Windows hides folders of other users anyway."""
+    """Whether a file or folder belongs to this user; Windows hides folders of other users in any case."""
     return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()
 
 
 def find_cache_folder() -> Path:
-    """The folder for data that the user's programs can make again."""
+    """The folder for data that the user's programs can recreate."""
     home = Path.home()
     usual = {"win32": ("LOCALAPPDATA", home / "AppData" / "Local"), "darwin": ("", home / "Library" / "Caches")}
     variable, otherwise = usual.get(PLATFORM, ("XDG_CACHE_HOME", home / ".cache"))
@@ -402,7 +402,7 @@ def bound_memory_and_time(memory: int, cpu_s: float | None = None) -> Iterator[N
 
 
 def is_ended_by_time_limit(status: int) -> bool:
-    """Whether a process of this exit status took more time than ``bound_memory_and_time`` gave it."""
+    """Whether a process with this exit status exceeded the time of ``bound_memory_and_time``."""
     return hasattr(signal, "SIGXCPU") and status == -signal.SIGXCPU
 
 
@@ -481,7 +481,7 @@ def _stop_environment(environment: Mapping[str, str] | None, how: str) -> dict[s
 
 
 def interrupt(process: subprocess.Popen[bytes]) -> None:
-    """Ask a program that ``start_ours`` began to stop."""
+    """Ask a program of ``start_ours`` to stop."""
     with suppress(OSError):  # it has ended just now
         if not is_windows():
             process.send_signal(signal.SIGINT)
@@ -617,7 +617,7 @@ def find_process_scope() -> str:
             return f"{boot} {os.readlink('/proc/self/ns/pid')}"
         except OSError:
             return ""
-    return computer_name()
+    return find_computer_name()
 
 
 def is_gone(pid: int, where: str) -> bool:

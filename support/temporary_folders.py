@@ -1,4 +1,4 @@
-"""Temporary folders, removed when their work is done; leftovers of a killed process go when the next one is made."""
+"""Temporary folders, removed after use; leftovers of a killed process are removed when the next one is made."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def make_scratch_folder() -> Path:
     _remove_abandoned()
     with explain_disk_errors("write to", Path(tempfile.gettempdir())):
         folder = Path(tempfile.mkdtemp(prefix=_FOLDER_PREFIX))
-        owner = {"pid": os.getpid(), "place": system.find_process_scope(), "computer": system.computer_name()}
+        owner = {"pid": os.getpid(), "place": system.find_process_scope(), "computer": system.find_computer_name()}
         (folder / _OWNER_FILE).write_text(json.dumps(owner), encoding="utf-8")
     return folder
 
@@ -63,5 +63,5 @@ def _is_ours(folder: Path) -> bool:
 def _is_abandoned(owner: dict[str, Any]) -> bool:
     """Whether the process that made a folder has certainly ended."""
     here = system.find_process_scope()
-    rebooted = owner["computer"] == system.computer_name() and owner["place"].split(" ")[0] != here.split(" ")[0]
+    rebooted = owner["computer"] == system.find_computer_name() and owner["place"].split(" ")[0] != here.split(" ")[0]
     return bool(here and owner["place"]) and (rebooted or system.is_gone(owner["pid"], owner["place"]))

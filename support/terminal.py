@@ -27,7 +27,7 @@ ALL_WORD = "all"
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser of a command line, whose messages are printed as all others are."""
+    """A parser of a command line whose messages are printed like all others."""
 
     def error(self, message: str) -> NoReturn:
         """Print the usage and the error, and exit with status 2."""
@@ -51,7 +51,7 @@ def add_list(parser: argparse.ArgumentParser, flag: str, metavar: str | None, wo
 
 
 def add_own_matchers(parser: argparse.ArgumentParser, where: str = "--methods") -> None:
-    """Add ``--own``, by which the option ``where`` can name matchers of the user's."""
+    """Add ``--own``, by which the option ``where`` can name the user's own matchers."""
     words = f"option of your own matcher, which {where} then names as own:NAME; may repeat"
     add_list(parser, "--own", "NAME:METHOD:KEY=VALUE", words)
 
@@ -75,7 +75,7 @@ def add_maps_option(command: argparse.ArgumentParser) -> None:
 
 
 def check_least(options: argparse.Namespace, least: int, *names: str) -> None:
-    """Raise IcyMoonError if one of these options is stated as less than ``least``, or as no finite number."""
+    """Raise IcyMoonError if one of these options is less than ``least``, or is not a finite number."""
     for name in names:
         value = getattr(options, name)
         if value is not None and not (math.isfinite(value) and value >= least):
@@ -132,7 +132,7 @@ def report_end(error: BaseException, program: str, stopped: str) -> int:
 
 @contextmanager
 def _lines_without_terminal(console: Console, describe: Callable[[], str]) -> Iterator[None]:
-    """Where there is no terminal, and so no bar, print how far the work is every ``_PROGRESS_LINE_S``."""
+    """Without a terminal, and so without a bar, print the progress every ``_PROGRESS_LINE_S`` seconds."""
     if console.is_terminal:
         yield
         return
@@ -157,7 +157,7 @@ def _print_warning(console: Console, message: dict[str, Any]) -> None:
 
 @contextmanager
 def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Show a progress bar of renders; gives the function that takes the messages of a worker or a runner.
+    """Show a progress bar of renders; yields the function that receives the messages of a worker or a runner.
 
     A message moves the bar or becomes a line above it.
     """
@@ -195,12 +195,12 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 
 
 def keep_progress(show: Callable[[dict[str, Any]], None]) -> Callable[[dict[str, Any]], None]:
-    """A function of messages that passes on only those of progress."""
+    """A function of messages that passes on only progress messages."""
     return lambda message: show(message) if message["type"] == "progress" else None
 
 
 def tell_events(title: str, as_json: bool) -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
-    """Print events as JSON lines, or show them as ``show_counted_progress`` does; gives a function of events."""
+    """Print events as JSON lines, or show them as ``show_counted_progress`` does; yields a function of events."""
     return nullcontext(printer.emit_json) if as_json else show_counted_progress(title)
 
 
@@ -218,7 +218,7 @@ def show_count(title: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Show a bar on standard error that counts finished items; gives the function that takes the events.
+    """Show a bar on standard error that counts finished items; yields the function that receives the events.
 
     Standard output stays free for results. Where standard error is no terminal there is no bar, but a line every
     ``_PROGRESS_LINE_S``, and warnings and errors are printed all the same.

@@ -14,7 +14,7 @@ def version() -> str:
 
 
 def is_newer(other: str) -> bool:
-    """Whether a version such as '1.2.0' is later than this one; False for text that is no version."""
+    """Whether a version such as '1.2.0' is later than this one; False for a text that is not a version."""
     try:
         return tuple(map(int, other.split("."))) > tuple(map(int, version().split(".")))
     except ValueError:

@@ -41,7 +41,7 @@ from icymoon.support.files import quote
 from pairs import Scene, camera, write_pair
 from stated_pairs import PAIRS, whole
 
-#: What takes the place of a value: other types, other signs, what is no number, what leads elsewhere, and too much.
+#: What takes the place of a value: other types, other signs, what is not a number, what leads elsewhere, and too much.
 INSTEAD = (
     None,
     True,
@@ -436,7 +436,7 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
     with temporary_folders.open_scratch_folder() as mine:
         assert mine.parent == tmp_path
     assert not mine.exists()
-    owner = {"pid": os.getpid(), "place": system.find_process_scope(), "computer": system.computer_name()}
+    owner = {"pid": os.getpid(), "place": system.find_process_scope(), "computer": system.find_computer_name()}
     dead = owner | {"pid": 2**22 + 7}  # more than Linux ever gives
     cases = {
         "living": (owner, True),

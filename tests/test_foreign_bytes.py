@@ -178,7 +178,7 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
         with pytest.raises(IcyMoonError, match="cannot be read"):
             read(path, lambda f: f.content(), "a file", "choose another")
         if "\0" not in str(path) and path.exists():  # the usual fix is for its content
-            with pytest.raises(IcyMoonError, match=r"it is no regular file\); put a regular file in its place"):
+            with pytest.raises(IcyMoonError, match=r"it is not a regular file\); put a regular file in its place"):
                 read(path, lambda f: f.content(), "a file", "choose another")
         with pytest.raises((OSError, ValueError)):
             read_regular(path, 10)

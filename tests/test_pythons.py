@@ -41,15 +41,15 @@ def test_a_python_without_what_icymoon_needs_is_told():
     ("version", "said"),
     [
         ((3, 11), 'pip install "icymoon[blender]".'),
-        ((3, 12), "is Python 3.12, for which there is no Blender as a module"),
+        ((3, 12), "is Python 3.12, which has no Blender as a module"),
         ((3, 13), 'pip install "icymoon[blender]".'),
-        ((3, 14), "is Python 3.14, for which there is no Blender as a module"),
+        ((3, 14), "is Python 3.14, which has no Blender as a module"),
     ],
 )
 def test_a_python_for_which_there_is_no_blender_is_not_told_to_install_one(version, said, monkeypatch):
     monkeypatch.setattr(sys, "version_info", (*version, 0, "final", 0))
-    assert said in program.no_blender()
-    assert "--blender" in program.no_blender()
+    assert said in program.explain_missing_blender()
+    assert "--blender" in program.explain_missing_blender()
 
 
 def test_the_pythons_with_a_blender_are_those_of_the_package_and_of_make():

@@ -19,7 +19,7 @@ from icymoon.support import files, system
 
 @pytest.fixture
 def strict(monkeypatch):
-    """Windows' rule: what is flushed is open for writing, and is no folder."""
+    """Windows' rule: what is flushed is open for writing, and is not a folder."""
 
     def fsync(handle: int) -> None:
         if fcntl.fcntl(handle, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDONLY:

@@ -27,7 +27,7 @@ _VIEW_WIDTH_M = 2.2
 _BALL_RINGS = 180
 
 
-def ball_mesh(rings: int = _BALL_RINGS) -> tuple[Array, Array]:
+def make_ball_mesh(rings: int = _BALL_RINGS) -> tuple[Array, Array]:
     """Positions (n, 3) and triangles (m, 3) of a sphere of radius 1, outward, with ``2 * rings`` meridians."""
     latitude = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)[1:-1, None]
     longitude = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)[None]
@@ -86,7 +86,7 @@ def render_ball(
     mesh = bench.folder / "ball.ply"
     if not mesh.is_file():
         mesh.parent.mkdir(parents=True, exist_ok=True)
-        write_triangles(mesh, *ball_mesh())
+        write_triangles(mesh, *make_ball_mesh())
     described = [
         _describe_ball(each, mesh, phase, distance, pixels, samples) for each in surface for phase in phases_deg
     ]

@@ -25,7 +25,7 @@ _WHY_SULPHUR = (
 )
 
 
-def _snow_rows() -> list[Row]:
+def _make_snow_rows() -> list[Row]:
     rows = []
     for radius, albedos in published.SNOW.items():
         for wavelength in _COLOURS_NM:
@@ -43,7 +43,7 @@ def _snow_rows() -> list[Row]:
     return rows
 
 
-def _enceladus_rows() -> list[Row]:
+def _make_enceladus_rows() -> list[Row]:
     plains = MATERIALS["ENCELADUS_PLAINS"].reflectance(np.array(published.WAVELENGTHS_NM))
     ours, theirs = (spectrum / spectrum[published.GREEN_INDEX] for spectrum in (plains, published.ENCELADUS))
     return [
@@ -64,11 +64,11 @@ def dark_share() -> float:
     return (plains - _TRAILING_GREEN) / (plains - dark)
 
 
-def _europa_rows() -> list[Row]:
+def _make_europa_rows() -> list[Row]:
     share, rows = dark_share(), []
     for wavelength in _COLOURS_NM:
         plains, dark = (float(MATERIALS[name].reflectance(wavelength)) for name in ("EUROPA_PLAINS", "EUROPA_DARK"))
-        theirs, error = published.europa_over_green(wavelength)
+        theirs, error = published.read_europa_over_green(wavelength)
         rows.append(
             Row(
                 f"`EUROPA_PLAINS` with {100 * share:.0f} % `EUROPA_DARK`, {wavelength:g} over 550 nm",
@@ -83,7 +83,7 @@ def _europa_rows() -> list[Row]:
 
 
 def _compare_colours(bench: Bench) -> list[Row]:
-    return [*_snow_rows(), *_enceladus_rows(), *_europa_rows()]
+    return [*_make_snow_rows(), *_make_enceladus_rows(), *_make_europa_rows()]
 
 
 COMPARISON = Comparison(

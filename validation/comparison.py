@@ -1,4 +1,4 @@
-"""Comparisons: their rows, the bench that they use, and the way to add one's own.
+"""Comparisons: their rows, the bench that they use, and the way to add your own.
 
 A comparison gives rows. Each row has a number of Icy Moon, an independent number, the largest difference that counts as
 agreement, and the source. The numbers alone decide whether a row passes or fails: a stated cause changes no verdict. A
@@ -43,7 +43,7 @@ _WHY_FITTED = "ours was fitted to it"
 
 @dataclass(frozen=True)
 class Row:
-    """A number of Icy Moon beside an independent number.
+    """A number of Icy Moon beside its independent reference value.
 
     ``allowed`` is the largest difference with which the row passes, in the unit of both. ``fitted`` marks a number that
     ours was fitted to: agreement then shows only the fit and is not judged, and a larger difference fails. ``why``
@@ -104,7 +104,7 @@ Say = Callable[[dict[str, Any]], None]
 
 @dataclass(frozen=True)
 class Bench:
-    """The bench of a comparison: a folder for its files, a Blender, and whether it should be ``quick``.
+    """The resources of a comparison: a folder for its files, a Blender, and whether it should be ``quick``.
 
     ``polar`` and ``frost`` are the user's folders of the POLAR data and of the FROST scans, None without these data.
     """
@@ -231,7 +231,7 @@ def load_own_comparison(path: Path) -> Comparison:
 
 
 def _compare_by_file(path: Path, compare: Callable[[Bench], list[Row]], bench: Bench) -> list[Row]:
-    """The rows of a user's function. Whatever it raises or returns instead is an IcyMoonError with its line."""
+    """The rows of a user's function. Any exception or other result becomes an IcyMoonError with its line."""
     try:
         rows = compare(bench)
     except IcyMoonError:

@@ -12,7 +12,7 @@ from ..physics.surfaces.surface_law import make_law
 from ..settings.description import defaults, merged
 from ..settings.preset_files import load_preset
 from .comparison import Bench, Comparison, Row
-from .published_spectra import europa_over_green
+from .published_spectra import read_europa_over_green
 
 _VERBISCER = "Verbiscer et al. 2007, Science 315, 815, as Wikipedia quotes it"
 _FILACCHIONE = "Filacchione et al. 2022, arXiv 2111.15541, abstract, 0.55 µm"
@@ -169,7 +169,7 @@ def find_contradicting_measurement(each: Measured, ours: float) -> Measured | No
     )
 
 
-def _measured_row(each: Measured) -> Row:
+def _make_measured_row(each: Measured) -> Row:
     ours = _QUANTITIES[each.quantity](read_preset_law(f"surfaces/hapke_{each.preset}"))
     name = each.quantity if " " in each.quantity else f"{each.quantity} albedo"
     other = find_contradicting_measurement(each, ours)
@@ -208,17 +208,17 @@ def albedo_without_surge(law: photometry.Law) -> float:
     return float(10 ** (-0.4 * np.polyfit(phases, magnitudes, 1)[1]))
 
 
-def _europa_rows() -> list[Row]:
+def _make_europa_rows() -> list[Row]:
     """Rows of published numbers of Europa other than albedos at the presets' 0.55 µm."""
     whole, plains, dark = (
         read_preset_law(f"surfaces/hapke_europa_{name}") for name in ("global", "bright_plains", "dark_lineae")
     )
     return [
-        *_surgeless_rows(whole),
-        *_phase_coefficient_rows(whole),
-        *_opposition_rows(whole, plains, dark),
-        *_mixed_rows("ridges", 0.25, plains, dark, ""),
-        *_mixed_rows(
+        *_make_surgeless_rows(whole),
+        *_make_phase_coefficient_rows(whole),
+        *_make_opposition_rows(whole, plains, dark),
+        *_make_mixed_rows("ridges", 0.25, plains, dark, ""),
+        *_make_mixed_rows(
             "bands",
             0.5,
             plains,
@@ -230,9 +230,9 @@ def _europa_rows() -> list[Row]:
     ]
 
 
-def _surgeless_rows(whole: photometry.Law) -> list[Row]:
+def _make_surgeless_rows(whole: photometry.Law) -> list[Row]:
     """Europa's geometric albedo where it is seen without the narrow surge, and in blue light."""
-    colour, error = europa_over_green(470.0)
+    colour, error = read_europa_over_green(470.0)
     extrapolated = albedo_without_surge(whole)
     return [
         Row(
@@ -268,7 +268,7 @@ def _surgeless_rows(whole: photometry.Law) -> list[Row]:
     ]
 
 
-def _phase_coefficient_rows(whole: photometry.Law) -> list[Row]:
+def _make_phase_coefficient_rows(whole: photometry.Law) -> list[Row]:
     return [
         Row(
             "`hapke_europa_global`, phase coefficient from 1.5° to 7°",
@@ -291,8 +291,8 @@ def _phase_coefficient_rows(whole: photometry.Law) -> list[Row]:
     ]
 
 
-def _opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: photometry.Law) -> list[Row]:
-    """How bright and how steep Europa's terrains are near zero phase."""
+def _make_opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: photometry.Law) -> list[Row]:
+    """Brightness and slope of Europa's terrains near zero phase."""
     return [
         Row(
             "`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
@@ -320,8 +320,8 @@ def _opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: photom
     ]
 
 
-def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometry.Law, why: str) -> list[Row]:
-    """Rows of a terrain that is a mixture: the number that it was fitted to, and the nearest measured ones."""
+def _make_mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometry.Law, why: str) -> list[Row]:
+    """Rows of a mixed terrain: the number to which it was fitted, and the nearest measured ones."""
     law, preset = read_preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
     mixed = (1 - share) * reflectance_at_five(plains) + share * reflectance_at_five(dark)
     disc = (1 - _CHAOS_SHARE) * photometry.bond_albedo(plains) + _CHAOS_SHARE * photometry.bond_albedo(law)
@@ -355,8 +355,8 @@ def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometr
     ]
 
 
-def _lunar_rows() -> list[Row]:
-    """The Moon's phase curve, to which nothing was fitted; from 30° on, as nearer the curve has no surge."""
+def _make_lunar_rows() -> list[Row]:
+    """The Moon's phase curve, without any fit; from 30° on, as the curve has no surge below that."""
     law = read_preset_law("surfaces/hapke_lunar_like")
     phases = np.array([30.0, 60.0, 90.0, 120.0])
     ours = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
@@ -376,7 +376,7 @@ def _lunar_rows() -> list[Row]:
 
 
 def _compare_albedos(bench: Bench) -> list[Row]:
-    return [*map(_measured_row, MEASURED), *_europa_rows(), *_lunar_rows()]
+    return [*map(_make_measured_row, MEASURED), *_make_europa_rows(), *_make_lunar_rows()]
 
 
 COMPARISON = Comparison(

@@ -109,13 +109,13 @@ def judge_terrain(built: Rebuilt, masks: dict[tuple[View, int], Masks]) -> list[
     """The rows of a rebuilt terrain, from the masks of its twins."""
     terrain, camera, sand, lamps = built.terrain, built.camera, built.sand, built.lamps
     return [
-        *_camera_rows(camera),
-        *_lamp_rows(lamps),
-        *_left_out_rows(terrain, built.left_out),
-        *_own_shadow_rows(terrain, masks),
+        *_make_camera_rows(camera),
+        *_make_lamp_rows(lamps),
+        *_make_unscanned_rows(terrain, built.left_out),
+        *_make_own_shadow_rows(terrain, masks),
         *_mask_rows(terrain, masks, measure_label_agreement(terrain, camera, sand)),
-        *_shadow_tip_rows(terrain, camera, sand, lamps),
-        *_disparity_rows(terrain, camera, sand, built.frames),
+        *_make_shadow_tip_rows(terrain, camera, sand, lamps),
+        *_make_disparity_rows(terrain, camera, sand, built.frames),
         *judge_stereo(terrain, camera, built.frames, masks),
     ]
 
@@ -159,7 +159,7 @@ def _render_masks(
     return found, frames
 
 
-def _camera_rows(camera: Calibration) -> list[Row]:
+def _make_camera_rows(camera: Calibration) -> list[Row]:
     return [
         Row(
             "camera: median distance of outlines from rocks",
@@ -174,7 +174,7 @@ def _camera_rows(camera: Calibration) -> list[Row]:
     ]
 
 
-def _lamp_rows(lamps: dict[int, Array]) -> list[Row]:
+def _make_lamp_rows(lamps: dict[int, Array]) -> list[Row]:
     return [
         Row(
             f"lamp at {azimuth}°: distance from the survey",
@@ -189,8 +189,8 @@ def _lamp_rows(lamps: dict[int, Array]) -> list[Row]:
     ]
 
 
-def _left_out_rows(terrain: Terrain, left_out: dict[tuple[View, int], LeftOut]) -> list[Row]:
-    """How much of the outlined rocks has no scan, so that a missing one shows."""
+def _make_unscanned_rows(terrain: Terrain, left_out: dict[tuple[View, int], LeftOut]) -> list[Row]:
+    """The share of the outlined rocks without a scan, which would reveal a missing scan."""
     return [
         Row(
             f"outlined rocks without a scan, position {position}: share of the area",
@@ -203,8 +203,8 @@ def _left_out_rows(terrain: Terrain, left_out: dict[tuple[View, int], LeftOut]) 
     ]
 
 
-def _own_shadow_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> list[Row]:
-    """How much of the sand is dark without rocks: fitted hollows must not cast the shadows of the photographs."""
+def _make_own_shadow_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> list[Row]:
+    """The share of the sand that is dark without rocks: fitted hollows must not cast the shadows of the photographs."""
     return [
         Row(
             f"shadow of the sand without rocks, position {position}: largest share of a photograph",
@@ -224,7 +224,7 @@ def _own_shadow_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> 
 def _mask_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: LabelAgreement) -> list[Row]:
     rows = []
     for position in terrain.positions:
-        rows += _overlap_rows(
+        rows += _make_overlap_rows(
             "rocks",
             position,
             masks,
@@ -233,7 +233,7 @@ def _mask_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Lab
             _label_agreement_text(hand.rocks[position]),
         )
     for position in terrain.positions:
-        rows += _overlap_rows(
+        rows += _make_overlap_rows(
             "shadows",
             position,
             masks,
@@ -251,7 +251,7 @@ def _label_agreement_text(agreement: float) -> str:
     return f"Outlines under one lamp agree with outlines drawn anew under another to {agreement:.2f}"
 
 
-def _overlap_rows(
+def _make_overlap_rows(
     name: str,
     position: str,
     masks: dict[tuple[View, int], Masks],
@@ -273,7 +273,7 @@ def _overlap_rows(
     ]
 
 
-def _shadow_tip_rows(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]) -> list[Row]:
+def _make_shadow_tip_rows(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]) -> list[Row]:
     """Lengths of shadows along the light, in the photographs of the right eyes."""
     reaches = _measure_reaches(terrain, camera, sand, lamps)
     errors = [1.0 / reach - 1.0 for (view, _, _), reach in reaches.items() if view.eye == "R"]
@@ -300,7 +300,7 @@ _Reaches = dict[tuple[View, int, int], float]
 
 
 def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]) -> _Reaches:
-    """How far labelled shadows reach, as shares of the lengths of ours, by view, azimuth and index of the rock."""
+    """The lengths of labelled shadows, as shares of the lengths of ours, by view, azimuth and index of the rock."""
     table, found = HeightTable(sand), {}
     visible = [sand.visible(rock) for rock in terrain.rocks]
     for view, azimuth in terrain.photographs:
@@ -323,7 +323,7 @@ def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: d
 
 
 def _compare_labelled_tips(reaches: _Reaches) -> tuple[float, float]:
-    """Medians of how far labelled tips differ, as shares of lengths: between eyes, between positions; NaN if none."""
+    """Median differences of labelled tips, as shares of lengths: between eyes, between positions; NaN without any."""
     shadows: dict[tuple[int, int], dict[str, list[float]]] = {}
     for (view, azimuth, k), reach in reaches.items():
         shadows.setdefault((azimuth, k), {}).setdefault(view.position, []).append(reach)
@@ -341,7 +341,7 @@ def _median_or_nan(values: list[float]) -> float:
 
 
 def _measure_labelled_reach(ends: Array, outlines: list[Array]) -> float | None:
-    """How far a labelled shadow reaches from the foot toward our tip, as a share of the way; None without one.
+    """The length of a labelled shadow from the foot toward our tip, as a share of the distance; None without one.
 
     The outline that holds the middle of our shadow counts. Shadows that run into the next one are left out.
     """
@@ -359,8 +359,8 @@ def _measure_labelled_reach(ends: Array, outlines: list[Array]) -> float | None:
     return None
 
 
-def _disparity_rows(terrain: Terrain, camera: Calibration, sand: Sand, frames: dict[str, Frame]) -> list[Row]:
-    """How far rocks lie apart in both eyes: the outlines of each beside its scan, in pixels of the renders."""
+def _make_disparity_rows(terrain: Terrain, camera: Calibration, sand: Sand, frames: dict[str, Frame]) -> list[Row]:
+    """The disparity of rocks: the outlines of each beside its scan, in pixels of the renders."""
     rows = []
     visible = [sand.visible(rock) for rock in terrain.rocks]
     for position, frame in frames.items():
@@ -401,7 +401,7 @@ def _middle_column(pixels: Array) -> float:
 
 
 def _write_pictures(folder: Path, terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> None:
-    """A picture for each view: labels, our masks and our render side by side, an azimuth under the other."""
+    """Write a picture for each view: labels, our masks and our render side by side, one azimuth below the other."""
     for view in terrain.views:
         rows = []
         for azimuth in terrain.azimuths:

@@ -1,4 +1,4 @@
-"""Matchers on the photographs and on their twins: does the twin predict the errors that the photograph gives?
+"""Matchers on the photographs and on their twins: whether the twin predicts the errors on the photograph.
 
 Errors are measured where scans give the truth: at pixels that both eyes see and that show a scanned rock in the labels
 and in the twin, two pixels inside its outline. The truth is the twin's disparity. It contains the errors of the camera
@@ -66,10 +66,10 @@ def judge_stereo(
                 unjudged=_WHY_NO_PHOTOGRAPHS,
             )
         ]
-    return _share_rows(np.array(shares))
+    return _make_share_rows(np.array(shares))
 
 
-def _share_rows(shares: Array) -> list[Row]:
+def _make_share_rows(shares: Array) -> list[Row]:
     """Rows of shares (pairs, 2, methods) of wrong or missing pixels, of photographs and twins."""
     count, family = len(shares), typical_scene.compare_in_typical_scene(shares[:, 1] - shares[:, 0], 0)
     few = f"an interval takes {format_count(family.needed, 'pair')}, here are {count}" if count < family.needed else ""
@@ -117,13 +117,13 @@ def _measure_shares(
     assert search is not None
     return np.array(
         [
-            [_wrong_share(method, pair, truth, judged, rig, search) for method in METHODS]
+            [_find_wrong_share(method, pair, truth, judged, rig, search) for method in METHODS]
             for pair in (photographed, twin)
         ]
     )
 
 
-def _wrong_share(
+def _find_wrong_share(
     method: str, pair: list[Array], truth: Array, judged: Array, rig: StereoCamera, search: SearchRange
 ) -> float:
     left, right = pair
@@ -143,7 +143,7 @@ def _read_photograph(terrain: Terrain, at: tuple[View, int]) -> Array:
 
 
 def rectify_photograph(frame: Frame, camera: Calibration, eye: str, image: Array) -> Array:
-    """A photograph (H, W) as our rig sees it, each pixel the mean of its part of the photograph."""
+    """A photograph (H, W) resampled to our rig, each pixel the mean of its part of the photograph."""
     rows, columns = frame.shape
     at = np.stack(
         np.meshgrid(

@@ -35,7 +35,7 @@ SNOW = {
 SNOW_SOURCE = "Khuller et al. 2021, doi 10.1029/2021JE006910: another program, with the same absorption of ice"
 
 
-def europa_over_green(wavelength_nm: float) -> tuple[float, float]:
+def read_europa_over_green(wavelength_nm: float) -> tuple[float, float]:
     """Europa's trailing hemisphere over its reflectance at 550 nm: mean and half the difference of both spectra."""
     column = WAVELENGTHS_NM.index(wavelength_nm)
     one, other = EUROPA_TRAILING[:, column] / EUROPA_TRAILING[:, GREEN_INDEX]

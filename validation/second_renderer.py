@@ -244,7 +244,7 @@ def _compare_regions(ours: Array, theirs: Array) -> tuple[float, float, str]:
     )
 
 
-def _scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Array) -> list[Row]:
+def _make_scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Array) -> list[Row]:
     """Rows of a scene from radiance and depth (H, W) of Cycles and of Mitsuba."""
     rms, largest, where = _compare_regions(ours, theirs)
     both = ~np.isnan(seen) & ~np.isnan(depth)
@@ -285,8 +285,8 @@ def _scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Ar
     return found
 
 
-def _backend_rows(radiance: Mapping[str, Array]) -> list[Row]:
-    """OSL beside nodes, in scenes whose only difference is how their law is made."""
+def _make_backend_rows(radiance: Mapping[str, Array]) -> list[Row]:
+    """OSL beside nodes, in scenes that differ only in the implementation of their law."""
     rows = []
     for name in radiance:
         if (twin := name.replace("by OSL", "by nodes")) != name:
@@ -326,9 +326,9 @@ def _compare_renderers(bench: Bench) -> list[Row]:
         view = read_view(pair.image("left"))
         radiance[scene.name] = view.radiance[..., 0].astype(np.float64)
         theirs, depth = _render_in_mitsuba(folder, scene.samples)
-        rows += _scene_rows(scene, radiance[scene.name], view.depth, theirs, depth)
+        rows += _make_scene_rows(scene, radiance[scene.name], view.depth, theirs, depth)
         bench.draw(f"{number:02d}", draw_twins(radiance[scene.name], theirs))
-    return [*rows, *_backend_rows(radiance)]
+    return [*rows, *_make_backend_rows(radiance)]
 
 
 COMPARISON = Comparison(

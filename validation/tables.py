@@ -19,7 +19,7 @@ def format_number(value: float) -> str:
     return f"{value:.4g}"
 
 
-def row_cells(row: Row) -> tuple[str, ...]:
+def make_row_cells(row: Row) -> tuple[str, ...]:
     """The cells of a row in a table, without its source and its note."""
     unit = f" {row.unit}" if row.unit else ""
     return (
@@ -32,7 +32,7 @@ def row_cells(row: Row) -> tuple[str, ...]:
     )
 
 
-def row_notes(rows: Sequence[Row]) -> list[str]:
+def list_row_notes(rows: Sequence[Row]) -> list[str]:
     """The causes of rows that fail and the reasons of rows that are not judged, each once."""
     return list(dict.fromkeys(row.note for row in rows if row.note))
 
@@ -64,9 +64,9 @@ def make_markdown_section(result: Result) -> str:
         lines += [*_wrap_text(comparison.figure), ""]
     if result.error:
         return "\n".join([*lines, f"Not made: {result.error}", ""])
-    notes = [*list_sources(result.rows), *row_notes(result.rows)]
+    notes = [*list_sources(result.rows), *list_row_notes(result.rows)]
     numbered = [
-        (*row_cells(row), ", ".join(str(notes.index(note) + 1) for note in [row.source, *row_notes([row])]))
+        (*make_row_cells(row), ", ".join(str(notes.index(note) + 1) for note in [row.source, *list_row_notes([row])]))
         for row in result.rows
     ]
     table = [
@@ -100,7 +100,7 @@ def replace_sections(page: str, results: Sequence[Result]) -> str:
 
 
 def _find_section(page: str, comparison: Comparison) -> tuple[int, int] | None:
-    """Where the section of a comparison begins and ends, if the page has one."""
+    """The start and the end of the section of a comparison, if the page has one."""
     head = f"## {comparison.title}\n"
     start = 0 if page.startswith(head) else page.find(f"\n{head}") + 1
     if not page.startswith(head, start):

@@ -41,7 +41,7 @@ def _measure_mirror_point(image: BallImage) -> float:
     return float(image.radiance_factor[near].mean())
 
 
-def _ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
+def _make_ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
     law, name = read_preset_law(f"surfaces/{preset}"), f"`{preset}`, {'OSL' if backend == 'OSL' else 'nodes'}"
     phases = np.array([image.phase for image in images])
     formula = photometry.disc_brightness(law, phases)
@@ -76,7 +76,7 @@ def _ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
 
 
 def describe_surface(preset: str, backend: str) -> Settings:
-    """The surface of a preset, without everything else."""
+    """The surface of a preset alone."""
     return merged(defaults(), load_preset(f"surfaces/{preset}"), check({"hapke": {"backend": backend}}, "whole disc"))
 
 
@@ -88,7 +88,7 @@ def _compare_discs(bench: Bench) -> list[Row]:
         _QUICK_PHASES_DEG if bench.quick else _PHASES_DEG,
         _CAMERA_DISTANCE_RADII,
     )
-    return [row for case, found in zip(cases, images, strict=True) for row in _ball_rows(*case, found)]
+    return [row for case, found in zip(cases, images, strict=True) for row in _make_ball_rows(*case, found)]
 
 
 COMPARISON = Comparison(

@@ -1,4 +1,4 @@
-"""What a Bayer mosaic costs stereo: the same pairs developed by a monochrome and by a colour camera.
+"""The cost of a Bayer mosaic for stereo: the same pairs developed by a monochrome and by a colour camera.
 
     python benchmarks colour DATASET [key=value …]
 
@@ -37,8 +37,8 @@ ROWS: dict[str, dict[str, Any]] = {
 }
 
 
-def images_of(pair: Pair, views: dict[str, View], sensor: dict[str, Any]) -> DevelopedImages:
-    """The pair by the colour camera, with changes of ``sensor``."""
+def develop_with_colour(pair: Pair, views: dict[str, View], sensor: dict[str, Any]) -> DevelopedImages:
+    """The pair's images by the colour camera, with changes of ``sensor``."""
     camera = load_preset("sensors/mastcam_z")
     glass = {"band_centre_nm": 560.0, "band_width_nm": 320.0, "quantum_efficiency": 0.403}
     return develop(pair, views["left"], views["right"], merged(pair.settings, camera, {"sensor": glass | sensor}))
@@ -71,7 +71,7 @@ def main(options: argparse.Namespace) -> None:
         visible = find_visible_in_right(find_scene_depth(views["left"]), find_scene_depth(views["right"]), pair.camera)
         for label, sensor in ROWS.items():
             watch = Stopwatch()
-            images = images_of(pair, views, {"colour": "BAYER"} | sensor | changes)
+            images = develop_with_colour(pair, views, {"colour": "BAYER"} | sensor | changes)
             seconds[label] += watch.lap()
             rows[label].append(errors(pair, views, visible, images))
     print(f"{'':30}{head}  CPU s")

@@ -35,7 +35,7 @@ def synthetic(folder: Path) -> Pair:
 
 
 def row(pair: Pair, views: dict[str, View], visible: Array, sensor: dict[str, Any]) -> str:
-    """Share of full pixels, then coverage, L1 and bad-1 of each matcher."""
+    """Share of saturated pixels, then coverage, L1 and bad-1 of each matcher."""
     images = develop(pair, views["left"], views["right"], merged(defaults(), pair.settings, {"sensor": sensor}))
     truth = find_scene_depth(views["left"])
     text = f"{100 * images.saturated:7.1f}"

@@ -1,4 +1,4 @@
-"""Options that several studies have, and the folder that they write to."""
+"""Options that several studies share, and their output folder."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ def add_scale(parser: argparse.ArgumentParser, default: float) -> None:
 
 
 def add_out(parser: argparse.ArgumentParser) -> None:
-    """Declare ``--out``, which ``out_folder`` reads."""
+    """Declare ``--out``, which ``open_out_folder`` reads."""
     parser.add_argument("--out", type=Path, help="folder that keeps the renders (default: a temporary one)")
 
 
 @contextmanager
-def out_folder(given: Path | None) -> Iterator[Path]:
-    """The folder that ``--out`` gives, absolute and made; without one a temporary folder."""
+def open_out_folder(given: Path | None) -> Iterator[Path]:
+    """The absolute folder of ``--out``, made if missing; by default a temporary folder."""
     if given is not None:
         given.mkdir(parents=True, exist_ok=True)
         yield given.absolute()
@@ -40,6 +40,6 @@ def scratch() -> Iterator[Path]:
 
 
 def is_asked(name: str, words: Iterable[str]) -> bool:
-    """Whether a row's name contains one of the words, in any case; without words every row is asked for."""
+    """Whether a row's name contains one of the words, in any case; without words every row is requested."""
     words = list(words)
     return not words or any(word.lower() in name.lower() for word in words)

@@ -1,4 +1,4 @@
-"""Rows of costs and matcher errors: pairs of a scene, rendered in a process of their own and then matched."""
+"""Rows of costs and matcher errors: pairs of a scene, rendered in a separate process and then matched."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ if TYPE_CHECKING:  # a process that renders pays for no evaluator
 
 
 def render(job: dict[str, Any]) -> list[dict[str, Any]]:
-    """Render the pairs of a row: of each its folder, its processor seconds, and those of the process before it."""
+    """Render the pairs of a row: for each its folder, its processor seconds, and the seconds of the process before
+    it."""
     from icymoon.benchmarks.common.renders import render_planned, start_blender
     from icymoon.render import cycles_settings, render_pair
     from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
@@ -70,7 +71,8 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 class _Apart:
-    """Renders of one eye each, as the public code makes them: nothing shared, depth of the left."""
+    """Separate renders of each eye, as in the paper's public code: nothing is shared, and only the left eye has
+    depth."""
 
     def __init__(self) -> None:
         self.costs: list[float] = []  # processor seconds of each pair
@@ -78,7 +80,7 @@ class _Apart:
     def radiance(
         self, scene: bpy.types.Scene, built: object, lights: object, stem: Path, planned: object
     ) -> dict[str, Path]:
-        """Stands in for what Icy Moon renders radiance with."""
+        """Replaces the function by which Icy Moon renders radiance."""
         import bpy
         from icymoon.render import passes
         from icymoon.support.labels import BEAUTY
@@ -105,14 +107,14 @@ class _Apart:
 
 
 def rendered(rung: Rung, settings: Settings, folder: Path) -> list[dict[str, Any]]:
-    """Render a row in a process of its own; see ``render``."""
+    """Render a row in a separate process; see ``render``."""
     return list(call(render, {"rung": asdict(rung), "settings": settings, "dataset": str(folder)}))
 
 
 @dataclass(frozen=True)
 class Errors:
-    """What matchers make of a pair: by matcher the disparity error (H, W), px, NaN where nothing is measured, and its
-    sums ``stereo.trade.quality_losses``; where both eyes see, bool (H, W)."""
+    """The errors of matchers on a pair: by matcher the disparity error (H, W), px, NaN where nothing is measured, and
+    its sums ``stereo.trade.quality_losses``; and the pixels that both eyes see, bool (H, W)."""
 
     off: dict[str, Array]
     tallies: dict[str, Array]
@@ -120,7 +122,7 @@ class Errors:
 
 
 def errors(folder: Path, methods: Sequence[Method]) -> Errors:
-    """Of a rendered pair, on images as its own camera exposes and reads them."""
+    """The errors on a rendered pair, with the exposure of its own camera."""
     from icymoon.stereo.matchers import match
     from icymoon.stereo.measure.metrics import is_usable
     from icymoon.stereo.measure.prepare_pair import load_pair
@@ -139,8 +141,8 @@ def errors(folder: Path, methods: Sequence[Method]) -> Errors:
 
 
 def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dict[str, list[float]]:
-    """How much more error a row has than the first, and its standard error: of the pixels that both measure, px, and
-    of the share that is off or missing."""
+    """The increase of a row's errors over the first row, with standard errors: on the pixels that both measure, px, and
+    of the share that is wrong or missing."""
     from icymoon.stereo.measure.jackknife import jackknife, sum_over_tiles
 
     tiles = []
@@ -160,7 +162,7 @@ def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dic
 def measured(
     pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first: Sequence[Errors], best: Any
 ) -> dict[str, Any]:
-    """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
+    """Costs and errors of a row; ``best`` is the converged render of its first pair."""
     from icymoon.stereo.trade.quality_losses import STEREO_KEYS, compute_stereo_numbers, measure_variant
 
     costs = [pair["pair"] for pair in pairs]
@@ -191,7 +193,7 @@ def measured(
 
 
 def head(images: Sequence[int] = (1,)) -> str:
-    """The line over ``shown``."""
+    """The header line above ``shown``."""
     ratios = "".join(f"{'ratio' if len(images) == 1 else f'of {n}':>8}" for n in images)
     return (
         f"{'':44}{'first':>7}{'bake':>7}{'more':>7}{ratios}{'':8}{'cover':>7}{'EPE':>7}{'bad 1':>7}{'wrong':>7}"
@@ -200,7 +202,7 @@ def head(images: Sequence[int] = (1,)) -> str:
 
 
 def shown(name: str, row: Mapping[str, Any], most: float, images: Sequence[int] = (1,)) -> str:
-    """The lines of a row, one of each matcher; ``most`` is the cost of the first row, CPU-s a pair."""
+    """The lines of a row, one per matcher; ``most`` is the cost of the first row, CPU-s per pair."""
     cost = f"{name:44}{row['first']:7.1f}{row['bake']:7.1f}{row['more']:7.2f}" + "".join(
         f"{most / (row['more'] + row['bake'] / (n if row['shared'] else 1)):8.1f}" for n in images
     )

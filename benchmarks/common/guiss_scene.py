@@ -1,4 +1,4 @@
-"""The snow of the GUISS paper's public code, and the steps from its settings to those of Icy Moon.
+"""The snow of the GUISS paper's public code, and the steps from its settings to Icy Moon's.
 
 Ramchander Bhaskara et al., "Icy Moon Surface Simulation and Stereo Depth Estimation for Sampling Autonomy", IEEE
 Aerospace Conference 2024.
@@ -78,7 +78,7 @@ CLASSIC = {"sampling_pattern": PAPER["sampling_pattern"]}
 
 @dataclass(frozen=True)
 class Rung:
-    """A row: what is changed in the settings and, for what they do not have, in Cycles."""
+    """A row: the changed settings, and the changes in Cycles that no setting describes."""
 
     name: str
     settings: Parts = field(default_factory=dict)
@@ -87,7 +87,7 @@ class Rung:
 
 
 def ladder() -> list[Rung]:
-    """The rows, each with all changes of those above it."""
+    """The rows, each with the changes of all rows above it."""
     both: Parts = {"quality": {"truth_by": "CYCLES"}}
     bounces: Parts = {"quality": {**both["quality"], "diffuse_bounces": 3, "noise_threshold": 0.0}}
     solid: Parts = {**bounces, "surface": {"subsurface_weight": 0.0}}
@@ -149,7 +149,7 @@ def snow(scale: float, ground: str = "paper") -> Settings:
     return scale_view(made, scale)
 
 
-def lambert_snow(scale: float, *changes: Parts) -> Settings:
+def make_lambert_snow(scale: float, *changes: Parts) -> Settings:
     """Complete settings of the row ``LAMBERT`` with changes."""
     rung = next(each for each in ladder() if each.name == LAMBERT)
     parts = (dict(rung.settings), *changes)

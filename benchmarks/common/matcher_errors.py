@@ -26,7 +26,7 @@ class MatcherErrors:
 
 
 def heads(methods: tuple[str, ...]) -> str:
-    """The words over each method's ``MatcherErrors.line``."""
+    """The column headers above each method's ``MatcherErrors.line``."""
     return "".join(f"  {method + ' cov':>6} {'L1 cm':>7} {'bad1 %':>6}" for method in methods)
 
 

@@ -1,4 +1,4 @@
-"""A function of a study in a new Python: memory, caches and Blender's state are then its own.
+"""Runs a study's function in a new Python, with separate memory, caches and Blender state.
 
 numbers = call(measure, "rocks", 1000)
 """
@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from icymoon.benchmarks import FOLDER
-from icymoon.benchmarks.common.processor import seconds_of_all
+from icymoon.benchmarks.common.processor import measure_all_seconds
 
 #: The first word of ``python benchmarks`` for a call from another process.
 CALL = "--call"
 
 
 def command(function: Callable[..., Any], result: Path, *arguments: object) -> list[str]:
-    """The words of a process that calls a module's function and writes its value to ``result`` as JSON.
+    """The command of a process that calls a module's function and writes its value to ``result`` as JSON.
 
     The arguments must be JSON.
     """
@@ -34,7 +34,7 @@ def command(function: Callable[..., Any], result: Path, *arguments: object) -> l
 
 
 def call(function: Callable[..., Any], *arguments: object) -> Any:
-    """The value of a function, called in a new Python whose standard output is not shown.
+    """The value of a function, called in a new Python whose standard output is hidden.
 
     RuntimeError if the process failed; its standard error has told why.
     """
@@ -55,11 +55,11 @@ def work(dataset: Path, *options: str) -> tuple[float, int]:
         nonlocal status
         status = subprocess.run(words, stdout=subprocess.DEVNULL, check=False).returncode
 
-    return seconds_of_all(run), status
+    return measure_all_seconds(run), status
 
 
 def list_processes(pid: int) -> list[int]:
-    """A process and those that it started, itself first. Linux only."""
+    """A process and its descendants, the process first. Linux only."""
     found = [pid]
     with contextlib.suppress(OSError):
         for child in Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split():
@@ -68,14 +68,14 @@ def list_processes(pid: int) -> list[int]:
 
 
 def send_signal(pids: list[int], number: signal.Signals) -> None:
-    """Send a signal to those processes that are still there."""
+    """Send a signal to those processes that still run."""
     for pid in pids:
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, number)
 
 
 def answer(name: str, arguments: str, result: str) -> None:
-    """Do in this process what ``command`` asks for."""
+    """Answer a call of ``command`` in this process."""
     module, _, function = name.partition(":")
     value = getattr(import_module(module), function)(*json.loads(arguments))
     Path(result).write_text(json.dumps(value), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Processor time and memory, of this process and of those that it starts."""
+"""Processor time and memory of this process and of its child processes."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def seconds_of(work: Callable[[], object]) -> float:
     return watch.lap()
 
 
-def least_seconds(work: Callable[[], object], runs: int = 3) -> float:
+def measure_least_seconds(work: Callable[[], object], runs: int = 3) -> float:
     """Processor seconds of the fastest of some runs in this process."""
     return min(seconds_of(work) for _ in range(runs))
 
 
-def seconds_of_all(work: Callable[[], object]) -> float:
-    """Processor seconds of one run, in this process and in those that it has waited for."""
+def measure_all_seconds(work: Callable[[], object]) -> float:
+    """Processor seconds of one run, in this process and its finished child processes."""
     before = _spent_s()
     work()
     return _spent_s() - before
@@ -52,7 +52,7 @@ def peak_mib() -> float:
 
 
 def resident_mib(what: str = "VmRSS", pid: int | None = None) -> float:
-    """Resident memory of a process, this one without ``pid``, MiB, as Linux counts it: VmRSS now, VmHWM the largest
-    since it was reset. StopIteration for a process that has ended."""
+    """Resident memory of a process, without ``pid`` of this process, MiB, as Linux counts it: VmRSS now, VmHWM the
+    largest since it was reset. StopIteration for an ended process."""
     lines = Path(f"/proc/{pid or 'self'}/status").read_text(encoding="utf-8").splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith(f"{what}:")) / 1024

@@ -1,4 +1,4 @@
-"""Scenes and pairs in this process, which needs Blender as a module."""
+"""Scenes and pairs in this process; needs Blender as a module."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ def settings_of(presets: Iterable[str], *parts: Parts) -> Settings:
 
 
 def render(built: Built, settings: Settings, folder: Path) -> list[Path]:
-    """Render the pairs of a built scene into a data set's folder; their folders."""
+    """Render the pairs of a built scene into a data set's folder; return their folders."""
     return render_pairs(built, expand_headings(settings), folder, 1, 0.0, _unheard)
 
 
-def seconds_of_render(settings: Settings) -> float:
-    """Processor seconds of the render of a scene's pairs in a new file, without those of its build."""
+def measure_render_seconds(settings: Settings) -> float:
+    """Processor seconds of rendering a scene's pairs in a new file, without building it."""
     built = build_scene(open_empty_file(), settings)
     with scratch() as folder:
         return seconds_of(lambda: render(built, settings, folder))
@@ -73,8 +73,8 @@ def _unheard(*arguments: object, **facts: object) -> None:
 
 
 @contextmanager
-def only_own_words(to_errors: bool = False) -> Iterator[None]:
-    """Cycles writes much to standard output. Within, only what Python prints is shown there.
+def hide_cycles_output(to_errors: bool = False) -> Iterator[None]:
+    """Hide Cycles' messages on standard output until the end of the ``with`` block; only Python's output is shown.
 
     ``to_errors`` shows the rest on standard error instead of dropping it.
     """

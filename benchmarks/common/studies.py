@@ -41,7 +41,7 @@ def list_studies() -> str:
 
 
 def load(name: str) -> ModuleType:
-    """The module of a study. SystemExit if no study has the name."""
+    """The module of a study. SystemExit without a study of this name."""
     path = find_studies().get(name)
     if path is None:
         raise SystemExit(f"There is no study {name}; `python benchmarks` lists them.")
@@ -49,7 +49,7 @@ def load(name: str) -> ModuleType:
 
 
 def make_parser(name: str) -> argparse.ArgumentParser:
-    """The parser of a study's options. SystemExit if no study has the name."""
+    """The parser of a study's options. SystemExit without a study of this name."""
     study = load(name)
     parser = argparse.ArgumentParser(
         prog=f"python benchmarks {name}",
@@ -61,7 +61,7 @@ def make_parser(name: str) -> argparse.ArgumentParser:
 
 
 def run(words: list[str]) -> int:
-    """Run the study that the first word names, with the others as its options; the exit status."""
+    """Run the study named by the first word, with the other words as its options; return the exit status."""
     if not words or words[0] in ("-h", "--help"):
         print(list_studies())
         return 0

@@ -1,4 +1,5 @@
-"""The download of `make demo`: the packages of the extras blender and evaluate, and those that pip tried and dropped.
+"""The download size of `make demo`: the packages of the extras blender and evaluate, and the packages that pip fetched
+and dropped.
 
     python benchmarks download_size [--extras blender,evaluate] [--python python3.11]
 

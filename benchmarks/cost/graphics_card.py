@@ -1,4 +1,4 @@
-"""The time of renders on a graphics card, and whether its images are those of the processor.
+"""The time of renders on a graphics card, and whether its images equal the processor's.
 
     python benchmarks graphics_card --out FOLDER [--devices CUDA processor OPTIX] [--scale 1] [--seconds 3600]
 
@@ -69,9 +69,9 @@ ALL_IN_32_BITS: Parts = {"quality": {"files": "FULL", "half_floats": "NONE"}}
 
 @dataclass(frozen=True)
 class Step:
-    """Renders in one process: a name, the device, and the settings of its pairs with the headings that they have.
-    ``repeat`` is another seed of the light paths; ``way`` one of those above. It is compared with what it is ``like``
-    and with the same on other devices."""
+    """Renders in one process: a name, the device, and the settings of its pairs with their headings. ``repeat`` is
+    another seed of the light paths; ``way`` one of the ways above. It is compared with the steps ``like`` and with the
+    same step on other devices."""
 
     name: str
     device: str
@@ -82,19 +82,19 @@ class Step:
 
     @property
     def key(self) -> str:
-        """What tells it apart."""
+        """The unique key of the step."""
         return ", ".join(
             each for each in (self.name, self.way, self.device, f"seed {self.repeat}" * bool(self.repeat)) if each
         )
 
     @property
     def folder(self) -> str:
-        """The name of its data set."""
+        """The name of its data set's folder."""
         return "".join(letter if letter.isalnum() else "_" for letter in self.key)
 
 
 def rough_ice(scale: float, quality: str, headings: int, *changes: Parts) -> Settings:
-    """Europa's rough ice as the qualities are measured on it, see ``qualities.py``."""
+    """Europa's rough ice with the settings of the quality measurements, see ``qualities.py``."""
     made = description.merged(
         description.defaults(),
         preset_files.load_preset("scenes/europa_rough_ice"),
@@ -110,7 +110,7 @@ def rough_ice(scale: float, quality: str, headings: int, *changes: Parts) -> Set
 
 
 def scene(name: str, scale: float) -> Settings:
-    """A scene preset with few samples. Hapke's law is made of nodes, as a card has it."""
+    """A scene preset with few samples, and Hapke's law as nodes, which graphics cards need."""
     made = description.merged(
         description.defaults(),
         preset_files.load_preset(name),
@@ -124,7 +124,7 @@ def scene(name: str, scale: float) -> Settings:
 
 
 def steps(devices: Sequence[str], scale: float) -> list[Step]:
-    """All steps on these devices, those that tell most first."""
+    """All steps on these devices, the most informative first."""
     paper = description.merged(snow(scale), {"dataset": {"headings": SNOW_HEADINGS}})
     one = description.merged(paper, {"dataset": {"headings": 1}})
     baked = rough_ice(scale, "few_headings", BAKED_HEADINGS, {"quality": {"indirect": "BAKED"}})
@@ -200,7 +200,7 @@ def render(job: dict[str, Any], told_at: str) -> None:
 # In the process that measures.
 
 
-def job_of(step: Step, out: Path) -> dict[str, Any]:
+def make_step_job(step: Step, out: Path) -> dict[str, Any]:
     """The job of a step, as a worker takes it."""
     device: Parts = {"quality": {"device": "CPU" if step.device == PROCESSOR else "GPU"}}
     settings = [description.merged(each, device, ALL_IN_32_BITS) for each in step.settings]
@@ -211,7 +211,8 @@ def job_of(step: Step, out: Path) -> dict[str, Any]:
 
 
 def run(step: Step, out: Path, most_s: float) -> dict[str, Any]:
-    """Do a step in at most so many seconds: what it told, how long it took and, if it failed, the end of its output."""
+    """Run a step for at most ``most_s`` seconds: its messages, its run time and, after a failure, the end of its
+    output."""
     with scratch() as place:
         told, log, ended = (place / name for name in ("told.json", "log.txt", "ended.json"))
         environment = {key: value for key, value in os.environ.items() if key != ENVIRONMENT}
@@ -220,7 +221,7 @@ def run(step: Step, out: Path, most_s: float) -> dict[str, Any]:
         start = time.perf_counter()
         with log.open("wb") as stream:
             process = subprocess.Popen(
-                command(render, ended, job_of(step, out), str(told)),
+                command(render, ended, make_step_job(step, out), str(told)),
                 env=environment,
                 stdout=stream,
                 stderr=subprocess.STDOUT,
@@ -237,12 +238,12 @@ def run(step: Step, out: Path, most_s: float) -> dict[str, Any]:
         if status != "0" or found["errors"]:
             found["log"] = log.read_text(errors="replace")[-3000:]
         for pair in found["pairs"]:
-            pair |= facts_of(Path(pair["folder"]), pair["seconds"])
+            pair |= read_time_and_device(Path(pair["folder"]), pair["seconds"])
         return found
 
 
-def facts_of(folder: Path, seconds: float) -> dict[str, Any]:
-    """What ``pair.json`` states of a pair's time and device, and the seconds of a clock that its bakes took."""
+def read_time_and_device(folder: Path, seconds: float) -> dict[str, Any]:
+    """The entries of ``pair.json`` on time and device, and the wall seconds of the pair's bakes."""
     stated = json.loads((folder / "pair.json").read_text())
     took = stated["seconds"]
     bakes = {
@@ -264,14 +265,14 @@ def facts_of(folder: Path, seconds: float) -> dict[str, Any]:
     }
 
 
-def passes_of(folder: Path) -> dict[str, Array]:
+def read_passes(folder: Path) -> dict[str, Array]:
     """All passes of a pair's left eye by name, float32 (height, channels, width)."""
     return {piece.name: Pixels(piece).decode() for piece in read_pieces((folder / "left.exr").read_bytes())}
 
 
 def compare(one: Path, other: Path) -> dict[str, Any]:
-    """How the image of a pair differs from the same one of another device or seed, and whether their truth does."""
-    here, there = passes_of(one), passes_of(other)
+    """The differences of a pair's image and truth from the same pair on another device or with another seed."""
+    here, there = read_passes(one), read_passes(other)
     grey, base = (each[IMAGE_PASS][:, -3:].mean(axis=1, dtype=np.float64) for each in (here, there))
     rows, columns = (np.arange(size) * parts // size for size, parts in zip(base.shape, REGIONS, strict=True))
     region = rows[:, None] * REGIONS[1] + columns
@@ -298,22 +299,22 @@ def compare(one: Path, other: Path) -> dict[str, Any]:
 
 
 def compared(step: Step, done: Mapping[str, Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """Comparisons of the pairs of a step with those of earlier steps, by the keys of these."""
+    """Comparisons of the pairs of a step with earlier steps, by the keys of these."""
     alike = [f"{step.name}, {device}" for device in (*BACKENDS, PROCESSOR) if not (step.way or step.repeat)]
     keys = [key for key in done if key != step.key and key in (*step.like, *alike)]
     made: dict[str, list[dict[str, Any]]] = {}
     for key in keys:
-        there = {scene_of(pair): pair["folder"] for pair in done[key]["pairs"]}
+        there = {describe_content(pair): pair["folder"] for pair in done[key]["pairs"]}
         made[key] = [
-            {"scene": scene_of(pair), **compare(Path(pair["folder"]), Path(there[scene_of(pair)]))}
+            {"scene": describe_content(pair), **compare(Path(pair["folder"]), Path(there[describe_content(pair)]))}
             for pair in done[step.key]["pairs"]
-            if scene_of(pair) in there
+            if describe_content(pair) in there
         ]
     return made
 
 
-def scene_of(pair: Mapping[str, Any]) -> str:
-    """What a pair shows, whatever renders it: its ground, its place and its heading."""
+def describe_content(pair: Mapping[str, Any]) -> str:
+    """The content of a pair, independent of its renderer: its ground, its place and its heading."""
     stated = json.loads((Path(pair["folder"]) / "pair.json").read_text())
     settings = stated["settings"]
     return json.dumps(
@@ -330,7 +331,7 @@ def scene_of(pair: Mapping[str, Any]) -> str:
 
 
 def machine() -> dict[str, Any]:
-    """The processor, and what the driver of an NVIDIA card tells of it."""
+    """The processor, and the report of an NVIDIA card's driver."""
     try:
         card = subprocess.run(
             ["nvidia-smi", "--query-gpu=name,driver_version,memory.total,memory.used", "--format=csv,noheader"],
@@ -352,7 +353,7 @@ def machine() -> dict[str, Any]:
     return {"processor": model, "processors": count_processors(), "card": card.strip()}
 
 
-def row_of(step: Step, found: Mapping[str, Any]) -> str:
+def format_row(step: Step, found: Mapping[str, Any]) -> str:
     """A line of the table."""
     pairs = found["pairs"]
     if not pairs:
@@ -402,7 +403,7 @@ def main(options: argparse.Namespace) -> None:
             print(f"{step.key}: no time left", flush=True)
             continue
         results["steps"][step.key] = run(step, out, min(left, MOST_S))
-        print(row_of(step, results["steps"][step.key]), flush=True)
+        print(format_row(step, results["steps"][step.key]), flush=True)
         (out / "results.json").write_text(json.dumps(results, indent=1))
         results["compared"][step.key] = compared(step, results["steps"])
         for key, each in results["compared"][step.key].items():

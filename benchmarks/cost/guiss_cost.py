@@ -35,7 +35,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from icymoon.benchmarks.common.arguments import add_out, add_scale, is_asked, out_folder
+from icymoon.benchmarks.common.arguments import add_out, add_scale, is_asked, open_out_folder
 from icymoon.benchmarks.common.guiss_rows import Errors, errors, head, measured, rendered, shown
 from icymoon.benchmarks.common.guiss_scene import GROUNDS, LAMBERT, Rung, ladder, snow, with_quality
 from icymoon.render.cost.quality_variants import make_reference
@@ -79,8 +79,8 @@ def main(options: argparse.Namespace) -> None:
     """Render and print the table."""
     options.baked_pairs = options.baked_pairs or options.pairs
     if options.baked_pairs % options.pairs:
-        sys.exit("--baked-pairs is no multiple of --pairs; give one.")
-    with out_folder(options.out) as out:
+        sys.exit("--baked-pairs is not a multiple of --pairs; give one.")
+    with open_out_folder(options.out) as out:
         print_table(options, out)
 
 

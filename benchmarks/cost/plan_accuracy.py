@@ -1,4 +1,4 @@
-"""The costs that a dry run expects of plans, beside the costs of their renders on this machine.
+"""The estimated costs of plans by a dry run, beside the measured costs of their renders on this machine.
 
     python benchmarks plan_accuracy [--only NAME …] [--out FOLDER]
 
@@ -16,7 +16,7 @@ import json
 import sys
 from pathlib import Path
 
-from icymoon.benchmarks.common.arguments import add_out, is_asked, out_folder
+from icymoon.benchmarks.common.arguments import add_out, is_asked, open_out_folder
 from icymoon.benchmarks.common.own_process import work
 from icymoon.render.cost.estimate import estimate_plan
 from icymoon.render.cost.measure_speed import measure_speed
@@ -65,12 +65,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Render, and print the table."""
-    with out_folder(options.out) as out:
+    with open_out_folder(options.out) as out:
         print_table(out, options.only)
 
 
 def print_table(out: Path, words: list[str]) -> None:
-    """Render the plans that the words ask for below ``out``, and print the table."""
+    """Render the requested plans below ``out``, and print the table."""
     speed = measure_speed(sys.executable, "CPU", out / "speed", lambda message: None)
     print(
         f"this machine: {speed.factor:.2f} of the processor seconds that are expected without a measurement, "

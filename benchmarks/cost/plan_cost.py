@@ -100,7 +100,7 @@ ROWS: dict[str, dict[str, Any]] = {
 
 
 def measured(settings: Settings, folder: Path) -> tuple[float, float, float, float]:
-    """Processor seconds of the build, of the first and of another pair of the scene, and bytes of a pair."""
+    """Processor seconds of the build, of the first pair and of a further pair of the scene, and bytes of a pair."""
     scene = open_empty_file()
     start = time.process_time()
     built = build_scene(scene, settings)

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from icymoon.benchmarks.common.arguments import add_out, add_scale, out_folder
+from icymoon.benchmarks.common.arguments import add_out, add_scale, open_out_folder
 from icymoon.render.cost.quality_variants import make_reference
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.workers.job_commands import Job, render_job
@@ -68,7 +68,7 @@ def render(settings: Settings, folder: Path, repeat: int = 0) -> list[Path]:
 
 
 def costs(folders: Sequence[Path]) -> tuple[float, float]:
-    """Processor seconds of the pairs but the first, a pair, and of baking: a pair if each bakes for itself."""
+    """Processor seconds per pair, without the first pair, and of baking: per pair if each pair bakes separately."""
     facts = [read_pair(folder).data for folder in folders]
     bakes = {
         light["file"]: float(light["cpu_seconds_of_bake"])
@@ -82,13 +82,13 @@ def costs(folders: Sequence[Path]) -> tuple[float, float]:
 
 
 def mean_of(values: Sequence[float | None]) -> float:
-    """The mean of those that there are: a matcher may measure nothing in one of the headings."""
+    """The mean of the defined values: a matcher may measure nothing at one of the headings."""
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else math.nan
 
 
 def distances(folders: Sequence[Path], best: Sequence[Reference], methods: Sequence[Method]) -> dict[str, Any]:
-    """Mean over the headings of what was measured against the converged renders."""
+    """Means over the headings of the differences from the converged renders."""
     each = [measure_variant([folder], one, methods) for folder, one in zip(folders, best, strict=True)]
 
     def mean(*path: str) -> float:
@@ -114,7 +114,7 @@ def distances(folders: Sequence[Path], best: Sequence[Reference], methods: Seque
 
 
 def table_of(by_sun: Mapping[float, Mapping[str, float]], where: str, command: str) -> str:
-    """The ``[measured]`` tables of a preset: means over the Suns, and each Sun's own."""
+    """The ``[measured]`` tables of a preset: means over the Suns, and a table of each Sun."""
 
     def mean(key: str) -> str:
         return f"{key} = {np.mean([found[key] for found in by_sun.values()]):.4f}"
@@ -135,7 +135,7 @@ def table_of(by_sun: Mapping[float, Mapping[str, float]], where: str, command: s
 
 
 def write(path: Path, table: str) -> None:
-    """Put a table in the place of a preset's ``[measured]``."""
+    """Replace a preset's ``[measured]`` by a table."""
     text = path.read_text(encoding="utf-8").split("\n[measured]\n")[0].rstrip("\n")
     path.write_text(f"{text}\n\n{table}", encoding="utf-8")
 
@@ -150,12 +150,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Measure and print the table."""
-    with out_folder(options.out) as out:
+    with open_out_folder(options.out) as out:
         measure_presets(options, out)
 
 
 def measure_presets(options: argparse.Namespace, out: Path) -> None:
-    """Render below ``out``, print the table and write it to the presets if that is asked for."""
+    """Render below ``out``, print the table and, on request, write it to the presets."""
     methods = parse_methods(METHODS)
     scenes = {sun: view(options.scale, sun) for sun in SUNS}
     rig = scenes[SUNS[0]].rig

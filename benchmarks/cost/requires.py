@@ -23,8 +23,8 @@ from typing import Any
 import bpy
 import numpy as np
 from icymoon.benchmarks.common.arguments import scratch
-from icymoon.benchmarks.common.processor import seconds_of, seconds_of_all
-from icymoon.benchmarks.common.renders import only_own_words, render_planned, settings_of, start_blender
+from icymoon.benchmarks.common.processor import measure_all_seconds, seconds_of
+from icymoon.benchmarks.common.renders import hide_cycles_output, render_planned, settings_of, start_blender
 from icymoon.render import cycles_settings
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings.pair_ids import make_pair_id
@@ -46,8 +46,8 @@ _CRESCENT = {"light": {"planet": True, "sun_elevation_deg": 26.0, "sun_azimuth_d
 
 @dataclass(frozen=True)
 class Feature:
-    """One row: what it is, what switches it on, what it changes, and how it is measured on and off: settings, or
-    programs for another Python, or with ``forced`` something that no setting can switch on."""
+    """One row: a feature, its switch, its effect, and how it is measured on and off: by settings, by programs for
+    another Python, or with ``forced`` by a change that no setting makes."""
 
     title: str
     needed: str
@@ -131,7 +131,7 @@ FEATURES = {
 
 @contextmanager
 def _forced_osl(on: bool) -> Iterator[None]:
-    """Cycles uses Open Shading Language for whatever there is."""
+    """Force Cycles to use Open Shading Language for all materials."""
     original = cycles_settings.apply_quality
 
     def apply(
@@ -148,7 +148,7 @@ def _forced_osl(on: bool) -> Iterator[None]:
 
 
 def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, Array]:
-    """Processor seconds of a scene and a pair of it, mean radiance and depth of its left image."""
+    """Processor seconds of a scene and one of its pairs, and mean radiance and depth of the left image."""
     settings = settings_of((), SMALL, changes)
     planned = PlannedPair(make_pair_id(settings), settings, 0.0)
     seconds = seconds_of(lambda: render_planned([planned], folder))
@@ -157,12 +157,12 @@ def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, Array
 
 
 def imported(program: str) -> float:
-    """Processor seconds of another Python with a program."""
-    return seconds_of_all(lambda: subprocess.run([sys.executable, "-c", program], check=True))
+    """Processor seconds of a program in another Python."""
+    return measure_all_seconds(lambda: subprocess.run([sys.executable, "-c", program], check=True))
 
 
 def measured(feature: Feature) -> dict[str, Any]:
-    """Least seconds on and off, and, of a pair, how mean radiance and depth differ."""
+    """Least seconds on and off, and the change of mean radiance and depth of a pair."""
     if isinstance(feature.on, str) or isinstance(feature.off, str):
         seconds = [(imported(str(feature.on)), imported(str(feature.off))) for _ in range(REPEATS)]
         return _least(seconds)
@@ -194,7 +194,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Print the table; write it if all features are measured."""
-    with only_own_words():
+    with hide_cycles_output():
         print_table(options.names)
 
 

@@ -56,7 +56,7 @@ def rendered(pairs: list[PlannedPair], folder: Path, after: Callable[[], object]
 
 
 def memory(folder: Path) -> list[str]:
-    """Slope of the resident memory over scenes, each with a pair."""
+    """Slope of the resident memory over scenes, with one pair each."""
     small = {
         "rig": {"width_px": 64, "height_px": 48},
         "quality": {"samples": 1},
@@ -76,7 +76,7 @@ def memory(folder: Path) -> list[str]:
 
 
 class Ledger:
-    """Processor seconds by what Cycles was last heard to do, since the last call of ``taken``."""
+    """Processor seconds by the last activity that Cycles reported, since the last call of ``taken``."""
 
     #: What a status line says, by what it stands for; whatever follows the saving is this extension's own.
     LINES = (
@@ -91,21 +91,21 @@ class Ledger:
         self._now, self._since = "own code", time.process_time()
 
     def hear(self, status: str) -> None:
-        """Take in a status line."""
+        """Read a status line of Cycles."""
         now = time.process_time()
         self._seconds[self._now] = self._seconds.get(self._now, 0.0) + now - self._since
         self._now = next((name for name, line in self.LINES if re.search(line, status)), "preparing Cycles")
         self._since = now
 
     def taken(self) -> dict[str, float]:
-        """What was spent on what, and begin anew."""
+        """The seconds by activity; starts a new count."""
         self.hear("Saving")
         seconds, self._seconds = self._seconds, {}
         return seconds
 
 
 def overhead(folder: Path) -> list[str]:
-    """Share of the processor time of pairs that is not sampling their light: the first of a scene, and the next."""
+    """Share of the processor time of pairs outside the sampling of light: of a scene's first pair, and of the next."""
     ledger, spent = Ledger(), []
     # Persistent, since every scene is built in a new file.
     bpy.app.handlers.render_stats.append(bpy.app.handlers.persistent(lambda *a: ledger.hear(str(a[0]))))
@@ -123,7 +123,7 @@ def overhead(folder: Path) -> list[str]:
 
 
 def fresh(folder: Path) -> list[str]:
-    """A data set in one worker, against a fresh Blender for each of its pairs; scene by scene in turn."""
+    """A data set in one worker, compared with a fresh Blender for each of its pairs, alternating scene by scene."""
     costs = {"one worker": 0.0, "fresh Blenders": 0.0}
     for seed in range(FRESH_SCENES):
         pairs = [
@@ -169,6 +169,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> None:
-    """Measure each part in a process of its own."""
+    """Measure each part in a separate process."""
     for part in [options.part] if options.part else PARTS:
         print("\n".join(call(lines_of, part)), flush=True)

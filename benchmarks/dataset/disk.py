@@ -58,7 +58,7 @@ ROWS: dict[str, dict[str, Any]] = {
 
 
 def measured(settings: Settings, folder: Path) -> tuple[Counter[str], float, float]:
-    """Bytes by pass and in all, of a pair, and the share of sky in it."""
+    """Bytes of a pair by pass and in total, and its share of sky."""
     scene = open_empty_file()
     pair = expand_headings(description.merged(settings, {"dataset": {"headings": 1}}))[0]
     render(build_scene(scene, settings), description.merged(settings, {"dataset": {"headings": 1}}), folder)
@@ -104,7 +104,7 @@ def main(options: argparse.Namespace) -> None:
         ratios.append(expected / total)
         print(
             f"{name:34} {total / pixels:6.2f} {expected / pixels:6.2f} {ratios[-1]:5.2f} "
-            f"sky {sky:.2f} ({estimate.sky_fraction(settings):.2f}) {passes}",
+            f"sky {sky:.2f} ({estimate.compute_sky_fraction(settings):.2f}) {passes}",
             flush=True,
         )
     print(f"expected over measured: {min(ratios):.2f} to {max(ratios):.2f}, mean {np.mean(ratios):.3f}")

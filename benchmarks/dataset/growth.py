@@ -1,4 +1,4 @@
-"""How costs grow with the pairs of a data set: processor seconds and bytes, beside those of ten pairs.
+"""The growth of costs with the pairs of a data set: processor seconds and bytes, relative to ten pairs.
 
     python benchmarks growth [--pairs 10 100 1000] [--evaluate]
 
@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from icymoon.benchmarks.common.arguments import scratch
-from icymoon.benchmarks.common.processor import seconds_of_all
+from icymoon.benchmarks.common.processor import measure_all_seconds
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.excavation.camera_jitter import jitter_rig
 from icymoon.physics.light.directions import camera_axes
@@ -53,7 +53,7 @@ samples = 2
 """
 
 
-def poses_of(pair: PlannedPair) -> dict[str, Any]:
+def make_eye_poses(pair: PlannedPair) -> dict[str, Any]:
     """The poses of a pair's eyes on ground of height 0."""
     rig, found = jitter_rig(pair.settings), {}
     for eye, along in (("left", 0.0), ("right", rig.baseline_m)):
@@ -64,7 +64,7 @@ def poses_of(pair: PlannedPair) -> dict[str, Any]:
 
 
 def write_dataset(folder: Path, count: int) -> tuple[Path, list[PlannedPair]]:
-    """A complete data set of so many pairs: its plan, which is beside it, and its pairs."""
+    """Write a complete data set of this many pairs: its pairs, and its plan beside it."""
     plan = folder.with_suffix(".toml")
     headings = min(count, _HEADINGS)
     plan.write_text(PLAN_TEXT.format(seeds=count // headings, headings=headings), encoding="utf-8")
@@ -79,7 +79,7 @@ def write_dataset(folder: Path, count: int) -> tuple[Path, list[PlannedPair]]:
         copy.mkdir(parents=True)
         for name in record["files"]:
             shutil.copy(made / name, copy / name)
-        poses = poses_of(pair)
+        poses = make_eye_poses(pair)
         (copy / "pair.json").write_text(
             to_json_text(
                 record
@@ -103,7 +103,7 @@ def write_dataset(folder: Path, count: int) -> tuple[Path, list[PlannedPair]]:
 
 
 def run(*words: object) -> None:
-    """Run a command of ours."""
+    """Run a command of Icy Moon."""
     subprocess.run(
         [sys.executable, "-m", "icymoon", *map(str, words)],
         check=True,
@@ -113,23 +113,23 @@ def run(*words: object) -> None:
 
 
 def measure(folder: Path, count: int, evaluates: bool) -> dict[str, float]:
-    """The costs of so many pairs by name, in processor seconds and megabytes."""
+    """The costs of this many pairs by name, in processor seconds and megabytes."""
     dataset = folder / f"set{count}"
     plan, pairs = write_dataset(dataset, count)
     found = {
-        "help": seconds_of_all(lambda: run("--help")),
-        "verify": seconds_of_all(lambda: run("verify", dataset)),
-        "resume": seconds_of_all(lambda: run("batch", plan, "--out", dataset, "--json")),
-        "work": seconds_of_all(lambda: run("work", dataset, "--json")),
+        "help": measure_all_seconds(lambda: run("--help")),
+        "verify": measure_all_seconds(lambda: run("verify", dataset)),
+        "resume": measure_all_seconds(lambda: run("batch", plan, "--out", dataset, "--json")),
+        "work": measure_all_seconds(lambda: run("work", dataset, "--json")),
     }
     jobs: list[Job] = []
-    found["job out"] = seconds_of_all(lambda: jobs.append(Job(dataset, pairs=pairs)))
-    found["job in"] = seconds_of_all(lambda: read_planned_pairs(read_job(jobs[0].file)))
+    found["job out"] = measure_all_seconds(lambda: jobs.append(Job(dataset, pairs=pairs)))
+    found["job in"] = measure_all_seconds(lambda: read_planned_pairs(read_job(jobs[0].file)))
     found["job MB"] = jobs[0].file.stat().st_size / 1e6
     jobs[0].discard()
     if evaluates:
         out = folder / f"report{count}"
-        found["evaluate"] = seconds_of_all(
+        found["evaluate"] = measure_all_seconds(
             lambda: run("evaluate", dataset, "--methods", "bm", "--jobs", 1, "--out", out)
         )
         found["report MB"] = (out / "report.json").stat().st_size / 1e6

@@ -1,4 +1,4 @@
-"""Whether runners and workers of a data set with baked light can be killed at any time, and nothing is lost.
+"""Whether runners and workers of a data set with baked light can be killed at any time without loss.
 
     python benchmarks kill_rounds OUT [--rounds 45] [--seed 1]
 
@@ -74,13 +74,13 @@ def pairs() -> list[PlannedPair]:
 
 
 def start(dataset: Path, workers: int) -> subprocess.Popen[bytes]:
-    """A runner."""
+    """Start a runner."""
     words = [sys.executable, "-m", "icymoon", "work", str(dataset), "--json", "--workers", str(workers)]
     return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def content(dataset: Path, *patterns: str) -> dict[str, bytes]:
-    """The files of some patterns."""
+    """The content of the files that match some patterns."""
     return {
         path.relative_to(dataset).as_posix(): path.read_bytes()
         for pattern in patterns
@@ -89,12 +89,12 @@ def content(dataset: Path, *patterns: str) -> dict[str, bytes]:
 
 
 def complete(dataset: Path) -> set[str]:
-    """The pairs that are there."""
+    """The complete pairs."""
     return {path.parent.name for path in dataset.glob("pairs/*/pair.json") if len(path.parent.name) == 12}
 
 
 def play_round(dataset: Path, choose: random.Random) -> list[str]:
-    """One round; what was done, in words."""
+    """Play one round; return its actions in words."""
     count = choose.choice([1, 2])
     runners = [start(dataset, choose.choice([1, 2])) for _ in range(count)]
     time.sleep(choose.uniform(0.2, 9.0))
@@ -130,7 +130,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Play the rounds and print the faults; status 1 if there are any."""
+    """Play the rounds and print the faults; status 1 after a fault."""
     choose, planned = random.Random(options.seed), order_pairs(pairs())
     reference, dataset = options.out / "reference", options.out / "killed"
     for folder in (reference, dataset):

@@ -1,4 +1,4 @@
-"""Processor time of a training sample, whole and cropped, beside that of decoding the same from 16-bit PNG files.
+"""Processor time of a training sample, whole and cropped, compared with decoding the same sample from 16-bit PNG files.
 
     python -m icymoon.stereo export DATASET --format webdataset --out SHARDS
     python benchmarks loader DATASET [--shards SHARDS] [--crop 320 240] [--set sensor.psf_sigma_px=0.5]
@@ -26,7 +26,7 @@ from icymoon.stereo.torch_data import Dataset
 
 
 def seconds_of(step: Callable[[int], object], count: int) -> float:
-    """Processor seconds of a step, the first one not counted."""
+    """Processor seconds of a step, without its first call."""
     step(0)
     watch = Stopwatch()
     for k in range(count):
@@ -35,7 +35,7 @@ def seconds_of(step: Callable[[int], object], count: int) -> float:
 
 
 def read_shards(folder: Path) -> Callable[[int], object]:
-    """What reads the next sample of a webdataset, over and over."""
+    """A function that reads the next sample of a webdataset repeatedly."""
 
     def samples() -> Iterator[dict[str, Any]]:
         for file in sorted(folder.glob("*.tar")):

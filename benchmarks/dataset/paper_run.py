@@ -1,4 +1,4 @@
-"""A real run over a sample of the GUISS paper's data sets, and what all of their pairs would take.
+"""A real run over a sample of the GUISS paper's data sets, and the extrapolated cost of all their pairs.
 
     python benchmarks paper_run --out FOLDER [--pairs 220] [--scale 0.5] [--sets snow rocks]
 
@@ -52,8 +52,8 @@ height_px = {height}
 """
 
 
-def scenes_of(name: str, options: argparse.Namespace) -> list[list[PlannedPair]]:
-    """The scenes of a set in random order, each the pairs of a ground under one Sun."""
+def group_by_scene(name: str, options: argparse.Namespace) -> list[list[PlannedPair]]:
+    """The scenes of a set in random order; each is the pairs of a ground under one Sun."""
     text = PLAN.format(name=name, width=round(640 * options.scale), height=round(480 * options.scale))
     found: defaultdict[str, list[PlannedPair]] = defaultdict(list)
     for pair in parse_plan(Path(f"{name}.toml"), text).pairs():
@@ -63,7 +63,7 @@ def scenes_of(name: str, options: argparse.Namespace) -> list[list[PlannedPair]]
 
 
 def render(name: str, scenes: Sequence[Sequence[PlannedPair]], out: Path) -> None:
-    """Render what is missing of a set, and add what that took to its log."""
+    """Render the missing pairs of a set, and add their cost to its log."""
     dataset = out / name
     datasets.freeze_plan(dataset, order_pairs([pair for scene in scenes for pair in scene]), name)
     if not datasets.read_frozen_plan(dataset).find_missing(dataset):
@@ -75,7 +75,7 @@ def render(name: str, scenes: Sequence[Sequence[PlannedPair]], out: Path) -> Non
 
 
 def measured(name: str, scenes: Sequence[Sequence[PlannedPair]], out: Path) -> dict[str, float]:
-    """What the pairs of a set took."""
+    """The measured cost of the pairs of a set."""
     dataset = out / name
     log = [json.loads(line) for line in (out / f"{name}.log").read_text(encoding="utf-8").splitlines()]
     of_scenes, baked, facts = [], 0.0, []
@@ -124,7 +124,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Render, and print the table."""
-    every = {name: scenes_of(name, options) for name in SETS}
+    every = {name: group_by_scene(name, options) for name in SETS}
     sizes = {name: sum(map(len, scenes)) for name, scenes in every.items()}
     total = sum(sizes.values())
     chosen = {}

@@ -1,4 +1,4 @@
-"""What a sequence over a DEM costs: processor seconds, memory and disk, with a kill in its middle.
+"""The cost of a sequence over a DEM: processor seconds, memory and disk, with a kill in its middle.
 
     python benchmarks sequence [--frames 100] [--width 240] [--samples 8] [--out FOLDER]
 
@@ -27,9 +27,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from icymoon.benchmarks.common.arguments import add_out, out_folder
+from icymoon.benchmarks.common.arguments import add_out, open_out_folder
 from icymoon.benchmarks.common.own_process import list_processes, send_signal
-from icymoon.benchmarks.common.processor import resident_mib, seconds_of_all
+from icymoon.benchmarks.common.processor import measure_all_seconds, resident_mib
 from icymoon.formats.trajectories import read_trajectory
 from icymoon.physics.camera.rotations import quaternion
 from icymoon.physics.light.directions import camera_axes
@@ -105,7 +105,7 @@ def write_dem(path: Path, relief_m: Array) -> None:
 
 
 def make_poses(relief_m: Array, frames: int) -> Iterator[tuple[float, Array, Array]]:
-    """Stamp in seconds, place (3,) in metres and axes (3, 3) of each frame: 10 frames in a second, over smoothed
+    """Stamp in seconds, position (3,) in metres and axes (3, 3) of each frame: 10 frames per second, over smoothed
     ground."""
     seconds = np.arange(frames) / 10
     x, y = -8 + 0.5 * seconds, -8 + 1.2 * seconds
@@ -118,7 +118,7 @@ def make_poses(relief_m: Array, frames: int) -> Iterator[tuple[float, Array, Arr
 
 
 def write_files(folder: Path, options: argparse.Namespace) -> Path:
-    """Write the DEM, the trajectory and the plan; the path of the plan."""
+    """Write the DEM, the trajectory and the plan; return the path of the plan."""
     relief = make_relief()
     write_dem(folder / "dem.tif", relief)
     lines = ["# timestamp tx ty tz qx qy qz qw\n"]
@@ -132,8 +132,8 @@ def write_files(folder: Path, options: argparse.Namespace) -> Path:
 
 
 def _render(plan: Path, out: Path, kill_after: int = 0) -> list[tuple[int, float]]:
-    """Render; the worker's process and its resident memory in MiB after each frame. Stop by SIGKILL within the frame
-    after so many."""
+    """Render; return the worker's process and its resident memory in MiB after each frame. Stop by SIGKILL within the
+    frame after the stated number."""
     command = [sys.executable, "-m", "icymoon", "batch", str(plan), "--out", str(out), "--workers", "1", "--json"]
     found: list[tuple[int, float]] = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as runner:
@@ -150,7 +150,7 @@ def _render(plan: Path, out: Path, kill_after: int = 0) -> list[tuple[int, float
 
 
 def _find_largest(pids: list[int]) -> tuple[int, float]:
-    """The process of most resident memory, and this memory, MiB."""
+    """The process with the largest resident memory, and this memory, MiB."""
     found = [(0, 0.0)]
     for pid in pids:
         with suppress(OSError, StopIteration):  # of one that has ended
@@ -159,7 +159,7 @@ def _find_largest(pids: list[int]) -> tuple[int, float]:
 
 
 def _print_memory(found: list[tuple[int, float]]) -> None:
-    """Memory of each worker at its beginning and its end; a worker ends after a part of the frames."""
+    """Print the memory of each worker at its beginning and its end; a worker ends after a part of the frames."""
     for pid in dict.fromkeys(pid for pid, _ in found):
         part = [memory for each, memory in found if each == pid]
         few = min(10, len(part) // 2)
@@ -168,8 +168,8 @@ def _print_memory(found: list[tuple[int, float]]) -> None:
 
 
 def _render_again(out: Path, again: Path, shard: str) -> tuple[int, int]:
-    """Render a shard of a data set once more into another folder, without interruption: how many images it has, and
-    how many of them differ."""
+    """Render a shard of a data set again into another folder, without interruption: the number of images, and how many
+    of them differ."""
     again.mkdir()
     for name in ("manifest.json", "plan.jsonl"):
         shutil.copy(out / name, again)
@@ -209,7 +209,7 @@ def _print_pairs(out: Path) -> None:
 
 
 def _print_agreement(folder: Path, out: Path) -> None:
-    """Poses and stamps of an export against the file, and images against the flow between them."""
+    """Print the agreement of an export's poses and stamps with the file, and of images with the flow between them."""
     read, written = (
         read_trajectory(path).poses
         for path in (folder / "poses.txt", out.with_name(f"{out.name}_tum") / "0000" / "groundtruth.txt")
@@ -253,7 +253,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Print the table."""
-    with out_folder(options.out) as folder:
+    with open_out_folder(options.out) as folder:
         plan, out = write_files(folder, options), folder / "sequence"
         found = _render(plan, out, kill_after=options.frames * 9 // 20)
         print(f"killed after {len(found)} frames")
@@ -263,8 +263,8 @@ def main(options: argparse.Namespace) -> None:
         count, differ = _render_again(out, folder / "again", "5/10")
         print(f"{differ} of {count} images around the kill differ from those of a run without interruption")
         evaluate = partial(_call_stereo, "evaluate", str(out), "--methods", "sgbm", "--out", str(folder / "results"))
-        print(f"{seconds_of_all(evaluate):.0f} CPU s for SGBM")
+        print(f"{measure_all_seconds(evaluate):.0f} CPU s for SGBM")
         for kind in _EXPORTS:
-            spent = seconds_of_all(partial(_export, out, kind))
+            spent = measure_all_seconds(partial(_export, out, kind))
             print(f"{spent:.1f} CPU s for the export {kind}, {_measure_mb(out.with_name(f'{out.name}_{kind}')):.1f} MB")
         _print_agreement(folder, out)

@@ -1,4 +1,4 @@
-"""Whether terrain presets are grounds of their own: correlations of their heights at one seed.
+"""Whether terrain presets are distinct grounds: correlations of their heights at one seed.
 
     python benchmarks distinct_grounds [SEED ...]        seed 1 by default
 
@@ -22,7 +22,7 @@ POINTS, LONG_M = 129, 4.0
 NAMES = preset_files.preset_names("terrains")
 
 
-def correlations(seed: int, points: int = POINTS, long_waves: bool = True) -> Array:
+def correlate_presets(seed: int, points: int = POINTS, long_waves: bool = True) -> Array:
     """The correlations (n, n) of the heights of all terrain presets at one seed, with or without long waves."""
     fields = []
     for name in NAMES:
@@ -36,7 +36,7 @@ def correlations(seed: int, points: int = POINTS, long_waves: bool = True) -> Ar
 
 
 def of_pairs(matrix: Array) -> Array:
-    """The absolute correlation of each two presets."""
+    """The absolute correlation of each pair of presets."""
     return np.abs(matrix[np.triu_indices(len(matrix), 1)])
 
 
@@ -47,13 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> None:
     """Print the matrix of each seed."""
     for seed in options.seeds:
-        matrix = correlations(seed)
+        matrix = correlate_presets(seed)
         print(f"seed {seed:<20}" + "".join(f"{k + 1:>6}" for k in range(len(NAMES))))
         for k, (name, row) in enumerate(zip(NAMES, matrix, strict=True)):
             print(f"{k + 1:>2} {name.split('/')[1]:<22}" + "".join(f"{value:>6.2f}" for value in row))
         for what, found in (
             ("whole heights", of_pairs(matrix)),
-            (f"waves under {LONG_M:g} m", of_pairs(correlations(seed, long_waves=False))),
+            (f"waves under {LONG_M:g} m", of_pairs(correlate_presets(seed, long_waves=False))),
         ):
             print(
                 f"{what}: largest {found.max():.2f}, median {np.median(found):.2f}, "

@@ -1,4 +1,4 @@
-"""What a trench costs to build, and how exactly its volume is kept: processor seconds, and shares of the truth.
+"""The cost of building a trench, and the accuracy of its volume: processor seconds, and shares of the truth.
 
     python benchmarks excavation                 both tables
     python benchmarks excavation volumes         the second alone, without Blender
@@ -38,14 +38,14 @@ def settings_of(excavation: dict[str, Any]) -> Settings:
 
 
 def dig(excavation: dict[str, Any], rolling_m: float = 0.0) -> ExcavationSeries:
-    """The series of an excavation, in level ground or with waves of so many metres."""
+    """The series of an excavation, in level ground or with waves of ``rolling_m`` metres."""
     settings = settings_of(excavation)
     site = make_site(settings)
     x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
     return ExcavationSeries(site, settings.excavation, SEED, rolling_m * (np.sin(7.0 * x + 1.0) + np.cos(5.0 * y)))
 
 
-def random_trench(random: np.random.Generator) -> dict[str, Any]:
+def draw_trench(random: np.random.Generator) -> dict[str, Any]:
     """Settings of a trench of any shape, strength and heap."""
     return {
         "path": str(random.choice(["LINE", "ARC"])),
@@ -68,7 +68,7 @@ def random_trench(random: np.random.Generator) -> dict[str, Any]:
 def measure_volumes() -> None:
     """Print the error of mass of random trenches, and of the volume of shapes with a formula."""
     random = np.random.default_rng(SEED)
-    errors = [dig(random_trench(random), rolling_m=0.02).mass_error(2) for _ in range(TRENCHES)]
+    errors = [dig(draw_trench(random), rolling_m=0.02).mass_error(2) for _ in range(TRENCHES)]
     print(
         f"mass, {TRENCHES} random trenches of 2 bites: largest error {max(errors):.1e}, median {np.median(errors):.1e}",
         flush=True,

@@ -1,4 +1,4 @@
-"""The cost of what lies between the patch and the horizon: distant hills, and rocks beyond the patch.
+"""The cost of the ground between the patch and the horizon: distant hills, and rocks beyond the patch.
 
     python benchmarks far_field [PRESET ...]     presets with hills (scenes/enceladus_block_field)
 
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> None:
-    """Measure each way in a process of its own and print a table."""
+    """Measure each variant in a separate process and print a table."""
     print("| scene | beyond the patch | vertices | rocks | build, CPU-s | render, CPU-s | + CPU-s | + MiB |")
     print("|---|---|---|---|---|---|---|---|")
     for preset in options.presets:

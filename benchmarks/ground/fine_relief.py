@@ -1,4 +1,4 @@
-"""How much of the relief that the image shows is in the depth, what that costs, and what it does to matchers.
+"""The share of the image's relief that is in the depth, its cost, and its effect on matchers.
 
     python benchmarks fine_relief [PRESET [SAMPLES [HEADINGS [SCALE]]]]     scenes/europa_rough_ice, 8, 1 and 1
 
@@ -111,7 +111,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> None:
-    """Measure each way in a process of its own and print two tables."""
+    """Measure each variant in a separate process and print two tables."""
     print("| fine relief | vertices | build, CPU-s | pair, CPU-s | peak MiB | angle, median | 90 % | near, median |")
     print("|---|---|---|---|---|---|---|---|")
     errors = {}

@@ -167,7 +167,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> None:
-    """Measure each way in a process of its own and print a table."""
+    """Measure each variant in a separate process and print a table."""
     print(
         f"{'':>15}{'triangles':>11}{'build s':>9}{'render s':>10}{'peak MiB':>10}   surface px: 50, 95 %"
         "   disparity px: 50, 95 %, share without"

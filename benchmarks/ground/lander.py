@@ -1,5 +1,5 @@
-"""What a lander costs: processor seconds of a pair with it and without, as a ratio within one run, and the error of the
-arm's forward kinematics.
+"""The cost of a lander: processor seconds of a pair with it and without, as a ratio within one run, and the error of
+the arm's forward kinematics.
 
     python benchmarks lander [--width PX] [--samples N]
 
@@ -12,7 +12,7 @@ import argparse
 import math
 
 import numpy as np
-from icymoon.benchmarks.common.renders import seconds_of_render, settings_of, start_blender
+from icymoon.benchmarks.common.renders import measure_render_seconds, settings_of, start_blender
 from icymoon.physics.arm.kinematics import find_tip
 from icymoon.physics.arm.parametric_arm import make_parametric_arm
 from icymoon.settings import description
@@ -35,8 +35,9 @@ def scene(width: int, samples: int, kind: str) -> Settings:
     return settings_of(("scenes/workspace_europa_lander",), image)
 
 
-def kinematics_error_m() -> float:
-    """The largest distance of the tip from a yaw and a sum of lengths in the plane of the arm."""
+def measure_kinematics_error_m() -> float:
+    """The largest distance of the tip by forward kinematics from the tip by trigonometry: a yaw, and the sum of the
+    links in the arm's plane."""
     arm = make_parametric_arm(description.defaults())
     offset, upper, fore, hand = arm.lengths_m
     worst = 0.0
@@ -62,8 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> None:
     """Print the error and the costs."""
     start_blender()
-    print(f"error of the tip, largest of {POSES} poses: {kinematics_error_m():.1e} m", flush=True)
+    print(f"error of the tip, largest of {POSES} poses: {measure_kinematics_error_m():.1e} m", flush=True)
     took = {}
     for kind in ("NONE", "PARAMETRIC"):
-        took[kind] = seconds_of_render(scene(options.width, options.samples, kind))
+        took[kind] = measure_render_seconds(scene(options.width, options.samples, kind))
         print(f"{kind:<11} {took[kind]:8.1f} CPU-s  {took[kind] / took['NONE']:.2f} x", flush=True)

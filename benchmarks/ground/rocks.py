@@ -81,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> None:
-    """Measure each number in a process of its own and print a table."""
+    """Measure each number in a separate process and print a table."""
     way = options.way
     print(f"{way:>10}{'build s':>10}{'render s':>10}{'+ render':>10}{'peak MiB':>10}{'+ MiB':>8}   (wall)")
     none = None

@@ -16,7 +16,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon.benchmarks.common.processor import least_seconds
+from icymoon.benchmarks.common.processor import measure_least_seconds
 from icymoon.nodes.ground.terrain_mesh import build_mesh
 from icymoon.physics.terrain.fine_detail import relief_heights_m
 from icymoon.physics.terrain.landforms import MAKERS
@@ -48,7 +48,7 @@ def looped(function: Callable[[Vector], float]) -> float:
             for i in range(LOOPED):
                 function(Vector((0.05 * i, 0.05 * k, 0.0)))
 
-    return least_seconds(work) * (1e6 / LOOPED**2)
+    return measure_least_seconds(work) * (1e6 / LOOPED**2)
 
 
 def settings(*parts: dict[str, Any]) -> Settings:
@@ -58,26 +58,26 @@ def settings(*parts: dict[str, Any]) -> Settings:
 
 
 def fractal(multifractality: float) -> Callable[[], Any]:
-    """Work: the random surface of eight octaves, on a grid."""
+    """Workload: the random surface of eight octaves, on a grid."""
     ground = make_terrain(settings({"terrain": {**EIGHT, "multifractality": multifractality}}), 1)
     return lambda: ground.heights(AXIS[None, :], AXIS[:, None])
 
 
 def scattered() -> Callable[[], Any]:
-    """Work: the same at points in no order."""
+    """Workload: the same surface at points in random order."""
     ground = make_terrain(settings({"terrain": EIGHT}), 1)
     x, y = np.random.default_rng(0).uniform(-SIZE / 2, SIZE / 2, (2, SIDE**2))
     return lambda: ground.heights(x, y)
 
 
 def one_layer(**changes: object) -> Callable[[], Any]:
-    """Work: one layer of noise, in tiles as the ground does it."""
+    """Workload: one layer of noise, in tiles as the ground computes it."""
     ground = make_terrain(settings({"terrain": {"rms_slope_deg": 0.0, "layers": [{"octaves": 1, **changes}]}}), 1)
     return lambda: ground.heights(AXIS[None, :], AXIS[:, None])
 
 
 def built(*parts: dict[str, Any]) -> Callable[[], Any]:
-    """Work: a terrain from its settings to Blender's mesh."""
+    """Workload: a terrain from its settings to Blender's mesh."""
     described = settings(*parts)
 
     def work() -> None:
@@ -87,7 +87,7 @@ def built(*parts: dict[str, Any]) -> Callable[[], Any]:
 
 
 def on_a_mesh() -> Callable[[], Any]:
-    """Work: fine relief on the vertices of any mesh, a tenth of a million."""
+    """Workload: fine relief on the vertices of any mesh, a tenth of a million."""
     points = np.random.default_rng(0).uniform(-5, 5, (SIDE**2 // 10, 3))
     return lambda: relief_heights_m(points, settings({"terrain": EIGHT}), 1)
 
@@ -103,20 +103,20 @@ def main(options: argparse.Namespace) -> None:
     row(f"loop: hetero terrain of Voronoi F2, {OCTAVES} octaves", loop)
     row(
         f"layer: hetero terrain of Voronoi F2, {OCTAVES} octaves",
-        least_seconds(one_layer(basis="VORONOI_F2", fractal="HETERO", octaves=OCTAVES, scale_m=8.0)),
+        measure_least_seconds(one_layer(basis="VORONOI_F2", fractal="HETERO", octaves=OCTAVES, scale_m=8.0)),
     )
     row(f"loop: fractal of Perlin noise, {OCTAVES} octaves", looped(lambda p: noise.fractal(p, 0.8, 2.0, OCTAVES)))
-    row(f"random surface, {OCTAVES} octaves", least_seconds(fractal(0.0)))
-    row(f"random surface, {OCTAVES} octaves, multifractal", least_seconds(fractal(1.0)))
-    row(f"random surface, {OCTAVES} octaves, scattered points", least_seconds(scattered()))
-    row(f"relief on a mesh, {OCTAVES} octaves", 10 * least_seconds(on_a_mesh()))
+    row(f"random surface, {OCTAVES} octaves", measure_least_seconds(fractal(0.0)))
+    row(f"random surface, {OCTAVES} octaves, multifractal", measure_least_seconds(fractal(1.0)))
+    row(f"random surface, {OCTAVES} octaves, scattered points", measure_least_seconds(scattered()))
+    row(f"relief on a mesh, {OCTAVES} octaves", 10 * measure_least_seconds(on_a_mesh()))
     for basis in BASES:
-        row(f"one octave of {basis.lower()}", least_seconds(one_layer(basis=basis)))
-    bare = least_seconds(built())
+        row(f"one octave of {basis.lower()}", measure_least_seconds(one_layer(basis=basis)))
+    bare = measure_least_seconds(built())
     row("built terrain, default settings", bare)
-    row("of that, the flat mesh", least_seconds(built({"terrain": {"rms_slope_deg": 0.0}})))
+    row("of that, the flat mesh", measure_least_seconds(built({"terrain": {"rms_slope_deg": 0.0}})))
     for topic in MAKERS:
-        row(f"built terrain with {topic}", least_seconds(built({topic: LANDFORMS[topic]})))
-    row("built terrain with a mantle", least_seconds(built({"mantle": {"thickness_m": 0.2}})))
+        row(f"built terrain with {topic}", measure_least_seconds(built({topic: LANDFORMS[topic]})))
+    row("built terrain with a mantle", measure_least_seconds(built({"mantle": {"thickness_m": 0.2}})))
     for name in ("medium_4", "tiger_stripe_flank"):
-        row(f"built terrain, preset {name}", least_seconds(built(preset_files.load_preset(f"terrains/{name}"))))
+        row(f"built terrain, preset {name}", measure_least_seconds(built(preset_files.load_preset(f"terrains/{name}"))))

@@ -1,4 +1,4 @@
-"""Whether the verdict on noise puts baked and traced renders in the order of their distance from a converged one.
+"""Whether the noise verdict orders baked and traced renders by their distance from a converged render.
 
     python benchmarks bake_noise [--scale 0.15] [--suns 24 8] [--headings 0] [--bakes 4 16 64 256]
         [--traced 16 64] [--converged 1024]
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from icymoon.benchmarks.common.arguments import add_scale, scratch
 from icymoon.benchmarks.common.guiss_rows import errors
-from icymoon.benchmarks.common.guiss_scene import lambert_snow, planned
+from icymoon.benchmarks.common.guiss_scene import make_lambert_snow, planned
 from icymoon.benchmarks.common.renders import render_planned, start_blender
 from icymoon.stereo.images.develop import average_bands
 from icymoon.stereo.inference.kendall_tau import compute_kendall_tau_b
@@ -39,7 +39,7 @@ DIRECT = 64
 
 
 def measured(folder: Path, reference: Path | None) -> dict[str, Any]:
-    """What a row shows of a pair, with its distance from the pair of the ``reference``."""
+    """The numbers of a row about a pair, with its distance from the pair of the ``reference``."""
     pair = load_pair(folder, {})
     eyes = compute_noise_free_level(pair, "left"), compute_noise_free_level(pair, "right")
     truth = pair.pair.camera.disparity(pair.depth["left"]), pair.visible["left"]
@@ -96,7 +96,7 @@ def print_tables(options: argparse.Namespace, dataset: Path) -> None:
         for n in options.bakes
     }
     for sun_deg in options.suns:
-        scene = lambert_snow(options.scale, {"light": {"sun_elevation_deg": sun_deg}})
+        scene = make_lambert_snow(options.scale, {"light": {"sun_elevation_deg": sun_deg}})
         for heading in options.headings:
             pairs = {name: planned(scene, quality, heading) for name, quality in (baked | traced).items()}
             render_planned(list(pairs.values()), dataset)

@@ -1,4 +1,4 @@
-"""How much baked light differs from traced light in the mean of images, toward the Sun and away from it.
+"""The difference of baked light from traced light in the mean of images, toward the Sun and away from it.
 
     python benchmarks baked_light [--scale 0.25] [--bake-samples 16] [--samples 32] [--headings 0 180]
         [--rocks 0.1] [--planet]
@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from icymoon.benchmarks.common.arguments import add_scale, scratch
-from icymoon.benchmarks.common.guiss_scene import lambert_snow, planned
+from icymoon.benchmarks.common.guiss_scene import make_lambert_snow, planned
 from icymoon.benchmarks.common.renders import render_planned, start_blender
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import PlannedPair
@@ -30,7 +30,7 @@ from icymoon.support.labels import ROCK
 PLANET: dict[str, Any] = {"planet_elevation_deg": 40.0, "planet_azimuth_deg": 180.0}
 
 
-def means_of(pair: PlannedPair, dataset: Path) -> dict[str, float]:
+def average_radiance(pair: PlannedPair, dataset: Path) -> dict[str, float]:
     """The mean radiance of both eyes, W/(m² sr): of all light, of the pixels of rocks and of each light group."""
     found = read_pair(pair.folder(dataset))
     views = [read_view(found.image(eye)) for eye in ("left", "right")]
@@ -62,7 +62,7 @@ def main(options: argparse.Namespace) -> None:
 
 def print_table(options: argparse.Namespace, dataset: Path) -> None:
     """Render below ``dataset`` and print the table."""
-    scene = lambert_snow(
+    scene = make_lambert_snow(
         options.scale,
         {
             "rocks": {"coverage": options.rocks},
@@ -76,7 +76,7 @@ def print_table(options: argparse.Namespace, dataset: Path) -> None:
     pairs = [[planned(scene, each, heading) for each in (traced, baked)] for heading in options.headings]
     render_planned([pair for both in pairs for pair in both], dataset)
     for heading, both in zip(options.headings, pairs, strict=True):
-        of_traced, of_baked = (means_of(each, dataset) for each in both)
+        of_traced, of_baked = (average_radiance(each, dataset) for each in both)
         true, made = of_traced["all"], of_baked["all"]
         stated = json.loads((both[1].folder(dataset) / "pair.json").read_text())["indirect"]
         off = made - true

@@ -35,7 +35,7 @@ GEOMETRIC, BOND, EQUIGONAL, BRIGHTEST = 1.375, 0.81, 0.89, 0.92
 
 
 def make_law(w: float, b: float, c: float, b_c0: float) -> photometry.Law:
-    """Shadow hiding at its maximum, both surges as wide, roughness 6 degrees: chosen, see the presets."""
+    """Shadow hiding at its maximum, both surges equally wide, roughness 6 degrees: chosen values, see the presets."""
     return partial(
         bidirectional_reflectance,
         parameters=HapkeParameters(
@@ -45,7 +45,7 @@ def make_law(w: float, b: float, c: float, b_c0: float) -> photometry.Law:
 
 
 def solve(excess: Callable[[float, float], tuple[float, float]]) -> tuple[float, float]:
-    """w and amplitude for which both values of ``excess`` are 0, by Newton's steps in ln(1 - w)."""
+    """w and amplitude for which both values of ``excess`` are 0, by Newton's method in ln(1 - w)."""
     x = np.array([math.log(0.02), 0.6])
 
     def at(point: Array) -> Array:
@@ -59,7 +59,7 @@ def solve(excess: Callable[[float, float], tuple[float, float]]) -> tuple[float,
 
 
 def report(name: str, w: float, b: float, c: float, b_c0: float) -> None:
-    """Print parameters and what follows."""
+    """Print the parameters and the derived numbers."""
     law = make_law(w, b, c, b_c0)
     print(
         f"{name:20s} w {w:.5f}  b {b:.2f}  c {c:.1f}  b_c0 {b_c0:.4f}   geometric "
@@ -69,7 +69,7 @@ def report(name: str, w: float, b: float, c: float, b_c0: float) -> None:
     )
 
 
-def europa_law(w: float, b_s0: float) -> photometry.Law:
+def make_europa_law(w: float, b_s0: float) -> photometry.Law:
     """Europa's whole disc after Domingue et al. 1991, with another w and surge."""
     return partial(
         bidirectional_reflectance,
@@ -89,25 +89,27 @@ def europa_law(w: float, b_s0: float) -> photometry.Law:
 
 def fit_europa() -> None:
     """Print Europa's terrains."""
-    wanted = 1.5 * opposition_effect(europa_law(0.964, 0.5))
+    wanted = 1.5 * opposition_effect(make_europa_law(0.964, 0.5))
     found = {
         "bright plains": solve(
             lambda w, surge: (
-                photometry.bond_albedo(europa_law(w, surge)) - 0.68,
-                opposition_effect(europa_law(w, surge)) - wanted,
+                photometry.bond_albedo(make_europa_law(w, surge)) - 0.68,
+                opposition_effect(make_europa_law(w, surge)) - wanted,
             )
         )
     }
-    surge, plains, dark = found["bright plains"][1], reflectance_at_five(europa_law(*found["bright plains"])), 0.17
+    surge, plains, dark = found["bright plains"][1], reflectance_at_five(make_europa_law(*found["bright plains"])), 0.17
     for name, amplitude, share in (("dark lineae", 1.0, 1.0), ("ridges", surge, 0.25), ("bands", surge, 0.5)):
         mixed = (1 - share) * plains + share * dark
         low, high = 0.1, 0.999
         for _ in range(40):  # w, by halving: I/F grows with it
             middle = (low + high) / 2
-            low, high = (middle, high) if reflectance_at_five(europa_law(middle, amplitude)) < mixed else (low, middle)
+            low, high = (
+                (middle, high) if reflectance_at_five(make_europa_law(middle, amplitude)) < mixed else (low, middle)
+            )
         found[name] = low, amplitude
     for name, (w, amplitude) in found.items():
-        law = europa_law(w, amplitude)
+        law = make_europa_law(w, amplitude)
         print(
             f"Europa, {name:14s} w {w:.5f}  b_s0 {amplitude:.4f}   I/F at 5° {reflectance_at_five(law):.4f}  "
             f"geometric {photometry.geometric_albedo(law):.4f}  Bond {photometry.bond_albedo(law):.4f}",

@@ -19,7 +19,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon.benchmarks.common.renders import only_own_words, open_empty_file
+from icymoon.benchmarks.common.renders import hide_cycles_output, open_empty_file
 from icymoon.nodes.surface.patches_and_grain import add_grain
 from icymoon.nodes.tree.builder import WHITE, Tree
 from icymoon.support.arrays import Array
@@ -114,7 +114,7 @@ def radiance(scene: bpy.types.Scene, emission: float, view_m: float, pixels: int
 
 
 def render_pixels(scene: bpy.types.Scene) -> Array:
-    """Render a scene as it is set; radiance (rows, columns, 3), row 0 at the bottom."""
+    """Render a scene with its present settings; radiance (rows, columns, 3), row 0 at the bottom."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "furnace.exr"
         settings = scene.render.image_settings
@@ -130,7 +130,7 @@ def render_pixels(scene: bpy.types.Scene) -> Array:
 
 
 def principled(**inputs: object) -> bpy.types.Material:
-    """A bare Principled surface with inputs of those names."""
+    """A bare Principled surface with these inputs by name."""
     material = bpy.data.materials.new("Principled")
     tree = compat.ensure_nodes(material)
     tree.nodes.clear()
@@ -143,7 +143,7 @@ def principled(**inputs: object) -> bpy.types.Material:
 
 
 def bumpy(steepness: float) -> bpy.types.Material:
-    """A white matt surface with bumps as ``nodes/surface/ice_material.py`` makes them."""
+    """A white Lambert surface with bumps as in ``nodes/surface/ice_material.py``."""
     material = principled(Base_Color=WHITE, Specular_IOR_Level=0.0)
     tree, wavelength_m = Tree(material.node_tree, keep=True), 0.02
     where = tree.node("ShaderNodeNewGeometry", "Geometry").outputs["Position"]
@@ -192,5 +192,5 @@ def table() -> dict[str, Any]:
 
 def main(options: argparse.Namespace) -> None:
     """Print the table as JSON."""
-    with only_own_words(to_errors=True):
+    with hide_cycles_output(to_errors=True):
         print(json.dumps(table()))

@@ -1,4 +1,4 @@
-"""How many pixels of a pair glint, and how many glints of the left eye are in the right one too.
+"""The share of a pair's pixels that glint, and the share of the left eye's glints that are in the right eye too.
 
     python benchmarks glints FOLDER
 

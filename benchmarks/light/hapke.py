@@ -122,7 +122,7 @@ def error() -> None:
 
 
 def planet() -> None:
-    """Print the errors of few directions."""
+    """Print the errors of a few directions."""
     from icymoon.physics.light.planetshine import Planet, make_light_rays
     from icymoon.physics.surfaces import surface_law
     from icymoon.settings import description, preset_files
@@ -170,7 +170,7 @@ def planet() -> None:
 
 
 def curve(path: Path) -> None:
-    """Draw brightness over phase angle, the last degrees before opposition apart."""
+    """Draw brightness over phase angle, with the last degrees before opposition in a separate chart."""
     from icymoon.physics.surfaces import photometry, surface_law
     from icymoon.settings import description, preset_files
 

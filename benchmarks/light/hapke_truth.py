@@ -42,8 +42,8 @@ WAYS = {
 }
 
 
-def of_mitsuba(folder: Path) -> None:
-    """Render ``folder``'s scene: all light, and sunlight alone. Runs in the other Python."""
+def render_with_mitsuba(folder: Path) -> None:
+    """Render ``folder``'s scene with Mitsuba: all light, and sunlight alone. Runs in the other Python."""
     import mitsuba as mi
 
     scene = json.loads((folder / "scene.json").read_text())
@@ -79,7 +79,7 @@ def of_mitsuba(folder: Path) -> None:
 
 
 def _flatten(built: Built) -> None:
-    """Flat triangles, so that both programs have the same facets."""
+    """Make the triangles flat, so that both programs have the same facets."""
     import bmesh
 
     shape = bmesh.new()
@@ -90,8 +90,8 @@ def _flatten(built: Built) -> None:
     built.terrain.data.polygons.foreach_set("use_smooth", np.zeros(len(built.terrain.data.polygons), bool))
 
 
-def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> Array:
-    """Radiance of the left eye; leaves the scene's description in ``folder``."""
+def render_with_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> Array:
+    """Radiance of the left eye by Cycles; leaves the scene's description in ``folder``."""
     import bpy
     from icymoon.benchmarks.common.renders import render
     from icymoon.nodes.build_scene import build_scene
@@ -159,7 +159,7 @@ def _blocks(image: Array) -> Array:
 
 
 def _inside(part: Array) -> Array:
-    """Pixels whose neighbours, which the pixel filter of Cycles reaches, are of the same part."""
+    """Pixels whose neighbours within the pixel filter of Cycles belong to the same part."""
     wide = np.pad(part, 2)
     rows, columns = part.shape
     return np.all([wide[r : r + rows, c : c + columns] for r in range(5) for c in range(5)], axis=0)
@@ -182,8 +182,13 @@ def main(options: argparse.Namespace) -> None:
             settings = complete({"hapke": {**hapke, "h_function": "2002"}, "surface": {"model": "HAPKE"}})
             integrals = find_albedos(settings.surface, settings.hapke)
             assert integrals is not None
-            images = {way: of_cycles(folder, {**hapke, **changes}, {"model": "HAPKE"}) for way, changes in WAYS.items()}
-            images["Lambert, same albedo"] = of_cycles(folder, hapke, {"model": "LAMBERT", "albedo": integrals.bond})
+            images = {
+                way: render_with_cycles(folder, {**hapke, **changes}, {"model": "HAPKE"})
+                for way, changes in WAYS.items()
+            }
+            images["Lambert, same albedo"] = render_with_cycles(
+                folder, hapke, {"model": "LAMBERT", "albedo": integrals.bond}
+            )
             subprocess.run([options.python, __file__, str(folder)], check=True)
             truth, sunlight = (np.load(folder / f"{part}.npy") for part in ("all", "sunlight"))
         ground, lit, dark = (_inside(part) for part in (truth > 0, sunlight > 0, (truth > 0) & (sunlight == 0)))
@@ -199,4 +204,4 @@ def main(options: argparse.Namespace) -> None:
 
 
 if __name__ == "__main__":  # in the other Python, which has no Icy Moon
-    of_mitsuba(Path(sys.argv[1]))
+    render_with_mitsuba(Path(sys.argv[1]))

@@ -28,7 +28,7 @@ WIDTH_PX, LOW_SUN_DEG = 512, 8.0
 
 
 def measure(name: str, folder: Path, changes: Parts) -> tuple[float, int, float, float]:
-    """Slope, side in pixels of the square it is measured on, and the saturated and the dark share."""
+    """Slope, side in pixels of the square on which it is measured, and the saturated and the dark share."""
     described = description.merged(description.defaults(), preset_files.load_preset(name), changes)
     rig = described.rig
     described["rig"] = rig | {"width_px": WIDTH_PX, "height_px": WIDTH_PX * rig.height_px // rig.width_px}

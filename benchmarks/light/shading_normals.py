@@ -1,4 +1,5 @@
-"""Whether shading normals are why Cycles and Mitsuba differ, in the two smooth scenes where they differ most.
+"""Whether shading normals explain the differences of Cycles and Mitsuba, in the two smooth scenes with the largest
+differences.
 
     python -m icymoon validate --only mitsuba
     python benchmarks shading_normals out/validation/mitsuba
@@ -36,7 +37,7 @@ LEAST_LEFT = 0.1
 
 
 def find_turned_from_sun(mi: ModuleType, scene: mitsuba.Scene, shape: tuple[int, int], sun: Array) -> Array:
-    """Mask (H, W) of pixels that see a facet turned from the Sun whose shading normal is not."""
+    """Mask (H, W) of pixels whose facet faces away from the Sun while its shading normal faces it."""
     found = np.zeros(shape, bool)
     offsets = (np.arange(FINER) + 0.5) / FINER
     for down in offsets:
@@ -54,7 +55,7 @@ def find_turned_from_sun(mi: ModuleType, scene: mitsuba.Scene, shape: tuple[int,
 
 
 def report(name: str, ours: Array, theirs: Array, left: Array) -> None:
-    """Print how far two images (H, W) differ in the pixels that are left (H, W)."""
+    """Print the differences of two images (H, W) in the pixels of a mask (H, W)."""
     share = average_regions(left.astype(float))
     here, there = (average_regions(np.where(left, image, 0.0))[share > LEAST_LEFT] for image in (ours, theirs))
     difference = (here - there) / np.maximum(there, 0.02 * there.mean())

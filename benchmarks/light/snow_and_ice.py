@@ -1,4 +1,4 @@
-"""What layers of snow and ice cost: processor seconds of a pair, and ratios within one run.
+"""The cost of layers of snow and ice: processor seconds of a pair, and ratios within one run.
 
     python benchmarks snow_and_ice [--width PX] [--samples N]
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from icymoon.benchmarks.common.renders import seconds_of_render, settings_of, start_blender
+from icymoon.benchmarks.common.renders import measure_render_seconds, settings_of, start_blender
 from icymoon.settings import description
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
@@ -44,10 +44,10 @@ def small(preset: str, width: int, samples: int, *parts: Parts) -> Settings:
 
 
 def costs(width: int, samples: int) -> Iterator[str]:
-    """Lines of a table of what each layer costs."""
+    """Lines of a table of each layer's cost."""
     plain = 0.0
     for name, part in LAYERS.items():
-        took = seconds_of_render(small("gallery/block_field", width, samples, PLAIN, part))
+        took = measure_render_seconds(small("gallery/block_field", width, samples, PLAIN, part))
         plain = plain or took
         yield f"| {name} | {took:.1f} | {took / plain:.2f} |"
 

@@ -1,4 +1,4 @@
-"""Cost and stereo error of the ways to follow light under snow: random walk, Burley's profile, not at all.
+"""Cost and stereo error of the ways to trace light under snow: random walk, Burley's profile, none.
 
     python benchmarks subsurface --scale 0.5 --pairs 2
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from icymoon.benchmarks.common.arguments import add_out, add_scale, out_folder
+from icymoon.benchmarks.common.arguments import add_out, add_scale, open_out_folder
 from icymoon.benchmarks.common.guiss_rows import errors, head, measured, rendered, shown
 from icymoon.benchmarks.common.guiss_scene import Rung, snow
 from icymoon.settings import description
@@ -25,7 +25,7 @@ _COMMON: dict[str, Any] = {"diffuse_bounces": 3, "noise_threshold": 0.0, "truth"
 
 
 def rows(samples: list[int]) -> list[Rung]:
-    """The rows: the walk with the paper's samples, then the others with each number of ``samples``."""
+    """The rows: the random walk with the paper's samples, then the others with each number of ``samples``."""
 
     def row(name: str, count: int, surface: dict[str, Any]) -> Rung:
         return Rung(f"{name}, {count} samples", {"quality": {**_COMMON, "samples": count}, "surface": surface})
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Render and print the table."""
-    with out_folder(options.out) as out:
+    with open_out_folder(options.out) as out:
         print_table(options, out)
 
 

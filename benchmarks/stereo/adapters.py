@@ -1,4 +1,4 @@
-"""What a matcher of the user's costs besides matching: a resident program, one that is started for each pair, ONNX.
+"""The cost of a user's matcher besides matching: a resident program, a program that is started for each pair, ONNX.
 
     python benchmarks adapters           # without torch
     python benchmarks adapters --torch   # also programs that load torch
@@ -44,7 +44,7 @@ ROW = "{:<36}{:>10}{:>10}{:>12}{:>12}"
 
 
 def cpu_s() -> float:
-    """CPU seconds of this process, of those that have ended, and of resident programs, which Linux tells."""
+    """CPU seconds of this process, of its ended children, and on Linux of resident programs."""
     times = os.times()
     running = 0.0
     for each in resident_process._running.values():
@@ -54,7 +54,7 @@ def cpu_s() -> float:
 
 
 def measure(method: str, options: dict[str, Any], pairs: int) -> tuple[float, float, float, float]:
-    """Milliseconds per pair, waiting and of processor, then those of the start with the first pair."""
+    """Milliseconds per pair, elapsed and of the processor, then the same for the start with the first pair."""
     random = np.random.default_rng(0)
     right = random.integers(0, 256, (480, 640, 3)).astype(np.uint8)
     left = np.roll(right, 7, axis=1)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pairs
 from icymoon.benchmarks.common.arguments import scratch
-from icymoon.benchmarks.common.processor import least_seconds
+from icymoon.benchmarks.common.processor import measure_least_seconds
 from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.decisions.rules import read_rules
@@ -60,7 +60,7 @@ def write_workspace(folder: Path) -> Path:
 
 
 def decide_on(workspace: Workspace, depth: Array) -> None:
-    """What a depth decides, beside the truth."""
+    """The decisions by a depth, compared with the truth's."""
     compare_with_truth(workspace, decide_from_depth(workspace, depth))
 
 
@@ -70,9 +70,10 @@ def main(options: argparse.Namespace) -> None:
     with scratch() as folder:
         prepared = prepare_pair(write_workspace(folder / "pair"), {})
         workspace = open_workspace(prepared, rules)
-        print(f"{'maps of the truth':<40}{least_seconds(lambda: open_workspace(prepared, rules)):8.3f} s")
+        print(f"{'maps of the truth':<40}{measure_least_seconds(lambda: open_workspace(prepared, rules)):8.3f} s")
         for method in ("bm", "sgbm", "sgbm_wls", "jplv"):
             run = partial(match, method, prepared.left, prepared.right, {}, prepared.pair.camera)
             depth = disparity_to_depth(prepared, run()[0])
-            print(f"{'match ' + method:<40}{least_seconds(run):8.3f} s")
-            print(f"{'decide and compare, ' + method:<40}{least_seconds(partial(decide_on, workspace, depth)):8.3f} s")
+            print(f"{'match ' + method:<40}{measure_least_seconds(run):8.3f} s")
+            seconds = measure_least_seconds(partial(decide_on, workspace, depth))
+            print(f"{'decide and compare, ' + method:<40}{seconds:8.3f} s")

@@ -1,4 +1,4 @@
-"""Processor seconds of an evaluation, per pair and method, matcher included, and where they go.
+"""Processor seconds of an evaluation, per pair and method, matcher included, and their breakdown.
 
     python benchmarks evaluate_pairs [--pairs 4] [--methods bm,sgbm] [--profile]
 
@@ -23,11 +23,11 @@ from icymoon.stereo.matchers.methods import parse_methods
 
 #: Functions whose cumulative time is printed: part of the module's path, name.
 PARTS = (
-    ("measure/prepare_pair.py", "prepare"),
-    ("measure/prepare_pair.py", "load"),
-    ("matchers/__init__.py", "match"),
-    ("measure/row_metrics.py", "own_numbers"),
-    ("measure/row_metrics.py", "common_numbers"),
+    ("measure/prepare_pair.py", "prepare_pair"),
+    ("measure/prepare_pair.py", "load_pair"),
+    ("matchers/__init__.py", "match_checked"),
+    ("measure/row_metrics.py", "measure_row_numbers"),
+    ("measure/common_pixels.py", "measure_common_pixels"),
     ("stereo/evaluation_files.py", "write_method_pictures"),
     ("stereo/evaluation_files.py", "write_pair_pictures"),
     ("report/row_log.py", "append"),

@@ -1,4 +1,4 @@
-"""How often the verdicts and intervals over scenes are wrong, by simulation of what scenes are like.
+"""The error rates of verdicts and intervals over scenes, by simulation of scenes.
 
     python benchmarks inference_coverage --runs 4000 --processes 2
     python benchmarks inference_coverage --runs 10000 --beyond
@@ -156,7 +156,7 @@ def find_rates(cell: tuple[str, float, int, int], runs: int, worse_sd: float = 0
     return found / runs, first / runs
 
 
-def wrong_means(errors: str, scenes: int, runs: int) -> float:
+def measure_wrong_means(errors: str, scenes: int, runs: int) -> float:
     """The share of intervals of one mean of ``scenes`` that miss it."""
     draw, mean, _ = ERRORS[errors]
     drawn = draw(np.random.default_rng((scenes, list(ERRORS).index(errors))), (scenes, runs))
@@ -164,7 +164,7 @@ def wrong_means(errors: str, scenes: int, runs: int) -> float:
     return float(((bounds[:, 0] > mean) | (bounds[:, 1] < mean)).mean())
 
 
-def wrong_shares(shares: str, scenes: int, runs: int, most_pairs: int) -> tuple[float, float]:
+def measure_wrong_shares(shares: str, scenes: int, runs: int, most_pairs: int) -> tuple[float, float]:
     """The share of intervals of a mean share that miss it, and their median width, with 1 to ``most_pairs`` pairs of a
     scene that have the same share."""
     draw, mean = SHARES[shares]
@@ -178,7 +178,7 @@ def wrong_shares(shares: str, scenes: int, runs: int, most_pairs: int) -> tuple[
     )
 
 
-def wrong_mean_differences(cell: tuple[str, float, int, int], runs: int) -> float:
+def measure_wrong_mean_differences(cell: tuple[str, float, int, int], runs: int) -> float:
     """The share of data sets in which an interval of a mean difference misses it."""
     errors, spread, scenes, methods = cell
     means = np.full(methods, ERRORS[errors][1])
@@ -194,19 +194,19 @@ def wrong_mean_differences(cell: tuple[str, float, int, int], runs: int) -> floa
 
 
 def timed(work: Callable[[], Result]) -> tuple[Result, float]:
-    """What a cell gives, and its processor seconds."""
+    """The result of a cell, and its processor seconds."""
     began = time.process_time()
     return work(), time.process_time() - began
 
 
 def list_numbers_of_scenes(methods: int) -> list[int]:
-    """Those of the tables, from the first with a verdict on."""
+    """The numbers of scenes in the tables, from the first with a verdict."""
     fewest = typical_scene.count_scenes_for_methods(methods)
     return [fewest + more for more in MORE] + [MANY]
 
 
 def percent(shares: Array | list[float]) -> str:
-    """Shares as whole and tenths of a percent."""
+    """Shares in percent with one decimal."""
     return ", ".join(f"{100 * share:.1f}" for share in shares)
 
 
@@ -233,23 +233,29 @@ def rows(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, float]]:
             )
 
 
-def rows_of_means(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, float]]:
+def make_mean_rows(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, float]]:
     """The lines of the table of shares and means, and the processor seconds that each took."""
     yield f"| scenes | shares | width | means: {', '.join(ERRORS)} | mean differences of 2, 3, 6 methods |", 0
     yield "|---|---|---|---|---|", 0
     for scenes in SCENES_OF_MEANS:
         done = list(
-            pool.map(timed, [partial(wrong_shares, *each) for each in product(SHARES, [scenes], [2 * runs], [1, 4])])
+            pool.map(
+                timed, [partial(measure_wrong_shares, *each) for each in product(SHARES, [scenes], [2 * runs], [1, 4])]
+            )
         )
         told = scenes >= scene_means.FEWEST_FOR_MEAN
-        means = list(pool.map(timed, [partial(wrong_means, errors, scenes, 2 * runs) for errors in ERRORS] * told))
+        means = list(
+            pool.map(timed, [partial(measure_wrong_means, errors, scenes, 2 * runs) for errors in ERRORS] * told)
+        )
         joint = (
             [
                 list(
                     pool.map(
                         timed,
                         [
-                            partial(wrong_mean_differences, (errors, spread, scenes, methods), max(1, runs // 4))
+                            partial(
+                                measure_wrong_mean_differences, (errors, spread, scenes, methods), max(1, runs // 4)
+                            )
                             for errors, spread in product(ERRORS, SPREADS_OF_MEANS)
                         ],
                     )
@@ -268,8 +274,8 @@ def rows_of_means(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, f
         )
 
 
-def rows_beyond(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, float]]:
-    """The lines of the table of errors beyond, and the processor seconds that each took."""
+def make_rare_error_rows(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, float]]:
+    """The lines of the table of rare large errors, and the processor seconds that each took."""
     yield (
         "| errors | spread of the first method | methods | "
         + "".join(f"{more} more | " for more in MORE)
@@ -295,7 +301,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> None:
     """Print the tables, all in %, and the processor time."""
     seconds = 0.0
-    table = rows_beyond if options.beyond else rows_of_means if options.means else rows
+    table = make_rare_error_rows if options.beyond else make_mean_rows if options.means else rows
     with ProcessPoolExecutor(options.processes) as pool:
         for line, own in table(options.runs, pool):
             print(line, flush=True)

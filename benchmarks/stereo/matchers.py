@@ -123,8 +123,8 @@ def table(labels: tuple[str, ...], folder: Path) -> None:
         )
 
 
-def random_checkpoints(folder: Path) -> None:
-    """Files with the parameters that a new network has."""
+def write_random_checkpoints(folder: Path) -> None:
+    """Checkpoints with the random parameters of a new network."""
     import torch
     from icymoon.stereo.networks.dsmnet import DSMNet
     from icymoon.stereo.networks.igev import IGEVStereo
@@ -134,8 +134,8 @@ def random_checkpoints(folder: Path) -> None:
         torch.save(network.state_dict(), folder / f"{name}.pth")
 
 
-def on_cuda(folder: Path) -> None:
-    """Seconds per pair on the device, and the difference to the processor."""
+def measure_on_cuda(folder: Path) -> None:
+    """Seconds per pair on the device, and the difference from the processor's result."""
     left, right, _ = pair()
     for method, more in (
         ("igev", {"iterations": 8}),
@@ -172,7 +172,7 @@ def main(options: argparse.Namespace) -> None:
             return
         import torch
 
-        random_checkpoints(folder)
+        write_random_checkpoints(folder)
         table((REFERENCE, *NETWORKS), folder)
         if torch.cuda.is_available():
-            on_cuda(folder)
+            measure_on_cuda(folder)

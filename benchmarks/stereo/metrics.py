@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 import pairs
 from icymoon.benchmarks.common.arguments import scratch
-from icymoon.benchmarks.common.processor import least_seconds
+from icymoon.benchmarks.common.processor import measure_least_seconds
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.stereo.export.points import make_measured_points
 from icymoon.stereo.images.disparity_and_occlusion import find_visible_in_right
@@ -39,7 +39,7 @@ from icymoon.stereo.measure.row_metrics import disparity_to_depth, measure_row_n
 
 def cost(work: Callable[[], object]) -> tuple[float, float]:
     """(CPU seconds of the fastest of three runs, MiB at the peak of a fourth)."""
-    seconds = least_seconds(work)
+    seconds = measure_least_seconds(work)
     tracemalloc.start()
     work()
     peak = tracemalloc.get_traced_memory()[1]

@@ -1,4 +1,4 @@
-"""How often the check of truth against images is wrong on sound pairs, and how often it names each fault.
+"""The rate of false alarms on sound pairs of the check of truth against images, and its detection rate of each fault.
 
     python benchmarks fit_check DATASET [DATASET ...]
     python benchmarks fit_check DATASET --render 128
@@ -58,7 +58,7 @@ def _along_ray(pair: PreparedPair) -> Array:
 
 
 def _noise(pair: PreparedPair) -> Array:
-    """A normal's third component taken for a depth."""
+    """The third component of a normal, misread as a depth."""
     slope = np.gradient(np.nan_to_num(pair.truth))[0]
     return np.where(np.isfinite(pair.truth), 1 / np.sqrt(1 + slope**2), np.nan)
 
@@ -98,7 +98,7 @@ MASK_FAULTS: dict[str, tuple[Callable[[Array], Array], str]] = {
 
 
 def judge_visibility(folder: Path, counts: dict[str, Counter[str]]) -> None:
-    """Count what is found in the right eye's truth and in the mask of a pair."""
+    """Count the faults found in the right eye's truth and in the mask of a pair."""
     loaded = load_pair(folder, {})
     if not loaded.visible["left"].any():
         print(f"{folder.name}: the right eye sees nothing of what the left one does")
@@ -118,7 +118,7 @@ def judge_visibility(folder: Path, counts: dict[str, Counter[str]]) -> None:
 
 
 def render(dataset: Path, grounds: int) -> None:
-    """Render sound pairs. A rig whose eye would be in the ground is left out."""
+    """Render sound pairs. A rig with an eye in the ground is left out."""
     from icymoon.benchmarks.common import renders
     from icymoon.nodes.build_scene import build_scene
 

@@ -1,4 +1,4 @@
-"""What compact files save and cost: bytes of each pass by codec, level and size of floats, and what they lose.
+"""The savings and losses of compact files: bytes of each pass by codec, level and size of floats, and rounding errors.
 
     python benchmarks half_floats out/workspaces
 
@@ -35,7 +35,7 @@ from icymoon.stereo.matchers.methods import Method, parse_methods
 from icymoon.stereo.measure.metrics import is_usable
 from icymoon.stereo.measure.prepare_pair import load_pair
 from icymoon.support.arrays import Array
-from icymoon.support.labels import IMAGE_PASS, rounded_passes
+from icymoon.support.labels import IMAGE_PASS, list_rounded_passes
 
 CODECS = ("ZIPS", "ZIP", "PIZ", "ZSTD", "HTJ2K256", "DWAA")
 
@@ -77,7 +77,7 @@ def print_sizes(folder: Path) -> None:
 
 
 def compact(data: bytes) -> Iterator[tuple[Piece, Piece | None, float]]:
-    """Of each part of a full file: as it is, as compact files have it, and the processor seconds of that."""
+    """For each part of a full file: its bytes, its bytes in a compact file, and the processor seconds of compaction."""
     pieces = read_pieces(data)
     watch = Stopwatch()
     twice = {IMAGE_PASS} if is_sum_of_lights(pieces) else set[str]()
@@ -85,12 +85,12 @@ def compact(data: bytes) -> Iterator[tuple[Piece, Piece | None, float]]:
     for piece in pieces:
         watch = Stopwatch()
         kept = drop_passes(piece, twice)
-        kept = kept and round_passes(kept, rounded_passes("COMPACT", "NONE"))
+        kept = kept and round_passes(kept, list_rounded_passes("COMPACT", "NONE"))
         # The question whether the image is a sum counts as the image's time.
         yield piece, kept, watch.lap() + (spent if piece.name.split("-")[0] == IMAGE_PASS else 0.0)
 
 
-def largest_error(piece: Piece, kept: Piece) -> str:
+def find_largest_error(piece: Piece, kept: Piece) -> str:
     """The largest angle between normals, the largest relative error of other passes."""
     full, less = (np.float64(Pixels(each).decode()) for each in (piece, kept))
     if "Normal" in piece.name:
@@ -116,7 +116,7 @@ def print_compact(folder: Path) -> None:
             name = piece.name.split("-")[0]
             sizes = (sum(map(len, each.chunks)) / 1e6 if each else 0.0 for each in (piece, kept))
             rows[name] = [a + b for a, b in zip(rows.get(name, [0.0] * 3), (*sizes, spent), strict=True)]
-            errors.setdefault(name, largest_error(piece, kept) if kept else "is the sum of its lights")
+            errors.setdefault(name, find_largest_error(piece, kept) if kept else "is the sum of its lights")
     for name, (before, after, spent) in rows.items():
         print(f"{name:32}{before:8.3f}{after:9.3f}{spent:7.3f}  {errors[name]}")
     before, after, spent = np.sum(list(rows.values()), axis=0)
@@ -129,8 +129,8 @@ def print_compact(folder: Path) -> None:
             print(f"zlib's level {level}: {total / 1e6:.3f} MB, {watch.lap():.2f} CPU-s", flush=True)
 
 
-def disparity_errors(folder: Path, methods: Sequence[Method]) -> dict[str, tuple[float, float]]:
-    """By method the mean error in px of what it measures, and the share that is wrong by 1 px or missing."""
+def measure_disparity_errors(folder: Path, methods: Sequence[Method]) -> dict[str, tuple[float, float]]:
+    """By method the mean error in px of the measured pixels, and the share that is wrong by 1 px or missing."""
     pair = load_pair(folder, {})
     camera = pair.pair.camera
     left, right = pair.images.for_matchers()
@@ -144,7 +144,7 @@ def disparity_errors(folder: Path, methods: Sequence[Method]) -> dict[str, tuple
 
 
 def print_errors(folders: list[Path], methods: Sequence[Method]) -> None:
-    """Print what rounding changes, pair by pair, and the means with their standard errors."""
+    """Print the effect of rounding, pair by pair, and the means with their standard errors."""
     whole = exr._read_with_openexr
     changes: dict[str, list[tuple[float, float]]] = {}
 
@@ -161,9 +161,9 @@ def print_errors(folders: list[Path], methods: Sequence[Method]) -> None:
         ]
 
     for folder in folders:
-        full = disparity_errors(folder, methods)
+        full = measure_disparity_errors(folder, methods)
         with patch.object(exr, "_read_with_openexr", rounded):
-            less = disparity_errors(folder, methods)
+            less = measure_disparity_errors(folder, methods)
         for label, (error, wrong) in full.items():
             other, missing = less[label]
             changes.setdefault(label, []).append((other - error, missing - wrong))

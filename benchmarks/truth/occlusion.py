@@ -1,4 +1,4 @@
-"""Which hidden pixels are found, which are false, and what it costs, against a ray caster of its own.
+"""The hidden pixels that are found, the false ones, and the cost, compared with an independent ray caster.
 
     python benchmarks occlusion [PRESET [QUALITY [WIDTH [MORE_PRESETS...]]]]
 
@@ -42,8 +42,8 @@ _OTHERS = dict(zip(EYES, reversed(EYES), strict=True))
 Masks = dict[str, Array]
 
 
-def both_columns(disparity: Array, other: Array, eye: str) -> Array:
-    """Hidden as Icy Moon had it until 0.1: both columns around the point show something nearer by half a pixel."""
+def find_hidden_by_both_columns(disparity: Array, other: Array, eye: str) -> Array:
+    """Hidden pixels by the method before 0.1: both columns around the point show something nearer by half a pixel."""
     column, filled = find_matching_column(disparity, eye), np.nan_to_num(other)
     nearest = np.minimum(*(sample_at_columns(filled, side(np.nan_to_num(column))) for side in (np.floor, np.ceil)))
     with np.errstate(invalid="ignore"):
@@ -105,7 +105,11 @@ def main(options: argparse.Namespace) -> None:
         )
 
     line("to each point", "0.25", by_rays)
-    line("both columns", "0.5", {eye: both_columns(own[eye], own[other], eye) for eye, other in _OTHERS.items()})
+    line(
+        "both columns",
+        "0.5",
+        {eye: find_hidden_by_both_columns(own[eye], own[other], eye) for eye, other in _OTHERS.items()},
+    )
     for number, tolerance in product(rays, TOLERANCES_PX):
         columns._LEAST_GAP_PX = tolerance
         line(
@@ -117,7 +121,7 @@ def main(options: argparse.Namespace) -> None:
 
 
 def _percent(masks: Masks, of: Masks | None) -> float:
-    """Of the pixels of both eyes, or of those in ``of``, the share in ``masks``, %."""
+    """The share in ``masks`` of the pixels of both eyes, or of those in ``of``, %."""
     among = {eye: np.ones_like(mask) for eye, mask in masks.items()} if of is None else of
     return float(100 * sum((masks[eye] & among[eye]).sum() for eye in EYES) / sum(among[eye].sum() for eye in EYES))
 
@@ -133,8 +137,8 @@ def _find_by_rays(built: Built, settings: Settings) -> Masks:
 
 
 def _render(built: Built, settings: Settings) -> tuple[Pair, Masks, dict[str, list[Array]], float]:
-    """A pair, the disparity of its pixels and of the rays between them, and the ratio of the processor time that these
-    take to that of all the rest, the least of two."""
+    """A pair, the disparity of its pixels and of the rays between them, and the processor time of these rays over that
+    of the rest, the smaller of two runs."""
     found: dict[str, list[Array]] = {}
     spent = 0.0
     add_hidden, shift_frame = cycles_occlusion.add_hidden_pass, render_pair.shift_frame

@@ -155,7 +155,7 @@ def _toml(value: object) -> str:
 def faults(
     left: Eye, right: Eye, camera: StereoCamera, foreign: tuple[Eye, Eye] | None, positive: bool
 ) -> dict[str, tuple[Eye, Eye, StereoCamera]]:
-    """What a pair is with each fault: its eyes and the camera that it states."""
+    """The changes of a pair by each fault: its eyes and the stated camera."""
 
     def scaled(factor: float) -> StereoCamera:
         return replace(camera, baseline_m=factor * camera.baseline_m)
@@ -186,7 +186,7 @@ def faults(
 
 
 def shifted(image: Array, columns: float) -> Array:
-    """The image so far to the right, by cubic interpolation."""
+    """The image shifted to the right by ``columns`` pixels, by cubic interpolation."""
     height, width = image.shape
     moved = cv2.warpAffine(
         image.astype(np.float64),
@@ -199,12 +199,12 @@ def shifted(image: Array, columns: float) -> Array:
 
 
 def _between(depth: Array, sign: int) -> Array:
-    """Depth half a pixel beside: linear in disparity, which it is on a plane; NaN beside sky."""
+    """The depth half a pixel beside: linear in disparity, as on a plane; NaN beside sky."""
     return 2 / (1 / depth + 1 / np.roll(depth, sign, 1))
 
 
 def read_eyes(folder: Path) -> tuple[Eye, Eye, StereoCamera, dict[str, Any]]:
-    """The eyes of a pair, its camera and its settings, as ``stereo.measure.prepare_pair`` has them."""
+    """The eyes of a pair, its camera and its settings, in the form of ``stereo.measure.prepare_pair``."""
     pair = read_unchanged_pair(folder)
     left, right = make_check_eyes(pair, pair.settings, {eye: read_eye(pair, eye)[1] for eye in EYES})
     return left, right, pair.camera, pair.settings
@@ -230,7 +230,7 @@ def row(folder: Path, other: Path | None, positive: bool) -> dict[str, Any]:
         "denoiser": settings["quality"]["denoiser"],
         "Sun": settings["light"]["sun_elevation_deg"],
         "from the Sun": (settings["light"]["sun_azimuth_deg"] - settings["rig"]["heading_deg"]) % 360,
-        "surface": surface_of(settings),
+        "surface": classify_surface(settings),
         "width": camera.width_px,
         "apart_px": apart,
         "lens": next(
@@ -245,7 +245,7 @@ def row(folder: Path, other: Path | None, positive: bool) -> dict[str, Any]:
     }
 
 
-def surface_of(settings: dict[str, Any]) -> str:
+def classify_surface(settings: dict[str, Any]) -> str:
     """The kind of surface for the table."""
     surface = settings["surface"]
     if surface["model"] == "HAPKE":
@@ -256,7 +256,7 @@ def surface_of(settings: dict[str, Any]) -> str:
 
 
 def measure(dataset: Path, log: Path) -> list[dict[str, Any]]:
-    """The rows of all pairs; those in ``log`` are not made again."""
+    """The rows of all pairs; rows in ``log`` are not measured again."""
     folders = find_pair_folders(dataset)
     rows = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()] if log.is_file() else []
     done = {each["pair"] for each in rows}
@@ -273,7 +273,7 @@ def measure(dataset: Path, log: Path) -> list[dict[str, Any]]:
 
 
 def _fits(rig: RigSettings, other: dict[str, Any]) -> bool:
-    """Whether another pair was taken with the same cameras, which stood or looked otherwise."""
+    """Whether another pair has the same cameras, in another position or direction."""
     same = ("width_px", "focal_length_mm", "sensor_width_mm", "baseline_m")
     return all(rig[key] == other[key] for key in same) and any(
         rig[key] != other[key] for key in ("height_m", "pitch_deg", "heading_deg")
@@ -299,7 +299,7 @@ def interval(hits: int, count: int) -> tuple[float, float]:
 
 
 def table(rows: list[dict[str, Any]]) -> None:
-    """Print the rates of every fault, and those of what only the light tells, by every factor."""
+    """Print the rates of every fault, and of the faults that only light reveals, by every factor."""
     print(f"{len(rows)} pairs\n\n| | alarms | of | rate, 95 % interval |\n|---|---|---|---|")
     for fault in rows[0]["found"]:
         _line(fault, [not each["found"][fault]["ok"] for each in rows if fault in each["found"]])

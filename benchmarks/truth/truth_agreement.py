@@ -1,4 +1,4 @@
-"""How far the truth by rays is from the one by Cycles, of each scene preset.
+"""The difference of the truth by rays from the truth by Cycles, for each scene preset.
 
     python benchmarks truth_agreement [--scale 0.25] [scenes/NAME ...]
 
@@ -54,7 +54,7 @@ def render(scene: str, scale: float, by: str, folder: Path) -> Pair:
 
 
 def compare(ours: Pair, cycles: Pair) -> list[float]:
-    """The figures of ``COLUMNS``, of both eyes."""
+    """The numbers of ``COLUMNS``, of both eyes."""
     figures = []
     for eye in EYES:
         mine, other = (read_truth(pair.truth(eye), eye) for pair in (ours, cycles))

@@ -1,5 +1,5 @@
-"""What the truth of a pair costs by rays, and by Cycles with lamps and surfaces, without lamps, and without both where
-only depth is wanted.
+"""The cost of a pair's truth by rays, and by Cycles with lamps and surfaces, without lamps, and without both for depth
+alone.
 
     python benchmarks truth_cost [--scale 0.5] [--pairs 3] [SCENE ...]
 

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Take the time of each step; status 1 if one failed."""
+    """Measure the time of each step; status 1 if one failed."""
     try:
         blender = find(options.blender)
     except CannotRunError as reason:

@@ -1,4 +1,4 @@
-"""A newcomer's steps in Blender's window, with mouse and keys, and what each takes; runs inside Blender.
+"""A newcomer's steps in Blender's window, with mouse and keys, and the time of each; runs inside Blender.
 
     blender --python benchmarks/window/first_hour_window.py -- FOLDER ZIP STARTED
 
@@ -50,17 +50,17 @@ def settings() -> bpy.types.PropertyGroup:
 
 
 def page(kind: str) -> bpy.types.Window | None:
-    """The window of its own that an editor has, such as IMAGE_EDITOR."""
+    """The separate window of an editor, such as IMAGE_EDITOR."""
     return next((window for window in manager().windows[1:] if window.screen.areas[0].type == kind), None)
 
 
 def by_user(seconds: float) -> None:
-    """Count what the user has done in this step."""
+    """Count the user's actions in this step."""
     steps[-1]["user"] += seconds
 
 
 def by_machine(done: Callable[[], object], what: str, patience_s: float = person.PATIENCE_S) -> Waiting:
-    """Wait for the machine, as the user does, and count that."""
+    """Wait for the machine, as the user does, and count the time."""
     start = time.monotonic()
     while not done():
         check(time.monotonic() < start + patience_s, f"{what} took more than {patience_s:.0f} s")
@@ -115,7 +115,7 @@ def choose_a_picture() -> Waiting:
 
 
 def lower_the_samples() -> Waiting:
-    """Quality and Speed > Samples to 8, as Draft has them, which needs a denoiser."""
+    """Set Quality and Speed > Samples to 8, as in Draft, whose denoiser may be missing."""
     sidebar, page = person.region("UI"), module("operators.manual").find_page_of_topic("quality")
     _, y = yield from person.find("icymoon.open_manual", page=page)  # in the header of the panel
     yield from person.to(sidebar.x + 0.35 * sidebar.width, y)
@@ -135,7 +135,8 @@ def lower_the_samples() -> Waiting:
 
 
 def ended(what: str) -> Waiting:
-    """Wait until a job has begun and ended, however long it takes; AssertionError with its own words if it failed."""
+    """Wait until a job has begun and ended, without a time limit; AssertionError with the job's message if it
+    failed."""
     session = module("operators.session").session
     yield from by_machine(lambda: session.job, f"Starting {what}")
     job = session.job
@@ -157,7 +158,7 @@ def render_stereo_pair() -> Waiting:
 
 
 def allow_online_access() -> Waiting:
-    """Click Blender's button in the question, which no operator can find: below the text, above OK."""
+    """Click Blender's button in the question, which no operator can trigger: below the text, above OK."""
     x, y = person.seen()
     system = bpy.context.preferences.system
     for down in range(12, 50, 6):  # the question opens above and below the button that asked
@@ -205,12 +206,12 @@ STEPS = (
 
 
 def processor_s() -> float:
-    """Processor seconds of this Blender and of its processes that have ended."""
+    """Processor seconds of this Blender and of its ended child processes."""
     return sum(os.times()[:4])
 
 
 def keep_steps() -> None:
-    """Write what has been measured so far, so that it outlives a Blender that has to be killed."""
+    """Write the measurements so far, so that they outlive a killed Blender."""
     (FOLDER / "steps.json").write_text(json.dumps(steps, indent=1))
 
 

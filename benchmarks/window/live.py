@@ -62,7 +62,7 @@ def cell(update: float, build: float) -> str:
 
 
 def drag(name: str) -> str:
-    """A row: an update of the ground with so many vertices per side."""
+    """A row: an update of the ground with this number of vertices per side."""
     scene, build = built(name)
     row = f"{name:40}"
     for side in SIDES:

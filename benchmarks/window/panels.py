@@ -1,4 +1,4 @@
-"""CPU time that drawing all panels of the sidebar takes, as often as Blender redraws it.
+"""CPU time of drawing all panels of the sidebar, at each of Blender's redraws.
 
     python benchmarks panels
 
@@ -49,7 +49,7 @@ def draw(panel: type[bpy.types.Panel]) -> None:
 
 
 def milliseconds(action: Callable[[], object]) -> float:
-    """CPU milliseconds of an action, the least of ROUNDS after a first one."""
+    """CPU milliseconds of an action, the least of ROUNDS after a first run."""
     action()
     return min(_measure(action) for _ in range(ROUNDS))
 
@@ -60,7 +60,7 @@ def _measure(action: Callable[[], object]) -> float:
 
 
 def add_results() -> None:
-    """Let four matchers have results and decisions on a pair, and two settings vary."""
+    """Give four matchers results and decisions on a pair, and let two settings vary."""
     scene, methods = bpy.context.scene, ("bm", "sgbm", "sgbm_wls", "jplv")
     folder = Path(tempfile.mkdtemp(prefix="icymoon-panels-"))
     atexit.register(shutil.rmtree, folder)
@@ -91,13 +91,13 @@ def add_results() -> None:
 
 
 def write_json(path: Path, what: object) -> None:
-    """Write a file and its folder."""
+    """Write a file, and make its folder."""
     path.parent.mkdir()
     path.write_text(json.dumps(what), encoding="utf-8")
 
 
 def main(options: argparse.Namespace) -> None:
-    """Print the time of all panels before and after a scene is built, and after it was evaluated."""
+    """Print the time of all panels before and after a scene is built, and after an evaluation."""
     icymoon.register()
     panels = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel)]
 

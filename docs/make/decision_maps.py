@@ -1,5 +1,5 @@
 """The pictures of the tutorial on decisions: a left image, the true map, and the maps by some matchers; or the left
-images before and after something was dug, and the changes that some matchers found.
+images before and after a dig, and the changes that some matchers found.
 
     python docs/make/decision_maps.py DECISIONS PAIR docs/images/decisions.jpg bm sgbm
     python docs/make/decision_maps.py DECISIONS BEFORE,AFTER docs/images/trench.jpg true_depth sgbm
@@ -41,7 +41,7 @@ def column(image: Array, title: str) -> Array:
 
 
 def left_column(folder: Path, title: str) -> Array:
-    """The left image of a pair, as a screen shows it."""
+    """The left image of a pair, with the gamma of a screen."""
     return column((255 * (read_png(folder / "left.png") / 255.0) ** GAMMA).astype(np.uint8), title)
 
 

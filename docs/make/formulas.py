@@ -1,4 +1,4 @@
-"""The formulas of the manual as MathML, for the pages that the window shows, where no converter is.
+"""The formulas of the manual as MathML, for the pages in the window, which has no converter.
 
 python docs/make/formulas.py        writes docs/formulas.json anew
 """

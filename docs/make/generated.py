@@ -1,4 +1,4 @@
-"""The files of the manual that are made from the code. They are kept in ``docs/``, so that its links work in a clone.
+"""The files of the manual that are made from the code. They are stored in ``docs/``, so that its links work in a clone.
 
 python docs/make/generated.py       writes all of them anew, as `make docs-pages` does
 """

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Mistake:
-    """``wrong`` is what the user did; ``message`` and ``fix`` are parts of the one sentence that reports it."""
+    """``wrong`` is the user's mistake; ``message`` and ``fix`` are parts of the one sentence that reports it."""
 
     key: str
     wrong: str
@@ -197,7 +197,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
         Mistake(
             "folder as mesh",
             "The ground's file is a folder",
-            "site.obj cannot be read (it is no regular file)",
+            "site.obj cannot be read (it is not a regular file)",
             "check source.file",
         ),
         Mistake(

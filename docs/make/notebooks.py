@@ -1,4 +1,4 @@
-"""Notebooks of the manual: run, their outputs kept, and shown as pages.
+"""Notebooks of the manual: run, stored with their outputs, and shown as pages.
 
     python docs/make/notebooks.py            # run all in docs/notebooks and keep their outputs
     python docs/make/notebooks.py first-pair # one of them
@@ -39,7 +39,7 @@ def read(name: str) -> dict[str, Any]:
 
 
 def run(notebook: dict[str, Any]) -> None:
-    """Run a notebook and put the outputs into it. Raises what a cell raises."""
+    """Run a notebook and store the outputs in it. Raises the exceptions of cells."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -101,7 +101,7 @@ def _outputs(code: str, count: int, scope: dict[str, Any], pyplot: ModuleType, f
 
 
 def texts(notebook: dict[str, Any]) -> list[str]:
-    """What the cells print and give, one text for each output that is no figure."""
+    """The printed texts and results of the cells, one text for each output that is not a figure."""
     return [
         "".join(output.get("text") or output["data"]["text/plain"])
         for cell in notebook["cells"]
@@ -121,7 +121,7 @@ def _figures(notebook: dict[str, Any]) -> list[str]:
 
 
 def images() -> dict[str, bytes]:
-    """The figures that the pages show, by path below ``docs/``."""
+    """The figures of the pages, by path below ``docs/``."""
     return {
         f"notebooks/{name}-{number}.png": base64.b64decode(image)
         for name in names()
@@ -154,7 +154,7 @@ def pages() -> dict[str, str]:
 
 
 def main(chosen: Sequence[str]) -> None:
-    """Run notebooks and keep their outputs."""
+    """Run notebooks and store their outputs."""
     for name in chosen or names():
         notebook = read(name)
         run(notebook)

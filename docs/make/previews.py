@@ -50,7 +50,7 @@ _BELOW_DEG, _ABOVE_DEG, _SUN_TO_THE_RIGHT_DEG = 22.0, 3.0, 75.0
 
 
 def look_at_planet(settings: Settings) -> Parts:
-    """What turns the camera so that the planet is in the picture above the ground."""
+    """The settings that turn the camera so that the planet is in the picture above the ground."""
     light, rig = settings.light, settings.rig
     top = light.planet_elevation_deg + light.planet_angular_diameter_deg / 2 + _ABOVE_DEG
     height_mm = rig.sensor_width_mm * HEIGHT / WIDTH
@@ -65,7 +65,8 @@ def look_at_planet(settings: Settings) -> Parts:
 
 
 def see_colour(settings: Settings) -> Parts:
-    """A colour camera that is exposed for as many electrons of white ground as the monochrome one of the settings."""
+    """A colour camera with an exposure that gives white ground as many electrons as the monochrome one of the
+    settings."""
     rates = [Channels(settings.light, settings.sensor | {"colour": colour}, 1e-5).rate for colour in ("MONO", "BAYER")]
     return {
         "sensor": {

@@ -66,7 +66,7 @@ def _member(name: str, member: object) -> str:
 
 
 def _signature(item: Callable[..., Any]) -> str:
-    """Parameters and result, with names of types as they are written."""
+    """Parameters and result, with names of types as in the source."""
     try:
         text = str(inspect.signature(item))
     except ValueError:
@@ -77,7 +77,7 @@ def _signature(item: Callable[..., Any]) -> str:
 
 
 def _name_arrays(text: str) -> str:
-    """Types with NumPy's name of an array in place of ours."""
+    """Types with NumPy's name of an array instead of ours."""
     return re.sub(r"\bArray\b", "np.ndarray", text)
 
 

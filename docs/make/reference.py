@@ -66,7 +66,7 @@ def _bodies() -> dict[str, str]:
 
 
 def _cell(text: str) -> str:
-    """Text as it may stand in a table."""
+    """Text in the form of a table's cell."""
     return text.replace("|", "\\|").replace("<", "&lt;").replace("\n", " ")
 
 
@@ -103,7 +103,7 @@ def _settings() -> str:
 
 
 def _owner(topic: str) -> str:
-    """The first topic that has the settings of this one: rocks share those of the ground's surface."""
+    """The first topic with the settings of this one: rocks share those of the ground's surface."""
     return next(t.key for t in OUR_TOPICS.values() if t.settings is TOPICS[topic].settings)
 
 
@@ -190,7 +190,7 @@ def _preset(name: str) -> str:
 
 
 def _measured(measured: dict[str, Any]) -> str:
-    """The cost of a quality and its distance from a converged render."""
+    """The cost of a quality, and its distance from a converged render."""
     bake = f", and baking its light {measured['bake_cpu_s']:.1f} s" if measured["bake_cpu_s"] else ""
     text = (
         f"\nMeasured on {measured['scene']} (`{measured['command']}`). A further pair takes "
@@ -393,7 +393,7 @@ def _file_words(call: ast.Call) -> dict[str | None, Any]:
 
 
 def _value_fields() -> Iterator[tuple[str, dict[str | None, Any]]]:
-    """The properties of ``scene_properties.make_varied_fields``, which the list and a dialog have in common."""
+    """The properties of ``scene_properties.make_varied_fields``, which the list and a dialog share."""
     module = ast.parse((ROOT / "settings" / "blender" / "scene_properties.py").read_text(encoding="utf-8"))
     function = next(
         node for node in module.body if isinstance(node, ast.FunctionDef) and node.name == "make_varied_fields"
@@ -415,7 +415,7 @@ def _value_fields() -> Iterator[tuple[str, dict[str | None, Any]]]:
 
 
 def _words(call: ast.Call, constants: dict[str, Any]) -> dict[str | None, Any]:
-    """The arguments of a property: those of its call, or those of the setting that it stands for."""
+    """The arguments of a property: of its call, or of the setting that it represents."""
     words = {word.arg: _literal(word.value, constants) for word in call.keywords}
     if isinstance(call.func, ast.Attribute) and call.func.attr == "make_property":
         entry = call.args[0]  # TOPICS["topic"]["key"]
@@ -436,7 +436,7 @@ def _assigned(body: Sequence[ast.stmt], constants: dict[str, Any] | None = None)
 
 
 def _literal(value: ast.expr, constants: dict[str, Any]) -> object:
-    """The value of a literal or of a constant's name; None if only a run can tell it."""
+    """The value of a literal or of a constant's name; None if it is known only at run time."""
     if isinstance(value, ast.Name):
         return constants.get(value.id)
     try:

@@ -12,8 +12,8 @@ from ...physics.camera.lens_models import Brown, Cahvore, LensModel
 from ...support.errors import IcyMoonError
 from ...support.files import write_text
 from ...support.foreign_bytes import explain_errors
-from ..cahvor import Cahvor, make_cahvor_text, make_pds_text, model_from_pinhole, read_model
-from .options import Reading, Stated, as_cahvore, skew_of
+from ..cahvor import Cahvor, make_cahvor_text, make_model_from_pinhole, make_pds_text, read_model
+from .options import Reading, Stated, as_cahvore, describe_skew
 
 #: The coordinate system that labels name.
 _FRAME_NAME = "REFERENCE_AXES"
@@ -42,8 +42,8 @@ def _camera(model: Cahvor, name: str) -> CalibratedCamera:
 
 
 def why_not_cahv(camera: CalibratedCamera) -> str:
-    """A phrase on what CAHVORE lacks for a camera; empty if it can store the camera."""
-    return skew_of(camera) if as_cahvore(camera) else f"no lens equal to {camera.lens.name}"
+    """A phrase on why CAHVORE cannot store a camera; empty if it can."""
+    return describe_skew(camera) if as_cahvore(camera) else f"no lens equal to {camera.lens.name}"
 
 
 def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
@@ -55,12 +55,12 @@ def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
         )
 
 
-def nearest_model(camera: CalibratedCamera) -> Cahvor:
-    """The model that is equal to a camera, or fitted to its lens of Brown and Conrady. Raises IcyMoonError if there is
-    none, or if the fit is off by more than ``FIT_LIMIT_PX``."""
+def find_nearest_model(camera: CalibratedCamera) -> Cahvor:
+    """The model that is equal to a camera, or fitted to its lens of Brown and Conrady. Raises IcyMoonError without such
+    a model, or if the fit is off by more than ``FIT_LIMIT_PX``."""
     lens = camera.lens
     if isinstance(lens, Brown) and as_cahvore(camera) is None and len(lens.shortened()) <= 5 and not camera.skew_px:
-        return model_from_pinhole(
+        return make_model_from_pinhole(
             camera.matrix, camera.rotation, camera.centre_m, camera.size_px, lens.coefficients[:5]
         )
     if lacks := why_not_cahv(camera):
@@ -69,7 +69,7 @@ def nearest_model(camera: CalibratedCamera) -> Cahvor:
 
 
 def model_of(camera: CalibratedCamera) -> Cahvor:
-    """The model of a camera whose lens CAHVORE has, see ``why_not_cahv``."""
+    """The CAHV, CAHVOR or CAHVORE model of a camera with such a lens, see ``why_not_cahv``."""
     camera = as_cahvore(camera) or camera
     right, down, a = camera.rotation
     h, v = camera.fx_px * right + camera.cx_px * a, camera.fy_px * down + camera.cy_px * a

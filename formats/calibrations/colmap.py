@@ -18,7 +18,7 @@ from ...physics.camera.rotations import from_quaternion, quaternion
 from ...support.errors import IcyMoonError
 from ...support.files import quote, write_text
 from ...support.foreign_bytes import ForeignBytes, RefusedError, explain_errors, read
-from .options import Reading, Stated, numbers_of, opencv_lens, why_no_opencv_lens
+from .options import Reading, Stated, find_why_no_opencv_lens, to_number_array, to_opencv_lens
 
 _KIND = "a model of COLMAP"
 _FIX = "give the folder with cameras.txt and images.txt"
@@ -87,7 +87,7 @@ def _cameras_of_text(foreign: ForeignBytes) -> dict[int, CalibratedCamera]:
         words = line.decode().split()
         if words and not words[0].startswith("#"):
             try:
-                parameters = numbers_of(words[4:], "its parameters").tolist()
+                parameters = to_number_array(words[4:], "its parameters").tolist()
                 found[int(words[0])] = _camera(words[1], int(words[2]), int(words[3]), parameters)
             except (ValueError, IndexError) as error:
                 raise ValueError(f"line {number}: {error}") from None
@@ -104,8 +104,10 @@ def _images_of_text(foreign: ForeignBytes) -> list[_Image]:
         if not is_points:
             words = line.decode().split(maxsplit=9)
             if len(words) != 10 or len(found) == _MOST_RIG_IMAGES:
-                raise ValueError(f"line {number} is no image with a pose, or there are more than {_MOST_RIG_IMAGES}")
-            placed = numbers_of(words[1:8], f"line {number}").tolist()
+                raise ValueError(
+                    f"line {number} is not an image with a pose, or there are more than {_MOST_RIG_IMAGES}"
+                )
+            placed = to_number_array(words[1:8], f"line {number}").tolist()
             found.append((int(words[0]), placed, int(words[8]), words[9].strip()))
         is_points = not is_points
     return found
@@ -137,8 +139,8 @@ def _images_of_bytes(foreign: ForeignBytes) -> list[_Image]:
 
 
 def why_not_colmap(camera: CalibratedCamera) -> str:
-    """A phrase on what COLMAP lacks for a camera; empty if it can store the camera."""
-    return why_no_opencv_lens(camera, 8)
+    """A phrase on why COLMAP cannot store a camera; empty if it can."""
+    return find_why_no_opencv_lens(camera, 8)
 
 
 def write_colmap(rig: CalibratedRig, paths: Sequence[Path]) -> None:
@@ -158,7 +160,7 @@ def write_colmap(rig: CalibratedRig, paths: Sequence[Path]) -> None:
 
 
 def _stated(camera: CalibratedCamera) -> tuple[str, list[float]]:
-    same, lens = opencv_lens(camera)
+    same, lens = to_opencv_lens(camera)
     common = [same.fx_px, same.fy_px, same.cx_px + _HALF_PIXEL, same.cy_px + _HALF_PIXEL]
     k = lens.coefficients
     if isinstance(lens, Fisheye):

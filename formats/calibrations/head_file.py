@@ -62,7 +62,7 @@ _AHEAD = {"RIG": ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))} | dict.fromkeys(
 
 @dataclass(frozen=True)
 class Head:
-    """The cameras of a file, and all files that they are in: itself, and the calibrations that it names."""
+    """The cameras of a file, and the files that they come from: itself, and the calibrations that it names."""
 
     cameras: tuple[HeadCamera, ...]
     files: tuple[Path, ...]
@@ -80,7 +80,7 @@ def _name_keys(sentence: str) -> str:
 
 
 def list_head_files(path: Path) -> list[Path]:
-    """A file and the calibrations that it names; the file alone if it is no head, which ``read_head`` reports."""
+    """A file and the calibrations that it names; the file alone if it is not a head, which ``read_head`` reports."""
     try:
         return list(read_head(path).files)
     except IcyMoonError:
@@ -92,7 +92,7 @@ def _parse_cached(path: Path, text: str) -> dict[str, Any]:
     try:
         return parse_toml(text)
     except ValueError as error:
-        raise IcyMoonError(f"{path}: is no TOML file that can be read ({error}); {_FIX}.") from None
+        raise IcyMoonError(f"{path}: is not a TOML file that can be read ({error}); {_FIX}.") from None
 
 
 def _parse_head(path: Path, text: str) -> Head:
@@ -169,7 +169,7 @@ class _Entry:
         return made
 
     def calibrated(self) -> Projection:
-        """The camera of a file of a calibration, in the axes of the first one of that file."""
+        """The camera of a calibration file, in the axes of the first camera of that file."""
         file = self._place.file.parent / parse_path(self._text("calibration"), str(self._place.at("calibration")))
         self.files.append(file)
         sizes = (self._size(),) if self._table.keys() & {*_SIZE} else ()
@@ -209,7 +209,7 @@ class _Entry:
         return self._turn(frame), position
 
     def _turn(self, frame: str) -> Array:
-        """The rotation by ``forward`` and ``up``."""
+        """The rotation that ``forward`` and ``up`` state."""
         default = _AHEAD[frame]
         forward, up = (self._vector(key, 3, each) for key, each in zip(("forward", "up"), default, strict=True))
         right = np.cross(forward, up)
@@ -219,7 +219,7 @@ class _Entry:
                 raise self._error(key, f"{key} has the length 0; state a vector that points somewhere")
         if lengths[2] < 1e-6 * lengths[0] * lengths[1]:
             key = "forward" if "forward" in self._table else "up"
-            unsaid = "" if "up" in self._table else f", which is {list(default[1])} where none is stated"
+            unsaid = "" if "up" in self._table else f", which is {list(default[1])} by default"
             raise self._error(key, f"forward is along up{unsaid}; state an up that points elsewhere")
         z, x = forward / lengths[0], right / lengths[2]
         return np.column_stack([x, np.cross(z, x), z])
@@ -227,7 +227,7 @@ class _Entry:
     def _name(self) -> str:
         name = self._text("name")
         if not all(each.isascii() and (each.isalnum() or each in "-_") for each in name):
-            raise self._error("name", f"{quote(name)} is no name of a camera; take letters, digits, - and _")
+            raise self._error("name", f"{quote(name)} is not a name of a camera; take letters, digits, - and _")
         if fault := find_name_fault(name):
             raise self._error("name", f"Windows has no file with a name {fault}; take another name")
         if len(name) > _LONGEST_NAME:

@@ -19,10 +19,10 @@ from .options import (
     MOST_BYTES,
     Reading,
     Stated,
-    numbers_of,
-    opencv_lens,
-    pose_of,
-    why_no_opencv_lens,
+    find_why_no_opencv_lens,
+    split_pose,
+    to_number_array,
+    to_opencv_lens,
     words_of,
 )
 
@@ -51,7 +51,7 @@ def _parse(foreign: ForeignBytes) -> Reading:
             if number:
                 if "T_cn_cnm1" not in entry:
                     raise ValueError("T_cn_cnm1 is missing, the pose from the camera before")
-                rotation, shift = pose_of(numbers_of(entry["T_cn_cnm1"], "T_cn_cnm1", 4, 4))
+                rotation, shift = split_pose(to_number_array(entry["T_cn_cnm1"], "T_cn_cnm1", 4, 4))
                 # Making the camera checks the rotation before it is chained with others.
                 step = _camera(entry, name).placed(rotation, shift)
                 pose = rigid_pose(step.rotation, step.translation_m) @ pose
@@ -67,8 +67,8 @@ def _camera(entry: dict[str, Any], name: str) -> CalibratedCamera:
             f"{name} has the camera model {quote(entry.get('camera_model'))}, and pinhole alone is read; calibrate it "
             "as pinhole-radtan or pinhole-equi."
         )
-    fx, fy, cx, cy = numbers_of(entry["intrinsics"], "intrinsics", 4).tolist()
-    width, height = map(int, numbers_of(entry["resolution"], "resolution", 2))
+    fx, fy, cx, cy = to_number_array(entry["intrinsics"], "intrinsics", 4).tolist()
+    width, height = map(int, to_number_array(entry["resolution"], "resolution", 2))
     return CalibratedCamera(width, height, fx, fy, cx, cy, _lens(entry, name), name=name)
 
 
@@ -81,13 +81,13 @@ def _lens(entry: dict[str, Any], name: str) -> LensModel:
             f"{name} has the distortion model {quote(model)}, and radtan, equidistant and none alone are read; "
             "calibrate it as pinhole-radtan or pinhole-equi."
         )
-    numbers = numbers_of(entry["distortion_coeffs"], "distortion_coeffs", 4).tolist()
+    numbers = to_number_array(entry["distortion_coeffs"], "distortion_coeffs", 4).tolist()
     return Brown((*numbers, 0.0)) if model == "radtan" else Fisheye(tuple(numbers))
 
 
 def why_not_kalibr(camera: CalibratedCamera) -> str:
-    """A phrase on what Kalibr lacks for a camera; empty if it can store the camera."""
-    return why_no_opencv_lens(camera, 4)
+    """A phrase on why Kalibr cannot store a camera; empty if it can."""
+    return find_why_no_opencv_lens(camera, 4)
 
 
 def write_kalibr(rig: CalibratedRig, paths: Sequence[Path]) -> None:
@@ -96,7 +96,7 @@ def write_kalibr(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     lines = []
     before = np.eye(4)
     for number, camera in enumerate(rig.from_first().cameras):
-        same, lens = opencv_lens(camera)
+        same, lens = to_opencv_lens(camera)
         pose = rigid_pose(same.rotation, same.translation_m)
         lines.append(f"cam{number}:")
         if number:

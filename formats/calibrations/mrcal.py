@@ -17,7 +17,17 @@ from ...physics.camera.rotations import from_vector, to_vector
 from ...support.files import quote, write_text
 from ...support.foreign_bytes import ForeignBytes, RefusedError, read
 from ..yaml_text import parse_flow
-from .options import MOST_BYTES, Reading, Stated, as_brown, as_cahvore, brown_of, numbers_of, skew_of, words_of
+from .options import (
+    MOST_BYTES,
+    Reading,
+    Stated,
+    as_brown,
+    as_cahvore,
+    describe_skew,
+    make_brown,
+    to_number_array,
+    words_of,
+)
 
 _KIND = "a camera model of mrcal"
 _FIX = "give the file .cameramodel that mrcal-calibrate-cameras wrote"
@@ -46,15 +56,15 @@ def _parse(foreign: ForeignBytes) -> CalibratedCamera:
     kept = [line for line in lines if not line.startswith(("#", "'optimization_inputs'", '"optimization_inputs"'))]
     model = parse_flow("\n".join(kept))
     if not isinstance(model, dict):
-        raise ValueError("it is no table")
+        raise ValueError("it is not a table")
     name = str(model.get("lensmodel", model.get("lens_model")))
-    fx, fy, cx, cy, *more = numbers_of(model["intrinsics"], "intrinsics").tolist()
+    fx, fy, cx, cy, *more = to_number_array(model["intrinsics"], "intrinsics").tolist()
     lens = _lens(name, more)
     pose = next((model[key] for key in _POSE_KEYS if key in model), None)
     if pose is None:
         raise ValueError("extrinsics are missing")
-    vector = numbers_of(pose, "extrinsics", 6)
-    width, height = map(int, numbers_of(model["imagersize"], "imagersize", 2))
+    vector = to_number_array(pose, "extrinsics", 6)
+    width, height = map(int, to_number_array(model["imagersize"], "imagersize", 2))
     return CalibratedCamera(
         width,
         height,
@@ -86,7 +96,7 @@ def _lens(name: str, numbers: list[float]) -> LensModel:
         raise ValueError(f"{name} has {len(numbers) + 4} intrinsics, not {_PARAMETER_COUNTS[name] + 4}")
     if name == "LENSMODEL_CAHVOR":
         return Cahvore(_axis(*numbers[:2]), tuple(numbers[2:]))
-    return brown_of(numbers) if numbers else Brown()
+    return make_brown(numbers) if numbers else Brown()
 
 
 def _axis(alpha: float, beta: float) -> tuple[float, ...]:
@@ -95,8 +105,8 @@ def _axis(alpha: float, beta: float) -> tuple[float, ...]:
 
 
 def why_not_mrcal(camera: CalibratedCamera) -> str:
-    """A phrase on what mrcal lacks for a camera; empty if it can store the camera."""
-    return skew_of(camera) if as_brown(camera) or as_cahvore(camera) else f"no lens like {camera.lens.name}"
+    """A phrase on why mrcal cannot store a camera; empty if it can."""
+    return describe_skew(camera) if as_brown(camera) or as_cahvore(camera) else f"no lens like {camera.lens.name}"
 
 
 def write_mrcal(rig: CalibratedRig, paths: Sequence[Path]) -> None:

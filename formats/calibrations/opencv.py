@@ -27,10 +27,10 @@ from .options import (
     UNITS_M,
     Reading,
     Stated,
-    brown_of,
-    numbers_of,
-    opencv_lens,
-    why_no_opencv_lens,
+    find_why_no_opencv_lens,
+    make_brown,
+    to_number_array,
+    to_opencv_lens,
 )
 
 _KIND = "a calibration of OpenCV"
@@ -96,11 +96,11 @@ def _of_element(element: Element) -> Any:
 def _array(value: Any, name: str) -> Array:
     """The flat array of a FileStorage matrix, or of lists of numbers."""
     if not isinstance(value, dict):
-        return numbers_of(value, name)
+        return to_number_array(value, name)
     data = value.get("data")
     if isinstance(data, str):  # of XML
         data = data.split()
-    found = numbers_of(data, name)
+    found = to_number_array(data, name)
     count = int(value["rows"]) * int(value["cols"])
     if not 0 < len(found) == count:
         raise ValueError(f"{name} has {len(found)} numbers, not {count} as it states")
@@ -165,7 +165,7 @@ def _camera(found: Mapping[str, Any], side: int | None, stated: Stated) -> Calib
         raise ValueError(f"{name} has {len(matrix)} numbers, not 9")
     (fx, skew, cx), (below, fy, cy), last = matrix.reshape(3, 3).tolist()
     if below or last != [0, 0, 1]:
-        raise ValueError(f"{name} is no camera matrix: 0 below fx, and 0 0 1 in its last row, are missing")
+        raise ValueError(f"{name} is not a camera matrix: 0 below fx, and 0 0 1 in its last row, are missing")
     lens = _lens(found, side, stated)
     if skew and isinstance(lens, Brown):
         raise RefusedError(f"has a skew of {skew:g} px in {name}, which OpenCV's functions leave out; set it to 0.")
@@ -195,7 +195,7 @@ def _lens(found: Mapping[str, Any], side: int | None, stated: Stated) -> LensMod
     if stated.lens not in (None, kind):
         raise RefusedError(f"states the lens {kind}; leave out --lens {stated.lens}.")
     try:
-        return Fisheye(tuple(numbers.tolist())) if kind == "fisheye" else brown_of(numbers.tolist())
+        return Fisheye(tuple(numbers.tolist())) if kind == "fisheye" else make_brown(numbers.tolist())
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
 
@@ -217,8 +217,8 @@ def _size(found: Mapping[str, Any], side: int | None, stated: Stated) -> tuple[i
 
 
 def why_not_opencv(camera: CalibratedCamera) -> str:
-    """A phrase on what OpenCV lacks for a camera; empty if it can store the camera. OpenCV's fisheye has skew."""
-    lacks = why_no_opencv_lens(camera, 12)
+    """A phrase on why OpenCV cannot store a camera; empty if it can. OpenCV's fisheye has skew."""
+    lacks = find_why_no_opencv_lens(camera, 12)
     return "" if isinstance(camera.lens, Fisheye) else lacks
 
 
@@ -227,7 +227,7 @@ def write_opencv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     (path,) = paths
     stated: dict[str, Any] = {}
     for number, camera in enumerate(rig.cameras, 1):
-        same, lens = opencv_lens(camera)
+        same, lens = to_opencv_lens(camera)
         stated |= {
             f"M{number}": same.matrix,
             f"D{number}": np.array([lens.coefficients]),

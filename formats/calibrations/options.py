@@ -30,8 +30,8 @@ _MOST_ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Stated:
-    """Options of the user for facts that a file may leave open: the ``unit`` of lengths, the ``sizes`` of the images of
-    each camera (or one for all), and the ``lens``, brown or fisheye."""
+    """Options of the user for facts that a file may omit: the ``unit`` of lengths, the ``sizes`` of the images of each
+    camera (or one for all), and the ``lens``, brown or fisheye."""
 
     unit: str | None = None
     sizes: tuple[tuple[int, int], ...] = ()
@@ -100,7 +100,7 @@ def _is_along(lens: Cahvore) -> bool:
     return abs(lens.axis[0]) < _MOST_ROUNDING and abs(lens.axis[1]) < _MOST_ROUNDING
 
 
-def opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | Fisheye]:
+def to_opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | Fisheye]:
     """The same camera with an equal lens of OpenCV, and that lens. Raises ValueError if there is no equal lens."""
     same = as_brown(camera) or as_fisheye(camera)
     if same is None or isinstance(same.lens, Cahvore):
@@ -108,24 +108,24 @@ def opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | Fis
     return same, same.lens
 
 
-def why_no_opencv_lens(camera: CalibratedCamera, most: int) -> str:
+def find_why_no_opencv_lens(camera: CalibratedCamera, most: int) -> str:
     """A phrase on why a format without skew, with OpenCV's lenses, cannot store a camera; empty if it can. ``most`` is
-    the number of Brown and Conrady's coefficients in the format."""
+    the largest number of Brown and Conrady's coefficients in the format."""
     try:
-        _, lens = opencv_lens(camera)
+        _, lens = to_opencv_lens(camera)
     except ValueError as error:
         return str(error)
     if isinstance(lens, Brown) and any(lens.coefficients[most:]):
         return f"no coefficients beyond {', '.join(BROWN_NAMES[:most])}"
-    return skew_of(camera)
+    return describe_skew(camera)
 
 
-def skew_of(camera: CalibratedCamera) -> str:
-    """A phrase on why a format without skew cannot store a camera; empty if it can."""
+def describe_skew(camera: CalibratedCamera) -> str:
+    """A phrase on the skew that a format without skew cannot store; empty for a camera without skew."""
     return f"no skew, which is {camera.skew_px:g} px" if camera.skew_px else ""
 
 
-def brown_of(numbers: Sequence[float]) -> Brown:
+def make_brown(numbers: Sequence[float]) -> Brown:
     """The lens of 4, 5, 8, 12 or 14 coefficients in OpenCV's order. Raises ValueError for another number, and for a
     tilted sensor."""
     if len(numbers) == 4:
@@ -139,7 +139,7 @@ def brown_of(numbers: Sequence[float]) -> Brown:
     return Brown(tuple(map(float, numbers)))
 
 
-def numbers_of(value: Any, name: str, *shape: int) -> Array:
+def to_number_array(value: Any, name: str, *shape: int) -> Array:
     """Finite numbers of a list, or of lists of equal length, as an array of this shape; flat without a shape. Raises
     ValueError for other values."""
     try:
@@ -153,7 +153,7 @@ def numbers_of(value: Any, name: str, *shape: int) -> Array:
     return found.reshape(shape) if shape else found.ravel()
 
 
-def pose_of(matrix: Array) -> tuple[Array, Array]:
+def split_pose(matrix: Array) -> tuple[Array, Array]:
     """Rotation and translation of a matrix (4, 4). Raises ValueError if its last row is not 0 0 0 1."""
     if not np.array_equal(matrix[3], [0, 0, 0, 1]):
         raise ValueError("the last row of its matrix is not 0 0 0 1")

@@ -36,8 +36,8 @@ _ROS_PATTERN = re.compile(
 @dataclass(frozen=True)
 class Format:
     """A format of calibrations. ``read`` takes the files and the user's options; ``write`` takes a rig and the files:
-    one for each camera if ``each``, else one for all, or a folder if ``suffix`` is empty. ``why_not`` returns what the
-    format lacks for a camera. ``in_metres`` is true if its lengths are always metres."""
+    one for each camera if ``each``, else one for all, or a folder if ``suffix`` is empty. ``why_not`` returns why the
+    format cannot store a camera. ``in_metres`` is true if its lengths are always metres."""
 
     title: str
     each: bool
@@ -62,8 +62,8 @@ FORMATS = {
 
 
 def format_of(path: Path) -> str:
-    """The name of the format that a file or folder seems to have; an unknown text counts as JPL's. Raises IcyMoonError
-    for an empty file, and for YAML of no known format."""
+    """The format of a file or folder, by its content; an unknown text counts as JPL's. Raises IcyMoonError for an empty
+    file, and for YAML of no known format."""
     suffix = path.suffix.lower()
     if path.is_dir() or path.name in ("cameras.txt", "images.txt", "cameras.bin", "images.bin"):
         return "colmap"
@@ -85,7 +85,7 @@ def format_of(path: Path) -> str:
     if _ROS_PATTERN.search(head):
         return "ros"
     raise IcyMoonError(
-        f"{path}: is no calibration that is known: it has no %YAML:1.0 (OpenCV), no camera_matrix (ROS) and no cam0 "
+        f"{path}: is not a known calibration: it has no %YAML:1.0 (OpenCV), no camera_matrix (ROS) and no cam0 "
         "(Kalibr); give another file, or state its format by --format."
     )
 
@@ -100,7 +100,7 @@ def read_calibration(paths: Sequence[Path], stated: Stated = Stated(), name: str
     kinds = [name or format_of(path) for path in paths]
     where = " and ".join(map(str, paths))
     if len(set(kinds)) > 1:
-        raise IcyMoonError(f"{where} are calibrations of several kinds, {', '.join(kinds)}; give those of one kind.")
+        raise IcyMoonError(f"{where} are calibrations of several kinds, {', '.join(kinds)}; give files of one kind.")
     kind = FORMATS[kinds[0]]
     if len(paths) > kind.most_read:
         raise IcyMoonError(
@@ -119,7 +119,8 @@ def read_calibration(paths: Sequence[Path], stated: Stated = Stated(), name: str
 
 
 def _check_sizes(where: str, rig: CalibratedRig, stated: Stated) -> None:
-    """Raise IcyMoonError if the files have images of another size than the user stated, or fewer cameras."""
+    """Raise IcyMoonError if the images of the files differ in size from the stated size, or if there are fewer cameras
+    than sizes."""
     if len(stated.sizes) > len(rig.cameras):
         raise IcyMoonError(
             f"{where}: --size states {_count(len(stated.sizes), 'size')}, and there {_are(len(rig.cameras))}; state "
@@ -160,7 +161,7 @@ def _doubts(rig: CalibratedRig) -> list[str]:
 
 
 def _doubt_size(camera: CalibratedCamera) -> str:
-    """A sentence if the principal point is where that of images of another size would be; empty if not."""
+    """A sentence if the principal point fits images of another size; empty if not."""
     at, size = (camera.cx_px, camera.cy_px), (camera.width_px, camera.height_px)
     if _is_near_middle(at, size):
         return ""
@@ -175,7 +176,7 @@ def _doubt_size(camera: CalibratedCamera) -> str:
 
 
 def _is_near_middle(at: tuple[float, float], size: tuple[int, int]) -> bool:
-    """Whether a principal point is as near the middle as real lenses have it."""
+    """Whether a principal point is as near the middle as in real lenses."""
     return all(abs(at[k] - (size[k] - 1) / 2) <= _OFF_MIDDLE * size[k] for k in range(2))
 
 

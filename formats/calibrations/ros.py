@@ -18,7 +18,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import write_text
 from ...support.foreign_bytes import explain_errors
 from ..ros_camera import RosCamera, read_ros_camera
-from .options import Reading, Stated, as_brown, as_fisheye, brown_of, why_no_opencv_lens, words_of
+from .options import Reading, Stated, as_brown, as_fisheye, find_why_no_opencv_lens, make_brown, words_of
 
 _KIND = "a calibration of ROS"
 #: Largest deviation of R times its transpose from 1 without a note; camera_calibration writes five digits.
@@ -61,11 +61,11 @@ def _camera(ros: RosCamera, name: str) -> CalibratedCamera:
     (fx, skew, cx), (_, fy, cy) = ros.matrix[:2].tolist()
     if skew:
         raise ValueError(f"camera_matrix has a skew of {skew:g} px, which ROS' functions leave out; set it to 0")
-    lens: LensModel = Fisheye(ros.coefficients) if ros.model == "equidistant" else brown_of(ros.coefficients)
+    lens: LensModel = Fisheye(ros.coefficients) if ros.model == "equidistant" else make_brown(ros.coefficients)
     return CalibratedCamera(ros.width_px, ros.height_px, fx, fy, cx, cy, lens, name=name)
 
 
-def ros_pair_of(rig: CalibratedRig) -> tuple[RosCamera, RosCamera]:
+def make_ros_pair(rig: CalibratedRig) -> tuple[RosCamera, RosCamera]:
     """The first two cameras in ROS' form, rectified by the method of Bouguet and OpenCV.
 
     The rectified images have the mean focal length and principal point of both. A lens that ROS lacks keeps its own
@@ -97,8 +97,8 @@ def _stated(lens: LensModel) -> tuple[str, tuple[float, ...]]:
 
 
 def why_not_ros(camera: CalibratedCamera) -> str:
-    """A phrase on what ROS lacks for a camera; empty if it can store the camera."""
-    return why_no_opencv_lens(camera, 12)
+    """A phrase on why ROS cannot store a camera; empty if it can."""
+    return find_why_no_opencv_lens(camera, 12)
 
 
 def write_ros(rig: CalibratedRig, paths: Sequence[Path]) -> None:
@@ -106,7 +106,7 @@ def write_ros(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     with explain_errors(paths[-1], _KIND, "give two eyes side by side"):
         if len(paths) != 2:
             raise ValueError("ROS holds pairs, and this is one camera")
-        pair = ros_pair_of(rig)
+        pair = make_ros_pair(rig)
     for camera, ros, path in zip(rig.cameras, pair, paths, strict=True):
         write_text(path, _text(ros, camera.name or path.stem))
 

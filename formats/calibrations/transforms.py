@@ -16,7 +16,7 @@ from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Fisheye
 from ...support.files import quote, write_json
 from ...support.foreign_bytes import ForeignBytes, RefusedError, describe_reason, parse_json, read
-from .options import Reading, Stated, numbers_of, opencv_lens, pose_of, why_no_opencv_lens
+from .options import Reading, Stated, find_why_no_opencv_lens, split_pose, to_number_array, to_opencv_lens
 
 _KIND = "a transforms.json"
 _FIX = "give a file with frames, fl_x, fl_y, cx, cy, w, h and a transform_matrix of each frame"
@@ -55,16 +55,18 @@ def _camera(frame: dict[str, Any], unit_m: float) -> CalibratedCamera:
             f"has the camera model {quote(model)}, and {', '.join(_MODELS)} alone are read; undistort it."
         )
     fx, fy, cx, cy, width, height = (
-        float(numbers_of(frame[key], key, 1)[0]) for key in ("fl_x", "fl_y", "cx", "cy", "w", "h")
+        float(to_number_array(frame[key], key, 1)[0]) for key in ("fl_x", "fl_y", "cx", "cy", "w", "h")
     )
     k1, k2, k3, k4, p1, p2 = (
-        float(numbers_of(frame.get(key, 0.0), key, 1)[0]) for key in ("k1", "k2", "k3", "k4", "p1", "p2")
+        float(to_number_array(frame.get(key, 0.0), key, 1)[0]) for key in ("k1", "k2", "k3", "k4", "p1", "p2")
     )
     fisheye = model == "OPENCV_FISHEYE" or frame.get("is_fisheye") is True
     if not fisheye and k4:
-        raise ValueError("k4 is not 0, which nerfstudio takes for a power that OpenCV's lens has not; set it to 0")
+        raise ValueError("k4 is not 0, which nerfstudio uses as a power that OpenCV's lens lacks; set it to 0")
     lens = Fisheye((k1, k2, k3, k4)) if fisheye else Brown((k1, k2, p1, p2, k3))
-    rotation, centre = pose_of(numbers_of(frame["transform_matrix"], "transform_matrix", 4, 4) @ _OPENGL_TO_OURS)
+    rotation, centre = split_pose(
+        to_number_array(frame["transform_matrix"], "transform_matrix", 4, 4) @ _OPENGL_TO_OURS
+    )
     name = str(frame.get("file_path", ""))
     own = CalibratedCamera(
         int(width), int(height), fx, fy, cx - _HALF_PIXEL, cy - _HALF_PIXEL, lens, name=name, rotation=rotation.T
@@ -73,8 +75,8 @@ def _camera(frame: dict[str, Any], unit_m: float) -> CalibratedCamera:
 
 
 def why_not_transforms(camera: CalibratedCamera) -> str:
-    """A phrase on what a transforms.json lacks for a camera; empty if it can store the camera."""
-    return why_no_opencv_lens(camera, 5)
+    """A phrase on why a transforms.json cannot store a camera; empty if it can."""
+    return find_why_no_opencv_lens(camera, 5)
 
 
 def write_transforms(rig: CalibratedRig, paths: Sequence[Path]) -> None:
@@ -84,7 +86,7 @@ def write_transforms(rig: CalibratedRig, paths: Sequence[Path]) -> None:
 
 
 def _frame(camera: CalibratedCamera, number: int) -> dict[str, Any]:
-    same, lens = opencv_lens(camera)
+    same, lens = to_opencv_lens(camera)
     is_fisheye = isinstance(lens, Fisheye)
     names = ("k1", "k2", "k3", "k4") if is_fisheye else ("k1", "k2", "p1", "p2", "k3")
     return {

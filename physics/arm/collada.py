@@ -69,7 +69,7 @@ class _ColladaDocument:
             cache(self._read_positions),
             cache(self._find_position_source),
         )
-        self.mesh_of, self.pose_of = cache(self._read_geometry), cache(self._compose_transforms)
+        self.mesh_of, self.split_pose = cache(self._read_geometry), cache(self._compose_transforms)
 
     def read(self) -> Mesh:
         """The mesh of all shown geometries, in metres."""
@@ -95,7 +95,7 @@ class _ColladaDocument:
         return np.concatenate([each for each, _ in shown]) * metres, np.concatenate([each for _, each in shown])
 
     def _find(self, tag: str, url: str | None) -> ElementTree.Element:
-        """The element with this tag that a reference such as ``#name`` means."""
+        """The element with this tag to which a reference such as ``#name`` points."""
         kind, _, name = (url or "").rpartition("#")
         if kind:
             raise RefusedError(f"refers to {shorten(url or '')!r}, which is in another file; export all into one file.")
@@ -117,7 +117,7 @@ class _ColladaDocument:
         return scenes[0]
 
     def _find_shown_geometries(self) -> Iterator[tuple[ElementTree.Element, Array]]:
-        """Each geometry that the scene shows, with its place (4, 4)."""
+        """Each geometry of the shown scene, with its pose (4, 4)."""
         left = [(node, np.eye(4)) for node in reversed(self._find_scene().findall("node"))]
         steps = 0
         while left:
@@ -129,7 +129,7 @@ class _ColladaDocument:
                 raise RefusedError(
                     "has a skin or a morph (instance_controller), which is not read; apply it and export a plain mesh."
                 )
-            place = above @ self.pose_of(node)
+            place = above @ self.split_pose(node)
             if not np.abs(place).max() <= _LARGEST_NUMBER:
                 raise ValueError("a node has a place that is not finite")
             for each in node.findall("instance_geometry"):
@@ -158,7 +158,7 @@ class _ColladaDocument:
         """The pose (4, 4) of one transform element."""
         values = self._parse_numbers(item.text, float, _TRANSFORMS[item.tag], f"a <{item.tag}>")
         if not np.abs(values).max() <= _LARGEST_NUMBER:
-            raise ValueError(f"a <{item.tag}> contains a value that is no number")
+            raise ValueError(f"a <{item.tag}> contains a value that is not a number")
         if item.tag == "matrix":
             if not np.allclose(values[12:], [0.0, 0.0, 0.0, 1.0], atol=1e-6):
                 raise ValueError("a <matrix> must have the last row 0 0 0 1")
@@ -195,7 +195,7 @@ class _ColladaDocument:
         """The numbers (n,) of a ``<float_array>``."""
         found = self._parse_numbers(numbers.text, float, _read_count(numbers, "count"), "an array")
         if not np.isfinite(found).all():
-            raise ValueError("an array contains a value that is no number")
+            raise ValueError("an array contains a value that is not a number")
         return found
 
     def _read_positions(self, source: ElementTree.Element) -> Array:
@@ -227,7 +227,7 @@ class _ColladaDocument:
         return self._find("source", urls[0])
 
     def _read_primitive(self, item: ElementTree.Element) -> tuple[ElementTree.Element, Array]:
-        """The source of the positions of a primitive, and its triangles (m, 3) in numbers of that source."""
+        """The position source of a primitive, and its triangles (m, 3) as indices into that source."""
         inputs = [(each, _read_count(each, "offset")) for each in item.findall("input")]
         width = 1 + max((offset for _, offset in inputs), default=0)
         vertex = [(each, offset) for each, offset in inputs if each.get("semantic") == "VERTEX"]
@@ -279,7 +279,7 @@ class _ColladaDocument:
         return np.array([(end - start) // width for start, end in pairwise(ends)], int), np.array(numbers, np.int64)
 
     def _parse_numbers(self, text: str | None, kind: type[Number], count: int, where: str) -> Array:
-        """The numbers of a text. Raises ValueError if there are not ``count`` of them; ``where`` names the place in
+        """The ``count`` numbers of a text. Raises ValueError for any other number of them; ``where`` names the place in
         errors.
         """
         self.budget.charge(8 * count, "numbers")
@@ -306,7 +306,7 @@ def _check_counts(triangles: int, vertices: int, most: int) -> None:
 
 
 def _split_words(text: str | None) -> Iterator[list[str]]:
-    """The words of a text, in lists of a part of the text each."""
+    """Yield the words of a text, one list for each part of the text."""
     at, text = 0, text or ""
     while at < len(text):
         end = text.find(" ", at + _CHARACTERS_AT_ONCE)
@@ -316,7 +316,7 @@ def _split_words(text: str | None) -> Iterator[list[str]]:
 
 
 def _parse_words(words: list[str], kind: type[Number], where: str) -> list[Number]:
-    """Numbers of this ``kind`` (int or float) from words. Raises ValueError for a word that is no number."""
+    """Numbers of this ``kind`` (int or float) from words. Raises ValueError for a word that is not a number."""
     try:
         return list(map(kind, words))
     except ValueError:

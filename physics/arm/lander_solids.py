@@ -82,7 +82,7 @@ def _make_upright(
 
 
 def _make_drum(material: str, radius: float, width: float, bevel: float = 0.012) -> Solid:
-    """The motor of a pitch joint: a drum about the y axis."""
+    """The motor of a pitch joint: a cylinder along the y axis."""
     half = width / 2
     outline = [
         (-half, 0.0),
@@ -96,7 +96,7 @@ def _make_drum(material: str, radius: float, width: float, bevel: float = 0.012)
 
 
 def _make_joint(radius: float, width: float) -> list[Solid]:
-    """A drum with black caps and a ring of bolts."""
+    """A cylinder with black caps and a ring of bolts."""
     caps = [
         transform_solid(
             _make_drum(BLACK, radius * 0.72, 0.02, 0.004), rigid_transform(place=(0.0, side * (width / 2 + 0.008), 0.0))

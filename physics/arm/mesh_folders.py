@@ -21,8 +21,8 @@ Place = tuple[Path, Path]
 
 
 class MeshFolders:
-    """The folders around a URDF file, with links resolved. ``package`` is the folder of its ROS package, or its own
-    folder if it is in no package.
+    """The folders around a URDF file, with symbolic links resolved. ``package`` is the folder of its ROS package, or
+    its own folder without a package.
     """
 
     def __init__(self, urdf: Path) -> None:
@@ -31,12 +31,12 @@ class MeshFolders:
         self.package = self._packages[0] if self._packages else self.own
 
     def find_relative_places(self, path: str) -> list[Place]:
-        """Where a mesh of a path relative to the URDF may be."""
+        """The candidate files for a mesh path that is relative to the URDF."""
         return [(self.package, self.own / path)]
 
     def find_package_places(self, package: str, path: str) -> list[Place]:
-        """Where a mesh of a package may be: in a package of that name above the URDF or beside such a package; else in
-        the URDF's own package, because its folder may have been renamed.
+        """The candidate files for a mesh of a package: in a package of this name above the URDF or beside such a
+        package; else in the URDF's own package, because its folder may have been renamed.
         """
         named = [each for each in self._packages if package in (each.name, _read_package_name(each))]
         beside = [each.parent / package for each in self._packages]
@@ -56,7 +56,7 @@ def _is_package(folder: Path) -> bool:
 
 
 def _read_package_name(folder: Path) -> str:
-    """The name that a package states, empty if it states none that can be read."""
+    """The name in a package's manifest; empty without a readable name."""
 
     def parse(foreign: ForeignBytes) -> ElementTree.Element:
         return parse_xml(foreign.text())

@@ -42,8 +42,8 @@ LANDER_PARTS = ("body", "mast", "leg_left", "leg_right", "head")
 @dataclass(frozen=True)
 class UrdfArm:
     """A user's arm. ``joints`` are all joints, as in ``kinematics.Arm``. Joint i has the value ``factors[i]`` times the
-    commanded value of number ``moving[i]`` (-1 for none), plus ``offsets[i]``. ``names`` are the joints that move by
-    themselves, and ``solids`` the visible solids by link.
+    commanded value with the index ``moving[i]`` (-1 for none), plus ``offsets[i]``. ``names`` are the independent
+    joints, and ``solids`` the visible solids by link.
     """
 
     joints: tuple[Joint, ...]
@@ -70,7 +70,7 @@ def load_users_arm(settings: Settings) -> UrdfArm:
     return _load_arm(path, _file_state(path))
 
 
-def arm_files(path: Path) -> list[Path]:
+def list_arm_files(path: Path) -> list[Path]:
     """A URDF file and the meshes that it names. Raises IcyMoonError for a file that cannot be used."""
     return [path, *_read_cached_urdf(path, _file_state(path)).files]
 
@@ -110,7 +110,7 @@ def parse_commanded(own: UrdfArm, text: str) -> Array:
 
 
 def _file_state(path: Path) -> tuple[int, int]:
-    """Time of change and size of a file, by which a cache sees that it changed. Raises IcyMoonError if the file cannot
+    """Modification time and size of a file, by which a cache detects a change. Raises IcyMoonError if the file cannot
     be read.
     """
     try:
@@ -118,7 +118,7 @@ def _file_state(path: Path) -> tuple[int, int]:
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({describe_reason(error)}); check lander.file.") from None
     if not stat.S_ISREG(there.st_mode):  # a pipe or a device may never end
-        raise IcyMoonError(f"{path}: is no file; check lander.file.")
+        raise IcyMoonError(f"{path}: is not a file; check lander.file.")
     return there.st_size, there.st_mtime_ns
 
 
@@ -134,7 +134,7 @@ def _load_arm(path: Path, state: tuple[int, int]) -> UrdfArm:
 
 @lru_cache(maxsize=4)
 def _build_arm(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, int], ...]) -> UrdfArm:
-    """The arm of a URDF file. ``state`` and ``_files`` only make the cache see changed files."""
+    """The arm of a URDF file. ``state`` and ``_files`` are cache keys that change with the files."""
     urdf = _read_cached_urdf(path, state)
     names = _link_names(urdf)
     order = [urdf.root, *(joint.child for joint in urdf.joints)]

@@ -1,4 +1,4 @@
-"""The pixels of a pinhole image that a solid covers, without regard to nearer things."""
+"""The silhouette of a solid: the pixels that it covers in a pinhole image, without occlusion by other objects."""
 
 from __future__ import annotations
 

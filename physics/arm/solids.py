@@ -32,7 +32,7 @@ def transform_solid(solid: Solid, at: Array) -> Solid:
 
 
 def join_solids(solids: Sequence[Solid]) -> Solid:
-    """One solid that contains all of several."""
+    """One solid with the triangles of several solids."""
     starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
     return Solid(
         np.concatenate([solid.vertices for solid in solids]),
@@ -64,7 +64,7 @@ def make_lathe(material: str, profile: Sequence[tuple[float, float]], sides: int
     return Solid(np.concatenate(vertices), found, (material,) * len(found), np.ones(len(found), bool))
 
 
-def pose_toward(start: Sequence[float], end: Sequence[float]) -> Array:
+def make_pose_toward(start: Sequence[float], end: Sequence[float]) -> Array:
     """A pose (4, 4) at ``start`` whose x axis points to ``end``."""
     along = np.subtract(end, start)
     x = along / np.linalg.norm(along)
@@ -86,7 +86,7 @@ def make_rod(
     length, r1 = float(np.linalg.norm(np.subtract(end, start))), radius if end_radius is None else end_radius
     b0, b1 = bevel * min(radius, length / 2), bevel * min(r1, length / 2)
     profile = [(0.0, 0.0), (0.0, radius - b0), (b0, radius), (length - b1, r1), (length, r1 - b1), (length, 0.0)]
-    return transform_solid(make_lathe(material, profile, sides), pose_toward(start, end))
+    return transform_solid(make_lathe(material, profile, sides), make_pose_toward(start, end))
 
 
 def make_ball(material: str, centre: Sequence[float], radius: float, sides: int = 32) -> Solid:

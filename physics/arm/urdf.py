@@ -180,7 +180,7 @@ class _Reader:
             link = item.find(tag)
             ends.append(link.get("link", "") if link is not None else "")
             if ends[-1] not in links:
-                self.fail(f"the {tag} of joint {name} is {shorten(ends[-1])!r}, which is no link of the file")
+                self.fail(f"the {tag} of joint {name} is {shorten(ends[-1])!r}, which is not a link of the file")
         axis = item.find("axis")
         along = self._parse_numbers(axis.get("xyz") if axis is not None else "1 0 0", 3, f"the axis of joint {name}")
         length = float(np.linalg.norm(along))
@@ -217,7 +217,7 @@ class _Reader:
         return low, high
 
     def _read_mimic(self, name: str, item: ElementTree.Element) -> tuple[str, float, float] | None:
-        """Name, factor and offset of the joint that this one follows; None for a joint of its own motion."""
+        """Name, factor and offset of the joint that this one mimics; None for an independent joint."""
         mimic = item.find("mimic")
         if mimic is None:
             return None
@@ -228,12 +228,12 @@ class _Reader:
         return mimic.get("joint", ""), factor, offset
 
     def _check_mimics(self, joints: Iterable[UrdfJoint]) -> None:
-        """Fail for a joint that follows a joint that itself follows another."""
+        """Fail for a joint that mimics a joint that itself mimics another."""
         leaders = {joint.name for joint in joints if joint.mimic is None and joint.kind not in FIXED}
         for joint in joints:
             if joint.mimic is not None and joint.mimic[0] not in leaders:
                 self.fail(
-                    f"joint {joint.name} follows {shorten(joint.mimic[0])!r}, which is no joint that moves by itself"
+                    f"joint {joint.name} follows {shorten(joint.mimic[0])!r}, which is not a joint that moves by itself"
                 )
 
     def _sort_tree(self, links: list[str], joints: list[UrdfJoint]) -> tuple[str, list[UrdfJoint]]:
@@ -297,7 +297,7 @@ class _Reader:
         if len(text) > _LONGEST_PATH:
             self.fail(f"the mesh of {where} is {shorten(text)!r}, longer than a path can be")
         if "://" in text and not text.startswith(("package://", "file://")):
-            self.fail(f"the mesh of {where} is {shorten(text)!r}, which is no file of the folder", "copy it there")
+            self.fail(f"the mesh of {where} is {shorten(text)!r}, which is not a file of the folder", "copy it there")
         package, _, path = text.removeprefix("package://").partition("/")
         is_of_package = text.startswith("package://")
         folders = MeshFolders(self.path)

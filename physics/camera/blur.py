@@ -1,4 +1,4 @@
-"""Blur that is in the rendered light itself: depth of field, and motion of the rig during the exposure and the readout.
+"""Blur in the rendered light: depth of field, and motion of the rig during the exposure and the readout.
 
 Both depend on settings of the camera response (aperture, exposure time). Other changes of these settings need no new
 render. A pair therefore stores the response that it was rendered for; developing it with another one gives a warning.
@@ -139,8 +139,8 @@ def check_rows_of_lens(rig: RigSettings) -> None:
     wrong = ["rig.eyes"] if not alike else [key for key in _BENDING if rig[key.removeprefix("rig.")]]
     if wrong:
         raise IcyMoonError(
-            f"rig.readout_s is {rig.readout_s:g} s, and with {wrong[0]} a row of the sensor is no row of the parallel "
-            f"pair; set {wrong[0]} to {0 if alike else 'ALIKE'}, or rig.readout_s to 0."
+            f"rig.readout_s is {rig.readout_s:g} s, and with {wrong[0]} a row of the sensor is not a row of the "
+            f"parallel pair; set {wrong[0]} to {0 if alike else 'ALIKE'}, or rig.readout_s to 0."
         )
 
 
@@ -233,7 +233,7 @@ class SteadyMotion(Protocol):
 
 
 def find_pose_after(motion: SteadyMotion, seconds: float) -> Array:
-    """Pose (4, 4) of the left eye some ``seconds`` after the middle of the exposure, in its axes of that middle (x
+    """Pose (4, 4) of the left eye ``seconds`` after the middle of the exposure, in its own axes at that middle (x
     right, y down, z forward).
     """
     pose = np.eye(4)

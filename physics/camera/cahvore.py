@@ -50,7 +50,7 @@ def is_seen(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> 
 
 
 def unbend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> Array:
-    """The directions (..., 3), of length 1, that the lens bends into ``d`` (..., 3); NaN where it sees nothing."""
+    """Unit directions (..., 3) that the lens bends into ``d`` (..., 3); NaN outside its field of view."""
     zeta = d @ o
     away: Array = d - zeta[..., None] * o
     length = np.linalg.norm(away, axis=-1)

@@ -29,8 +29,8 @@ CORNER = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0]])
 
 @dataclass(frozen=True, eq=False)
 class CalibratedCamera:
-    """A camera: the size of its images, its matrix K, its lens, and its pose. Raises ValueError for values that no
-    camera can have, and for a matrix that is no rotation.
+    """A camera: the size of its images, its matrix K, its lens, and its pose. Raises ValueError for impossible values,
+    and for a matrix that is not a rotation.
     """
 
     width_px: int
@@ -63,9 +63,9 @@ class CalibratedCamera:
         off = rotation_error(rotation)
         if not off <= ROTATION_TOLERANCE:
             raise ValueError(
-                "R is no rotation: it is mirrored or has no finite numbers"
+                "R is not a rotation: it is mirrored or has no finite numbers"
                 if math.isinf(off)
-                else f"R is no rotation: R times its transpose is off from 1 by {off:.2g}"
+                else f"R is not a rotation: R times its transpose is off from 1 by {off:.2g}"
             )
         if not (np.abs(translation) <= _LARGEST_M).all():
             raise ValueError(f"the translation is {translation}, not three numbers up to {_LARGEST_M:g} m")
@@ -100,8 +100,7 @@ class CalibratedCamera:
         return np.stack([self.fx_px * x + self.skew_px * y + self.cx_px, self.fy_px * y + self.cy_px], axis=-1)
 
     def unproject(self, pixels: Array) -> Array:
-        """Directions (..., 3) of length 1, in the camera's own axes, that pixels (..., 2) see; NaN where they see
-        nothing."""
+        """Unit directions (..., 3) in the camera's own axes from pixels (..., 2); NaN outside the field of view."""
         pixels = np.asarray(pixels, np.float64)
         y = (pixels[..., 1] - self.cy_px) / self.fy_px
         x = (pixels[..., 0] - self.cx_px - self.skew_px * y) / self.fx_px
@@ -112,7 +111,7 @@ class CalibratedCamera:
         return replace(self, rotation=rotation, translation_m=translation_m)
 
     def dark_share(self) -> float:
-        """Share of the pixels that see no direction, sampled on a grid of 65 x 49 over the image."""
+        """Share of the pixels outside the lens's field of view, sampled on a grid of 65 x 49 over the image."""
         grid = np.meshgrid(np.linspace(0, self.width_px - 1, 65), np.linspace(0, self.height_px - 1, 49))
         return float(np.isnan(self.unproject(np.stack(grid, axis=-1))[..., 0]).mean())
 

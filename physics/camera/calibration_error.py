@@ -52,7 +52,7 @@ def make_assumed_eye(
         skew_px=true.skew_px * stretch,
         cx_px=true.cx_px + right * errors.right_column_px,
         cy_px=true.cy_px + right * errors.right_row_px,
-        lens=_bend_otherwise(true.lens, errors.k1 + right * errors.right_k1),
+        lens=_add_radial_error(true.lens, errors.k1 + right * errors.right_k1),
         rotation=from_vector(turn).T @ true.rotation,
     )
 
@@ -68,8 +68,8 @@ def _make_true_eye(camera: StereoCamera, rig: RigSettings, eye: str) -> Calibrat
     return CalibratedCamera(*size, camera.focal_px, camera.focal_px, cx_px, cy_px, lens, rotation=rotation)
 
 
-def _bend_otherwise(lens: LensModel, error: float) -> LensModel:
-    """A lens whose coefficient of r² (k1, or R1 of CAHVORE) is larger by ``error``."""
+def _add_radial_error(lens: LensModel, error: float) -> LensModel:
+    """The lens with its coefficient of r² (k1, or R1 of CAHVORE) increased by ``error``."""
     if isinstance(lens, Cahvore):
         r0, r1, r2 = lens.radial
         return replace(lens, radial=(r0, r1 + error, r2))

@@ -115,7 +115,7 @@ def compute_white_gains(white: Array, sensor: SensorSettings) -> Array:
     return np.asarray(white.max() / white)
 
 
-def channel_at(pattern: str, row: int, column: int) -> int:
+def find_channel(pattern: str, row: int, column: int) -> int:
     """The channel (0, 1, 2 for R, G, B) of the pixel at ``row`` and ``column`` of the mosaic."""
     return "RGB".index(pattern[2 * (row % 2) + column % 2])
 
@@ -124,7 +124,7 @@ def apply_mosaic(planes: Array, pattern: str) -> Array:
     """The values (H, W) that pixels receive through their filters, from planes (3, H, W) of R, G, B."""
     result = np.empty_like(planes[0])
     for row, column in np.ndindex(2, 2):
-        result[row::2, column::2] = planes[channel_at(pattern, row, column), row::2, column::2]
+        result[row::2, column::2] = planes[find_channel(pattern, row, column), row::2, column::2]
     return result
 
 
@@ -139,7 +139,7 @@ def demosaic(numbers: Array, pattern: str, method: str) -> Array:
     padded = np.pad(image, 2, mode="reflect")
     result = np.empty((height, width, 3))
     for row, column in np.ndindex(2, 2):
-        own = channel_at(pattern, row, column)
+        own = find_channel(pattern, row, column)
         for channel in range(3):
             if channel == own:
                 result[row::2, column::2, channel] = image[row::2, column::2]
@@ -156,8 +156,8 @@ def demosaic(numbers: Array, pattern: str, method: str) -> Array:
 
 def _find_sample_pattern(pattern: str, row: int, column: int, channel: int) -> str:
     """Where the samples of another channel are, about a pixel: a key of the kernels."""
-    beside = channel_at(pattern, row, column + 1) == channel
-    above = channel_at(pattern, row + 1, column) == channel
+    beside = find_channel(pattern, row, column + 1) == channel
+    above = find_channel(pattern, row + 1, column) == channel
     return "cross" if beside and above else "row" if beside else "column" if above else "diagonal"
 
 

@@ -46,8 +46,8 @@ def merge_exposures(numbers: Sequence[Array], seconds: Sequence[float], sensor: 
 
 
 def find_full_rate(left_rate: Array, shortest_s: float, sensor: SensorSettings) -> float:
-    """Electrons per second that become the largest number of the merged image of both eyes: a little above the 99.9 %
-    quantile of the left image, and at most what fills the shortest exposure.
+    """Electrons per second at full scale of the merged image of both eyes: a little above the 99.9 % quantile of the
+    left image, and at most the rate that saturates the shortest exposure.
     """
     full = capacity_e(sensor) / shortest_s
     return min(float(np.quantile(left_rate, 0.999)) / 0.9, full) if left_rate.max() > 0 else full

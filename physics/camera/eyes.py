@@ -54,29 +54,29 @@ def is_calibrated(rig: RigSettings) -> bool:
     return bool(rig.eyes == "CALIBRATED")
 
 
-def camera_of(settings: Settings) -> StereoCamera:
-    """The rig with its calibrated eyes, if it has such. Raises ValueError for numbers that no lens has."""
-    return with_eyes(StereoCamera.from_settings(settings.rig), settings)
+def make_camera_with_eyes(settings: Settings) -> StereoCamera:
+    """The rig, with calibrated eyes if the settings have them. Raises ValueError for impossible lens parameters."""
+    return add_calibrated_eyes(StereoCamera.from_settings(settings.rig), settings)
 
 
-def with_eyes(camera: StereoCamera, settings: Settings) -> StereoCamera:
-    """A rig with the calibrated eyes of settings, if they have such, and the panorama that those need. Raises
-    ValueError for numbers that no lens has."""
+def add_calibrated_eyes(camera: StereoCamera, settings: Settings) -> StereoCamera:
+    """A rig with the calibrated eyes of settings, if they have them, and the panorama that these eyes need. Raises
+    ValueError for impossible lens parameters."""
     found = replace(camera, eyes=eyes_of(settings))
     return replace(found, panorama=_find_panorama(found)) if found.eyes else found
 
 
 def find_light_px(settings: Settings) -> tuple[int, int]:
-    """Columns and rows of the images of the light of a rig; of the parallel rig where its eyes are no cameras."""
+    """Columns and rows of the rendered light of a rig; of the parallel rig if the calibrated eyes are invalid."""
     try:
-        return camera_of(settings).light_px
+        return make_camera_with_eyes(settings).light_px
     except ValueError:
         return StereoCamera.from_settings(settings.rig).rendered_px
 
 
 def eyes_of(settings: Settings) -> tuple[CalibratedCamera, CalibratedCamera] | None:
     """The calibrated eyes, left first, in the axes of the left eye of the parallel rig; None for a rig of two equal
-    eyes. Raises ValueError for values that no lens can have.
+    eyes. Raises ValueError for impossible lens parameters.
     """
     if not is_calibrated(settings.rig):
         return None
@@ -125,7 +125,7 @@ def _make_lens(lens: str, numbers: tuple[float, ...]) -> LensModel:
     return Cahvore((x, y, math.sqrt(ahead)), radial, None if is_cahvor else pupil, linearity)
 
 
-def eye_settings(camera: CalibratedCamera, rotation: Array) -> dict[str, Any]:
+def make_eye_settings(camera: CalibratedCamera, rotation: Array) -> dict[str, Any]:
     """The table of an eye that is turned by ``rotation`` (3, 3) from the axes of the parallel rig into its own."""
     lens = camera.lens
     table: dict[str, Any] = dict(zip(_PINHOLE_KEYS, (
@@ -172,9 +172,9 @@ def eyes_json(camera: StereoCamera, rig: RigSettings) -> dict[str, Any]:
     }
 
 
-def rays_in_rig(eye: CalibratedCamera, pixels: Array) -> Array:
-    """Directions (..., 3) of length 1 that pixels (..., 2) of an eye see, in the axes of the parallel rig; NaN where
-    they see nothing."""
+def find_rays_in_rig(eye: CalibratedCamera, pixels: Array) -> Array:
+    """Unit directions (..., 3) of the pixels (..., 2) of an eye, in the axes of the parallel rig; NaN outside its field
+    of view."""
     return np.asarray(eye.unproject(pixels) @ eye.rotation)
 
 
@@ -190,21 +190,21 @@ def _grid_pixels(eye: CalibratedCamera) -> Array:
     return np.stack(grid, axis=-1)
 
 
-def dark_shares(camera: StereoCamera) -> tuple[float, float]:
-    """The share of the pixels of each calibrated eye that the images of the light do not show, from a grid."""
+def measure_dark_shares(camera: StereoCamera) -> tuple[float, float]:
+    """The share of the pixels of each calibrated eye outside the images of the light, sampled on a grid."""
     left, right = (_dark_share(eye, camera) for eye in camera.eyes or ())
     return left, right
 
 
 def _dark_share(eye: CalibratedCamera, camera: StereoCamera) -> float:
-    where = in_light(rays_in_rig(eye, _grid_pixels(eye)), camera)
+    where = project_to_light(find_rays_in_rig(eye, _grid_pixels(eye)), camera)
     size = np.array(camera.light_px)
     return float(1.0 - ((where >= 0) & (where <= size - 1)).all(axis=-1).mean())
 
 
-def in_light(rays: Array, camera: StereoCamera) -> Array:
+def project_to_light(rays: Array, camera: StereoCamera) -> Array:
     """Columns and rows (..., 2) of rays (..., 3) of any length in the images of the light, counted from the centre of
-    the first pixel; NaN where the images do not show a ray.
+    the first pixel; NaN for rays outside the images.
     """
     if camera.panorama is not None:
         return camera.panorama.show(rays)
@@ -217,18 +217,18 @@ def in_light(rays: Array, camera: StereoCamera) -> Array:
 
 @lru_cache(maxsize=16)
 def _find_panorama(camera: StereoCamera) -> Panorama | None:
-    """The panorama of calibrated eyes that need one; None if a pinhole of bearable size shows all that they see, or the
-    overscan that is set."""
+    """The panorama of calibrated eyes that need one; None if the stated overscan, or a pinhole of acceptable size,
+    covers their field of view."""
     set_px = np.array([camera.margin_x_px, camera.margin_y_px])
     shown = max(MOST_OVERSCAN, float((set_px / [camera.width_px, camera.height_px]).min()))
-    if overscan_for(camera) <= shown:
+    if find_overscan_of_eyes(camera) <= shown:
         return None
     eyes = camera.eyes or ()
     return make_panorama(max(map(_px_per_rad, eyes)), max(map(_find_widest_rad, eyes)))
 
 
 def _px_per_rad(eye: CalibratedCamera) -> float:
-    """Pixels per radian of an eye: those along its axis, or the median over its image if there are more."""
+    """Pixels per radian of an eye: on its axis, or the median over its image, whichever is larger."""
     pixels = _grid_pixels(eye)
     beside = np.stack([pixels + np.array(step) / 2 for step in ((-1, 0), (1, 0), (0, -1), (0, 1))])
     rays = eye.unproject(beside)
@@ -241,7 +241,7 @@ def _px_per_rad(eye: CalibratedCamera) -> float:
 
 def _find_widest_rad(eye: CalibratedCamera) -> float:
     """The largest angle off the axis of the rig at which an eye sees something."""
-    rays = rays_in_rig(eye, _grid_pixels(eye))
+    rays = find_rays_in_rig(eye, _grid_pixels(eye))
     angles = np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2])
     if isinstance(eye.lens, Fisheye) and np.isnan(angles).any():  # the circle that it shows is between grid points
         return eye.lens.widest_rad + math.acos(min(1.0, eye.rotation[2, 2]))
@@ -251,14 +251,14 @@ def _find_widest_rad(eye: CalibratedCamera) -> float:
     return float(np.nanmax(angles))  # at a corner, which the grid has
 
 
-def overscan_for(camera: StereoCamera) -> float:
-    """The least ``rig.overscan`` with which the rendered images show all that the calibrated eyes see; infinite if no
-    pinhole shows it."""
+def find_overscan_of_eyes(camera: StereoCamera) -> float:
+    """The least ``rig.overscan`` with which the rendered images cover the field of view of the calibrated eyes;
+    infinite if no pinhole covers it."""
     plain, size = camera.rectified, np.array([camera.width_px, camera.height_px])  # a pinhole without overscan
     needed = 0.0
     for eye in camera.eyes or ():
         pixels = _grid_pixels(eye)
-        where = in_light(rays_in_rig(eye, pixels), plain)
+        where = project_to_light(find_rays_in_rig(eye, pixels), plain)
         if (np.isnan(where) & np.isfinite(eye.unproject(pixels)[..., :2])).any():
             return math.inf
         # The grid may miss the outermost point by up to a pixel.
@@ -267,15 +267,15 @@ def overscan_for(camera: StereoCamera) -> float:
     return needed
 
 
-def reasons_of_calibrated_eyes(settings: Settings) -> Iterator[tuple[str, str]]:
-    """Why calibrated eyes are not rendered: sentences, each with the setting at fault."""
+def find_calibrated_reasons(settings: Settings) -> Iterator[tuple[str, str]]:
+    """The reasons why calibrated eyes cannot be rendered: sentences, each with the setting at fault."""
     if not is_calibrated(settings.rig):
         return
     for topic in EYE_TOPICS:
         try:
             eye = _make_eye(*_make_eye_key(settings[topic]))
         except ValueError as error:
-            yield f"{topic} is no camera: {error}; correct {topic}.", f"{topic}.lens"
+            yield f"{topic} is not a camera: {error}; correct {topic}.", f"{topic}.lens"
             return
         lost = eye.dark_share()
         if lost and not isinstance(eye.lens, Fisheye):
@@ -288,8 +288,8 @@ def reasons_of_calibrated_eyes(settings: Settings) -> Iterator[tuple[str, str]]:
                 f"{topic}.lens",
             )
             return
-    pinhole = replace(camera_of(settings), panorama=None)
-    for topic, share in zip(EYE_TOPICS, dark_shares(pinhole), strict=True):
+    pinhole = replace(make_camera_with_eyes(settings), panorama=None)
+    for topic, share in zip(EYE_TOPICS, measure_dark_shares(pinhole), strict=True):
         if share == 1.0:
             yield (
                 (
@@ -301,14 +301,14 @@ def reasons_of_calibrated_eyes(settings: Settings) -> Iterator[tuple[str, str]]:
             )
 
 
-def calibrated_advice(settings: Settings) -> Iterator[str]:
-    """Sentences on how calibrated eyes are rendered if not by a pinhole, and on pixels of theirs that stay dark."""
+def advise_on_calibrated_eyes(settings: Settings) -> Iterator[str]:
+    """Sentences on how calibrated eyes are rendered if not by a pinhole, and on their pixels that stay dark."""
     if not is_calibrated(settings.rig):
         return
-    camera = camera_of(settings)
+    camera = make_camera_with_eyes(settings)
     if camera.panorama:
         yield f"eyes: {describe_panorama(camera.panorama)}"
-    for name, share in zip(("left", "right"), dark_shares(camera), strict=True):
+    for name, share in zip(("left", "right"), measure_dark_shares(camera), strict=True):
         if share > 0:
             yield f"eyes: {share:.1%} of the pixels of the {name} eye stay dark. {_how_to_light(camera)}"
 
@@ -325,5 +325,5 @@ def describe_panorama(panorama: Panorama) -> str:
 def _how_to_light(camera: StereoCamera) -> str:
     if camera.panorama:
         return "Their lenses show nothing there."
-    needed = overscan_for(camera)
+    needed = find_overscan_of_eyes(camera)
     return f"Set rig.overscan to {math.ceil(needed * 1000) / 1000:g} to light those that the lens lights."

@@ -113,7 +113,7 @@ Projection = CalibratedCamera | Orthographic | Equirectangular
 
 def rays_of(projection: Projection, pixels: Array) -> tuple[Array, Array]:
     """Origins and directions (..., 3) of the rays of pixels (..., 2) in the camera's axes, in metres; directions have
-    length 1, and are NaN for pixels that see nothing."""
+    length 1, and are NaN outside the field of view."""
     if not isinstance(projection, CalibratedCamera):
         return projection.rays(pixels)
     directions = projection.unproject(pixels)
@@ -121,7 +121,7 @@ def rays_of(projection: Projection, pixels: Array) -> tuple[Array, Array]:
 
 
 def show_points(projection: Projection, points_m: Array) -> Array:
-    """Columns and rows (..., 2) at which points (..., 3) in the camera's axes are seen; NaN where they are not."""
+    """Columns and rows (..., 2) of points (..., 3) in the camera's axes; NaN for invisible points."""
     return projection.show(points_m) if isinstance(projection, CalibratedCamera) else projection.project(points_m)
 
 
@@ -141,7 +141,7 @@ def _centred(width_px: int, height_px: int, focal_px: float, lens: LensModel) ->
 
 
 def is_plain(projection: Projection) -> bool:
-    """Whether Cycles has the projection: square pixels, and no lens but that of a pinhole or an equidistant fisheye."""
+    """Whether Cycles can render the projection: square pixels, and a pinhole or an equidistant fisheye as the lens."""
     if not isinstance(projection, CalibratedCamera):
         return True
     lens = projection.lens
@@ -151,8 +151,8 @@ def is_plain(projection: Projection) -> bool:
 
 @dataclass(frozen=True)
 class HeadCamera:
-    """A camera beside the pair. ``rotation`` (3, 3) takes vectors from its axes to those of its frame, one of
-    ``FRAMES``; ``position_m`` (3,) is there too. ``model`` is the word of its file."""
+    """A camera beside the pair. ``rotation`` (3, 3) takes vectors from its axes to its frame, one of ``FRAMES``;
+    ``position_m`` (3,) is in that frame too. ``model`` is the name of the projection in its file."""
 
     name: str
     role: str
@@ -172,7 +172,7 @@ class HeadCamera:
     @property
     def rendered(self) -> Projection:
         """The projection of its rendered image: its own, or for a lens that Cycles lacks a wider pinhole or fisheye
-        with pixels that are as fine in the middle."""
+        with the same resolution in the middle."""
         own = self.projection
         return own if not isinstance(own, CalibratedCamera) or is_plain(own) else _find_render(own)
 
@@ -243,11 +243,11 @@ def camera_json(camera: HeadCamera, to_world: Array, image: str, truth: str) -> 
 
 
 def camera_from_json(data: Mapping[str, Any]) -> HeadCamera:
-    """The camera of an entry that has the shape, in the frame ZERO, which is the world's. Raises ValueError for
-    numbers that no camera has."""
+    """The camera of a checked entry, in the frame ZERO, the frame of the world. Raises ValueError for impossible
+    parameters."""
     pose = np.array(data["pose_camera_to_world"], np.float64)
     if not rotation_error(pose[:3, :3]) <= _SINGLE:
-        raise ValueError(f"the pose of the camera {data['name']} is no rotation")
+        raise ValueError(f"the pose of the camera {data['name']} is not a rotation")
     return HeadCamera(
         data["name"], data["role"], data["model"], _projection_from_json(data), "ZERO", pose[:3, :3], pose[:3, 3]
     )

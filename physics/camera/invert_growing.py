@@ -14,7 +14,7 @@ _BISECTIONS = 60
 
 
 def invert(function: Callable[[Array], Array], values: Array, limit: float) -> Array:
-    """The places in [0, limit] at which a growing function takes ``values`` (any shape), to rounding; NaN for values
+    """The arguments in [0, limit] at which a growing function takes ``values`` (any shape), to rounding; NaN for values
     outside its range.
     """
     low, high = np.zeros_like(values), np.full_like(values, limit)

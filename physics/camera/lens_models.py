@@ -185,4 +185,4 @@ def _check_numbers(numbers: tuple[float, ...], what: str, *counts: int) -> None:
     if len(numbers) not in counts:
         raise ValueError(f"{what} has {' or '.join(map(str, counts))} coefficients, not {len(numbers)}")
     if not all(map(math.isfinite, numbers)):
-        raise ValueError(f"a coefficient of {what} is no finite number")
+        raise ValueError(f"a coefficient of {what} is not a finite number")

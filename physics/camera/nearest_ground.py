@@ -36,7 +36,7 @@ _LEAST_DEPTH = 0.05
 
 #: The last ground by its name; the pairs of one scene stand on the same ground.
 _last_ground: dict[str, RockyGround] = {}
-#: Topics of settings that do not affect the ground, except by the settings that ``name_ground`` adds.
+#: Topics of settings that do not affect the ground, except by the settings that ``make_ground_name_key`` adds.
 _TOPICS_NOT_OF_GROUND = {
     "rig",
     "sensor",
@@ -66,9 +66,8 @@ def find_greatest_disparity_px(settings: Settings, focal_px: float) -> float | N
         return None
 
 
-def name_ground(settings: Settings) -> str:
-    """A text that is equal for settings with the same ground and rocks. Ground is made again only
-    if its name changes."""
+def make_ground_name_key(settings: Settings) -> str:
+    """A cache key of the ground: equal texts for settings with the same ground and rocks."""
     made_of = {topic: values for topic, values in settings.items() if topic not in _TOPICS_NOT_OF_GROUND}
     # Which rocks are drawn beyond the patch depends on the rig.
     beyond = make_view_beyond(settings)
@@ -77,7 +76,7 @@ def name_ground(settings: Settings) -> str:
 
 def _get_ground(settings: Settings) -> RockyGround:
     """The ground of the settings, cached by its name."""
-    name = name_ground(settings)
+    name = make_ground_name_key(settings)
     if name not in _last_ground:
         _last_ground.clear()
         _last_ground[name] = make_rocky_ground(settings)

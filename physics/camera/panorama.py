@@ -34,12 +34,12 @@ class Panorama:
         return CalibratedCamera(self.size_px, self.size_px, self.px_per_rad, self.px_per_rad, middle, middle, Fisheye())
 
     def show(self, directions: Array) -> Array:
-        """Columns and rows (..., 2) of directions (..., 3) of any length, from the centre of the first pixel; NaN where
-        a direction is, and for the one opposite to the axis, which is all around the image."""
+        """Columns and rows (..., 2) of directions (..., 3) of any length, from the centre of the first pixel; NaN for
+        NaN, and for the direction opposite to the axis, which lies all around the image."""
         return self._camera.show(directions)
 
     def to_json(self) -> dict[str, Any]:
-        """What ``pair.json`` states of it."""
+        """The panorama as ``pair.json`` states it."""
         return {
             "projection": "equidistant fisheye",
             "size_px": self.size_px,
@@ -49,7 +49,7 @@ class Panorama:
 
 
 def make_panorama(px_per_rad: float, widest_rad: float) -> Panorama:
-    """The panorama that shows all up to an angle off the axis, with a border for the interpolation beyond it."""
+    """The panorama of all directions up to an angle off the axis, with a border for the interpolation."""
     widest = min(math.pi, widest_rad)
     size = 2 * math.ceil(px_per_rad * widest + _BORDER_PX)
     # As many pixels as the whole sphere has at most, which Cycles spans at most.

@@ -7,7 +7,7 @@ from dataclasses import replace
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
 from .calibrated_camera import CalibratedCamera, CalibratedRig
-from .eyes import camera_of
+from .eyes import make_camera_with_eyes
 from .lens_distortion import read_coefficients
 from .lens_models import Brown
 from .stereo_camera import StereoCamera
@@ -18,14 +18,14 @@ def rig_of(settings: Settings) -> CalibratedRig:
 
     Raises ValueError for numbers that no lens has.
     """
-    pair = camera_of(settings)
-    eyes = pair.eyes or tuple(_make_alike(pair, settings.rig, eye) for eye in ("left", "right"))
+    pair = make_camera_with_eyes(settings)
+    eyes = pair.eyes or tuple(_make_identical_eye(pair, settings.rig, eye) for eye in ("left", "right"))
     named = (replace(camera, name=name) for camera, name in zip(eyes, ("left", "right"), strict=True))
     return CalibratedRig(tuple(named)).from_first()
 
 
-def _make_alike(pair: StereoCamera, rig: RigSettings, eye: str) -> CalibratedCamera:
-    """An eye of a pair whose eyes are one camera, in the axes of the left eye of the parallel rig."""
+def _make_identical_eye(pair: StereoCamera, rig: RigSettings, eye: str) -> CalibratedCamera:
+    """An eye of a pair with two identical eyes, in the axes of the left eye of the parallel rig."""
     focal, rotation = pair.focal_px, pair.eye_rotation(eye)
     return CalibratedCamera(
         pair.width_px,

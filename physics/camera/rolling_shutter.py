@@ -29,7 +29,7 @@ POSE_OF_ROW = (
 @dataclass(frozen=True)
 class RollingShutter:
     """The readout of ``rows`` rows, in seconds from the first to the last, and the motion of the left eye in its own
-    axes of the middle: x right, y down, z forward.
+    axes at the middle of the readout: x right, y down, z forward.
     """
 
     readout_s: float
@@ -43,14 +43,14 @@ class RollingShutter:
         return self.readout_s / max(1, self.rows - 1)
 
     def find_time_s(self, row: Array) -> Array:
-        """Seconds from the middle of the whole to the middle of the exposure of rows, which may be fractions and may
+        """Seconds from the middle of the readout to the middle of each row's exposure. Rows may be fractional, and may
         lie outside the image.
         """
         return self.row_s * (np.asarray(row, np.float64) - (self.rows - 1) / 2)
 
     def find_moves(self, row: Array, along_m: float = 0.0) -> Array:
-        """Poses (n, 4, 4) of an eye while rows (n,) are read, in its axes of the middle. The eye is ``along_m`` to the
-        right of the left one.
+        """Poses (n, 4, 4) of an eye while rows (n,) are read, in its axes at the middle of the readout. The eye is
+        ``along_m`` to the right of the left one.
         """
         moves = np.stack([find_pose_after(self, float(time)) for time in self.find_time_s(row)])
         moves[:, :3, 3] += along_m * (moves[:, :3, 0] - (1.0, 0.0, 0.0))
@@ -81,19 +81,19 @@ def find_rolling_shutter(rig: RigSettings) -> RollingShutter | None:
 
 
 def turn_to_world(own: Array, pose: Array, row: Array) -> Array:
-    """Vectors (n, 3) in the axes of an eye, in the world. ``pose`` is that of the eye, (4, 4), or those of its rows
-    (rows, 4, 4), of which each vector has its ``row`` (n,).
+    """Rotate vectors (n, 3) from the axes of an eye to the world. ``pose`` is the pose (4, 4) of the eye, or the poses
+    (rows, 4, 4) of its rows; then ``row`` (n,) states the row of each vector.
     """
     return np.asarray(own @ pose[:3, :3].T if pose.ndim == 2 else np.einsum("nij,nj->ni", pose[row, :3, :3], own))
 
 
 def place_in_world(own: Array, pose: Array, row: Array) -> Array:
-    """Points (n, 3) in the axes of an eye, in the world; see ``turn_to_world``."""
+    """Move points (n, 3) from the axes of an eye to the world; see ``turn_to_world``."""
     return turn_to_world(own, pose, row) + (pose[:3, 3] if pose.ndim == 2 else pose[row, :3, 3])
 
 
 def move_to_middle(points: Array, shutter: RollingShutter | None) -> Array:
-    """Points (H, W, 3) in the axes of the left eye of their rows, in its axes of the middle."""
+    """Move points (H, W, 3) from the axes of the left eye at their rows to its axes at the middle of the readout."""
     if shutter is None:
         return points
     moves = shutter.find_moves(np.arange(points.shape[0]))
@@ -102,8 +102,8 @@ def move_to_middle(points: Array, shutter: RollingShutter | None) -> Array:
 
 def project_points(points: Array, camera: StereoCamera, shutter: RollingShutter | None) -> tuple[Array, Array]:
     """Pixel-corner coordinates (n, 2), column first, and planar depths (n,) of points (n, 3), which are in the axes of
-    the left eye in the middle. Coordinates are NaN for points behind the camera and for points that pass the rows as
-    fast as these are read.
+    the left eye at the middle of the readout. Coordinates are NaN for points behind the camera, and for points that
+    cross the rows as fast as the readout.
 
     A point is shown by the row whose pose projects it there. The search starts in the middle and takes the row of the
     last projection as the next one, which converges where the image moves by less than a row while a row is read.

@@ -35,12 +35,13 @@ _SURELY_FULL_E = 1.0e9
 
 
 def gain_dn_per_e(sensor: SensorSettings) -> float:
-    """System gain K in digital numbers per electron; at ``gain`` 1 a full well is the converter's top."""
+    """System gain K in digital numbers per electron; with ``gain`` 1 a full well gives the converter's largest
+    number."""
     return float(sensor.gain) * (top_dn(sensor) - black_dn(sensor)) / float(sensor.full_well_e)
 
 
 def top_dn(sensor: SensorSettings) -> int:
-    """The converter's largest number."""
+    """The largest digital number of the converter."""
     return int(2 ** int(sensor.bits) - 1)
 
 
@@ -50,7 +51,7 @@ def black_dn(sensor: SensorSettings) -> float:
 
 
 def capacity_e(sensor: SensorSettings) -> float:
-    """Electrons at which a pixel's number stops rising: a full well, or the end of the converter's range."""
+    """Electrons at which a pixel saturates: a full well, or the end of the converter's range."""
     return float(sensor.full_well_e) / max(1.0, float(sensor.gain))
 
 
@@ -65,7 +66,7 @@ def choose_exposure_s(left_light: Array, rate: float, sensor: SensorSettings) ->
 
 
 def meter_level(left_light: Array, sensor: SensorSettings) -> float:
-    """The radiance that auto exposure puts at ``auto_target`` of the capacity, see ``choose_exposure_s``; 0 for a black
+    """The radiance that auto exposure maps to ``auto_target`` of the capacity, see ``choose_exposure_s``; 0 for a black
     image.
     """
     light = _clip_invalid_radiance(left_light)
@@ -118,7 +119,7 @@ class FixedPattern:
 
 
 def find_stream(eye: str) -> int:
-    """The number of the random stream of an eye, or of another camera by its name."""
+    """The index of the random stream of an eye, or of another camera by its name."""
     if eye in _EYE_STREAMS:
         return _EYE_STREAMS[eye]
     return int.from_bytes(hashlib.sha256(eye.encode()).digest()[:8], "big")

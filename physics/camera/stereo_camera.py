@@ -59,8 +59,8 @@ class StereoCamera:
 
     @classmethod
     def from_settings(cls, rig: RigSettings) -> StereoCamera:
-        """The rig of the ``rig`` settings, without calibrated eyes (see ``eyes.camera_of``). The sensor width spans the
-        image width; pixels are square.
+        """The rig of the ``rig`` settings, without calibrated eyes (see ``eyes.make_camera_with_eyes``). The sensor
+        width spans the image width; pixels are square.
         """
         return cls(
             rig.width_px,

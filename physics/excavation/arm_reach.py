@@ -26,8 +26,8 @@ _TURNS_DEG = (0.0, 15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
 
 
 def compute_share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, north_m: float = 0.0) -> float:
-    """Share of the blade's places that the arm reaches with the scoop straight down, on pulls moved by ``east_m`` and
-    ``north_m``. The ground is taken as level at height 0."""
+    """Share of the blade's positions that the arm reaches with the scoop straight down, on pulls moved by ``east_m``
+    and ``north_m``. The ground is taken as level at height 0."""
     places = [
         (*pull.point(along, 0.0), -depth) for pull in pulls for along, depth in zip(*_sample_pull(pull), strict=True)
     ]

@@ -216,13 +216,13 @@ class ExcavationSeries:
         if volume <= 0:
             return
         grid, area = self.site.grid, self.site.grid.cell_m**2
-        before, lumps = self.heaped_m3(number - 1), self._make_lumps_m()
+        before, lumps = self.measure_heaped_m3(number - 1), self._make_lumps_m()
         crest = _CREST_OF_MANY * float(self.excavation.clods_m) if self.has_many_sizes else 0.0
         less, more = (self.site.heap.thickness(grid, each, lumps, crest) for each in (before, before + volume))
         more = np.maximum(more - less, 0.0)
         layers.spoil += more * (volume / (float(more.sum()) * area))
 
-    def heaped_m3(self, state: int) -> float:
+    def measure_heaped_m3(self, state: int) -> float:
         """Volume of the spoil that was dropped on the heap up to a state."""
         chips = sum(each.chipped_m3 for each in self.states[1 : state + 1]) * self.excavation.bulking
         return chips + sum(each.taken_kg for each in self.states[1 : state + 1]) * (

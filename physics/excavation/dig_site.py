@@ -110,7 +110,7 @@ _SITE_SETTINGS = (
 
 
 def _file_state(file: str, setting: str) -> tuple[int, int] | None:
-    """Size and time of change of a setting's file, which the user may edit; None if it cannot be read."""
+    """Size and modification time of a setting's file, which the user may edit; None if it cannot be read."""
     try:
         there = absolute_path(file, setting).stat()
     except OSError:
@@ -178,7 +178,7 @@ def _lay_out_site(
 
 
 def _refuse_narrow_blade(excavation: ExcavationSettings) -> None:
-    """Raise IcyMoonError for a blade or a line that would fit between the vertices."""
+    """Raise IcyMoonError for a blade or a line that is shorter than a cell of the grid."""
     cell = float(excavation.cell_m)
     if excavation.width_m < cell:
         raise IcyMoonError(

@@ -79,7 +79,8 @@ def _read_joints(path: Path, arm: Arm, own: UrdfArm | None) -> Array:
     for number, row in read_number_lines(path, columns, "excavation.file", MOST_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
             raise IcyMoonError(
-                f"{path}: line {number} is no pose of the arm; give a whole state from 1, and {', '.join(columns[1:])}."
+                f"{path}: line {number} is not a pose of the arm; give a whole state from 1, and "
+                f"{', '.join(columns[1:])}."
             )
         values = np.array(
             [value if joint.slides else math.radians(value) for value, joint in zip(row[1:], moving, strict=True)]

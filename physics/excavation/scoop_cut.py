@@ -58,8 +58,8 @@ class Pull:
         x, y = zip(*corners, strict=True)
         return min(x), min(y), max(x), max(y)
 
-    def depth_at(self, x_m: Array, y_m: Array) -> Array:
-        """Depth in metres of the blade's edge at points on its way; -inf at other points."""
+    def find_depth_at(self, x_m: Array, y_m: Array) -> Array:
+        """Depth in metres of the blade's edge at points on its path; -inf at other points."""
         along, right = self.place(x_m, y_m)
         over = (np.abs(right) <= self.width_m / 2) & (along >= self.along_m[0]) & (along <= self.along_m[-1])
         if self.from_deg is not None:  # the sector outside a bend, which two pulls leave out
@@ -69,7 +69,8 @@ class Pull:
         return np.where(over, np.interp(along, self.along_m, self.depth_m), -np.inf)
 
     def beside(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
-        """Distance in metres of points from the blade's way, 0 on it, and the depth at the nearest point of the way."""
+        """Distance in metres of points from the blade's path (0 on it), and the depth at the nearest point of the
+        path."""
         along, right = self.place(x_m, y_m)
         nearest = np.clip(along, self.along_m[0], self.along_m[-1])
         out = np.hypot(along - nearest, np.maximum(np.abs(right) - self.width_m / 2, 0.0))
@@ -89,7 +90,7 @@ def fit_plane(grid: ExcavationGrid, heights: Array, pulls: Sequence[Pull]) -> Ar
     over = np.zeros(heights.shape, bool)
     for pull in pulls:
         window = grid.window(*pull.bounds_m())
-        over[window] |= np.isfinite(pull.depth_at(*grid.points(window)))
+        over[window] |= np.isfinite(pull.find_depth_at(*grid.points(window)))
     rows, columns = np.nonzero(over)
     if len(rows) == 0:
         at = pulls[0].point(float(np.mean(pulls[0].along_m)), 0.0)
@@ -121,7 +122,7 @@ def measure_cut_depth_m(grid: ExcavationGrid, top_m: Array, plane: Array, pulls:
             depth[window] = -np.inf
             for pull, part in zip(pulls, windows, strict=True):
                 at_x, at_y = grid.points(part)
-                depth[part] = np.maximum(depth[part], pull.depth_at(at_x + east, at_y + north))
+                depth[part] = np.maximum(depth[part], pull.find_depth_at(at_x + east, at_y + north))
             over = np.isfinite(depth[window])
             floor = level - np.where(over, depth[window], 0.0)
             taken[window] += np.where(over, np.maximum(top_m[window] - floor, 0.0), 0.0)

@@ -75,7 +75,7 @@ def _read_recorded_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
 
 
 def make_pull_between(a: Array, b: Array, width_m: float) -> Pull | None:
-    """The straight pull between two places (east, north, depth); None if they are above each other."""
+    """The straight pull between two positions (east, north, depth); None for a vertical move."""
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     if length == 0.0:
         return None
@@ -84,7 +84,7 @@ def make_pull_between(a: Array, b: Array, width_m: float) -> Pull | None:
 
 
 def make_pulls_through(points: Iterable[Array], width_m: float) -> list[Pull]:
-    """Straight pulls through places (east, north, depth) in metres; places that coincide make no pull."""
+    """Straight pulls through positions (east, north, depth) in metres; coinciding positions make no pull."""
     pulls: list[Pull] = []
     for a, b in itertools.pairwise(points):
         if (pull := make_pull_between(a, b, width_m)) is not None:
@@ -107,7 +107,7 @@ def read_path(path: Path) -> Array:
     for number, row in read_number_lines(path, PATH_COLUMNS, "excavation.file", MOST_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
             raise IcyMoonError(
-                f"{path}: line {number} is no place of the blade; give a whole state from 1, and "
+                f"{path}: line {number} is not a place of the blade; give a whole state from 1, and "
                 "x_m, y_m and depth_m in metres."
             )
         if max(abs(row[1]), abs(row[2])) > _FARTHEST_M or abs(row[3]) > _DEEPEST_M:

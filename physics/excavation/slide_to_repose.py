@@ -50,12 +50,12 @@ class GroundLayers:
     spoil: Array
 
     def copy(self) -> GroundLayers:
-        """The same heights, which may be changed."""
+        """A copy that may be changed."""
         return GroundLayers(self.ground.copy(), self.spoil.copy())
 
     @property
     def top(self) -> Array:
-        """Heights of the surface."""
+        """Heights (rows, columns) of the surface, ground and spoil, in metres."""
         return self.ground + self.spoil
 
 

@@ -40,7 +40,7 @@ ChangeAt = Callable[[Array, Array], Array]
 
 
 def find_unsupported(rocks: Rocks, change_m: ChangeAt) -> Array:
-    """Numbers of the rocks whose middle is not above the ground that is left under them. ``change_m`` returns the
+    """Indices of the rocks whose middle is no longer above the remaining ground under them. ``change_m`` returns the
     height of the ground above the untouched ground, at east and north coordinates."""
     turn = np.linspace(0.0, 2 * np.pi, _POINTS_PER_RING, endpoint=False)
     share = np.repeat(_RING_RADII, _POINTS_PER_RING)

@@ -32,8 +32,8 @@ _TRIANGLE_HEIGHT = 1e-4
 
 @dataclass(frozen=True)
 class RockPoints:
-    """``n`` points of rocks: which ``rock`` (n,), place on the unit shape (n, 3), unit ``normal`` (n, 3), and the
-    ``corners`` (n, 3, 3) in metres of a small triangle just above each."""
+    """``n`` points of rocks: their ``rock`` (n,), their position on the unit shape (n, 3), the unit ``normal`` (n, 3),
+    and the ``corners`` (n, 3, 3) in metres of a small triangle just above each."""
 
     rock: Array
     place: Array

@@ -42,7 +42,7 @@ class Positions:
     from_j2000: Array  # (3, 3) from the J2000 equatorial frame
 
     def turned(self, north_deg: float) -> Positions:
-        """The same in axes in which north is this angle, clockwise, from y."""
+        """The same positions in axes whose y is turned so that north is at this angle, clockwise, from y."""
         turn = _rotation_about_z(math.radians(north_deg))
         return replace(
             self,
@@ -64,7 +64,7 @@ _DATE = re.compile(rf"{_DAY_PATTERN}{_TIME_PATTERN}{_ZONE_PATTERN})?)?)?\s*")
 
 def parse_date(date_utc: str) -> np.datetime64:
     """A date such as 2035-03-01T12:00:00, to the millisecond; UTC may be stated as Z or +00:00. Raises IcyMoonError if
-    the text is no date, if the calendar lacks the date, or if it states another time zone."""
+    the text is not a date, if the calendar lacks the date, or if it states another time zone."""
     shown = f"light.date_utc is {shorten(date_utc)!r}"
     match = _DATE.fullmatch(date_utc)
     if match is None:
@@ -121,7 +121,7 @@ def days_since_j2000(date_utc: str) -> float:
 
 
 def refuse_unknown_years(date_utc: str) -> None:
-    """Raise IcyMoonError for a date outside the years for which the elements hold, or for a text that is no date."""
+    """Raise IcyMoonError for a date outside the validity of the elements, or for a text that is not a date."""
     days = days_since_j2000(date_utc)
     if not days_since_j2000(f"{_KNOWN_YEARS[0]}-01-01") <= days < days_since_j2000(f"{_KNOWN_YEARS[1] + 1}-01-01"):
         raise IcyMoonError(

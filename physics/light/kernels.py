@@ -80,7 +80,7 @@ def _read_kernel(path: Path, _size: int, _modified_ns: int) -> tuple[str, ...] |
 
 
 def _parse_kernel(foreign: ForeignBytes) -> tuple[str, ...] | None:
-    """The names that a meta-kernel lists, an empty tuple for another kernel; None for a file that is no kernel."""
+    """The names that a meta-kernel lists, an empty tuple for another kernel; None for a file that is not a kernel."""
     head = foreign.part(0, min(foreign.size, _RECORD_BYTES))
     if head.startswith(_BINARY_MARKS):
         _check_binary(foreign, head)
@@ -166,7 +166,7 @@ def _resolve_named_kernels(meta: Path, named: tuple[str, ...], folder: Path | No
                 f"{meta} names {shorten(name)!r}, which is not there{note_on_backslashes(name)}; copy it there."
             )
         if _inspect_kernel(file) != ():
-            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is no kernel with data; leave it out.")
+            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is not a kernel with data; leave it out.")
         found.append(file)
     return found
 

@@ -28,7 +28,8 @@ LEAST_COSINE = 0.02
 
 @dataclass(frozen=True)
 class Spot:
-    """An oval cloud. Half axes are angles in radians at the planet's centre; reflectances are in R, G, B."""
+    """An oval cloud, such as the Great Red Spot. Semi-axes are angles in radians at the planet's centre; reflectances
+    are in R, G, B."""
 
     latitude_deg: float
     half_length: float

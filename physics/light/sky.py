@@ -29,7 +29,7 @@ from .sunlight import apparent_diameter_deg, sun_diameter_deg, sun_irradiance_wm
 
 @dataclass(frozen=True)
 class SkyPlace:
-    """A site of a map whose sky is meant: planetocentric degrees, and the angle, clockwise, from the map's up to
+    """The site on a map whose sky is computed: planetocentric degrees, and the angle, clockwise, from the map's up to
     north."""
 
     latitude_deg: float
@@ -137,7 +137,7 @@ def check_body(
 
 
 def compute_sky(light: LightSettings, blend_folder: str | None = None, place: SkyPlace | None = None) -> Sky:
-    """The sky that ``light`` settings describe; ``blend_folder`` is what // means in ``kernels``.
+    """The sky that ``light`` settings describe; ``blend_folder`` replaces // in ``kernels``.
 
     With a ``place`` a sky of a date is that over it, turned so that the map's up is y. Raises IcyMoonError if it
     is to come from a date or from kernels and cannot.

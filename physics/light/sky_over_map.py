@@ -19,15 +19,15 @@ _LEAST_TURN_DEG = 1.0
 
 
 def asks_sky_of_site(settings: Settings) -> bool:
-    """Whether the sky is that over the site of a map, which its coordinates state."""
+    """Whether the settings ask for the sky over the site of a map, which its coordinates state."""
     light, source = settings.light, settings.source
     stated = source.kind == "HEIGHT_MAP" and source.site != "OFFSET"
     return bool(stated and light.directions_from != "ANGLES" and light.place == "SITE")
 
 
 def find_sky_place(settings: Settings, place: Mapping[str, Any] | None) -> SkyPlace | None:
-    """The place on a map (``geotiff.MapPlace.to_json``) whose sky the settings ask for; None if they ask for that of
-    the ``light`` settings, or if the map states no longitude and latitude."""
+    """The place on a map (``geotiff.MapPlace.to_json``) whose sky the settings ask for; None if they ask for the sky at
+    the place of the ``light`` settings, or if the map states no longitude and latitude."""
     if not asks_sky_of_site(settings) or place is None or place["latitude_deg"] is None:
         return None
     source = settings.source

@@ -93,7 +93,7 @@ def _draw_faint(faintest_mag: float, seed: int) -> tuple[Array, Array]:
 
 
 def stars_above_horizon(faintest_mag: float, seed: int, from_j2000: Array) -> Stars:
-    """The stars above the horizon, z > 0 in the frame to which the matrix ``from_j2000`` (3, 3) leads."""
+    """The stars above the horizon, z > 0 in the frame into which the matrix ``from_j2000`` (3, 3) transforms."""
     known = read_catalogue()
     bright = known.v_mag <= faintest_mag
     direction, v_mag = known.direction[bright], known.v_mag[bright]

@@ -28,8 +28,8 @@ class LevelMeans:
 @dataclass(frozen=True)
 class BlendedMaps:
     """Heights (n, n) in metres of each level, NaN where no map has ground. ``offset_m`` is the mean of the fine heights
-    minus the coarse ones where the two are blended, which was added to the coarse ones, and ``apart_m`` the
-    root-mean-square of what is left of the differences; None where nothing is blended."""
+    minus the coarse ones where both are blended; it was added to the coarse ones. ``apart_m`` is the RMS of the
+    remaining differences. Both are None without a blend."""
 
     heights_m: list[Array]
     offset_m: float | None = None
@@ -37,7 +37,7 @@ class BlendedMaps:
 
 
 def blend_maps(levels: Sequence[Level], fine: Sequence[LevelMeans], coarse: Sequence[LevelMeans] | None) -> BlendedMaps:
-    """The heights of a fine map that goes over into a coarse one towards its edges and its large gaps.
+    """The heights of a fine map, blended into a coarse one towards its edges and its large gaps.
 
     The fine map counts fully where the square of ``LevelMeans.share`` is known, and not at all where half of it is
     missing, as at an edge. Gaps that are smaller than half of the square are filled smoothly.
@@ -65,7 +65,7 @@ def blend_maps(levels: Sequence[Level], fine: Sequence[LevelMeans], coarse: Sequ
 
 
 def _fill_gaps(means: LevelMeans) -> Array:
-    """Heights where the map counts, gaps filled; NaN elsewhere."""
+    """Heights where enough of the map is known, with gaps filled; NaN elsewhere."""
     counts = means.share >= _LEAST_SHARE
     heights = means.heights_m
     if not np.isfinite(heights).any():

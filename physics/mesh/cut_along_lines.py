@@ -34,13 +34,13 @@ _LEAST_DOUBLE_AREA = 0.05
 
 @dataclass(frozen=True)
 class CutMesh:
-    """Places (n, 2) and triangles (m, 3) of a mesh, and whether a place is on a line (n,)."""
+    """Positions (n, 2) and triangles (m, 3) of a mesh, and whether a position is on a line (n,)."""
 
     places: Array
     faces: Array
     on_line: Array
 
-    def sharp_edges(self) -> Array:
+    def find_sharp_edges(self) -> Array:
         """The edges (k, 2) of the triangles that lie on a line."""
         faces = self.faces[self.on_line[self.faces].sum(axis=1) > 1]  # a hundredth of all
         edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)

@@ -71,8 +71,8 @@ def carried_share(surface: SurfaceSettings, spacing_m: float) -> float:
     return math.sqrt(float(share**2 @ weight / weight.sum()))
 
 
-def still_spacing_m(surface: SurfaceSettings) -> float:
-    """Spacing of vertices in metres from which on fine relief leaves them unmoved; infinite if it may move all."""
+def find_still_spacing_m(surface: SurfaceSettings) -> float:
+    """Vertex spacing in metres from which fine relief leaves vertices unmoved; infinite if it may move all vertices."""
     return float(surface.grain_size_m) if surface.relief == "REAL" else math.inf
 
 

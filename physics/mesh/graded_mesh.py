@@ -93,7 +93,11 @@ class GradedGround:
         faces, sharp = rings.faces(), np.empty((0, 2), np.int64)
         for line, apart_m in self._find_crest_lines():
             cut = cut_along_lines(places, faces, step, line, apart_m)
-            places, faces, sharp = _round_to_single(cut.places), cut.faces, np.concatenate([sharp, cut.sharp_edges()])
+            places, faces, sharp = (
+                _round_to_single(cut.places),
+                cut.faces,
+                np.concatenate([sharp, cut.find_sharp_edges()]),
+            )
             step = self.grading.spacing_at(np.hypot(*self._relative_to_site(places)))
         whole = GradedMesh(self._raise_to_ground(places, step), faces, sharp)
         if self.rig is not None and self.grading.relief is not None:

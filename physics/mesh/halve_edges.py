@@ -22,7 +22,7 @@ def vertex_normals(positions: Array, faces: Array) -> Array:
 
 
 def halve_edges(positions: Array, faces: Array) -> tuple[Array, Array]:
-    """The mesh with each triangle cut into four at the middles of its edges; its shape stays."""
+    """The mesh with each triangle cut into four at the middles of its edges; its shape is unchanged."""
     begin, end = faces.astype(np.int64), faces[:, [1, 2, 0]].astype(np.int64)
     n = len(positions)
     key, which = np.unique((np.minimum(begin, end) * n + np.maximum(begin, end)).ravel(), return_inverse=True)

@@ -1,4 +1,4 @@
-"""A triangle mesh as ground to stand on."""
+"""The height of the ground under a point, for ground that is a triangle mesh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A hole in a mesh for the finer patch of a trench: which triangles go, and the loop of vertices round it."""
+"""A hole in a mesh for the finer patch of a trench: the triangles to remove, and the loop of vertices round the
+hole."""
 
 from __future__ import annotations
 
@@ -61,7 +62,7 @@ def _close_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, A
 
 
 def _find_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Array, Array]:
-    """Edges (k, 2) near the triangles to remove, the triangle of each edge (k,), and pairs (n, 2) of edge numbers: the
+    """Edges (k, 2) near the triangles to remove, the triangle of each edge (k,), and pairs (n, 2) of edge indices: the
     first edge belongs to a larger triangle, and the second lies along it."""
     used = np.zeros(len(positions), bool)
     used[faces[meets]] = True
@@ -106,7 +107,7 @@ def _find_rim_edges(faces: Array) -> tuple[Array, Array]:
 
 
 def list_grid_rim(rows: int, columns: int) -> Array:
-    """Numbers of the vertices on the rim of a grid, counter-clockwise from the first."""
+    """Indices of the vertices on the rim of a grid, counter-clockwise from the first."""
     number = np.arange(rows * columns).reshape(rows, columns)
     return np.concatenate([number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]])
 

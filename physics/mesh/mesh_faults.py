@@ -87,7 +87,7 @@ def label_components(n: int, a: Array, b: Array) -> Array:
 
 
 def find_equal_rows(rows: Array) -> tuple[Array, Array]:
-    """First place (k,) of every distinct row, and for each row (n,) which of these it equals.
+    """Index (k,) of the first occurrence of each distinct row, and for each row (n,) its index among the distinct rows.
 
     ``np.unique`` along an axis does the same ten times slower.
     """

@@ -86,7 +86,7 @@ def plan_levels(cells: int, size_m: float, reach_m: float, pixel_at: Callable[[f
 
 @dataclass(frozen=True)
 class RingMesh:
-    """Places (n, 2) of vertices in metres and triangles (m, 3), counter-clockwise from above: the vertices of the
+    """Positions (n, 2) of vertices in metres and triangles (m, 3), counter-clockwise from above: the vertices of the
     levels from the patch outward, each in the order of ``Level.find_own``, rows from the south."""
 
     places: Array

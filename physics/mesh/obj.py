@@ -13,7 +13,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.files import shorten
 from ...support.foreign_bytes import LONGEST_LINE_BYTES, ForeignBytes, RefusedError
-from .number_line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
+from .line_patterns import LinePatterns, UnusualTextError, read_whole_lines, reduce_digits
 
 #: Bytes that may occur in a face after its first word.
 _FACE_BYTES = b"0123456789/- \t"
@@ -53,7 +53,7 @@ def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
 
 
 def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
-    """The coordinates of a statement ``v x y z`` in line ``number``. Raises ValueError if they are no numbers."""
+    """The coordinates of a statement ``v x y z`` in line ``number``. Raises ValueError if they are not numbers."""
     try:
         x, y, z = map(float, words[1:4])
         if math.inf in (abs(x), abs(y), abs(z)):
@@ -64,17 +64,17 @@ def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
 
 
 def check_statements(foreign: ForeignBytes) -> list[bytes]:
-    """Check that Blender's importer can read a file of any size right: it reads malformed coordinates as zeros and
-    leaves out faces. Returns the names of the file's material libraries.
+    """Check that Blender's importer reads a file of any size correctly: it turns malformed coordinates into zeros and
+    omits faces. Returns the names of the file's material libraries.
 
     Raises ValueError, with the line, if the file is malformed.
     """
     libraries = list[bytes]()
     try:
-        forms = LineForms(_check_form)
+        patterns = LinePatterns(_check_pattern)
         for text in read_whole_lines(foreign):
             lines = reduce_digits(text)
-            forms.check_lines(lines)
+            patterns.check_lines(lines)
             if b"mtllib" in lines:
                 for line in text.split(b"\n"):
                     _add_library(libraries, line)
@@ -83,7 +83,7 @@ def check_statements(foreign: ForeignBytes) -> list[bytes]:
     return libraries
 
 
-def _check_form(line: bytes) -> None:
+def _check_pattern(line: bytes) -> None:
     if line.endswith(b"\\"):
         raise UnusualTextError
     _check_line(line, 0)

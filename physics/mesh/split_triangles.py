@@ -42,7 +42,7 @@ def split_triangles(faces: Array, which: Array, vertices: int, parts: int) -> Sp
     first_inside = vertices + along * len(keys)
 
     def on_edge(side: int, step: int) -> Array:
-        """Vertices ``step`` parts from the begin of a side, of each triangle."""
+        """Vertices ``step`` parts from the start of a side, of each triangle."""
         from_low = np.where(begin[:, side] == low[:, side], step, parts - step)
         return np.asarray(vertices + along * edge[:, side] + from_low - 1)
 

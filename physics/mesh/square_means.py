@@ -1,4 +1,4 @@
-"""Means of a map of heights over squares around places, from any parts of the map, one after the other.
+"""Mean heights of a map over squares, accumulated from pieces of the map.
 
 The map is the surface that is bilinear between the centres of its pixels. Its mean over a square is therefore exact on
 a plane, the mean of the pixels over a square of many, and the height itself over a square that is small against a
@@ -19,19 +19,19 @@ _EMPTY = 1e-9
 
 @dataclass(frozen=True)
 class Squares:
-    """The squares around a lattice of places: their middles along x (columns) and y (rows), ascending, and half of
-    their width along each, in pixels."""
+    """Squares on a lattice of a map: their centres along x (columns) and y (rows), ascending, and half of their width
+    along each, in pixels."""
 
     columns: Array
     rows: Array
     half: tuple[float, float]
 
     def widened(self, times: float) -> Squares:
-        """The same middles with wider squares."""
+        """The same centres with wider squares."""
         return Squares(self.columns, self.rows, (self.half[0] * times, self.half[1] * times))
 
     def at_least(self, half: float) -> Squares:
-        """The same middles with squares of at least half this width: differences of sums round small ones."""
+        """The same centres with squares of at least this half width: differences of sums round small ones."""
         return Squares(self.columns, self.rows, (max(self.half[0], half), max(self.half[1], half)))
 
     @property

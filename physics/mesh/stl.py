@@ -11,7 +11,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.foreign_bytes import ForeignBytes, RefusedError
-from .number_line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
+from .line_patterns import LinePatterns, UnusualTextError, read_whole_lines, reduce_digits
 from .obj import parse_vertex
 
 _TRIANGLE_TYPE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -22,7 +22,7 @@ _HEADER_BYTES = 84
 
 
 def count_triangles(foreign: ForeignBytes) -> int | None:
-    """The number of triangles of a binary file, None for another."""
+    """The number of triangles of a binary file; None for any other file."""
     head = foreign.part(0, min(foreign.size, _HEADER_BYTES))
     count = int.from_bytes(head[_TEXT_BYTES:], "little") if len(head) == _HEADER_BYTES else -1
     # A binary file may begin with "solid" too; only its size tells.
@@ -67,7 +67,7 @@ def _read_ascii(foreign: ForeignBytes, most: int) -> Array:
 
 
 def check_statements(foreign: ForeignBytes) -> None:
-    """Check that Blender's importer can read a file of any size right: it reads malformed numbers as zeros.
+    """Check that Blender's importer reads a file of any size correctly: it turns malformed numbers into zeros.
 
     Raises ValueError, with the line, if the file is malformed.
     """
@@ -92,13 +92,14 @@ def _is_vertex(line: bytes) -> bool:
 
 
 def _count_vertices(foreign: ForeignBytes) -> int:
-    """The number of vertices of a text whose lines are usual and right. Raises UnusualTextError for another."""
+    """The number of vertices of a text with valid lines in the usual form. Raises UnusualTextError for any other
+    text."""
     if not foreign.part(0, min(foreign.size, _TEXT_BYTES)).lstrip(b" \t").lower().startswith(b"solid"):
         raise UnusualTextError
-    forms, count = LineForms(_check_line), 0
+    patterns, count = LinePatterns(_check_line), 0
     for text in read_whole_lines(foreign):
         lines = reduce_digits(text)
-        forms.check_lines(lines)
+        patterns.check_lines(lines)
         count += lines.count(b"vertex")
     return count
 

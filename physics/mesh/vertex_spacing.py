@@ -1,4 +1,4 @@
-"""The fineness that a mesh of the ground needs, at every distance, for the cameras that look at it.
+"""The vertex spacing that a mesh of the ground needs, at every distance, for the cameras that look at it.
 
 The error of a mesh is the distance of the described ground from its triangles, along their normals, as seen from the
 nearer eye: in pixels, length over distance times focal length. A law of roughness would predict it for one kind of
@@ -92,7 +92,7 @@ def make_grading_view(rig: RigSettings) -> GradingView:
 
 @dataclass(frozen=True)
 class VertexSpacing:
-    """The spacing that was found. ``nearest_m`` (n,) are increasing distances to the eye, and ``spacing_m`` (n,) the
+    """Vertex spacing by distance. ``nearest_m`` (n,) are increasing distances to the eye, and ``spacing_m`` (n,) the
     vertex spacings there; between them the spacing is a power of the distance. ``error_px`` is the bound on its error,
     and ``wanted_vertices`` the number of vertices for the bound of the settings. ``relief`` is the cut for fine relief;
     spacings are before the cut."""
@@ -249,9 +249,9 @@ def _count_vertices(grading: VertexSpacing) -> float:
     return 1.0 + float(np.sum((density[1:] + density[:-1]) / 2 * np.diff(r)))
 
 
-def _probes_of(ground: Terrain, at: GradingView, ground_m: float, nearest_m: Array) -> list[_ErrorProbe]:
-    """A probe for each distance, which covers the distances half way to the next ones; the first also covers the ground
-    under the eyes."""
+def _make_probes(ground: Terrain, at: GradingView, ground_m: float, nearest_m: Array) -> list[_ErrorProbe]:
+    """A probe for each distance, for the range half way to its neighbours; the first also covers the ground under the
+    eyes."""
     probes = []
     for k, distance in enumerate(nearest_m):
         low, high = (
@@ -270,7 +270,7 @@ def choose_vertex_spacing(ground: Terrain, settings: Settings) -> VertexSpacing:
     farthest = max(min(_farthest_ground_m(ground, at, ground_m, body), float(mesh.farthest_m)), 2.0 * at.height_m)
     last = float(at.nearest_m(farthest))
     nearest = np.geomspace(at.height_m, last, 1 + max(2, math.ceil(math.log2(last / at.height_m))))
-    probes = _probes_of(ground, at, ground_m, nearest)
+    probes = _make_probes(ground, at, ground_m, nearest)
     curves = [_measure_curve(probe, mesh.edge_px / EDGE_OVER_SPACING, mesh.error_px) for probe in probes]
 
     def made(error_px: float, wider: float = 1.0) -> VertexSpacing:

@@ -34,8 +34,8 @@ class ViewBeyond:
 
 @dataclass(frozen=True)
 class RocksBeyond:
-    """Places (n, 2) and diameters (n,) in metres, largest first, and apparent widths (n,) in radians from the nearest
-    place on the patch. ``smallest_rad`` is the least apparent width that was used."""
+    """Positions (n, 2) and diameters (n,) in metres, largest first, and apparent widths (n,) in radians from the
+    nearest place on the patch. ``smallest_rad`` is the least apparent width that was used."""
 
     places_m: Array
     diameter_m: Array
@@ -93,7 +93,7 @@ def _count_rocks(law: SizeLaw, size_m: float, view: ViewBeyond, angle: float) ->
 
 
 def _gather_to_clusters(rocks: RocksSettings, xy: Array, per_m2: float, random: np.random.Generator) -> Array:
-    """Places, of which the share ``clustering`` is moved to clusters; each square of the map has one cluster."""
+    """Positions, of which the share ``clustering`` is moved to clusters; each square of the map has one cluster."""
     member = random.random(len(xy)) < rocks.clustering
     away = random.normal(0.0, rocks.cluster_radius_m, xy.shape)
     if not member.any():

@@ -1,4 +1,4 @@
-"""Places, sizes and poses of rocks that rest on the ground.
+"""Positions, sizes and poses of rocks that rest on the ground.
 
 Sizes, places and poses come from separate random streams, so that a change in how rocks are buried moves no rock. The
 code does not use Blender: the ground is a function of position.
@@ -183,7 +183,7 @@ def scatter_rocks(
 
 
 def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[Array, Array, float]:
-    """Places (n, 2) and diameters (n,) that follow the law of sizes, largest first, and the smallest diameter, in
+    """Positions (n, 2) and diameters (n,) that follow the law of sizes, largest first, and the smallest diameter, in
     metres."""
     diameter, smallest = draw_diameters(
         make_size_law(rocks), size_m**2, int(rocks.most), make_generator(seed, "rocks", _SIZES)
@@ -195,7 +195,7 @@ def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[Array,
 
 
 def _read_places(rocks: RocksSettings) -> tuple[Array, Array, float]:
-    """Places, diameters and smallest diameter of the user's table, as ``_draw_places`` returns them; the smallest
+    """Positions, diameters and smallest diameter of the user's table, as ``_draw_places`` returns them; the smallest
     diameter is 0 unless some rocks are left out."""
     table = read_rock_table(absolute_path(rocks.file, "rocks.file"))
     kept = table[: int(rocks.most)]
@@ -212,7 +212,7 @@ def _lay_rocks(
     shapes: Sequence[Sequence[RockShape]],
     clear_m: tuple[float, float, float],
 ) -> Rocks:
-    """Rocks of given places (n, 2), diameters and levels of detail in poses at rest on the ground."""
+    """Rocks of given positions (n, 2), diameters and levels of detail in poses at rest on the ground."""
     n = len(diameter)
     shape = random.integers(0, len(shapes[0]), n)
     elongation = np.maximum(1.0, rocks.elongation * np.exp(random.normal(0, _VARIATION, n)))

@@ -1,4 +1,4 @@
-"""Rocks from a table: places and diameters, such as those counted in an image."""
+"""Rocks from a table: positions and diameters, such as those counted in an image."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def read_rock_table(path: Path) -> Array:
     wrong = ~np.isfinite(values).all(axis=1) | (values[:, 2] <= 0)
     if wrong.any():
         raise IcyMoonError(
-            f"{path}: line {rows[int(np.argmax(wrong))][0]} is no rock; give finite places and a diameter above 0."
+            f"{path}: line {rows[int(np.argmax(wrong))][0]} is not a rock; give finite places and a diameter above 0."
         )
     return values[np.argsort(-values[:, 2], kind="stable")]
 

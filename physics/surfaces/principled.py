@@ -146,7 +146,7 @@ def advise_on_albedo(surface: SurfaceSettings) -> str:
 def _find_largest_loss(surface: SurfaceSettings) -> tuple[str, str]:
     """A phrase on the largest loss of light at a surface, and the setting to lower."""
     causes = {
-        "transmission": "what is transmitted is lost",
+        "transmission": "transmitted light is lost",
         "grain_amplitude_m": "steep bumps lose light",
         "subsurface_weight": "snow under the surface absorbs",
     }

@@ -1,4 +1,4 @@
-"""The photometric law that surface settings describe, and the normal, geometric and Bond albedos of it."""
+"""The photometric law that surface settings describe, and its normal, geometric and Bond albedos."""
 
 from __future__ import annotations
 

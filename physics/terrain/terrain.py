@@ -1,4 +1,4 @@
-"""The ground: heights by position, composed of the parts that the settings name.
+"""The ground: heights by position, summed over the parts that the settings name.
 
 A random surface of stated roughness (``roughness``), extra layers of noise (``noise_layers``), landforms
 (``landforms``), snow in the hollows, on a regional slope, with hills (``hills``) to the horizon. Any

@@ -1,1 +1,1 @@
-"""The cost of a render in time, memory and accuracy, and the possible ways of rendering."""
+"""The cost of a render in time, memory and accuracy, and the available ways of rendering."""

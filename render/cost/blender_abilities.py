@@ -26,7 +26,7 @@ class Abilities:
 
 
 def probe_blender(blender: str) -> dict[str, Any]:
-    """The report of a Blender, or of a Python with ``bpy``, on itself: the output of ``render/probe_blender.py``.
+    """The report of a Blender, or of a Python with ``bpy``, about itself: the output of ``render/probe_blender.py``.
 
     Raises IcyMoonError if there is no report.
     """
@@ -76,8 +76,8 @@ def needs_full_build(settings: Settings) -> bool:
 
 
 def find_lack(wanted: Iterable[Settings], blender: str) -> str:
-    """A sentence on a feature that a Blender lacks for some of these settings, and for how many; empty if it lacks
-    nothing. Blender is started only if some of the settings need an optional feature.
+    """A sentence on a feature that a Blender lacks for some of these settings, and for how many of them; empty if it
+    lacks nothing. Blender is started only if some of the settings need an optional feature.
 
     Raises IcyMoonError if Blender reports nothing.
     """

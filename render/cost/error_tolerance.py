@@ -46,10 +46,10 @@ class Tolerance:
         """Whether a matcher's ``loss`` is within the tolerance at every value in ``doubt``; None if ``doubt`` crosses
         the limit.
         """
-        return all_hold(_is_under(loss[key], doubt[key], limit) for key, limit in self.limits.items())
+        return combine_verdicts(_is_under(loss[key], doubt[key], limit) for key, limit in self.limits.items())
 
 
-def all_hold(verdicts: Iterable[bool | None]) -> bool | None:
+def combine_verdicts(verdicts: Iterable[bool | None]) -> bool | None:
     """Whether all verdicts hold: False if one fails, None if one is unknown."""
     found = list(verdicts)
     return False if False in found else None if None in found else True

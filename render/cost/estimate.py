@@ -1,4 +1,4 @@
-"""Estimates a plan before it starts: processor time, disk space, and how far off they may be. Imports no Blender.
+"""Estimates a plan before it starts: processor time, disk space, and their uncertainty. Imports no Blender.
 
 The processor seconds of a pair are a sum of a few terms, in proportion to pixels, samples and triangles. Their
 coefficients are measured (``python benchmarks plan_cost``). Pairs of the data set that are complete correct the sum for
@@ -30,11 +30,11 @@ from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import find_mesh_item
 from ...settings.user_files import has_surroundings
 from ...support.errors import IcyMoonError
-from ...support.labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
+from ...support.labels import IMAGE_PASS, NORMAL_PASS, list_rounded_passes
 from ...support.number_text import format_count
 from ...support.system import count_processors
 from ..pairs.pair_folder import is_complete, read_pair
-from ..plans.baked_or_traced import bake_seconds, light_bytes, make_light_key
+from ..plans.baked_or_traced import estimate_bake_seconds, estimate_light_bytes, make_light_key
 from ..plans.planned_pair import PlannedPair
 from ..plans.render_order import (
     DEFAULT_MOST_SCENES,
@@ -182,7 +182,7 @@ def estimate_work(settings: Settings) -> Work:
     weights = (1.0,) if len(topics) == 1 else (1.0 - coverage, coverage)
     relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
     relative += _ROCKS_COST * (coverage > 0)
-    samples = mean_samples_taken(quality.samples, quality.noise_threshold)
+    samples = estimate_mean_samples(quality.samples, quality.noise_threshold)
     truth = _TRUTH_S_PER_MPX[quality.truth_by] if quality.truth == "FULL" else 0.0
     return Work(count_pixels(settings), samples, relative, quality.denoiser != "NONE", truth, coverage > 0)
 
@@ -195,7 +195,7 @@ def count_pixels(settings: Settings) -> int:
 
 
 def count_head_pixels(file: str) -> int:
-    """Pixels that are rendered for the cameras of a head; 0 for a head that cannot be read, which others report."""
+    """Pixels that are rendered for the cameras of a head; 0 for an unreadable head, which others report."""
     try:
         return _count_head_pixels(Path(file), Path(file).stat().st_mtime_ns) if file else 0
     except (OSError, IcyMoonError):
@@ -210,9 +210,9 @@ def _count_head_pixels(path: Path, _modified_ns: int) -> int:
 def estimate_bytes(settings: Settings) -> float:
     """Bytes of the images of a pair with these complete settings, before any pair of the scene is known."""
     quality, light = choose_image_quality(settings), settings.light
-    rounded = rounded_passes(quality.files, quality.half_floats)
+    rounded = list_rounded_passes(quality.files, quality.half_floats)
     stored = _LIGHT[IMAGE_PASS in rounded]
-    samples = mean_samples_taken(quality.samples, quality.noise_threshold)
+    samples = estimate_mean_samples(quality.samples, quality.noise_threshold)
     noisy = min(stored.most, stored.one_sample + stored.per_doubling * math.log2(samples))
     if settings.textures.set in _DETAILED_IMAGES:
         noisy = stored.most * stored.coloured
@@ -233,7 +233,9 @@ def estimate_bytes(settings: Settings) -> float:
     if is_calibrated(settings.rig):  # and one more for the truth on the sensors
         sensors = sum(settings[topic].width_px * settings[topic].height_px for topic in EYE_TOPICS)
         copies += sensors / max(1, count_pixels(settings))
-    return count_pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _OTHER_BYTES)
+    return count_pixels(settings) * (
+        larger * (1.0 - compute_sky_fraction(settings)) * (seen + copies * truth) + _OTHER_BYTES
+    )
 
 
 def _bytes_of_shape(settings: Settings, stored: _NormalBytes) -> float:
@@ -249,7 +251,8 @@ def _bytes_of_shape(settings: Settings, stored: _NormalBytes) -> float:
 
 
 def _edge_px(settings: Settings) -> float:
-    """Edge in pixels of a facet of ungraded ground where the camera looks; 0 if unknown before the ground is read."""
+    """Edge in pixels of a facet of ungraded ground at the centre of the view; 0 if unknown before the ground is
+    read."""
     rig, source = settings.rig, settings.source
     if source.kind == "PROCEDURAL":
         edge_m = math.sqrt(2.0) * settings.terrain.size_m / (settings.terrain.resolution - 1)
@@ -262,7 +265,7 @@ def _edge_px(settings: Settings) -> float:
     return edge_m / away_m * StereoCamera.from_settings(rig).focal_px
 
 
-def sky_fraction(settings: Settings) -> float:
+def compute_sky_fraction(settings: Settings) -> float:
     """Fraction of an image above the edge of level ground: above the horizon, or above the rim of a patch."""
     rig, source = settings.rig, settings.source
     camera = StereoCamera.from_settings(rig)
@@ -275,7 +278,7 @@ def sky_fraction(settings: Settings) -> float:
 
 
 def _sample_cost(settings: Settings, topic: str) -> float:
-    """Cost of a sample that meets a surface, over that with Lambert's law and shaded relief."""
+    """Cost of a sample that hits a surface, relative to Lambert's law with shaded relief."""
     surface, hapke = simplify_surface(settings, topic), settings.hapke
     relative = _COST_BY_MODEL[surface.model]
     if surface.model == "HAPKE":
@@ -296,7 +299,7 @@ def _sample_cost(settings: Settings, topic: str) -> float:
     return relative + images * (_OWN_IMAGE_SHARE if settings.textures.set == "MESH" else 1.0)
 
 
-def mean_samples_taken(samples: int, threshold: float) -> float:
+def estimate_mean_samples(samples: int, threshold: float) -> float:
     """Mean number of samples per pixel under a noise threshold (0: no threshold), with at most ``samples`` each.
 
     Measured by ``python benchmarks plan_cost``.
@@ -319,7 +322,7 @@ def build_seconds(settings: Settings, triangles: float) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The work of a plan, and the part that is left to do.
+    """The work of a plan, and the remaining part of it.
 
     ``geometries``, ``surfaces`` and ``lights`` are numbers of distinct ones, and ``scenes`` is the number of builds.
     ``seconds`` are the processor seconds of all pairs, and ``left_s`` those of the pairs still to render, which take
@@ -383,8 +386,8 @@ def format_size(count: float) -> str:
 
 
 def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: Speed | None = None) -> Estimate:
-    """The cost of planned pairs on a machine of a known ``speed``. Pairs that are complete are not counted as left,
-    and correct the estimate."""
+    """The cost of planned pairs on a machine of a known ``speed``. Complete pairs cost nothing more, and correct the
+    estimate."""
     pairs = order_pairs(pairs)
     keys = [
         tuple(
@@ -449,7 +452,7 @@ def _processor_seconds(
                 seconds += build_seconds(pair.settings, triangles[scene])
             before = scene
             if is_baked(pair.settings) and (light := make_light_key(pair.settings)) not in baked:
-                seconds += bake_seconds(pair.settings)
+                seconds += estimate_bake_seconds(pair.settings)
                 baked.add(light)
     return seconds
 
@@ -495,7 +498,7 @@ def _read_pairs(
 def _read_ratios(
     pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str], expected: Mapping[str, float]
 ) -> list[float]:
-    """Processor seconds that pairs took over those that were expected."""
+    """Measured processor seconds of pairs over the expected seconds."""
     ratios = []
     for pair, facts in _read_pairs(pairs, dataset, there) if dataset is not None else ():
         taken, quality = facts.get("seconds", {}), facts["settings"].get("quality", {})
@@ -508,8 +511,8 @@ def _read_ratios(
     return ratios
 
 
-def prior_spread(speed: Speed | None, gpu: bool) -> float:
-    """Standard deviation of the logarithm of the seconds, before a pair is known."""
+def estimate_prior_spread(speed: Speed | None, gpu: bool) -> float:
+    """Standard deviation of the logarithm of the seconds before the first pair is measured."""
     return _PLAN_SPREAD_HERE if speed else _CARD_SPREAD if gpu else _PLAN_SPREAD
 
 
@@ -518,7 +521,7 @@ def _correct_by_pairs(ratios: Sequence[float], speed: Speed | None, gpu: bool) -
 
     The logarithm is the weighted mean of normal distributions: one known before, and one for each pair.
     """
-    before = prior_spread(speed, gpu) ** -2
+    before = estimate_prior_spread(speed, gpu) ** -2
     each = _PAIR_SPREAD**-2
     weight = before + each * len(ratios)
     known = math.log(speed.factor) if speed else 0.0
@@ -527,7 +530,8 @@ def _correct_by_pairs(ratios: Sequence[float], speed: Speed | None, gpu: bool) -
 
 
 def count_bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = False) -> float:
-    """Bytes that rendering these pairs writes, those that are there left out unless ``again``, and learnt from."""
+    """Bytes that rendering these pairs will write. Complete pairs correct the estimate; they count only if they are
+    rendered ``again``."""
     there = {pair.id for pair in pairs if is_complete(pair.folder(dataset))}
     left = [pair for pair in pairs if again or pair.id not in there]
     return _count_bytes(pairs, left, dataset, there)
@@ -536,8 +540,8 @@ def count_bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = 
 def _count_bytes(
     pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None, there: set[str]
 ) -> float:
-    """Bytes that are left to write: the expected bytes of the pairs that are left, corrected by the complete pairs, and
-    the light that is baked for the pairs that are left."""
+    """Bytes that are still to be written: the expected bytes of the remaining pairs, corrected by the complete pairs,
+    and of the baked light of the remaining pairs."""
     known = [
         (sum(float(f["bytes"]) for f in facts["files"].values()), estimate_bytes(pair.settings))
         for pair, facts in (_read_pairs(pairs, dataset, there) if dataset is not None else ())
@@ -546,4 +550,4 @@ def _count_bytes(
     if known:
         expected *= sum(a for a, _ in known) / sum(b for _, b in known)
     lights = {make_light_key(pair.settings): pair.settings for pair in left if is_baked(pair.settings)}
-    return expected + STATED_BYTES * len(left) + sum(map(light_bytes, lights.values()))
+    return expected + STATED_BYTES * len(left) + sum(map(estimate_light_bytes, lights.values()))

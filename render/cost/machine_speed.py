@@ -76,7 +76,7 @@ def _speed_key(device: str, blender: str, count: int) -> str:
 
 def recall_speed(device: str, blender: str = "") -> Speed | None:
     """The speed of this computer's ``device`` (CPU or GPU) with the present number of processors, in one version of
-    Blender or, without ``blender``, the speed measured last. None if it was never measured.
+    Blender or, without ``blender``, the speed measured last. None without a measurement.
     """
     known = [
         (key, Speed(**{name: entry[name] for name in _SPEED_SHAPE}))

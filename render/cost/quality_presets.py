@@ -13,9 +13,9 @@ from ...settings.description import merged
 from ...settings.preset_files import find_preset, load, preset_names, read_preset_header
 from ...settings.toml_text import read_toml
 from ...settings.topics.scene import Settings
-from ..plans.baked_or_traced import bake_seconds, resolve_auto_indirect
+from ..plans.baked_or_traced import estimate_bake_seconds, resolve_auto_indirect
 from .blender_abilities import Abilities, describe_lack
-from .estimate import estimate_work, format_duration, prior_spread
+from .estimate import estimate_prior_spread, estimate_work, format_duration
 from .machine_speed import Speed, to_wall_seconds
 
 
@@ -59,17 +59,17 @@ class QualityPreset:
         return f"SGBM {self.errors['sgbm_px']:+.3f} px, radiance {100 * self.errors['radiance_rms']:.1f} %"
 
 
-def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
-    """Wall seconds of a further pair of a scene of ``triangles`` triangles, and the factor by which they may be off.
+def estimate_pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
+    """Wall seconds of a further pair of a scene of ``triangles`` triangles, and their uncertainty as a factor.
 
     Light that is baked for the view of one pair counts; light that all pairs share does not.
     """
     settled = resolve_auto_indirect(settings, int(settings.dataset.headings))
     work = estimate_work(settled).seconds(triangles)
     if is_baked(settled) and settled.quality.bake_area == "VIEW":
-        work += bake_seconds(settled)
+        work += estimate_bake_seconds(settled)
     seconds = to_wall_seconds(work * (speed.factor if speed else 1.0), speed)
-    return seconds, math.exp(2.0 * prior_spread(speed, settings.quality.device == "GPU"))
+    return seconds, math.exp(2.0 * estimate_prior_spread(speed, settings.quality.device == "GPU"))
 
 
 def list_qualities(
@@ -92,7 +92,7 @@ def list_qualities(
             QualityPreset(
                 name,
                 title,
-                *pair_seconds(whole, triangles, speed),
+                *estimate_pair_seconds(whole, triangles, speed),
                 errors,
                 describe_lack(whole, able),
                 chosen=whole == settings,
@@ -101,7 +101,7 @@ def list_qualities(
     own = QualityPreset(
         "",
         "As described",
-        *pair_seconds(settings, triangles, speed),
+        *estimate_pair_seconds(settings, triangles, speed),
         {},
         describe_lack(settings, able),
         chosen=not any(quality.chosen for quality in found),

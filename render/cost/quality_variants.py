@@ -14,12 +14,12 @@ from typing import Any
 from ...physics.light.sky import compute_sky
 from ...physics.scene_requirements import (
     count_images_per_bake,
+    find_why_not_baked,
     is_baked,
     is_relief_for_camera_alone,
     random_walk_px,
     surface_topics,
     traces_random_walk,
-    why_not_baked,
 )
 from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from ...physics.surfaces.photometry import hemispherical_albedo
@@ -28,7 +28,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from ...support.number_text import format_count
-from ..plans.baked_or_traced import bake_seconds
+from ..plans.baked_or_traced import estimate_bake_seconds
 from .blender_abilities import Abilities, describe_lack
 from .estimate import estimate_work
 
@@ -154,8 +154,8 @@ def list_variants(settings: Settings, groups: Sequence[str] = (), able: Abilitie
 
 @dataclass(frozen=True)
 class _Shortcut:
-    """A feature that a render may leave out for speed: the key in ``quality``, its value without (``lean``) and with
-    the feature (``full``), and the names of both variants.
+    """A feature that a render may omit for speed: the key in ``quality``, its value without (``lean``) and with the
+    feature (``full``), and the names of both variants.
     """
 
     key: str
@@ -175,7 +175,7 @@ def _baked_parts(settings: Settings, area: str = "GROUND") -> _Parts:
     fixed = {"indirect": "BAKED", "bake_area": area, "bake_noise": 0.0}
     return (
         {}
-        if why_not_baked(settings)
+        if find_why_not_baked(settings)
         else {
             f"{where} by {format_count(most, 'sample')}, {format_count(n, 'direct sample')}": {
                 "quality": {**fixed, "bake_samples": most, "direct_samples": n}
@@ -187,7 +187,7 @@ def _baked_parts(settings: Settings, area: str = "GROUND") -> _Parts:
 
 
 def _list_shortcuts(settings: Settings) -> list[_Shortcut]:
-    """The features of the scene that may be left out: shaded relief, subsurface scattering, labels and normals."""
+    """The features of the scene that a render may omit: shaded relief, subsurface scattering, labels and normals."""
     found = []
     topics = surface_topics(settings)
     if any(
@@ -243,7 +243,7 @@ def _make_isotropic_hapke(settings: Settings) -> dict[str, Any]:
 
 
 def list_candidates(settings: Settings, able: Abilities = _FULL_BUILD, images: int = 1) -> list[Variant]:
-    """Ways to compute the light of a scene that a Blender with the abilities ``able`` can render, the cheapest by
+    """The renderable ways to compute the light of a scene in a Blender with the abilities ``able``, cheapest by
     expected cost first. A search may stop at the first one that is good enough.
 
     ``images`` is the number of images of a ground under one Sun, which share the cost of baking; for one image alone,
@@ -261,7 +261,7 @@ def list_candidates(settings: Settings, able: Abilities = _FULL_BUILD, images: i
 
 def _image_seconds(settings: Settings, images: int) -> float:
     """Processor seconds of an image, with its share of the bake."""
-    bake = bake_seconds(settings) / count_images_per_bake(settings, images) if is_baked(settings) else 0.0
+    bake = estimate_bake_seconds(settings) / count_images_per_bake(settings, images) if is_baked(settings) else 0.0
     return estimate_work(settings).seconds(0.0) + bake
 
 
@@ -270,8 +270,8 @@ def _has_graded_mesh(settings: Settings) -> bool:
 
 
 def _list_sample_counts(denoisers: Iterable[str], **quality: float) -> _Parts:
-    """Variants of the number of samples with each of these denoisers. Above a number of samples a denoiser costs more
-    than it saves.
+    """Variants of the number of samples with each of these denoisers. Above some number of samples a denoiser costs
+    more than it saves.
     """
     return {
         f"{format_count(n, 'sample')}{_DENOISER_SUFFIXES[denoiser]}": {

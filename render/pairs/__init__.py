@@ -1,1 +1,1 @@
-"""The folder of a pair: its content, how it takes its place, which files are ours."""
+"""The folder of a pair: its content, its publication, and the names of its files."""

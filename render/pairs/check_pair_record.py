@@ -170,7 +170,7 @@ def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings)
 
 
 def _describe_sky(settings: Settings, ground: object) -> dict[str, Any]:
-    """The table of ``sky.describe_sky``; nothing where it needs kernels, or settings that are accepted no more."""
+    """The table of ``sky.describe_sky``; empty if it needs kernels, or settings that are no longer accepted."""
     if settings.light.directions_from == "KERNELS":
         return {}
     try:
@@ -201,8 +201,8 @@ def _compare_planet(stated: object, wanted: Mapping[str, Any] | None) -> Iterato
 
 
 def _compare_direction(name: str, stated: Mapping[str, Any], wanted: Array) -> Iterator[str]:
-    """Contradictions in a direction. Its angles are compared as a direction, since at the zenith each azimuth is right,
-    and north is 0° and 360°.
+    """Contradictions in a direction. Its angles are compared as a direction, since every azimuth is valid at the
+    zenith, and north is 0° and 360°.
     """
     yield from _compare_value(name, stated, {"direction_to_world": wanted.tolist()}, _SINGLE_PRECISION)
     angles = {"elevation_deg": elevation_deg(wanted), "azimuth_deg": azimuth_deg(wanted)}
@@ -218,7 +218,7 @@ def _compare_direction(name: str, stated: Mapping[str, Any], wanted: Array) -> I
 def _compare_value(
     name: str, stated: object, wanted: object, digits: float = _SETTING_TOLERANCE, scale: float = 1.0
 ) -> Iterator[str]:
-    """A clause if a stated value differs from the wanted value. Numbers may differ by ``digits`` relative to the value
+    """A clause if a stated value differs from the derived value. Numbers may differ by ``digits`` relative to the value
     or to ``scale``.
     """
     if stated == wanted:

@@ -1,4 +1,4 @@
-"""The files of Icy Moon in a data set's folder: their names, and the removal of nothing else. Imports no Blender.
+"""The names of Icy Moon's files in a data set's folder; only such files are ever removed. Imports no Blender.
 
 Anyone may have written a plan, a claim or a folder. So each id from a file is checked before it becomes part of a path.
 Each removal goes through ``remove_ours``, which proves that its target lies in one of our folders and has one of our
@@ -81,7 +81,7 @@ def is_regular_file(path: Path) -> bool:
 
 
 def check_no_link(*paths: Path) -> None:
-    """Raise IcyMoonError if one of these paths in a data set is a link, which may lead to anyone's files.
+    """Raise IcyMoonError if one of these paths in a data set is a link, which may lead to files of others.
 
     The data set itself may be a link.
     """
@@ -94,7 +94,7 @@ def check_no_link(*paths: Path) -> None:
 
 
 def find_reason_to_keep(path: Path, dataset: Path) -> str:
-    """Why a file or folder of a data set may not be removed, as a clause; empty if it is ours."""
+    """The reason why a file or folder of a data set may not be removed, as a clause; empty if Icy Moon wrote it."""
     inside = path.parent.relative_to(dataset).as_posix() if path.parent != dataset else ""
     kind = "pairs/*" if _PAIR_ID.fullmatch(inside.removeprefix("pairs/")) else inside
     if kind not in _NAMES_BY_FOLDER or not _NAMES_BY_FOLDER[kind].fullmatch(path.name):
@@ -107,11 +107,12 @@ def find_reason_to_keep(path: Path, dataset: Path) -> str:
     foreign = list_files_not_ours(path) if inside == "pairs" and _PAIR_ID.fullmatch(path.name) else []
     if not foreign:
         return ""
-    return "it is no folder" if foreign[0] == path else f"{foreign[0].name} in it is not Icy Moon's"
+    return "it is not a folder" if foreign[0] == path else f"{foreign[0].name} in it is not Icy Moon's"
 
 
 def list_files_not_ours(folder: Path) -> list[Path]:
-    """Files, folders and links in a pair's folder that Icy Moon did not write; the path itself if it is no folder."""
+    """Files, folders and links in a pair's folder that Icy Moon did not write; the path itself if it is not a
+    folder."""
     if not folder.is_dir():
         return [folder] if folder.exists() else []
     return [
@@ -124,9 +125,7 @@ def list_files_not_ours(folder: Path) -> list[Path]:
 
 
 def remove_ours(path: Path, dataset: Path) -> bool:
-    """Remove a file or folder of ours from a data set, and return whether it is gone. Anything that is not ours
-    stays.
-    """
+    """Remove a file or folder of Icy Moon from a data set, and return whether it is gone. Files of others stay."""
     with suppress(OSError):
         if not find_reason_to_keep(path, dataset):
             if path.is_dir():

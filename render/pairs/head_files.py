@@ -7,10 +7,10 @@ PATTERN = r"camera_[A-Za-z0-9_-]{1,40}(\.truth)?\.exr"
 
 
 def image_file(name: str) -> str:
-    """The file with the image of a camera, and with its truth unless that has a file of its own."""
+    """The file with the image of a camera, and with its truth unless the truth has a separate file."""
     return f"camera_{name}.exr"
 
 
 def truth_file(name: str) -> str:
-    """The file with the truth on the pixels of a camera whose image was rendered on others."""
+    """The file with the truth on the pixels of a camera whose image was rendered on other pixels."""
     return f"camera_{name}.truth.exr"

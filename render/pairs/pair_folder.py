@@ -1,4 +1,4 @@
-"""The pair folder: the contract between rendering and measurement.
+"""The pair folder: the interface between rendering and measurement.
 
 ``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``; if images are blurred, eyes are toed
 in or a panorama shows them, the truth is in separate files, and so is the truth on the sensors of calibrated eyes. A
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera.blur import is_blurred
-from ...physics.camera.eyes import camera_of, eyes_json, with_eyes
+from ...physics.camera.eyes import add_calibrated_eyes, eyes_json, make_camera_with_eyes
 from ...physics.camera.head_camera import HEAD_CAMERA_SHAPE, HeadCamera, camera_from_json, is_plain
 from ...physics.camera.rolling_shutter import RollingShutter, find_rolling_shutter
 from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
@@ -72,7 +72,7 @@ class Pair:
 
     @property
     def has_eyes(self) -> bool:
-        """Whether it has the images of a pair, and not those of the head alone."""
+        """Whether it has the images of both eyes, beside those of the head."""
         return _has_eyes(self.settings)
 
     def image(self, eye: str) -> Path:
@@ -233,9 +233,9 @@ def check_pair(folder: Path, data: object, restore: Restore = restore_settings) 
             "version that wrote it."
         )
     check_record(data, _PAIR_SHAPE, path, _RENDER_AGAIN)
-    check_record(data, _needed_files(data), path, _RENDER_AGAIN)
+    check_record(data, _make_file_schema(data), path, _RENDER_AGAIN)
     settings = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
-    camera, head = _camera_of(data["camera"], settings, path), _head_of(data.get("head", []), path)
+    camera, head = _make_camera(data["camera"], settings, path), _read_head(data.get("head", []), path)
     pair = Pair(folder, check_id(data["id"], path), settings, camera, data, head)
     _check_statements(pair, path)
     for eye in EYES if pair.has_eyes else ():
@@ -244,15 +244,15 @@ def check_pair(folder: Path, data: object, restore: Restore = restore_settings) 
     return pair
 
 
-def _camera_of(stated: dict[str, Any], settings: Settings, path: Path) -> StereoCamera:
+def _make_camera(stated: dict[str, Any], settings: Settings, path: Path) -> StereoCamera:
     """The camera that a pair states, with the calibrated eyes of its settings."""
     try:
-        return with_eyes(StereoCamera.from_json(stated), settings)
+        return add_calibrated_eyes(StereoCamera.from_json(stated), settings)
     except ValueError as error:
         raise IcyMoonError(f"{path}: no camera follows from its settings ({error}); {_RENDER_AGAIN}.") from None
 
 
-def _head_of(stated: list[dict[str, Any]], path: Path) -> tuple[HeadCamera, ...]:
+def _read_head(stated: list[dict[str, Any]], path: Path) -> tuple[HeadCamera, ...]:
     """The cameras beside a pair that it states."""
     try:
         return tuple(map(camera_from_json, stated))
@@ -264,8 +264,8 @@ def _has_eyes(settings: Settings) -> bool:
     return bool(settings.rig.images == "PAIR")
 
 
-def _needed_files(data: dict[str, Any]) -> Mapping[str, Any]:
-    """The shape of files that the content of a ``pair.json`` must have besides that of all."""
+def _make_file_schema(data: dict[str, Any]) -> Mapping[str, Any]:
+    """The required shape of the files of a ``pair.json``, beside the shape that all of them have."""
     return {} if not find_fault(data, _HEAD_ONLY) else _PAIR_FILES_SHAPE
 
 
@@ -281,7 +281,7 @@ def _check_statements(pair: Pair, path: Path) -> None:
 
 def _find_contradictions(pair: Pair) -> Iterator[str]:
     """The entries of a pair's ``pair.json`` that contradict its settings, as clauses."""
-    camera = camera_of(pair.settings)
+    camera = make_camera_with_eyes(pair.settings)
     stated = {**pair.data, "camera": {**pair.data["camera"], **_numbers_of(pair.camera)}}
     yield from find_contradictions(
         stated, pair.settings, {**_numbers_of(camera), **camera.to_json()}, eyes_json(camera, pair.settings.rig)
@@ -312,7 +312,7 @@ def _list_file_names(settings: Settings, camera: StereoCamera) -> set[str]:
 
 
 def _list_head_files(pair: Pair) -> set[str]:
-    """The names of the files of the cameras beside a pair, as they must be."""
+    """The required names of the files of the cameras beside a pair."""
     return {image_file(each.name) for each in pair.head} | {
         truth_file(each.name) for each in pair.head if not is_plain(each.projection)
     }
@@ -363,7 +363,7 @@ def has_stated_files(folder: Path, data: Any) -> bool:
     """
     return (
         not find_fault(data, _FILES_SHAPE)
-        and not find_fault(data, _needed_files(data))
+        and not find_fault(data, _make_file_schema(data))
         and all(
             is_regular_file(folder / name) and (folder / name).stat().st_size == fact["bytes"]
             for name, fact in data["files"].items()

@@ -1,4 +1,4 @@
-"""Moves a finished pair to its place safely, also when other processes do the same or this one is killed.
+"""Moves a finished pair to its place atomically, also when other processes do the same or this one is killed.
 
 A folder gets its final name by one rename, which fails if the place is taken. Nothing is deleted at a path that another
 process may own: a folder in the way is first renamed to a name of our own and checked there, since a process that took
@@ -55,8 +55,7 @@ def publish_pair(part: Path, folder: Path, lost: Callable[[], bool], again: bool
 
 
 def resolve_leftover(part: Path) -> None:
-    """Move a whole pair that lies beside its place into that place if the place is free, and remove other leftovers of
-    ours.
+    """Move a whole leftover pair into its place if the place is free, and remove other leftovers of Icy Moon.
 
     Anything that is not ours stays unread. Raises OSError if the leftover cannot be read; then it stays too.
     """
@@ -83,9 +82,9 @@ def discard_unfinished(part: Path) -> None:
 
 
 def check_place(folder: Path) -> None:
-    """Raise IcyMoonError if the place of a pair is taken by something that is not ours."""
+    """Raise IcyMoonError if a file or folder of others takes the place of a pair."""
     if why := find_reason_to_keep(folder, folder.parent.parent):
-        raise IcyMoonError(f"{folder} is in the way and stays as it is: {why}; move it, or choose another folder.")
+        raise IcyMoonError(f"{folder} is in the way and stays unchanged: {why}; move it, or choose another folder.")
 
 
 def _try_rename(source: Path, target: Path) -> bool:

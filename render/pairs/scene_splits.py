@@ -90,7 +90,7 @@ def find_split_of_pair(pair: Pair) -> str:
 
 
 def choose_split(scene: str, splits: Mapping[str, float]) -> str:
-    """The split of a scene, drawn by its name, so it stays the same whatever else the data set contains.
+    """The split of a scene, drawn by its name, so that it is independent of the rest of the data set.
 
     The shares hold for many scenes; with a few scenes, a split may stay empty.
     """

@@ -71,13 +71,13 @@ def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
 
 
 def resolve_auto_indirect(settings: Settings, images: int) -> Settings:
-    """Settings with BAKED or TRACED in place of AUTO, as in a data set of ``images`` images of one ground under one
-    Sun, in different directions."""
+    """Settings with BAKED or TRACED in place of AUTO, for a data set of ``images`` images of one ground under one Sun,
+    in different directions."""
     return choose_indirect([settings] * count_images_per_bake(settings, images))[0]
 
 
 def make_light_key(settings: Settings) -> str:
-    """A text that is equal for pairs that can share baked light."""
+    """A cache key of light: equal texts for pairs that can share baked light."""
     quality = settings.quality
     seen = [rebuilt_parts.select_camera(settings)] if quality.bake_area == "VIEW" else []
     return json.dumps(
@@ -98,10 +98,10 @@ def find_break_even(settings: Settings) -> int:
     costs more.
     """
     saved = _pair_seconds(settings, settings.quality) - _pair_seconds(settings, make_direct_quality(settings.quality))
-    return 0 if saved <= 0 else max(1, round(0.5 + bake_seconds(settings) / saved))
+    return 0 if saved <= 0 else max(1, round(0.5 + estimate_bake_seconds(settings) / saved))
 
 
-def bake_seconds(settings: Settings) -> float:
+def estimate_bake_seconds(settings: Settings) -> float:
     """Processor seconds to bake the light of a ground and its rocks, with the planet's light, at the full number of
     samples.
     """
@@ -116,7 +116,7 @@ def bake_seconds(settings: Settings) -> float:
     return once * (1 + settings.light.planet)
 
 
-def light_bytes(settings: Settings) -> float:
+def estimate_light_bytes(settings: Settings) -> float:
     """Bytes of the baked light of a ground and its rocks, with the planet's light."""
     triangular = _is_of_triangles(settings) or settings.mesh.kind == "GRADED"
     vertices = _count_corners(settings) / (_CORNERS_PER_VERTEX if triangular else _CORNERS_PER_GRID_VERTEX)
@@ -124,7 +124,7 @@ def light_bytes(settings: Settings) -> float:
 
 
 def _is_of_triangles(settings: Settings) -> bool:
-    """Whether the mesh of ground from a file has triangles, not quadrilaterals."""
+    """Whether the mesh of ground from a file has triangles instead of quadrilaterals."""
     return settings.source.kind in ("STAND_IN", "MESH") or has_surroundings(settings)
 
 
@@ -151,7 +151,8 @@ def _count_corners(settings: Settings) -> float:
 
 @lru_cache(maxsize=256)
 def _estimate_share_seen(size_m: float, points: int, rig_items: tuple[tuple[str, float], ...]) -> float:
-    """Share of a level square of ``size_m`` metres that a rig sees, from ``points`` points tried along each side."""
+    """Share of a level square of ``size_m`` metres in the view of a rig, sampled at ``points`` points along each
+    side."""
     rig = RigSettings.from_values(rig_items)
     across = np.linspace(-size_m / 2, size_m / 2, points)
     east, north = (each.ravel() for each in np.meshgrid(across - rig.x_m, across - rig.y_m))

@@ -75,7 +75,7 @@ _FILE_SETTINGS = [
 
 @dataclass(frozen=True)
 class PlanDesign:
-    """The content of a plan for its pairs.
+    """The content of a plan from which its pairs are combined.
 
     ``base`` are settings, where a later variation overrides an earlier one. ``seeds`` and ``grounds`` (the number of
     grounds of the scenes) come with their place in the file. ``draw_again`` means that sweeps draw new values for each
@@ -99,9 +99,7 @@ class _Combination:
     parts: tuple[Variation, ...]
 
     def with_part(self, part: Variation) -> _Combination:
-        """This combination with ``part`` over it. Both share the topics that the part leaves alone, which saves
-        memory.
-        """
+        """This combination with ``part`` over it. Both share the unchanged topics, which saves memory."""
         settings = self.settings | {topic: self.settings[topic] | values for topic, values in part.settings.items()}
         return _Combination(settings, (*self.parts, part))
 
@@ -129,7 +127,7 @@ class _Grounds:
         self._keys = SettingsTexts(_GEOMETRY_SETTINGS)
 
     def make_ground_key(self, settings: Settings) -> str:
-        """A text of all settings on which a procedural ground and its rocks depend."""
+        """A cache key of a procedural ground and its rocks: a text of all settings on which they depend."""
         return self._keys.of(settings)
 
     def find(self, settings: Settings) -> RockyGround:
@@ -373,7 +371,8 @@ def _choose_grounds_to_check(
 def _find_refusals(
     made: list[_Combination], grounds: _Grounds, looked_at: frozenset[str], report: Report
 ) -> list[IcyMoonError | None]:
-    """Why each combination cannot be rendered, as far as known before the build; None if no reason is known.
+    """The reason why each combination cannot be rendered, as far as known before the build; None without a known
+    reason.
 
     Cameras are checked on the grounds ``looked_at``.
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...settings.description import ask_to_update, changed, check, overlaid, restore_settings
-from ...settings.pair_ids import affects_pixels, value_in_id
+from ...settings.description import ask_to_update, changed, check, overlay, restore_settings
+from ...settings.pair_ids import affects_pixels, find_value_in_id
 from ...settings.table import list_all_settings
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
@@ -102,7 +102,7 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
 
 
 def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPair]) -> str:
-    """The settings by which some ``known`` pairs are missing among the others, in words."""
+    """The settings in which the missing ``known`` pairs differ from the others, in words."""
     names = [(topic, s.key) for topic, s in list_all_settings() if affects_pixels(s)]
     before, now = (
         {name: {_value_in_id(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
@@ -126,7 +126,7 @@ def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPa
 
 def _value_in_id(name: tuple[str, str], pair: PlannedPair) -> str:
     """The value of a setting as the id of a pair contains it, for comparison."""
-    return repr(value_in_id(".".join(name), pair.settings))
+    return repr(find_value_in_id(".".join(name), pair.settings))
 
 
 def _describe_change(name: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
@@ -173,5 +173,5 @@ def read_frozen_plan(dataset: Path) -> FrozenPlan:
 
 def _parse_pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
     check_record(line, _PAIR_LINE_SHAPE, path, _PLAN_AGAIN)
-    settings = overlaid(base, check(line["changes"], str(path), stored=True))
+    settings = overlay(base, check(line["changes"], str(path), stored=True))
     return PlannedPair(check_id(line["id"], path), settings, 0.0)

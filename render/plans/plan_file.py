@@ -191,7 +191,9 @@ def _parse_plan(path: Path, data: dict[str, Any], text: str, readers: tuple[Path
     whole = Place(path, text)
     header = data.pop("plan", None)
     if not isinstance(header, Mapping):
-        raise IcyMoonError(f"{path} has no [plan] table, so it is no plan of a data set; give it one with a title.")
+        raise IcyMoonError(
+            f"{path} has no [plan] table, so it is not a plan of a data set; add the table, with a title."
+        )
     data.pop("sources", None)
     place = whole.at("plan")
     check_keys(header, HEADER, place, "[plan]")

@@ -56,7 +56,7 @@ def _read_length(sweep: Sweep, key: str, default: float) -> float:
     return value
 
 
-def _rig_variation(sweep: Sweep, **values: float) -> Variation:
+def _make_rig_variation(sweep: Sweep, **values: float) -> Variation:
     """A variation that sets these values of the rig, rounded to six digits."""
     rig = {key: float(f"{value:.6g}") for key, value in values.items()}
     place = Place(sweep.place.file, sweep.place.text, sweep.place.key)
@@ -80,7 +80,9 @@ def _make_panorama(sweep: Sweep, base: Settings, ground: Ground) -> list[Variati
             "of degrees."
         )
     pitches = _read_numbers(sweep, "pitches_deg", (base.rig.pitch_deg,))
-    return [_rig_variation(sweep, heading_deg=heading, pitch_deg=pitch) for pitch in pitches for heading in headings]
+    return [
+        _make_rig_variation(sweep, heading_deg=heading, pitch_deg=pitch) for pitch in pitches for heading in headings
+    ]
 
 
 def _make_view_sphere(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
@@ -121,7 +123,7 @@ def _look_at(
             "target_height_m, the distance or the elevation, or take other azimuths."
         )
     heading = (azimuth + 360.0) % 360.0 - 180.0
-    return _rig_variation(sweep, x_m=x, y_m=y, height_m=height, pitch_deg=elevation, heading_deg=heading)
+    return _make_rig_variation(sweep, x_m=x, y_m=y, height_m=height, pitch_deg=elevation, heading_deg=heading)
 
 
 def _make_sites(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
@@ -145,7 +147,9 @@ def _make_sites(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]
         )
     headings = make_axis_generator(sweep, "heading", seed).uniform(-180.0, 180.0, count)
     more: list[dict[str, float]] = [{"heading_deg": h} if turned else {} for h in headings.tolist()]
-    return [_rig_variation(sweep, x_m=x, y_m=y, **extra) for (x, y), extra in zip(found.tolist(), more, strict=True)]
+    return [
+        _make_rig_variation(sweep, x_m=x, y_m=y, **extra) for (x, y), extra in zip(found.tolist(), more, strict=True)
+    ]
 
 
 _MAKER_BY_KIND: dict[str, Callable[[Sweep, Settings, Ground], list[Variation]]] = {

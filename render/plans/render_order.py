@@ -1,4 +1,4 @@
-"""Orders pairs so that as little as possible is built again from one pair to the next. Imports no Blender.
+"""Orders pairs so that as little as possible is rebuilt from one pair to the next. Imports no Blender.
 
 The costly changes come first: another scene builds ground and rocks and Cycles' tree of triangles; another surface,
 light or lander builds that tree; another camera builds nothing.
@@ -43,7 +43,7 @@ def make_settings_key(part: Callable[[Settings], Parts], pair: PlannedPair) -> s
 
 
 def order_pairs(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
-    """The same pairs, each once, so that scenes change least, then surfaces, then lights, then landers, then cameras.
+    """The same pairs, each once, in an order in which scenes change least, then surfaces, lights, landers and cameras.
 
     Within a stage the order follows the plan, whichever pairs are complete.
     """

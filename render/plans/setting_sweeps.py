@@ -259,7 +259,7 @@ def _read_law(name: str, setting: Setting | None, law: object, place: Place, kin
             f"{suggest_nearest(law_name, ('uniform', 'log_uniform', 'normal', 'choice'))}"
         )
     if setting is None or setting.kind not in ("int", "float"):
-        raise IcyMoonError(f"{place}: {name} is no number; draw it with {{ choice = [values] }}.")
+        raise IcyMoonError(f"{place}: {name} is not a number; draw it with {{ choice = [values] }}.")
     first, second = _read_two_numbers(numbers, f"{law_name} of {name}", place)
     if law_name == "normal":
         limits = (

@@ -83,7 +83,7 @@ def describe_stand_ins(pairs: Sequence[PlannedPair], folders: Sequence[Path]) ->
         ]
         sentences.append(
             f"{count} of the pairs show stand-ins, made by code in place of files of the GUISS paper: "
-            f"{' and '.join(parts)}. Files of these names in the folder plan.files of your own plan "
+            f"{' and '.join(parts)}. Files with these names in your plan's folder plan.files "
             "replace them."
         )
     own = find_own_files(pairs, folders)

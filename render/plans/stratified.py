@@ -1,4 +1,4 @@
-"""Selects a part of a data set in which each value of each setting that varies keeps its share. Imports no Blender."""
+"""Selects a part of a data set in which each value of each varied setting keeps its share. Imports no Blender."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def find_varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
 
 
 def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedPair]:
-    """``count`` of the pairs, in which each value of each setting that varies has about the same share as in all pairs.
+    """``count`` of the pairs, in which each value of each varied setting has about the same share as in all pairs.
 
     Settings that always vary together count as one, and the seed of the ground does not count. Pairs are chosen one by
     one, each time a pair whose values are most lacking; ties are broken in a fixed random order. So a larger part of
@@ -56,7 +56,7 @@ def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedP
 
 
 def _number_levels(pairs: Sequence[PlannedPair]) -> list[Array]:
-    """The value of each pair as a number from 0 on, for each setting that varies independently."""
+    """The value of each pair as an index from 0 on, for each setting that varies independently."""
     found: dict[bytes, Array] = {}
     for topic, key in find_varied_settings(pairs):
         if (topic, key) == ("dataset", "seed"):

@@ -118,9 +118,9 @@ def describe_trajectory(sweep: Sweep) -> str:
 
 
 def _describe_views(sweep: Sweep, found: Trajectory, poses: PoseSequence) -> list[str]:
-    """Where the cameras look, by which wrong axes or a quaternion in another order are seen before a render; nothing
-    for poses that begin as the rig of the plan does."""
-    world = _world_of(sweep, found)
+    """The view directions of the cameras, which reveal wrong axes or a quaternion in another order before a render;
+    empty for poses that begin at the rig of the plan."""
+    world = _find_world_axes(sweep, found)
     if world == _RELATIVE_TO_FIRST:
         return []
     up = WORLD_IN[world][2]
@@ -144,14 +144,14 @@ def _view_text(down_deg: float) -> str:
     return f"{abs(rounded)} degrees {'up' if rounded < 0 else 'down'}"
 
 
-def _world_of(sweep: Sweep, found: Trajectory) -> str:
+def _find_world_axes(sweep: Sweep, found: Trajectory) -> str:
     return _read_choice(
         sweep, "world", (*WORLD_IN, _RELATIVE_TO_FIRST), _RELATIVE_TO_FIRST if found.kind == "KITTI" else "ENU"
     )
 
 
 def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
-    """The content of the file, and its poses with the stamps and of the step that the plan states, in its own axes."""
+    """The content of the file, and its poses in its own axes, with the stamps and the step that the plan states."""
     check_keys(sweep.table, _TABLE_KEYS, sweep.place, "a trajectory sweep")
     axes, kind = _read_choice(sweep, "axes", CAMERA_IN, "OPENCV"), _read_choice(sweep, "format", TRAJECTORY_KINDS, "")
     times = _read_path(sweep, "times") if "times" in sweep.table else None
@@ -188,7 +188,7 @@ def _read_file(sweep: Sweep) -> tuple[Trajectory, PoseSequence]:
 def _read_poses(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> tuple[PoseSequence, bool]:
     """The poses in the axes and from the origin of the site, and whether their heights are above the ground."""
     found, poses = _read_file(sweep)
-    world = _world_of(sweep, found)
+    world = _find_world_axes(sweep, found)
     heights = _read_choice(sweep, "heights", ("ZERO", "GROUND"), "ZERO")
     if world == _RELATIVE_TO_FIRST:
         for key in ("heights", "origin_m"):
@@ -197,14 +197,14 @@ def _read_poses(sweep: Sweep, base: Settings, ground: Callable[[Settings], Rocky
                     f"{sweep.place.at(key)}: with world = {quote(_RELATIVE_TO_FIRST)} the first pose is the pose of "
                     f"the rig; leave {key} out."
                 )
-        return poses.from_first(_rig_pose(sweep, base, ground)), False
+        return poses.from_first(_make_rig_pose(sweep, base, ground)), False
     origin = sweep.table.get("origin_m", [0.0, 0.0, 0.0])
     if not isinstance(origin, list) or len(origin) != 3 or not all(map(is_number, origin)):
         raise IcyMoonError(f"{sweep.place.at('origin_m')}: origin_m is {quote(origin)}, but must be three numbers.")
     return poses.placed(WORLD_IN[world], np.array(origin, float)), heights == "GROUND"
 
 
-def _rig_pose(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> Array:
+def _make_rig_pose(sweep: Sweep, base: Settings, ground: Callable[[Settings], RockyGround]) -> Array:
     """The pose (4, 4) of the plan's rig."""
     rig = base.rig
     if rig.height_from == "ZERO":

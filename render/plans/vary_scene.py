@@ -81,7 +81,7 @@ class SceneVariations:
 
 
 def why_fixed(topic: str, key: str) -> str:
-    """Why a setting cannot vary, as the end of a sentence; empty if it can."""
+    """The reason why a setting cannot vary, as the end of a sentence; empty if it can."""
     setting = TOPICS[topic][key]
     if (topic, key) == ("dataset", "seed"):
         return "varies by the number of seeds; raise Variations by Seed"
@@ -90,7 +90,7 @@ def why_fixed(topic: str, key: str) -> str:
     if setting.effect in NOT_SWEPT:
         return NOT_SWEPT[setting.effect]
     if setting.kind in ("text", "list"):
-        return "is no number, choice or tick, so no values lie between two others"
+        return "is not a number, choice or tick, so no values lie between two others"
     return ""
 
 
@@ -347,8 +347,8 @@ def describe_variations(settings: Settings, variations: SceneVariations) -> str:
 
 
 def sample_settings(settings: Settings, variations: SceneVariations, most: int) -> tuple[list[Settings], float]:
-    """Complete settings of up to ``most`` pairs at the first heading, spread over all, and about how many grounds all
-    pairs have. Raises IcyMoonError as ``count_pairs``."""
+    """Complete settings of up to ``most`` pairs at the first heading, evenly spread over all pairs, and the approximate
+    number of grounds of all pairs. Raises IcyMoonError as ``count_pairs``."""
     count_pairs(settings, variations)
     grounds, choices = 1.0, []
     for factor in _make_factors(settings, variations):

@@ -25,7 +25,7 @@ _POLL_S = 1.0
 
 
 def render_task(dataset: str, names: Sequence[str], workers: WorkerOptions) -> dict[str, str]:
-    """A task: render these pairs of a frozen data set, and return by id why pairs were set aside."""
+    """Render these pairs of a frozen data set, as a task of a worker, and return by id why pairs were set aside."""
     wanted = set(names)
     pairs = [pair for pair in datasets.read_frozen_plan(Path(dataset)).pairs if pair.id in wanted]
     return Runner(Path(dataset), pairs, workers, lambda *a, **k: None).run()

@@ -147,7 +147,7 @@ class DetachedProcess(ProcessOutput):
 
 
 def find_left_running(folder: Path) -> DetachedProcess | None:
-    """A process without a watcher whose files lie in ``folder``; None if there is no such process."""
+    """A process without a watcher whose files lie in ``folder``; None without such a process."""
     for file in sorted(folder.glob("*.lock")):
         found = DetachedProcess.attach(file.with_suffix(""))
         if found is not None:

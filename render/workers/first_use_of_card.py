@@ -7,14 +7,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-#: Seconds between reports of ``tell_while_compiling``, and seconds after which it stops: a driver took 443 s for the
+#: Seconds between reports of ``report_while_compiling``, and seconds after which it stops: a driver took 443 s for the
 #: kernels of an H200.
 REPORT_INTERVAL_S, _MOST_COMPILING_S = 20.0, 1800.0
 
 
 @contextmanager
-def tell_while_compiling(sampled: threading.Event, tell: Callable[[], None]) -> Iterator[None]:
-    """Call ``tell`` every ``REPORT_INTERVAL_S`` from another thread, until the context ends or ``sampled`` is set.
+def report_while_compiling(sampled: threading.Event, tell: Callable[[], None]) -> Iterator[None]:
+    """Call ``tell`` every ``REPORT_INTERVAL_S`` seconds from another thread, until the context ends or ``sampled`` is
+    set.
 
     A driver compiles for a graphics card when Cycles first renders or bakes on it, and Cycles reports nothing
     meanwhile. After half an hour the reports stop, so that a hung worker can be noticed.

@@ -59,7 +59,7 @@ JOB_SHAPE = {
 
 
 def read_job(file: Path) -> dict[str, Any]:
-    """Read a job file. Raises IcyMoonError if the file is no job."""
+    """Read a job file. Raises IcyMoonError if the file is not a job."""
     fix = "write it with Render Stereo Pair or icymoon render"
     try:
         job = dict(read_record(file, JOB_SHAPE, fix))

@@ -1,4 +1,5 @@
-"""Assigns each pair to one process, among processes and machines that share only a folder. Imports no Blender.
+"""Claims (locks) of pairs by one process each, among processes and machines that share only a folder. A dead process's
+claim is taken over. Imports no Blender.
 
 A claim is a file ``claims/<pair>.<n>``, which only one process can create. That process touches it regularly. When the
 touches stop, or the process has ended, another process may claim the pair as n + 1, and again only one can. So a
@@ -104,7 +105,7 @@ class Claims:
         return {
             "pid": os.getpid(),
             "place": system.find_process_scope(),
-            "host": system.computer_name(),
+            "host": system.find_computer_name(),
             "key": self._key,
         }
 
@@ -139,7 +140,7 @@ class Claims:
         return pair in self._held and not self.is_lost(pair)
 
     def is_lost(self, pair: str) -> bool:
-        """Whether another process has claimed a pair of this one, because it took this one for dead."""
+        """Whether another process has taken over a claim of this process, because it considered this process dead."""
         path = self._held.get(pair)
         return path is not None and not self._is_mine(path)
 
@@ -167,16 +168,16 @@ class Claims:
         return f"process {holder['pid']} on {holder['host']}" if holder else "another process"
 
     def clean_up_after(self, pid: int) -> None:
-        """Remove the claims of a process of this machine that has ended, and its unfinished folders."""
-        for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART_SUFFIX}"):
+        """Remove the claims and the unfinished folders of an ended process of this machine."""
+        for part in self._pairs.glob(f"*.{system.find_computer_name()}-{pid}-*{PART_SUFFIX}"):
             self._settle_leftover(part)
         for path in self._list_claims():
             holder = _read_claim(path)
-            if holder.get("pid") == pid and holder.get("host") == system.computer_name():
+            if holder.get("pid") == pid and holder.get("host") == system.find_computer_name():
                 self._remove(path)
 
     def clean_up(self) -> None:
-        """Settle the leftovers of ended processes, and remove the folder of claims if no pair is claimed."""
+        """Remove the leftovers of ended processes, and the folder of claims if no pair is claimed."""
         # A process claims before it writes: a folder that exists now and has no claim afterwards is a leftover.
         parts = list(self._pairs.glob(f"*{PART_SUFFIX}"))
         claimed = self.find_claimed_elsewhere() | self._held.keys()
@@ -240,7 +241,7 @@ class Claims:
         return age > STALE_S or (age < -STALE_S and self._is_frozen_ahead(claim, touched))
 
     def _is_frozen_ahead(self, claim: Path, touched: float) -> bool:
-        """Whether a claim with a time in the future has kept that time for so long that its holder is gone.
+        """Whether a claim with a time in the future has kept that time long enough for its holder to be dead.
 
         The time is ahead because a clock was set back, so it does not show the age of the claim.
         """
@@ -251,7 +252,7 @@ class Claims:
         return now - known[1] > STALE_S
 
     def _read_clock(self) -> float:
-        """The time by the clock that stamps the files of this folder, which may be the clock of another machine."""
+        """The time by the clock that stamps the files of this folder, possibly the clock of another machine."""
         probe = make_part_path(self._pairs / ".clock")
         with explain_disk_errors("write to", probe.parent):
             probe.parent.mkdir(parents=True, exist_ok=True)

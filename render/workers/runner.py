@@ -1,4 +1,5 @@
-"""Renders the pairs of a data set with several worker processes, of which any may crash. Imports no Blender.
+"""Renders the pairs of a data set with several worker processes, and retries the pairs of a crashed worker. Imports no
+Blender.
 
 This process holds nothing that could be lost. The data set contains its plan, the disk shows which pairs are complete,
 and a pair in progress belongs to the holder of its claim.
@@ -172,7 +173,7 @@ class Runner:
                 worker.heard, worker.spoke = time.monotonic(), True
                 self._handle_message(worker, message)
             silent = time.monotonic() - worker.heard
-            if silent > self._patience_s(worker, silent):
+            if silent > self._find_silence_limit_s(worker, silent):
                 worker.error = worker.error or f"it sent nothing for {silent:.0f} s"
                 worker.process.stop()
             elif silent > _SUSPECT_AFTER_S and len(self._running) < self._options.count and not self._queue:
@@ -181,10 +182,8 @@ class Runner:
                 self._running.remove(worker)
                 self._finish_worker(worker)
 
-    def _patience_s(self, worker: _Worker, silent: float) -> float:
-        """Seconds for which a worker may send nothing: few if all its pairs are complete, perhaps by other
-        processes.
-        """
+    def _find_silence_limit_s(self, worker: _Worker, silent: float) -> float:
+        """Seconds for which a worker may be silent: few if all its pairs are complete, perhaps by other processes."""
         idle = worker.done or (silent > _MOST_EXIT_S and not self._get_pairs_left(worker))
         return _MOST_EXIT_S if idle else self._options.silence_s
 
@@ -196,7 +195,7 @@ class Runner:
         return worker.left
 
     def _find_pairs_left(self, worker: _Worker) -> list[PlannedPair]:
-        """A worker's pairs that are neither complete nor set aside. A complete pair is never looked for again."""
+        """A worker's pairs that are neither complete nor set aside. A complete pair is never checked again."""
         for pair in worker.pairs:
             if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
                 self._report_pair(pair.id)
@@ -253,7 +252,7 @@ class Runner:
             worker.done = True
 
     def _finish_worker(self, worker: _Worker) -> None:
-        """Judge by the disk which pairs a worker has finished, and give the others to another worker."""
+        """Find out from the disk which pairs a worker has finished, and give the others to another worker."""
         worker.close()
         self._claims.clean_up_after(worker.process.pid)
         if worker.fatal:

@@ -1,5 +1,5 @@
-"""Selects the baked light that a process may use: its own, or light that a complete pair or a claim vouches for.
-Imports no Blender.
+"""Selects the baked light that a process may use: its own, or light that a complete pair or a claim states. Imports no
+Blender.
 
 Anyone may put a file into ``light/``. So a file is used only if its content has the checksum that
 
@@ -79,7 +79,7 @@ def find_stated_light_files(pair_json: Mapping[str, Any]) -> list[LightFile]:
     return found
 
 
-class VouchedLight:
+class StatedLight:
     """The baked light that the complete pairs of a data set state; each pair is read once."""
 
     def __init__(self, dataset: Path) -> None:
@@ -117,7 +117,7 @@ class SharedLight:
 
     def __init__(self, dataset: Path, claims: Claims) -> None:
         self._dataset, self.claims = dataset, claims
-        self._vouched = VouchedLight(dataset)
+        self._vouched = StatedLight(dataset)
         self._known: dict[str, LightFile] = {}
         self._waiting: set[str] = set()  # keys whose claims are held until a pair states their light
 

@@ -21,7 +21,7 @@ _CONTROL_CHARACTER = re.compile(r"[\x00-\x1f\x7f]")
 @dataclass(frozen=True)
 class SlurmRequest:
     """The requests of the script to SLURM: shards of the data set, how many at once (0: all), processors and memory for
-    each shard, wall time, and further options as sbatch has them."""
+    each shard, wall time, and further options in sbatch's form."""
 
     shards: int
     at_once: int
@@ -85,7 +85,7 @@ def format_array_ranges(numbers: Sequence[int]) -> str:
 
 
 def _refuse_lines(text: str) -> None:
-    """Raise IcyMoonError if a text would end its line of the script, so that the rest would run as a command."""
+    """Raise IcyMoonError for a text with a line break, since the rest would run as a command."""
     if _CONTROL_CHARACTER.search(text):
         raise IcyMoonError(
             f"{text!r} contains a line break or another control character, which a job script cannot "

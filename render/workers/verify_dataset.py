@@ -10,10 +10,10 @@ from typing import Any
 
 from ...formats.exr_layout import read_sizes
 from ...physics.camera.blur import describe_blur_identity
-from ...physics.camera.eyes import camera_of
+from ...physics.camera.eyes import make_camera_with_eyes
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.description import Restorer
-from ...settings.pair_ids import affects_pixels, make_counter, make_pair_id, value_in_id
+from ...settings.pair_ids import affects_pixels, find_value_in_id, make_counter, make_pair_id
 from ...settings.table import list_all_settings
 from ...support.errors import IcyMoonError, describe_error
 from ...support.file_schemas import FILE_NAME, SHA256, Each, find_fault
@@ -39,7 +39,7 @@ from ..plans.frozen_plan import PLAN, read_frozen_plan
 from ..plans.planned_pair import PlannedPair
 from .manifest import MANIFEST
 from .pair_claims import CLAIMS_FOLDER, Claims
-from .shared_light import LightFile, VouchedLight
+from .shared_light import LightFile, StatedLight
 
 #: Files and folders that a data set's folder may contain.
 _EXPECTED_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
@@ -68,7 +68,7 @@ class Problem:
 @dataclass(frozen=True)
 class Findings:
     """The result of ``verify_data_set``: the number of planned and of complete pairs, the problems, and notes on
-    missing files that the pairs can do without. Without a plan (``has_plan``) the existing pairs count as planned.
+    missing but optional files. Without a plan (``has_plan``) the existing pairs count as planned.
     """
 
     pairs: int
@@ -94,7 +94,7 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
         )
     working = Claims(dataset).find_claimed_elsewhere()
     problems: list[Problem] = []
-    complete, shared = 0, _SharedChecks(VouchedLight(dataset))
+    complete, shared = 0, _SharedChecks(StatedLight(dataset))
     for name, pair in planned.items():
         folder = folder_of_pair(dataset, name)
         try:
@@ -117,9 +117,8 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
             []
             if has_plan
             else [
-                f"{dataset} has no {PLAN}, so each pair is compared with what it states itself, and missing "
-                "pairs are not "
-                "found."
+                f"{dataset} has no {PLAN}, so each pair is compared with its own statements, and missing "
+                "pairs are not found."
             ]
         ),
     ]
@@ -163,7 +162,7 @@ def _describe_misplaced(folder: Path) -> str:
 class _SharedChecks:
     """Objects that are made once for all pairs of a data set, and the light that the pairs state."""
 
-    def __init__(self, light: VouchedLight) -> None:
+    def __init__(self, light: StatedLight) -> None:
         self.light = light
         self.restore, self.count = Restorer(), make_counter()
         #: Name, topic and key of the settings that can change a rendered pixel.
@@ -178,7 +177,7 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
     name = folder.name
     if link := _find_link(folder):
         text = (
-            f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
+            f"{link} is a link, which is not part of a pair; replace it by its target, or remove it and "
             f"{_describe_repair(planned is not None)}."
         )
         strange = _find_foreign_files(folder) if link.parent == folder else ()
@@ -186,7 +185,7 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
         return
     record = folder / "pair.json"
     if not record.is_file():
-        why = f"{record} is no regular file." if os.path.lexists(record) else f"{folder} has no pair.json."
+        why = f"{record} is not a regular file." if os.path.lexists(record) else f"{folder} has no pair.json."
         if others := tuple(_find_foreign_files(folder)):
             yield Problem("foreign", name, " ".join([why, *others]))
         elif folder.exists():
@@ -218,12 +217,12 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
 
 
 def _describe_repair(has_plan: bool) -> str:
-    """A clause that tells how to make a pair again: by the plan of its data set, or without one as it was made."""
+    """A clause on how to make a pair again: by the plan of its data set, or without a plan by its original command."""
     return "run icymoon batch" if has_plan else "render the pair again"
 
 
 def _find_foreign_files(folder: Path) -> Iterator[str]:
-    """A sentence on the files in a pair's folder that Icy Moon did not write, links aside."""
+    """A sentence on the files in a pair's folder that Icy Moon did not write, except links."""
     if paths := [path for path in list_files_not_ours(folder) if not path.is_symlink()]:
         more = f" and {len(paths) - 1} more are" if paths[1:] else " is"
         yield f"{paths[0]}{more} not Icy Moon's; move {'them' if paths[1:] else 'it'} out of the pair's folder."
@@ -236,8 +235,8 @@ def _find_link(folder: Path) -> Path | None:
 
 
 def _parse_pair_json(record: Path) -> object:
-    """The content of a ``pair.json``; None if it is missing or no JSON. Raises OSError if the system refuses to
-    tell.
+    """The content of a ``pair.json``; None if it is missing or not JSON. Raises OSError if the system refuses
+    access.
     """
     try:
         return parse_json(read_text(record))
@@ -279,11 +278,11 @@ def _find_damage(pair: Pair) -> Iterator[str]:
         elif file.stat().st_size != fact["bytes"]:
             yield f"{file} has {file.stat().st_size} bytes, not {fact['bytes']}."
         elif hash_file(file) != fact["sha256"]:
-            yield f"{file} is not what was rendered: its checksum differs."
+            yield f"{file} has changed since the render: its checksum differs."
 
 
 def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _SharedChecks) -> Iterator[str]:
-    """Differences of a pair from the plan, as clauses. The pair's own entries excuse no difference.
+    """Differences of a pair from the plan, as clauses. The pair's own entries justify no difference.
 
     Without a plan its name and its settings decide, unless the scene was edited by hand.
     """
@@ -297,7 +296,7 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         (name, pair.settings[topic][key], wanted.settings[topic][key])
         for name, topic, key in shared.names
         if (topic in unequal or key == "relief")
-        and value_in_id(name, pair.settings) != value_in_id(name, wanted.settings)
+        and find_value_in_id(name, pair.settings) != find_value_in_id(name, wanted.settings)
     ]
     if others:
         texts = [
@@ -324,7 +323,7 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         yield f"{path}: was rendered with the seed {seeds.get('render')}, not {wanted.render_seed}"
     if "dataset" in seeds and seeds["dataset"] != wanted.settings.dataset.seed:
         yield f"{path}: seeds.dataset is {seeds['dataset']}, and its settings give {wanted.settings.dataset.seed}"
-    yield from _find_wrong_sizes(pair, camera_of(wanted.settings))
+    yield from _find_wrong_sizes(pair, make_camera_with_eyes(wanted.settings))
 
 
 def _find_wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
@@ -337,14 +336,14 @@ def _find_wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:
         wide, high = apart.get(file, camera.rendered_px)
         sizes = read_sizes(file)
         if not sizes:
-            yield f"{file} is no whole EXR image"
+            yield f"{file} is not a complete EXR image"
         yield from (
             f"{file} has {columns} x {rows} pixels, and its settings give {wide} x {high}"
             for columns, rows in sizes - {(wide, high)}
         )
 
 
-def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
+def _find_stated_light(light: StatedLight) -> dict[LightFile, list[str]]:
     """The files of baked light in use, and for each the ids of the pairs that were rendered with it."""
     stated: dict[LightFile, list[str]] = {}
     for pair, files in sorted(light.by_pair().items()):
@@ -354,7 +353,7 @@ def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
 
 
 def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> Iterator[str]:
-    """A sentence on missing baked light, if any; the images that were rendered with it are still whole."""
+    """A sentence on missing baked light, if any; the images that were rendered with it are still complete."""
     folder = dataset / LIGHT
     gone = (
         {}
@@ -371,14 +370,12 @@ def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> It
 
 
 def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set[str], again: str) -> Iterator[Problem]:
-    """Problems of baked light: of its files, and of the pairs' entries on it. ``again`` is the clause that tells how to
-    make a pair again.
+    """Problems of baked light: of its files, and of the pairs' entries on it. ``again`` is the clause on how to make a
+    pair again.
     """
     folder = dataset / LIGHT
     if folder.is_symlink():
-        yield Problem(
-            "foreign", LIGHT, f"{folder} is a link, so its light counts as absent; put what it leads to in its place."
-        )
+        yield Problem("foreign", LIGHT, f"{folder} is a link, so its light counts as absent; replace it by its target.")
         return
     checksums: dict[str, str] = {}
     for path in list_put_there(folder):
@@ -386,17 +383,19 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
         if is_unfinished_name(path) and path.name.split("-")[0].split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif parts and not is_regular_file(path):
-            yield Problem("foreign", path.name, f"{path} is no regular file, so its light counts as absent; remove it.")
+            yield Problem(
+                "foreign", path.name, f"{path} is not a regular file, so its light counts as absent; remove it."
+            )
         elif parts:
             checksums[path.name] = checksum = hash_file(path)
             if not checksum.startswith(parts[1]):
                 yield Problem(
-                    "broken", path.name, f"{path} is not what was baked: its name states another content.", path
+                    "broken", path.name, f"{path} has changed since the bake: its name states another content.", path
                 )
             elif parts[0] not in working and not any(file.name == path.name for file in stated):
                 yield Problem("light", path.name, f"No pair states the light {path}, so it is not used; remove it.")
         elif not is_unfinished_name(path):
-            yield Problem("foreign", path.name, f"{path} is no baked light.")
+            yield Problem("foreign", path.name, f"{path} is not baked light.")
     for file, pairs in stated.items():
         if checksums.get(file.name, file.checksum) != file.checksum:
             who, which = (
@@ -466,7 +465,7 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
             if path.name.split(".")[0] not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif not is_claim_name(path):
-            yield Problem("foreign", path.name, f"{path} is no claim.")
+            yield Problem("foreign", path.name, f"{path} is not a claim.")
         elif path.name.split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)
     for path in list_put_there(dataset):

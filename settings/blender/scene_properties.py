@@ -85,7 +85,7 @@ _classes: list[type] = []
 
 
 def _make_variations() -> object:
-    """The property of what varies over the pairs of a data set, which is beside the settings and none of them."""
+    """The property of the varied settings of a data set, which is stored beside the settings."""
     update = make_update_callback("run")
     tick = _register_group(
         "ICYMOON_PG_tick",
@@ -216,7 +216,7 @@ def read_varied(fields: bpy.types.PropertyGroup, name: str, values: tuple[str, .
 
 
 def _shortest_single(value: float) -> float:
-    """A number of Blender's, which is in single precision, by its shortest spelling."""
+    """A single-precision number of Blender in its shortest spelling."""
     return float(str(np.float32(value)))
 
 
@@ -326,7 +326,7 @@ def read_settings(group: bpy.types.PropertyGroup) -> Settings:
 
 
 def find_left_landforms(group: bpy.types.PropertyGroup) -> list[str]:
-    """Landforms of plug-ins that are not installed here, although the scene uses them."""
+    """Landforms of missing plug-ins that the scene uses."""
     return sorted(
         name
         for name, values in compat.read_stored_groups(group).items()

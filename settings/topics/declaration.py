@@ -183,8 +183,7 @@ class Topic:
         return on and self._by_key[key].active(root, self.key)
 
     def list_obstacles(self, key: str, root: object) -> tuple[str, ...] | None:
-        """The settings (``topic.key``) because of whose present values a setting is not shown or has no effect; None if
-        it acts."""
+        """The settings (``topic.key``) whose present values hide a setting or remove its effect; None if it acts."""
         on = positive(self.turned_on_by) if self.turned_on_by and key != self.turned_on_by else ALWAYS
         for condition in (self.shown, self._by_key[key].shown, on, self._by_key[key].active):
             if not condition(root, self.key):
@@ -243,7 +242,7 @@ class _DisplayArguments(_CommonArguments, total=False):
 
 
 def _field(setting: Setting) -> Any:
-    """The setting, typed as its value: until its class is made, the class has the declaration, and then values."""
+    """The declaration of a setting, typed as its value: the class replaces it by values once it is made."""
     return setting
 
 

@@ -8,8 +8,8 @@ from .declaration import ADVANCED, Section, Table, choice, degrees, fraction, me
 from .relevance import chosen, positive
 
 DUG = ~chosen("path", "NONE")
-WALLS = Section("walls", "Ground and Walls", "Strength of the ground and what becomes of the walls", shown=DUG)
-HEAP = Section("heap", "Heap", "Where what is dug goes", shown=DUG)
+WALLS = Section("walls", "Ground and Walls", "Strength of the ground, and standing or sliding walls", shown=DUG)
+HEAP = Section("heap", "Heap", "Place and shape of the spoil", shown=DUG)
 LAYERS = Section("layers", "Fresh Ground and Layers", "Albedo of ground that is dug open, and of its layers", shown=DUG)
 
 

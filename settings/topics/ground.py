@@ -100,7 +100,7 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         "ground goes on beyond its patch, with coarser and coarser cells and the curvature of the body; 0 for the "
         "patch alone", "geometry", zero="none", shown=MAP, since="0.4")
     surroundings_file: str = text(
-        "Surroundings File", "", "GeoTIFF with a coarser height map that goes on where the first one ends, of the same "
+        "Surroundings File", "", "GeoTIFF with a coarser height map that continues beyond the first one, of the same "
         "body. If it is empty, the ground ends where the first one does", "geometry", "read", subtype="FILE_PATH",
         shown=SURROUNDED, since="0.4")
     missing: str = text(
@@ -146,7 +146,7 @@ class TerrainLayer(Table):
         ("TURBULENCE", "Turbulence", "Sum of magnitudes: rounded lumps with creases"),
         ("CRESTS", "Crests", "Sum of sharp crests: equally rough everywhere"))
     amplitude_m: float = metres(
-        "Amplitude", 0.1, -1.0e4, 1.0e4, (-2.0, 2.0), "RMS height of the layer. A negative value turns it upside down",
+        "Amplitude", 0.1, -1.0e4, 1.0e4, (-2.0, 2.0), "RMS height of the layer. A negative value inverts the map",
         "geometry")
     scale_m: float = metres(
         "Scale", 2.0, 1.0e-3, 1.0e5, (0.1, 20.0), "Wavelength of the layer's first octave", "geometry")

@@ -47,7 +47,7 @@ class CracksSettings(Table, label="Cracks", parent=LANDFORMS, turned_on_by="dept
     azimuth_deg: float = degrees(
         "Direction", 0.0, -360.0, 360.0, "Direction of elongated cracks, from north (+Y) over east (+X)", "geometry")
     edges: Literal["ROUNDED", "BROKEN"] = choice(
-        "Edges", "ROUNDED", "Shape of the walls of cracks, and what lies in them", "geometry",
+        "Edges", "ROUNDED", "Shape of the walls of cracks, and the fragments in them", "geometry",
         ("ROUNDED", "Rounded", "Smooth walls that end in the middle of the crack"),
         ("BROKEN", "Broken", "Steep, chipped walls, and fallen fragments of ice on the floor"),
         since="0.3")

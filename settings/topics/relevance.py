@@ -13,8 +13,8 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Asked:
-    """The settings of a scene, for a condition of a setting in ``topic``. ``root`` contains them by topic."""
+class ConditionScope:
+    """Gives a condition the settings of a scene, for a setting in ``topic``. ``root`` contains them by topic."""
 
     root: object
     topic: str
@@ -25,8 +25,8 @@ class Asked:
         return getattr(getattr(self.root, topic), key) if dot else getattr(getattr(self.root, self.topic), name)
 
 
-class _Recording(Asked):
-    """Records which settings are asked for, as ``topic.key``."""
+class _Recording(ConditionScope):
+    """Records the settings that a condition reads, as ``topic.key``."""
 
     def value(self, name: str) -> Any:
         self.names[name if "." in name else f"{self.topic}.{name}"] = None
@@ -34,7 +34,7 @@ class _Recording(Asked):
 
     @cached_property
     def names(self) -> dict[str, None]:
-        """The names in the order in which they were asked for."""
+        """The names in the order in which they were read."""
         return {}
 
 
@@ -42,11 +42,11 @@ class _Recording(Asked):
 class Condition:
     """A condition on the settings of a scene."""
 
-    test: Callable[[Asked], bool]
+    test: Callable[[ConditionScope], bool]
 
     def __call__(self, root: object, topic: str) -> bool:
         """Whether the condition holds for a setting of ``topic``; ``root`` holds all settings."""
-        return self.test(Asked(root, topic))
+        return self.test(ConditionScope(root, topic))
 
     def list_deciding(self, root: object, topic: str) -> tuple[str, ...]:
         """The settings (``topic.key``) whose present values decide whether the condition holds."""

@@ -21,7 +21,7 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         ("POWER", "Power Law", "N(>D) ~ D^-index, as fitted to block counts on Enceladus"),
         ("GOLOMBEK", "Golombek", "Covered share k exp(-q D), q = 1.79 + 0.152/k per m, k the coverage: fitted to "
          "rocks on Mars, an analogue"),
-        ("TABLE", "From a Table", "Places and diameters are those of the file below. Coverage only turns rocks on, "
+        ("TABLE", "From a Table", "Positions and diameters come from the file below. Coverage only turns rocks on, "
          "and sizes and clusters have no effect"),
         section=ADVANCED)
     file: str = text(
@@ -84,5 +84,5 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         "once more", "geometry", "px", subtype="PIXEL", section=PLACE, shown=GRADED & ~chosen("law", "TABLE"),
         since="0.3")
     own_surface: bool = tick(
-        "Own Surface", False, "Make rocks from the settings of Rock Surface instead of those of the ground", "material",
+        "Own Surface", False, "Make rocks from the settings of Rock Surface instead of the ground's", "material",
         section=ELSEWHERE)

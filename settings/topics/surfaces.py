@@ -132,7 +132,7 @@ class SurfaceSettings(Table, label="Ice"):
     subsurface_method: Literal["RANDOM_WALK", "BURLEY"] = choice(
         "Subsurface Law", "RANDOM_WALK", "How light that enters the snow is followed", "material",
         ("RANDOM_WALK", "Random Walk", "From one scattering to the next, through the shape of the ground"),
-        ("BURLEY", "Burley", "By a profile that was fitted to flat surfaces. It takes a third of the time, but "
+        ("BURLEY", "Burley", "Uses a profile that was fitted to flat surfaces. It takes a third of the time, but "
          "matchers err on 4 % more pixels"),
         section=ADVANCED, shown=PRINCIPLED, active=positive("subsurface_weight"), since="0.3")
     transmission: float = fraction(

@@ -1,4 +1,4 @@
-"""The trust boundary: what settings may name, and what only the user may name.
+"""The trust boundary: what a file may bring, and what only the user may name.
 
 Scenes, .blend files, settings files, presets, plans, jobs, data sets and pairs contain settings. Anyone may have
 written them, so they are data: numbers, choices, files that are read as data, and a folder that is written to. They
@@ -58,13 +58,13 @@ def find_text_fault(kind: str, text: str) -> str:
     empty if they may.
     """
     if kind == "mark" and text not in ("", NO_MARK) and not _is_finite(text):
-        return f"is {text[:40]!r}, which is no number; give one such as -9999, {NO_MARK}, or an empty text."
+        return f"is {text[:40]!r}, which is not a number; give one such as -9999, {NO_MARK}, or an empty text."
     if kind == "decimal" and text and not DECIMAL_PATTERN.fullmatch(text):
-        return (f"is {text[:40]!r}, which is no number of up to 12 digits before the point and 9 after it; give one "
+        return (f"is {text[:40]!r}, which is not a number of up to 12 digits before the point and 9 after it; give one "
                 "such as 1305031102.175304, or an empty text.")
     if kind == "coordinate" and text and not COORDINATE_PATTERN.fullmatch(text):
-        return (f"is {text[:40]!r}, which is no coordinate; write digits with a point, as in -145244.5798, without a "
-                "unit, an exponent or a letter of the compass.")
+        return (f"is {text[:40]!r}, which is not a coordinate; write digits with a point, as in -145244.5798, without "
+                "a unit, an exponent or a letter of the compass.")
     if kind != "matchers":
         return ""
     loaded = next(iter(_list_loading_options(option for _, options in split_methods(text) for option in options)), "")

@@ -69,14 +69,14 @@ def serve(
 
 
 def drop_single_axes(values: np.ndarray) -> np.ndarray:
-    """(H, W) of (1, H, W), (H, W, 1) and the like: networks return a batch or a channel of one."""
+    """The array (H, W) of (1, H, W), (H, W, 1) and the like: networks return a batch or a channel of one."""
     while values.ndim > 2 and 1 in (values.shape[0], values.shape[-1]):
         values = values[0] if values.shape[0] == 1 else values[..., 0]
     return values
 
 
 def to_disparity_map(found: object, shape: tuple[int, ...]) -> np.ndarray:
-    """What a program returned, as float32 (H, W). Raises ValueError, with the fix, if it is no disparity map."""
+    """The output of a program as float32 (H, W). Raises ValueError, with the fix, if it is not a disparity map."""
     if hasattr(found, "detach"):  # a tensor of PyTorch, perhaps on a GPU or with a type that NumPy lacks
         found = found.detach().float().cpu().numpy()
     found = np.asarray(found)
@@ -125,7 +125,7 @@ def _write_message(answers: IO[bytes], message: dict[str, Any]) -> None:
 
 
 def _answer_request(disparity: Callable[..., Any], request: dict[str, Any]) -> dict[str, Any]:
-    """Compute one pair, write its disparity, and return the time and memory that it took."""
+    """Compute one pair, write its disparity, and return the time and memory of the computation."""
     left, right = (np.load(request[eye], allow_pickle=False) for eye in ("left", "right"))
     camera = None
     if request.get("camera"):
@@ -155,7 +155,7 @@ def _record_gpu_event() -> torch.cuda.Event | None:
 
 
 def _measure_gpu_use(begin: torch.cuda.Event | None) -> dict[str, Any]:
-    """Name of the GPU, its most memory so far, and its time since ``begin``."""
+    """Name of the GPU, its peak memory so far, and its time since ``begin``."""
     cuda = _find_cuda()
     if cuda is None:
         return {}
@@ -166,7 +166,7 @@ def _measure_gpu_use(begin: torch.cuda.Event | None) -> dict[str, Any]:
 
 
 def _measure_peak_memory() -> dict[str, float]:
-    """The most memory that this process has had, where Linux tells it."""
+    """The peak memory of this process, on Linux."""
     try:
         with open("/proc/self/status", encoding="ascii", errors="replace") as stream:
             return {"memory_mb": next(int(line.split()[1]) for line in stream if line.startswith("VmHWM:")) / 1024}

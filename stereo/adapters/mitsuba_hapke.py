@@ -95,7 +95,7 @@ def _h_function(x: mi.Float, q: dict[str, Any]) -> mi.Float:
 
 
 def register() -> None:
-    """Make the BSDF ``icymoon_hapke`` known to Mitsuba, for the variant that is chosen."""
+    """Register the BSDF ``icymoon_hapke`` in Mitsuba, for the selected variant."""
     register_bsdf("icymoon_hapke", _read_parameters, brdf)
 
 
@@ -110,12 +110,13 @@ def register_bsdf(
     read: Callable[[mi.Properties], dict[str, Any]],
     law: Callable[[dict[str, Any], mi.Vector3f, mi.Vector3f], mi.Float],
 ) -> None:
-    """Make a BSDF known as ``plugin``: its parameters are read from properties, ``law`` is as ``brdf`` above."""
+    """Register a BSDF as ``plugin``: its parameters are read from properties, ``law`` is a function as ``brdf``
+    above."""
     import drjit as dr
     import mitsuba as mi
 
     class Law(mi.BSDF):
-        """The BSDF; dark from below."""
+        """The BSDF; black from below."""
 
         def __init__(self, props: mi.Properties) -> None:
             mi.BSDF.__init__(self, props)
@@ -162,11 +163,11 @@ def register_bsdf(
         def eval_pdf(
             self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
         ) -> tuple[mi.Color3f, mi.Float]:
-            """Both."""
+            """BRDF times cosine, and density of ``sample``."""
             return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)
 
         def to_string(self) -> str:
-            """For messages of Mitsuba."""
+            """The text for Mitsuba's messages."""
             return f"{plugin}[{self.q}]"
 
     mi.register_bsdf(plugin, Law)

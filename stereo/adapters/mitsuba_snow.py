@@ -38,7 +38,7 @@ def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
 
 
 def register() -> None:
-    """Make the BSDF ``icymoon_snow`` known to Mitsuba, for the variant that is chosen."""
+    """Register the BSDF ``icymoon_snow`` in Mitsuba, for the selected variant."""
     from mitsuba_hapke import register_law
 
     register_law("icymoon_snow", lambda props: {"albedo": float(props.get("albedo", 0.9))}, brdf)

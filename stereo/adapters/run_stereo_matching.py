@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def _refuse_pickles() -> None:
-    """Have checkpoints read as data only.
+    """Restrict the reading of checkpoints to data.
 
     The package reads one that contains more than parameters a second time with ``weights_only=False``, which runs
     whatever code the file brings.

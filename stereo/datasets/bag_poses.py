@@ -41,7 +41,7 @@ class _Frame:
     poses: dict[Decimal, Array] = field(default_factory=dict)
 
     def stands_still(self) -> bool:
-        """Whether all of its poses are the same, as those of a fixed transform that is sent again and again."""
+        """Whether all its poses are the same, as in a fixed transform that is sent repeatedly."""
         first, *others = self.poses.values()
         return all(np.array_equal(first, other) for other in others)
 
@@ -59,7 +59,7 @@ class BagPoses:
     parent: str
 
     def describe(self) -> str:
-        """Which frame the poses are of, and in which one."""
+        """The frame of the poses, and its parent frame, in words."""
         return f"{self.frame or 'the poses'} in {self.parent or 'a frame without a name'}, with the axes of the bag"
 
 
@@ -115,8 +115,8 @@ def _add(found: dict[str, _Frame], name: str, parent: str, stamp: Decimal, pose:
 
 
 def _find_moving_frame(name: str, found: Mapping[str, _Frame]) -> tuple[str, Array]:
-    """The frame that moves on which a frame stands still, maybe on others between them, and its pose (4, 4) in that
-    one. A frame that moves itself, or stands on none that moves, comes back by itself."""
+    """The moving frame to which a frame is fixed, directly or through other fixed frames, and its pose (4, 4) in that
+    frame. A frame that moves itself, or without a moving ancestor, is returned with the unit matrix."""
     base, pose = name, np.eye(4)
     passed = set()
     while base in found and base not in passed and found[base].stands_still():
@@ -127,7 +127,7 @@ def _find_moving_frame(name: str, found: Mapping[str, _Frame]) -> tuple[str, Arr
 
 
 def _refuse_moving_parent(bag: Path, name: str, base: str, found: Mapping[str, _Frame]) -> None:
-    """Refuse a frame that moves in another one that moves: its poses are no path over the ground."""
+    """Refuse a frame that moves in a parent that moves too: its poses are not a path over the ground."""
     parent, _ = _find_moving_frame(found[base].parent, found)
     if parent not in found or parent == base or found[parent].stands_still():
         return
@@ -139,7 +139,7 @@ def _refuse_moving_parent(bag: Path, name: str, base: str, found: Mapping[str, _
 
 
 def _choose(bag: Path, what: str, stated: str, there: list[str]) -> str:
-    """The stated name, or the only name ``there``. Raises IcyMoonError if neither exists."""
+    """The stated name, or the only name ``there``. Raises IcyMoonError without either."""
     if stated in there:
         return stated
     if stated:

@@ -148,7 +148,7 @@ def read_saturation_radiance(path: Path) -> float | None:
 
 
 def _read_pixel_count(path: Path, fields: dict[str, str], key: str) -> int:
-    """A number of pixels, rounded down, at least 1. Raises IcyMoonError for more than an image has."""
+    """A number of pixels, rounded down, at least 1. Raises IcyMoonError for more than an image can have."""
     value = max(1, int(read_numbers(path, fields, key, 1)[0]))
     if not PIXELS.fits(value):
         raise IcyMoonError(f"{path} states {key} {value:g}, not {PIXELS.name}; correct it.")

@@ -77,7 +77,7 @@ def resolve_inside(root: Path, name: str | Path) -> Path:
 
 
 def read_text(path: Path) -> str:
-    """The content of a text file. Raises IcyMoonError if it is missing, too large, or no text."""
+    """The content of a text file. Raises IcyMoonError if it is missing, too large, or not text."""
     return read(path, ForeignBytes.text, "a text file", "save it as UTF-8", MOST_TEXT_BYTES)
 
 
@@ -154,7 +154,7 @@ def read_map(file: MapFile) -> Array:
 
 
 def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[Array, float]:
-    """The numbers of a file, and the usual steps per px or metre of its format."""
+    """The numbers of a file, and the usual steps per px or metre in its format."""
     start = foreign.part(0, min(32, foreign.size))
     if start.startswith(EXR_START):
         return _parse_exr_map(foreign, file), 1.0
@@ -175,11 +175,11 @@ def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[Array, float]:
         return values, 1.0
     if start.startswith(_TIFF_STARTS):
         return _parse_tiff_map(foreign), 1.0
-    raise RefusedError(f"is no supported map; save it as PFM, npy, EXR, TIFF or {_describe_png_encoding(file)}.")
+    raise RefusedError(f"is not a supported map; save it as PFM, npy, EXR, TIFF or {_describe_png_encoding(file)}.")
 
 
 def _describe_png_encoding(file: MapFile) -> str:
-    """The way to store a map in a PNG, in words."""
+    """The encoding of a map in a PNG, in words."""
     return (
         "16-bit PNG of 256 steps per px"
         if file.kind == "disparity"

@@ -1,4 +1,4 @@
-"""A pair of another data set: its files, and the measurements that they allow."""
+"""A pair of another data set: its files, and the measurements that they permit."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class ForeignPair:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """All files on which its numbers depend."""
+        """All files that determine its numbers."""
         right = (self.truth_right.path,) if self.truth_right else ()
         return (
             self.left,
@@ -87,7 +87,7 @@ class ForeignPair:
         )
 
     def list_dependencies(self) -> list[Any]:
-        """All that its numbers depend on: the checksums of its files, empty for an unreadable file, and their
+        """Everything that determines its numbers: the checksums of its files, empty for an unreadable file, and their
         layout.
         """
         described = [self.layout, self.truth.kind, self.truth.steps, self.white]
@@ -145,8 +145,8 @@ class ForeignPair:
     def _read_true_disparity(
         self, camera: StereoCamera, image: Array, places: MatchedPlaces, turned: Mapping[Path, int]
     ) -> tuple[Array, tuple[float, ...], list[str], list[str]]:
-        """The true disparity of the left eye, the numbers that stand for unknown ones, notes on how it was read, and
-        warnings about it.
+        """The true disparity of the left eye, the numbers that mean "unknown", notes on how it was read, and warnings
+        about it.
 
         It must confirm the images that viewers show ``turned``.
         """
@@ -155,7 +155,7 @@ class ForeignPair:
         values[np.isin(values, markers)] = np.nan
         notes = [
             f"{self.truth.path}: many pixels have {_describe_marker(value, kind)} to the bit, far from all others "
-            "and not as the images show it, so it was taken for unknown."
+            "and not as the images show it, so it counts as unknown."
             for value in markers
         ]
         if turned:
@@ -170,8 +170,8 @@ class ForeignPair:
         return disparity, markers, notes, [*warnings, *doubts]
 
     def _drop_impossible(self, disparity: Array) -> tuple[Array, list[str]]:
-        """The disparities that two images of this width can have, NaN for the others, and a warning if there are
-        others.
+        """The disparities that are possible in two images of this width, NaN for impossible ones, and a warning about
+        these.
 
         Raises IcyMoonError if no possible disparity remains.
         """
@@ -212,8 +212,8 @@ class ForeignPair:
         image: Array,
         markers: tuple[float, ...],
     ) -> tuple[Array, bool, list[str]]:
-        """The pixels of the left eye whose point the right eye sees too, whether that is known beyond the image frame,
-        and warnings. ``markers`` are the values in the truth that mean "unknown".
+        """The pixels of the left eye whose point is visible in the right eye, whether that is known beyond the image
+        frame, and warnings. ``markers`` are the values in the truth that mean "unknown".
         """
         inside = np.isfinite(truth) & is_in_frame(find_matching_column(disparity))
         if self.mask:
@@ -271,7 +271,7 @@ class ForeignPair:
         )
 
     def _describe_missing(self, occlusion_known: bool) -> str:
-        """One or two sentences on the errors and metrics that such a pair cannot have."""
+        """One or two sentences on the errors and metrics that are unavailable for such a pair."""
         hidden = "" if occlusion_known else " Without a mask of hidden pixels there are no metrics of visible pixels."
         return (
             f"{self.layout}: without normals, labels and the direction of the Sun there are no errors by slope, "
@@ -281,7 +281,7 @@ class ForeignPair:
 
 @dataclass(frozen=True)
 class UnusablePair:
-    """A pair with a file that is missing, damaged or outside of its data set; ``fault`` is a sentence on it."""
+    """A pair with a file that is missing, damaged or outside its data set; ``fault`` is a sentence on it."""
 
     name: str
     folder: Path
@@ -289,7 +289,7 @@ class UnusablePair:
     fault: str
 
     def list_dependencies(self) -> list[Any]:
-        """All that its failure depends on."""
+        """Everything that determines its failure."""
         return [self.fault]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:

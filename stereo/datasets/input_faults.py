@@ -1,4 +1,4 @@
-"""Finds faults in truth and predictions whose numbers are readable but have another meaning.
+"""Finds faults in truth and predictions whose numbers are readable but have a wrong meaning.
 
 Icy Moon uses the pixels of images as stored. But a truth and a calibration may be for the image that viewers show
 turned, by the orientation in its EXIF data. So the truth must confirm such images.
@@ -38,7 +38,7 @@ _MOST_BRIGHTNESS_RATIO = 2.0
 
 
 class PairFiles(Protocol):
-    """The files of a pair that an error names."""
+    """The files of a pair, for error messages."""
 
     @property
     def left(self) -> Path:
@@ -54,7 +54,7 @@ class PairFiles(Protocol):
 
 
 def check_truth(pair: PairFiles, values: Array, camera: StereoCamera, places: MatchedPlaces) -> list[str]:
-    """Warnings about the numbers (H, W) of a true map that the images do not confirm.
+    """Warnings about the numbers (H, W) of a true map that the images contradict.
 
     Raises IcyMoonError if the numbers are impossible, or if the images fit them better in another reading.
     """
@@ -89,7 +89,7 @@ def check_truth(pair: PairFiles, values: Array, camera: StereoCamera, places: Ma
 
 
 def _describe_other_causes(fault: FitFault, kind: str) -> str:
-    """Other faults with the same symptoms as wrong numbers in the map, as the rest of a sentence."""
+    """Other faults with the same symptoms as wrong numbers in the map, as the end of a sentence."""
     if fault.kind != "factor":
         return ""
     if kind == "disparity":
@@ -165,8 +165,8 @@ def _list_tried_factors() -> str:
 
 
 def _describe_fault(fault: FitFault, kind: str) -> str:
-    """The end of a sentence about a map whose numbers have another meaning than ``kind``, "depth" or "disparity", with
-    the fix, without a full stop.
+    """The end of a sentence about a map whose numbers are not ``kind``, "depth" or "disparity", with the fix, without a
+    full stop.
     """
     what = "depths" if kind == "depth" else "disparities"
     if fault.kind == "factor":
@@ -268,13 +268,13 @@ def _is_unit_factor(ratio: Array, factor: float) -> bool:
 
 
 def find_turned(images: Sequence[Path]) -> dict[Path, int]:
-    """Those of the images that viewers turn, and their EXIF orientations, 2 to 8."""
+    """The images that viewers rotate, and their EXIF orientations, 2 to 8."""
     stated = {path: read_orientation(path) for path in images if path.suffix != ".pfm"}
     return {path: orientation for path, orientation in stated.items() if orientation != UPRIGHT}
 
 
 def refuse_turned(turned: Mapping[Path, int]) -> None:
-    """Raise IcyMoonError with the fix if there are images ``turned``, see ``find_turned``."""
+    """Raise IcyMoonError with the fix if images are ``turned``, see ``find_turned``."""
     for path, orientation in turned.items():
         raise IcyMoonError(
             f"{path} states the EXIF orientation {orientation}, by which viewers turn it, and the truth "

@@ -64,13 +64,13 @@ def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> 
         if group:
             return group[0]
     raise RefusedError(
-        f"has the channels {_list_names(names)}, and none is called as one with {_pluralise_kind(kind)}; "
+        f"has the channels {_list_names(names)}, and none has a name for {_pluralise_kind(kind)}; "
         f"{_ask_for_channel(kind, predicted)}"
     )
 
 
 def find_sibling_colours(name: str, names: Sequence[str]) -> list[str]:
-    """The other colours of the picture that contains a channel; empty if it is no colour."""
+    """The other colours of the picture that contains a channel; empty if it is not a colour."""
     layer, dot, own = name.rpartition(".")
     others = [layer + dot + colour for colour in _COLOURS if own in _COLOURS and colour != own]
     return [each for each in others if each in names]
@@ -118,7 +118,7 @@ def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> st
 
 
 def _list_names(names: Sequence[str]) -> str:
-    """The first names, unshortened, as a user has to state them."""
+    """The first names, in full, as a user has to state them."""
     shown = [shorten(name) for name in names[:_MOST_QUOTED_NAMES]]
     return ", ".join(
         [*shown, *([f"{len(names) - _MOST_QUOTED_NAMES} more"] if len(names) > _MOST_QUOTED_NAMES else [])]

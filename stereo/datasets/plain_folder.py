@@ -32,7 +32,7 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.errors import IcyMoonError
 from ...support.file_schemas import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record, is_number
 from ...support.files import list_put_there
-from ...support.foreign_bytes import hint_on_paths, parse_toml
+from ...support.foreign_bytes import make_path_hint, parse_toml
 from ...support.suggestions import suggest_nearest
 from .data_files import MapFile, read_text, resolve_inside
 from .foreign_pair import ForeignPair, UnusablePair, make_safe_name, open_foreign_pair
@@ -131,7 +131,7 @@ def parse_pairs_toml(path: Path) -> dict[str, Any]:
     try:
         data = parse_toml(read_text(path))
     except tomllib.TOMLDecodeError as error:
-        raise IcyMoonError(f"{path} is not TOML ({error}){hint_on_paths(error)}; {_WRITE_AS_IN_MANUAL}.") from None
+        raise IcyMoonError(f"{path} is not TOML ({error}){make_path_hint(error)}; {_WRITE_AS_IN_MANUAL}.") from None
     check_record(data, _FILE_SHAPE, path, _WRITE_AS_IN_MANUAL)
     for table, keys in data.items():
         if table not in _FILE_SHAPE:

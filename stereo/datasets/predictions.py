@@ -1,4 +1,4 @@
-"""Disparities that were computed elsewhere, one file per pair, evaluated like a method."""
+"""Disparities from other programs, one file per pair, evaluated like a method."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
     """The methods of ``NAME=FOLDER`` texts; ``pairs`` are the names of all pairs, ``taken`` the labels in use.
 
     A folder without any prediction is accepted beside other methods: ``find_prediction`` reports it later. Raises
-    IcyMoonError for any other text, a name in use, a path that is no folder, and if no method would have a result.
+    IcyMoonError for any other text, a name in use, a path that is not a folder, and if no method would have a result.
     """
     found: list[Method] = []
     empty: list[str] = []
@@ -78,8 +78,8 @@ def _find_prediction_files(root: Path, pair: str) -> list[Path]:
 
 
 def _find_misnamed_file(root: Path, pair: str) -> Path | None:
-    """The only file that may be a prediction and whose name contains the ``pair`` as a whole word; None if no file or
-    several do."""
+    """The only file that may be a prediction and whose name contains the ``pair`` as a whole word; None without one or
+    with several."""
     named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(pair)}(?![A-Za-z0-9])")
     try:
         found = [

@@ -1,5 +1,5 @@
-"""Finds the pixels of the left eye whose point the right eye sees too, by a mask or by the right eye's truth. Both are
-checked against the left eye's truth.
+"""Finds the pixels of the left eye whose point is visible in the right eye, by a mask or by the right eye's truth. Both
+are checked against the left eye's truth.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _LEAST_OVERLAP, _LEAST_OVERLAP_RATIO = 0.5, 2.0
 
 @dataclass(frozen=True)
 class Mask:
-    """Image files that mark the pixels whose point the right eye sees too.
+    """Image files that mark the pixels whose point is visible in the right eye.
 
     ``kind`` is "seen" (255 for a seen point, as Middlebury's nocc), "hidden" (other than 0 for a hidden point in one of
     the files, as Sintel's occlusions), or "known" (a disparity for a seen point, as KITTI's noc).
@@ -46,7 +46,7 @@ class Mask:
 
 
 def read_mask(mask: Mask, disparity: Array) -> Array:
-    """The pixels (H, W), bool, whose point the right eye sees too, by ``mask``.
+    """The pixels (H, W), bool, whose point is visible in the right eye, by ``mask``.
 
     ``disparity`` (H, W), px, is the left eye's truth, NaN where unknown. Raises IcyMoonError if the mask has another
     size or other values than a mask, if it marks no pixel with a truth, or if it fits the truth only in another
@@ -70,8 +70,8 @@ def read_mask(mask: Mask, disparity: Array) -> Array:
         raise IcyMoonError(f"{first} fits the truth only {better}; write it so.")
     if not (seen & is_in_frame(find_matching_column(disparity))).any():
         raise IcyMoonError(
-            f"{first} marks no pixel that by the truth is in both images; give the mask of what the "
-            "right eye sees too, or leave it out."
+            f"{first} marks no pixel that by the truth is in both images; give the mask of the "
+            "points that the right eye sees too, or leave it out."
         )
     return np.asarray(seen)
 
@@ -80,12 +80,12 @@ def _check_numbers(path: Path, mask: Array) -> None:
     levels = np.unique(mask)
     if len(levels) > len(_MASK_VALUES) and np.mean(~np.isin(mask, _MASK_VALUES)) > _MOST_OTHER_VALUES:
         raise IcyMoonError(
-            f"{path} has many numbers between 0 and {_SEEN} and is no mask; write {_SEEN} where the "
+            f"{path} has many numbers between 0 and {_SEEN} and is not a mask; write {_SEEN} where the "
             "right eye sees the point too and 0 elsewhere."
         )
     if 0 < levels[-1] < _SEEN:
         raise IcyMoonError(
-            f"{path} has numbers up to {levels[-1]}, and {_SEEN} marks what the right eye sees too; "
+            f"{path} has numbers up to {levels[-1]}, and {_SEEN} marks points that the right eye sees too; "
             f"write {_SEEN} there."
         )
 
@@ -124,7 +124,7 @@ def make_right_camera(camera: StereoCamera) -> StereoCamera:
 
 def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, disparity: Array) -> list[str]:
     """Warnings about the map ``values`` (H, W) of the right eye that the left eye's true ``disparity`` (H, W), px, NaN
-    where unknown, does not confirm.
+    where unknown, contradicts.
 
     Raises IcyMoonError if it cannot be right, or fits the left eye's truth only in another reading.
     """
@@ -149,8 +149,8 @@ def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, dispar
     elif fault.kind == "right_eye":
         how = "as the map of the left eye"
     raise IcyMoonError(
-        f"{file.path} fits the left eye's truth only {how}; write what the right eye sees, in the unit "
-        "and order of the left eye's map."
+        f"{file.path} fits the left eye's truth only {how}; write the map of the right eye, in the "
+        "unit and order of the left eye's map."
     )
 
 

@@ -47,7 +47,7 @@ class Grid:
         return x, y
 
     def find_cells(self, position_m: Array) -> Array:
-        """The number of the cell, row by row, that contains each point (n, 2 or 3); -1 outside."""
+        """The index of the cell, row by row, that contains each point (n, 2 or 3); -1 outside."""
         column = np.floor((position_m[:, 0] - self.west_m) / self.cell_m)
         row = np.floor((self.north_m - position_m[:, 1]) / self.cell_m)
         inside = (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)
@@ -91,7 +91,7 @@ def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> Array:
         found = parse_npy(foreign, "fb")
         if found.shape != shape or found.dtype not in (np.float32, np.bool_):
             cells = " x ".join(map(str, shape))
-            raise RefusedError(f"is no map of {cells} cells; {fix}.")
+            raise RefusedError(f"is not a map of {cells} cells; {fix}.")
         return found.astype(np.float64)
 
     return read(path, parse, "a map of cells", fix, most=min(4 * math.prod(shape) + _HEADER_BYTES, MOST_BYTES))

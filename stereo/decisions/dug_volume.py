@@ -1,4 +1,4 @@
-"""Excavated volume and depth from two elevation models, and the smallest change that noise does not hide.
+"""Excavated volume and depth from two elevation models, and the smallest change that is detectable above the noise.
 
 Errors of neighbouring cells correlate, so the error of a volume is larger than independent cells would give. It is
 measured on null pairs, in which nothing was dug and all noise differs.
@@ -94,7 +94,7 @@ class Detection:
         return np.asarray(np.abs(self.changed_m) > self.level_m)
 
     def score(self, true_m: Array) -> dict[str, float | None]:
-        """``level_m`` is the median level of the known cells. ``noticed`` is the noticed share of the cells that truly
+        """``level_m`` is the median level of the known cells. ``noticed`` is the detected share of the cells that truly
         changed by more than their level. ``false_alarm`` is the share of unchanged cells with a detection. None without
         such cells.
         """
@@ -125,7 +125,7 @@ def detect_change(
 
 @dataclass(frozen=True)
 class VolumeNoise:
-    """Volumes of null pairs, m3: mean, standard deviation, and the smallest volume that is noticed."""
+    """Volumes of null pairs, m3: mean, standard deviation, and the smallest detectable volume."""
 
     bias_m3: float
     sigma_m3: float

@@ -124,8 +124,8 @@ def _score_leaving_one_out(places: Sequence[Array]) -> list[float]:
 
 
 def _find_fault_limit(scores: Array) -> float | None:
-    """The limit that a further score exceeds in 5 of 100 cases, by Student's t of the scores' mean and deviation; None
-    for fewer than ``FEWEST_FAULTLESS_PAIRS`` scores.
+    """The limit that a fault-free score exceeds in 5 of 100 cases, by Student's t of the scores' mean and deviation;
+    None for fewer than ``FEWEST_FAULTLESS_PAIRS`` scores.
     """
     if len(scores) < FEWEST_FAULTLESS_PAIRS:
         return None

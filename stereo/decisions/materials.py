@@ -67,7 +67,7 @@ def measure(
     irradiance: float,
     settings: Settings,
 ) -> Materials:
-    """The materials that a lander finds from ``white``, the result of ``compute_white_radiance``, with NaN outside
+    """The materials that a lander measures from ``white``, the result of ``compute_white_radiance``, with NaN outside
     sunlit pixels.
 
     ``index`` (n,) are the flat indices of the pixels whose points are ``position_m`` (n, 3). ``planes`` lie under each
@@ -89,8 +89,8 @@ def _mean(values: Array, position_m: Array, grid: Grid) -> Array:
 
 
 def _find_salt_share(channels: Array, settings: Settings) -> Array:
-    """The share of salt (rows, columns) from the signals (channels, rows, columns); NaN where they do not
-    determine it.
+    """The share of salt (rows, columns) from the signals (channels, rows, columns); NaN where the signals leave it
+    undetermined.
     """
     ice, salt = (
         _compute_channel_signals(bands, settings) for bands in ice_and_salt_bands(settings.surface, settings.hapke)

@@ -12,7 +12,7 @@ from .workspace import DecisionMaps, Workspace
 #: Outcomes of a cell: name and RGB colour, distinct for colour-blind eyes.
 OUTCOMES = (
     ("safe and taken for safe", (0, 158, 115)),
-    ("unsafe, but taken for safe", (213, 60, 0)),
+    ("unsafe, but classified as safe", (213, 60, 0)),
     ("safe, but lost", (240, 200, 66)),
     ("unsafe and known as that", (111, 127, 143)),
     ("out of reach or beyond the map", (205, 211, 218)),

@@ -63,17 +63,17 @@ DEM_COLUMNS = (
     Column("dem.roughness_rmse_m", "Roughness", "mm", 1, "root mean square error of the roughness"),
 )
 SITE_COLUMNS = (
-    Column("sites.taken", "Taken", "%", 1, "share of the cells in reach that are taken for safe"),
-    Column("sites.false_safe", "Of these unsafe", "%", 1, "of the cells taken for safe, those that are not"),
+    Column("sites.taken", "Taken", "%", 1, "share of the cells in reach that are classified as safe"),
+    Column("sites.false_safe", "Of these unsafe", "%", 1, "of the cells classified as safe, the unsafe ones"),
     Column("sites.safe_lost", "Safe lost", "%", 1, "of the safe cells, those that are not taken"),
     Column("sites.average_precision", "AP", "", 2, "average precision of the margin; a coin has the base rate"),
     Column("sites.roc_area", "ROC area", "", 2, "area under the ROC curve; 0.5 for a coin"),
-    Column("sites.regret", "Regret", "", 2, "margin of the best site less that of the chosen one; 1 if unsafe"),
+    Column("sites.regret", "Regret", "", 2, "margin of the best site minus the margin of the chosen one; 1 if unsafe"),
     Column("sites.unsafe_choice", "Choice unsafe", "%", 0, "pairs where the chosen site is not safe"),
-    Column("sites.no_site", "None chosen", "%", 0, "pairs where none is chosen although there is one"),
+    Column("sites.no_site", "None chosen", "%", 0, "pairs without a chosen site although a safe site exists"),
 )
 OTHER_COLUMNS = (
-    Column("pads.false_safe", "Pads: unsafe", "%", 1, "of the places taken for safe, those that are not"),
+    Column("pads.false_safe", "Pads: unsafe", "%", 1, "of the places classified as safe, the unsafe ones"),
     Column("pads.safe_lost", "Pads: lost", "%", 1, "of the places safe for a pad, those that are not taken"),
     Column("cpu_s.match", "Matching", "s", 2, "processor seconds a pair"),
     Column("cpu_s.decide", "Decisions", "s", 3, "processor seconds a pair"),
@@ -262,7 +262,7 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
 
 
 def make_head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
-    """The main results, one sentence per method, without claims that the numbers do not support."""
+    """The main results, one sentence per method, limited to claims that the numbers support."""
     heights = sorted({round(float(fact["sun_elevation_deg"])) for fact in facts})
     sun = (
         ""
@@ -309,7 +309,7 @@ def _format_interval(entry: Mapping[str, Any], key: str) -> str:
 
 
 def _make_volume_sentences(progress: _Entries) -> list[str]:
-    """The smallest volume that each method notices, if null pairs give it."""
+    """The smallest volume that each method detects, if null pairs give it."""
     said = []
     for entry in progress:
         if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH:
@@ -325,7 +325,7 @@ def _make_volume_sentences(progress: _Entries) -> list[str]:
 
 
 def _make_fault_sentences(faults: _Entries) -> list[str]:
-    """For each method a sentence: the fault of each joint from which on all faults were noticed."""
+    """For each method a sentence: the fault of each joint from which on all faults were detected."""
     found = []
     for method in dict.fromkeys(entry["method"] for entry in faults):
         own = [entry for entry in faults if entry["method"] == method and entry["limit_mm"] is not None]
@@ -416,7 +416,7 @@ def _find_notes_on_pairs(rows: _Entries, facts: _Entries) -> Iterator[str]:
             f"truth: {', '.join(suspect[:5])}."
         )
     if not all(fact.get("arm") for fact in facts):
-        yield "No arm is stated, so all ground is taken for ground in reach."
+        yield "No arm is stated, so all ground counts as ground in reach."
     empty = {row["pair"] for row in rows if row["numbers"] and not row["numbers"]["sites"]["cells"][0]}
     if empty:
         yield (
@@ -429,7 +429,7 @@ def _find_notes_on_scenes(rows: _Entries, facts: _Entries) -> Iterator[str]:
     scenes = len({fact["scene"] for fact in facts})
     matchers = len({row["method"] for row in rows} - {TRUE_DEPTH})
     if scenes < (needed := typical_scene.count_scenes_for_methods(matchers)):
-        counted = "One scene tells no interval, and" if scenes == 1 else f"With {scenes} scenes"
+        counted = "One scene gives no interval, and" if scenes == 1 else f"With {scenes} scenes"
         between = f"{matchers} matchers" if matchers > 1 else "matchers"
         yield f"{counted} no difference between {between} can be shown; it takes {needed}."
 
@@ -561,7 +561,7 @@ def _draw_roc(summary: _Entries) -> str:
                 linestyle="--" if truth else "-",
                 color="#6f7f8f" if truth else METHOD_COLOURS[(k - 1) % len(METHOD_COLOURS)],
             )
-        axis.set_xlabel("Unsafe cells taken for safe (share)")
+        axis.set_xlabel("Unsafe cells classified as safe (share)")
         axis.set_ylabel("Safe cells taken (share)")
         add_legend(figure, axis, 3)
         return render_svg(figure, "roc", "ROC curves of the margin, means over pairs")

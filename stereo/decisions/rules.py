@@ -41,7 +41,8 @@ class SiteRules:
 
 @dataclass(frozen=True)
 class PadRules:
-    """Limits of a place for a landing pad; anything under it that stands higher than ``rock_height_m`` is too high."""
+    """Limits of a position for a landing pad; anything under it that stands higher than ``rock_height_m`` is too
+    high."""
 
     disc_m: float
     slope_deg: float
@@ -86,7 +87,7 @@ def _read_rule_tables(path: Path) -> dict[str, dict[str, float]]:
     found = {}
     for part, table in data.items():
         if part not in _RULES_BY_TABLE or not isinstance(table, dict):
-            raise IcyMoonError(f"{path} states {shorten(part)}, which is no table of rules; use [site] and [pad].")
+            raise IcyMoonError(f"{path} states {shorten(part)}, which is not a table of rules; use [site] and [pad].")
         found[part] = {key: _check_number(path, part, key, value) for key, value in table.items()}
     return found
 
@@ -94,7 +95,9 @@ def _read_rule_tables(path: Path) -> dict[str, dict[str, float]]:
 def _check_number(path: Path, part: str, key: str, value: object) -> float:
     names = [field.name for field in fields(_RULES_BY_TABLE[part])]
     if key not in names:
-        raise IcyMoonError(f"{path} states {shorten(f'{part}.{key}')}, which is no rule; {suggest_nearest(key, names)}")
+        raise IcyMoonError(
+            f"{path} states {shorten(f'{part}.{key}')}, which is not a rule; {suggest_nearest(key, names)}"
+        )
     most = 1.0 if key in _SHARE_RULES else 90.0 if key.endswith("_deg") else math.inf
     if not is_number(value) or not 0 < value <= most:
         raise IcyMoonError(

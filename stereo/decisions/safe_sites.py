@@ -130,7 +130,7 @@ def judge_sites(layers: SiteLayers, rules: SiteRules) -> Sites:
 
 
 def _limit_margin(margin: Callable[[Array, float], Array], value: Array | None, limit: float | None) -> Array:
-    """The margin by a rule: unlimited without a rule, and unknown without a value."""
+    """The margin by a rule: infinite without a rule, and unknown without a value."""
     if limit is None:
         return np.array(np.inf)
     return np.array(np.nan) if value is None else margin(value, limit)

@@ -1,4 +1,4 @@
-"""The scoop of a pair's arm: its pixels, its true place, its commanded place, and its place by a depth."""
+"""The scoop of a pair's arm: its pixels, its true position, its commanded position, and its position by a depth."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def read_stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
 
 
 def locate_scoop(scoop: Scoop, depth_m: Array, pair: Pair, pose: Array, random: np.random.Generator) -> dict[str, Any]:
-    """The place at which a planar depth (H, W), m, shows the scoop, if the left eye has this ``pose`` (4, 4).
+    """The position at which a planar depth (H, W), m, shows the scoop, if the left eye has this ``pose`` (4, 4).
 
     ``error_mm`` at its middle and ``error_deg`` are from the true pose. ``apart_mm`` is the distance of the true pose
     from the commanded one. ``found_mm`` (3,) is the found pose relative to the commanded one: east, north, up.

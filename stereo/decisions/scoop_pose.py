@@ -132,7 +132,7 @@ def _transform_cloud(cloud: Array, motion: Array) -> Array:
 
 
 def _select_facing_points(cloud: Array, eye: Array) -> Array:
-    """The points whose normals face the eye. Other points are invisible to it and would pull the surface back."""
+    """The points whose normals face the eye. Other points are invisible to the eye and would bias the fit."""
     return cloud[((eye - cloud[:, :3]) * cloud[:, 3:]).sum(axis=1) > 0]
 
 

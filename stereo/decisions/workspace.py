@@ -110,7 +110,7 @@ def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = 
 
 
 def read_sun_direction(pair: Pair) -> Array:
-    """Unit vector from the site to the Sun. Raises IcyMoonError if the pair does not state it."""
+    """Unit vector from the site to the Sun. Raises IcyMoonError if the pair lacks it."""
     if pair.sun is None:
         raise IcyMoonError(
             f"{pair.folder / 'pair.json'} does not contain the direction of the Sun; render the pair again."
@@ -236,12 +236,12 @@ def _judge_pads(dem: Dem, rules: Rules) -> Array:
 
 
 def find_ground_pixels(prepared: PreparedPair) -> Array:
-    """Boolean (H, W): the left image shows no lander there."""
+    """Boolean (H, W): the pixels of the left image without the lander."""
     return np.asarray(prepared.classes[MATERIAL.key] != _LANDER_CLASS)
 
 
 def _find_pixels_apart_from_lander(prepared: PreparedPair) -> Array:
-    """Ground (H, W) around which a matcher's window sees no lander: a lander knows where its arm is."""
+    """Ground pixels (H, W) whose matching window contains no lander: a lander knows the position of its arm."""
     lander = (~find_ground_pixels(prepared)).astype(np.uint8)
     side = 2 * _LANDER_MARGIN_PX + 1
     return np.asarray(cv2.dilate(lander, np.ones((side, side), np.uint8)) == 0)
@@ -257,7 +257,7 @@ def _find_lit_pixels(workspace: Workspace) -> Array:
 
 
 def _read_true_materials(pair: Pair, rules: Rules) -> Materials | None:
-    """The materials from the file of a pair; None if the rules need none. Raises IcyMoonError if the pair lacks
+    """The materials from the file of a pair; None if the rules do not need them. Raises IcyMoonError if the pair lacks
     them.
     """
     if not rules.site.needs_materials:
@@ -274,7 +274,7 @@ def _read_true_materials(pair: Pair, rules: Rules) -> Materials | None:
 
 
 def _measure_materials(workspace: Workspace, dem: Dem, bright: Array, position_m: Array, index: Array) -> Materials:
-    """As the lander finds them, see ``materials``, where ``bright`` (H, W) is 1.
+    """The materials that the lander measures, see ``materials``, where ``bright`` (H, W) is 1.
 
     Raises IcyMoonError for light that has no one irradiance.
     """
@@ -295,7 +295,8 @@ def _measure_materials(workspace: Workspace, dem: Dem, bright: Array, position_m
 
 
 def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> Array:
-    """The true heights, float64 (2, rows, columns). Raises IcyMoonError if the file is missing, damaged or another."""
+    """The true heights, float64 (2, rows, columns). Raises IcyMoonError if the file is missing, damaged, or of a
+    different shape."""
     return read_cells(pair.folder / stated["file"], (2, *stated["shape"]), "render the pair again")
 
 

@@ -71,7 +71,7 @@ def main(arguments: list[str]) -> int:
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Whether an environment is incomplete, so that it is no evaluator."""
+    """Whether an environment is incomplete, and so cannot be the evaluator."""
     return (folder / _UNFINISHED_MARK).exists()
 
 

@@ -21,7 +21,7 @@ IMAGES = ("numpy", "cv2", "OpenEXR", "rich")
 
 @dataclass(frozen=True)
 class Export:
-    """One of several exports of a module: what an entry point names in place of the module. One function is given."""
+    """One of several exports of a module: an entry point names it in place of the module. One function is given."""
 
     write_pair: Callable[..., Any] | None = None
     write_all: Callable[..., Any] | None = None
@@ -48,7 +48,7 @@ class Option:
 
     @property
     def tooltip(self) -> str:
-        """The description in the window, where 0 stands for the default."""
+        """The description in the window, where 0 means the default."""
         return f"{self.description[:1].upper()}{self.description[1:]}; 0 for {self.default}"
 
 
@@ -73,7 +73,7 @@ def list_titles() -> dict[str, tuple[str, str]]:
 
 
 def list_options(name: str) -> list[Option]:
-    """The options that an export takes; none for an unknown one."""
+    """The options of an export; empty for an unknown export."""
     plugin = find_plugins().usable.get(name)
     stated = read_fact(plugin, "TAKES") if plugin else None
     keys = stated.get(name, ()) if isinstance(stated, dict) else ()

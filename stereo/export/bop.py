@@ -48,7 +48,7 @@ class _Models:
         return _Models(dict(self.numbers), dict(self.centres), dict(self.facts))
 
     def add_link(self, link: str, solid: Solid, folder: Path) -> int:
-        """The number of the model of a link, which is written to a folder when it is new."""
+        """The index of the model of a link, which is written to a folder when it is new."""
         key = link, np.round(solid.vertices * MM_PER_M, 3).tobytes()
         if key not in self.numbers:
             number = self.numbers[key] = len(self.numbers) + 1

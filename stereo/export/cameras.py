@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...formats.cahvor import make_cahvor_text, make_pds_text, model_from_pinhole
-from ...formats.calibrations.cahv import nearest_model
+from ...formats.cahvor import make_cahvor_text, make_model_from_pinhole, make_pds_text
+from ...formats.calibrations.cahv import find_nearest_model
 from ...physics.camera.lens_distortion import read_coefficients
 from ...physics.camera.rotations import quaternion
 from ...physics.camera.stereo_camera import StereoCamera
@@ -43,14 +43,14 @@ def refuse_row_poses(pair: LoadedPair) -> None:
 
 
 def read_pose(pair: LoadedPair, eye: str) -> Array:
-    """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair does not contain it, or if
-    its rows have different ones."""
+    """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair lacks it, or if its rows
+    have different ones."""
     refuse_row_poses(pair)
     return read_middle_pose(pair, eye)
 
 
 def read_middle_pose(pair: LoadedPair, eye: str) -> Array:
-    """The same of the middle of the exposure, also with a rolling shutter."""
+    """As ``read_pose``, at the middle of the exposure, also with a rolling shutter."""
     pose = pair.pair.rectified_pose(eye)
     if pose is None:
         raise IcyMoonError(
@@ -59,8 +59,9 @@ def read_middle_pose(pair: LoadedPair, eye: str) -> Array:
     return pose
 
 
-def pixel_rays(camera: StereoCamera) -> Array:
-    """Directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1: times planar depth, points."""
+def make_pixel_rays(camera: StereoCamera) -> Array:
+    """Directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1; multiply by planar depth to get
+    points."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     return np.stack(
         [(u - camera.cx_px) / camera.focal_px, (v - camera.cy_px) / camera.focal_px, np.ones_like(u)], axis=-1
@@ -78,15 +79,15 @@ def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
     k, images = read_coefficients(pair.settings.rig), pair.images
     for eye in EYES:
         pose = read_pose(pair, eye)
-        matrix, place, size_px = centre_matrix(camera), pose[:3, 3], (camera.width_px, camera.height_px)
-        named = {eye: (images.for_files(eye), model_from_pinhole(matrix, pose[:3, :3].T, place, size_px))}
+        matrix, place, size_px = make_centred_matrix(camera), pose[:3, 3], (camera.width_px, camera.height_px)
+        named = {eye: (images.for_files(eye), make_model_from_pinhole(matrix, pose[:3, :3].T, place, size_px))}
         if any(k) or camera.looks_elsewhere:
             turn, own = camera.eye_rotation(eye) @ pose[:3, :3].T, camera.own_eye(eye)
             named[f"{eye}_sensor"] = (
                 getattr(images, f"detected_{eye}"),
-                model_from_pinhole(matrix, turn, place, size_px, k)
+                make_model_from_pinhole(matrix, turn, place, size_px, k)
                 if own is None
-                else nearest_model(replace(own, name=eye).placed(turn, -turn @ place)),
+                else find_nearest_model(replace(own, name=eye).placed(turn, -turn @ place)),
             )
         for name, (image, model) in named.items():
             write_png(folder / f"{name}.png", to_8_bit(image, images.bits, images.encoding))
@@ -94,7 +95,7 @@ def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
             write_text(folder / f"{name}.lbl", make_pds_text(model, FRAME_NAME))
 
 
-def centre_matrix(camera: StereoCamera) -> Array:
+def make_centred_matrix(camera: StereoCamera) -> Array:
     """K with pixels counted from the centre of the first one."""
     matrix = np.array(camera.matrix)
     matrix[:2, 2] -= 0.5
@@ -199,7 +200,8 @@ def _add_pair(model: _ColmapModel, pair: LoadedPair, folder: Path) -> None:
 
 
 def _choose_pixels(pair: LoadedPair) -> tuple[Array, Array, Array]:
-    """Rows and columns of left pixels that both eyes see, evenly spread, and where the right eye sees their points."""
+    """Rows and columns of left pixels that both eyes see, evenly spread, and the positions of their points in the right
+    image."""
     rows, columns = np.nonzero(pair.visible["left"])
     step = max(1, len(rows) // _POINTS_PER_PAIR)
     rows, columns = rows[::step], columns[::step]
@@ -208,9 +210,9 @@ def _choose_pixels(pair: LoadedPair) -> tuple[Array, Array, Array]:
 
 
 def _find_world_points(pair: LoadedPair, rows: Array, columns: Array) -> Array:
-    """World coordinates (n, 3) in metres of the points that left pixels see."""
+    """World coordinates (n, 3) in metres of the points at left pixels."""
     pose = read_pose(pair, "left")
-    eye = pixel_rays(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
+    eye = make_pixel_rays(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
     return eye @ pose[:3, :3].T + pose[:3, 3]
 
 

@@ -103,7 +103,7 @@ def read_geometry(folder: Path) -> dict[str, Any]:
 
 
 def _make_files_key(settings: Settings, kind: str) -> str:
-    """A text that is equal for pairs with equal files: maps have albedo, and no lander."""
+    """A cache key: equal texts for pairs with equal files. Maps have albedo, and no lander."""
     shown = kind == "dem" or any(
         settings[topic]["relief"] != "BUMP" and settings[topic]["grain_amplitude_m"] > 0
         for topic in surface_topics(settings)
@@ -118,7 +118,7 @@ def _make_files_key(settings: Settings, kind: str) -> str:
 
 
 def refuse_edited(pair: Pair) -> None:
-    """Raise IcyMoonError for a pair whose settings are not all that it shows."""
+    """Raise IcyMoonError for a pair with changes by hand, which its settings do not describe."""
     if pair.data.get("edited_by_hand"):
         raise IcyMoonError(
             f"{pair.folder} was edited by hand, so its meshes cannot be built again from its settings; "
@@ -151,7 +151,7 @@ def build_geometry(planned: Sequence[PlannedPair], out: Path, blender: str, hear
 
 
 def _write_folders(kind: str, folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
-    """Write the ground of the pairs in folders, and warn of content that the files lack."""
+    """Write the ground of the pairs in folders, and warn of content that the files cannot hold."""
     if context.changes:
         raise IcyMoonError("--set changes the response of the camera, which ground does not have; leave it out.")
     pairs = {pair.id: pair for pair in map(read_pair, folders)}

@@ -66,7 +66,7 @@ def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -
 
 
 def _write_pair(pair: Pair, settings: Settings, out: Path) -> list[str]:
-    """Write the cameras of a pair; what 16 bits do not hold, in clauses."""
+    """Write the cameras of a pair; return the losses by 16 bits, in clauses."""
     entries: list[dict[str, Any]] = []
     lost: list[str] = []
     with fill_whole_folder(out / pair.folder.name) as folder:

@@ -270,7 +270,7 @@ def _write_middlebury(pair: LoadedPair, folder: Path) -> None:
     write_text(folder / "calib.txt", _make_middlebury_calibration(pair))
 
 
-def middlebury_camera_text(camera: StereoCamera) -> str:
+def make_middlebury_text(camera: StereoCamera) -> str:
     """The camera in the lines of Middlebury's ``calib.txt``: pixels from the centre of the first one, lengths in mm."""
     eyes = "".join(
         f"cam{eye}=[{camera.focal_px:.9g} 0 {camera.cx_px - 0.5 + eye * camera.doffs_px:.9g}; "
@@ -289,7 +289,7 @@ def _make_middlebury_calibration(pair: LoadedPair) -> str:
     known = disparity[np.isfinite(disparity)]
     low, high = (int(np.floor(known.min())), int(np.ceil(known.max()))) if known.size else (0, 0)
     return (
-        f"{middlebury_camera_text(pair.pair.camera)}ndisp={high + 1}\nisint=0\n"
+        f"{make_middlebury_text(pair.pair.camera)}ndisp={high + 1}\nisint=0\n"
         f"vmin={low}\nvmax={high}\ndyavg=0\ndymax=0\n"
     )
 
@@ -319,7 +319,9 @@ def _write_coco_images(each: Each, out: Path, annotations: TextIO) -> list[dict[
         with fill_whole_folder(out) as folder:
             for eye, name in names.items():
                 _write_8_bit(folder / "images" / name, pair, eye)
-            every = {eye: list(coco_annotations(pair.views[eye].instance, pair.views[eye].semantic)) for eye in EYES}
+            every = {
+                eye: list(make_coco_annotations(pair.views[eye].instance, pair.views[eye].semantic)) for eye in EYES
+            }
         for eye, name in names.items():
             images.append(
                 {
@@ -341,7 +343,7 @@ def _write_coco_images(each: Each, out: Path, annotations: TextIO) -> list[dict[
     return images
 
 
-def coco_annotations(instance: Array | None, semantic: Array | None) -> Iterator[dict[str, Any]]:
+def make_coco_annotations(instance: Array | None, semantic: Array | None) -> Iterator[dict[str, Any]]:
     """COCO annotations of the THINGS in an image: mask as run lengths, box (x, y, width, height) and area.
 
     ``instance`` and ``semantic`` are labels (H, W). The category is the most frequent one among the instance's pixels.

@@ -62,7 +62,7 @@ Plugin = dict[str, Any]
 
 
 def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
-    """Write the scenes of the pairs in folders, and warn of content that they lack."""
+    """Write the scenes of the pairs in folders, and warn of content that is omitted."""
     pairs = [read_pair(folder) for folder in list_distinct_pairs(folders)]
     for pair in pairs:
         for sentence in find_left_out(pair.settings, compute_pair_sky(pair.settings, pair.data.get("ground"))):

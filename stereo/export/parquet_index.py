@@ -23,7 +23,7 @@ INDEX = "index.parquet"
 
 
 def check() -> str:
-    """Why no table can be written here; empty if it can."""
+    """The reason why no table can be written here; empty if it can."""
     try:
         import pyarrow.parquet  # noqa: F401
     except ImportError as error:
@@ -68,5 +68,5 @@ def write_all(each: Each, out: Path) -> None:
 
 
 def _to_column_value(value: object) -> object:
-    """A value as a column takes it; lists of tables as text."""
+    """A value in the type of a column; lists of tables as text."""
     return json.dumps(value) if isinstance(value, list | dict) else value

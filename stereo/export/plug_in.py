@@ -168,7 +168,7 @@ class PluginExport:
         return losses if self.plugin.built_in else None
 
     def finish(self, names: list[str], out: Path) -> None:
-        """Let the plug-in write what belongs to all pairs, if it does, into ``out`` itself."""
+        """Let the plug-in write the files about all pairs, if it has any, into ``out`` itself."""
         if self.finishes:
             with self._open_target_folder(out) as folder:
                 self._loaded.finish(names, folder)
@@ -189,7 +189,7 @@ class PluginExport:
             yield folder
 
     def _convert_pairs(self, each: Each) -> Callable[[Callable[[ExportedPair], Any]], None]:
-        """The same for a plug-in's own function of a pair."""
+        """Read the pairs for a plug-in's own function of a pair."""
 
         def each_pair(write: Callable[[ExportedPair], Any]) -> None:
             def write_one(pair: LoadedPair) -> None:

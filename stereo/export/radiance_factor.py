@@ -26,7 +26,7 @@ from ...support.labels import LIGHT_GROUPS
 from ..images.develop import scale_radiance
 from ..measure.prepare_pair import LoadedPair
 from . import Export
-from .cameras import pixel_rays
+from .cameras import make_pixel_rays
 
 TITLES = {
     "fits": "FITS: the radiance factor I/F, and incidence, emission and phase",
@@ -41,9 +41,9 @@ _GEOMETRY_TEXT = "incidence and emission from the facet's normal, phase, deg"
 
 @dataclass(frozen=True)
 class Photometry:
-    """What an eye sees, (H, W): the radiance factor of each band (H, W, 3), and angles in degrees between the normal of
-    the facet, the Sun and the camera; NaN where there is no ground, and for incidence and emission without normals.
-    ``irradiance_wm2`` is E, the mean of the bands."""
+    """The photometry of an eye, (H, W): the radiance factor of each band (H, W, 3), and angles in degrees between the
+    normal of the facet, the Sun and the camera; NaN where there is no ground, and for incidence and emission without
+    normals. ``irradiance_wm2`` is E, the mean of the bands."""
 
     irradiance_wm2: float
     radiance_factor: Array
@@ -53,8 +53,8 @@ class Photometry:
 
 
 def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
-    """The photometry of an eye. Raises IcyMoonError if the pair does not contain the Sun or the camera's pose, if no
-    sunlight falls on it, or if its light is no Sun but a lamp nearby."""
+    """The photometry of an eye. Raises IcyMoonError if the pair lacks the Sun or the camera's pose, if no sunlight
+    falls on it, or if its light is a lamp nearby."""
     sun, pose = pair.pair.sun, pair.pair.row_poses(eye)
     if sun is None or pose is None:
         raise IcyMoonError(
@@ -73,7 +73,7 @@ def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
         )
     by_band = irradiance * sun_colour(float(pair.pair.settings.light.sun_temperature_k))
     view, camera, depth = pair.views[eye], pair.pair.camera, pair.depth[eye]
-    rays = pixel_rays(camera)
+    rays = make_pixel_rays(camera)
     ahead = (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).reshape(-1, 3)
     back = -turn_to_world(ahead, pose, np.arange(len(ahead)) // camera.width_px).reshape(rays.shape)
     known = np.isfinite(depth)

@@ -61,7 +61,7 @@ def write_pair(pair: LoadedPair, folder: Path) -> None:
 
 
 def _write_alike(pair: LoadedPair, folder: Path) -> dict[str, Any]:
-    """Write the calibration of alike eyes, and return what ``calibration.json`` states of it."""
+    """Write the calibration of two identical eyes, and return its entries in ``calibration.json``."""
     camera, distortion = pair.pair.camera, read_coefficients(pair.settings.rig)
     opencv = make_opencv_calibration(camera, distortion)
     intrinsic = ("M1", "D1", "M2", "D2")
@@ -79,7 +79,7 @@ def _write_alike(pair: LoadedPair, folder: Path) -> dict[str, Any]:
 
 def _write_calibrated(pair: LoadedPair, folder: Path) -> dict[str, Any]:
     """Write the calibration of calibrated eyes, the maps that rectify their images and the truth besides depth, and
-    return what ``calibration.json`` states of it."""
+    return its entries in ``calibration.json``."""
     camera, rig = pair.pair.camera, pair.settings.rig
     for eye in EYES:
         lens = make_lens(camera, rig, eye)

@@ -24,7 +24,7 @@ from ...support.files import explain_disk_errors, make_part_path
 from ...support.system import remove_folder, replace
 from ..images.develop import to_8_bit
 from ..measure.prepare_pair import LoadedPair
-from .cameras import centre_matrix, pixel_rays, read_pose, refuse_row_poses
+from .cameras import make_centred_matrix, make_pixel_rays, read_pose, refuse_row_poses
 from .losses import Each
 
 #: Makers of messages by their names.
@@ -37,7 +37,7 @@ _NS_PER_S, _MOST_SECONDS = 1_000_000_000, 2**31
 
 
 def check() -> str:
-    """Why no bag can be written here; empty if it can."""
+    """The reason why no bag can be written here; empty if it can."""
     if importlib.util.find_spec("rosbags") is None:
         return 'The export ros2 needs the package rosbags; pip install "icymoon[ros]".'
     return ""
@@ -83,7 +83,7 @@ def write_all(each: Each, out: Path) -> None:
 
 
 def _find_time_ns(pair: LoadedPair, count: int) -> int:
-    """Nanoseconds of a pair, the one after ``count`` others. Raises IcyMoonError for a time that ROS does not have."""
+    """Nanoseconds of a pair, the one after ``count`` others. Raises IcyMoonError for a time outside ROS' range."""
     stamp = pair.settings.rig.stamp
     time = int(Decimal(stamp) * _NS_PER_S) if stamp else count * _NS_PER_S
     if not 0 <= time < _MOST_SECONDS * _NS_PER_S:
@@ -135,7 +135,7 @@ def _make_image(pixels: Array, encoding: str, kinds: Kinds, header: object) -> o
 
 def _make_camera_info(camera: StereoCamera, eye: str, kinds: Kinds, header: object) -> object:
     # The principal point is counted from the centre of the first pixel there.
-    matrix = centre_matrix(camera)
+    matrix = make_centred_matrix(camera)
     shift = -camera.focal_baseline_px_m * EYES.index(eye)
     return kinds["sensor_msgs/msg/CameraInfo"](
         header=header,
@@ -179,7 +179,7 @@ def _make_disparity(pair: LoadedPair, kinds: Kinds, header: object) -> object:
 def _make_point_cloud(pair: LoadedPair, kinds: Kinds, header: object) -> object:
     """The true points of the left pixels, in the left camera's axes, NaN for none, as an organised cloud."""
     camera, depth = pair.pair.camera, pair.depth["left"]
-    points = (pixel_rays(camera) * depth[..., None]).astype("<f4")
+    points = (make_pixel_rays(camera) * depth[..., None]).astype("<f4")
     fields = [
         kinds["sensor_msgs/msg/PointField"](name=name, offset=4 * k, datatype=7, count=1)
         for k, name in enumerate("xyz")

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...formats.trajectories import pose_text
+from ...formats.trajectories import format_pose
 from ...physics.camera.optical_flow import Flow, find_flow
 from ...physics.camera.rolling_shutter import RollingShutter
 from ...support.arrays import Array
@@ -32,7 +32,7 @@ from ..images.image_files import write_png
 from ..measure.prepare_pair import LoadedPair
 from ..measure.sequences import make_sequence_key
 from . import Export
-from .cameras import centre_matrix, read_middle_pose
+from .cameras import make_centred_matrix, read_middle_pose
 from .encodings import encode_flo, quantise_flow, quantise_to_16_bits
 from .losses import Each, Loss
 
@@ -97,11 +97,11 @@ class _Sequences:
         self.known: dict[str, _Sequence] = {}
 
     def of(self, pair: LoadedPair) -> _Sequence:
-        """The sequence of a pair. Raises IcyMoonError for a pair that is no frame of one."""
+        """The sequence of a pair. Raises IcyMoonError for a pair outside any sequence."""
         key = make_sequence_key(pair.pair.settings)
         if not key:
             raise IcyMoonError(
-                f"{pair.pair.folder} is no frame of a sequence; export pairs of a plan with a trajectory sweep."
+                f"{pair.pair.folder} is not a frame of a sequence; export pairs of a plan with a trajectory sweep."
             )
         return self.known.setdefault(key, _Sequence(len(self.known)))
 
@@ -124,10 +124,10 @@ def _write_tum(each: Each, out: Path) -> None:
             pair,
             rgb=f"{stamp} rgb/{stamp}.png",
             depth=f"{stamp} depth/{stamp}.png",
-            groundtruth=f"{stamp} {pose_text(pose)}",
+            groundtruth=f"{stamp} {format_pose(pose)}",
         )
         camera = pair.pair.camera
-        matrix = centre_matrix(camera)
+        matrix = make_centred_matrix(camera)
         sequence.lines["calibration"] = [
             " ".join(
                 repr(float(v)) for v in (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], camera.baseline_m)
@@ -164,7 +164,7 @@ def _write_kitti_odometry(each: Each, out: Path) -> None:
         for folder, eye in (("image_2", "left"), ("image_3", "right")):
             write_png(root / folder / name, _find_image(pair, eye))
         camera = pair.pair.camera
-        matrix = np.column_stack([centre_matrix(camera), np.zeros(3)])
+        matrix = np.column_stack([make_centred_matrix(camera), np.zeros(3)])
         calibration = []
         for k in range(4):  # 0 and 2 are the left eye, 1 and 3 the right one
             matrix[0, 3] = -camera.focal_baseline_px_m * (k % 2)

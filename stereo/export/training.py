@@ -145,7 +145,7 @@ def describe_row(pair: LoadedPair, split: str) -> dict[str, Any]:
 
 
 def _sun_elevation_deg(pair: LoadedPair) -> float | None:
-    """Height of the Sun that lit the images, whatever it came from; None if the pair does not contain it."""
+    """Height of the Sun that lit the images, from any source; None if the pair lacks it."""
     return None if pair.pair.sun is None else round(pair.pair.sun.elevation_deg, 4)
 
 
@@ -207,7 +207,7 @@ def _encode_pair_files(pair: LoadedPair, steps: Array) -> dict[str, bytes]:
 
 
 class _Shards:
-    """Tar files by split, each written beside its name and renamed when it is whole."""
+    """Tar files by split, each written under a temporary name and renamed when it is complete."""
 
     def __init__(self, out: Path) -> None:
         self._out = out
@@ -246,7 +246,7 @@ class _Shards:
         self._done.append(name)
 
     def discard(self) -> None:
-        """Remove the shards that are not whole."""
+        """Remove the incomplete shards."""
         for _, part, archive in self._open.values():
             with suppress(OSError):  # a full disk cannot take the end of the archive
                 archive.close()

@@ -1,4 +1,4 @@
-"""Folders of exports that are whole or not there."""
+"""Folders of exports, published atomically."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ...support.system import flush, remove_folder, replace
 
 @contextmanager
 def fill_whole_folder(target: Path) -> Iterator[Path]:
-    """A folder to fill. Its files come to ``target`` once all of them are written, so that none is half there.
+    """A folder to fill. Its files are moved to ``target`` once all of them are written, so that none is incomplete.
 
     The folder is beside ``target``.
     """

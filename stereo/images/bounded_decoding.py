@@ -131,7 +131,7 @@ class _Decoder:
             answer.put(None)
 
     def end(self) -> int | None:
-        """End the decoder; returns the exit status that it had before, None if it was running."""
+        """End the decoder; returns its earlier exit status, None if it was running."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_POLL_S)
         status = self._process.poll()
@@ -140,7 +140,7 @@ class _Decoder:
         return status
 
     def close(self) -> None:
-        """Close our ends of its pipes, of which a forked process has copies."""
+        """Close our ends of its pipes, which forked processes have copied."""
         for stream in (self._process.stdin, self._process.stdout):
             assert stream is not None
             with suppress(OSError):  # the decoder left input unread
@@ -211,7 +211,7 @@ def _ask_decoder(request: dict[str, Any], content: bytes, most_bytes: int) -> Ar
 
 @atexit.register
 def stop_decoder() -> None:
-    """End the decoder, if it runs."""
+    """End the decoder if it is running."""
     while _running:
         decoder = _running.pop()
         if decoder.owner == os.getpid():

@@ -145,8 +145,8 @@ def draw_outcomes(flags: Array, shape: tuple[int, ...]) -> Array:
 
 
 def make_outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
-    """(name, CSS colour, share) of each outcome that occurs, from its number of pixels in ``counts``, in the order of
-    the flags.
+    """(name, CSS colour, share) of each occurring outcome, from its number of pixels in ``counts``, in the order of the
+    flags.
     """
     total = sum(counts.values())
     return [

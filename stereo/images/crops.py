@@ -1,4 +1,4 @@
-"""Images and truth of a window of a pair, decoded only as far as the window needs."""
+"""Images and truth of a window of a pair, decoded only in the part that the window needs."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Crops:
         self._levels: dict[tuple[str, float, float, float], float] = {}
 
     def read(self, pair: Pair, settings: Settings, crop: Crop) -> dict[str, Array] | None:
-        """The arrays of ``read_whole`` in a window; None if pixels depend on others, so that the whole image is needed.
+        """The arrays of ``read_whole`` in a window; None if pixels depend on others, which requires the whole image.
 
         The noise of a pixel differs from the noise in the whole image, with the same strength.
         """

@@ -241,8 +241,8 @@ class _Optics:
 def merge_frames(
     exposed: Mapping[str, list[Array]], times: list[float], channels: Channels, sensor: SensorSettings
 ) -> tuple[int, dict[str, Array], float]:
-    """The bits and the digital numbers of each eye, of all exposures; the electrons per second at their top, by the
-    first eye."""
+    """The bits and the digital numbers of each eye, merged over all exposures; the electrons per second at full scale,
+    by the first eye."""
     if len(times) == 1:
         return int(sensor.bits), {eye: frames[0] for eye, frames in exposed.items()}, capacity_e(sensor) / times[0]
     merged = {eye: exposure_brackets.merge_exposures(frames, times, sensor) for eye, frames in exposed.items()}
@@ -317,7 +317,7 @@ class Channels:
         return np.rint(np.clip((found - black) * self.gains + black, 0.0, 2.0**bits - 1)).astype(np.uint16)
 
     def matcher_level(self, radiance: Array, top: float) -> Array:
-        """The grey image (H, W) of matchers, 1 at its top, without noise; ``top`` is Images.saturation_radiance."""
+        """The grey image (H, W) of matchers, 1 at full scale, without noise; ``top`` is Images.saturation_radiance."""
         seen = [
             np.clip(gain * plane / top, 0.0, 1.0) for gain, plane in zip(self.gains, self.planes(radiance), strict=True)
         ]

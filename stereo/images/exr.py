@@ -100,7 +100,7 @@ def read_truth(path: Path, eye: str | None = None, without: Collection[str] = ()
 
 
 def read_depth(path: Path, eye: str | None = None) -> Truth:
-    """Read only the depth and the labels that tell the planet from the ground; the other arrays may be None."""
+    """Read only the depth and the labels that distinguish the planet from the ground; the other arrays may be None."""
     passes = [f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in ("Depth", *_SEMANTIC_PASSES)]
     return _make_truth(_read_channels(path, eye, passes), path)
 
@@ -196,7 +196,7 @@ def _read_file(path: Path, parse: Callable[[ForeignBytes], Parsed]) -> Parsed:
 def _read_parts(
     path: Path, passes: Collection[str], without: Collection[str], rows: range | None
 ) -> list[tuple[str, dict[str, Array]]]:
-    """For each part of a file the view that it states, if any, and its channels by name."""
+    """For each part of a file its view, if it states one, and its channels by name."""
     if rows is None:
         return _read_with_openexr(path, passes, without)
     data, before = _read_file(
@@ -285,8 +285,8 @@ def _find_channel(channels: _Channels, layer: str, pass_name: str, component: st
 
 
 def _find_normals(channels: _Channels, path: Path) -> Array | None:
-    """Normals of facets. The materials of the user's own objects do not write these; such objects have the shading
-    normal.
+    """Normals of facets. The user's own objects have shading normals instead, since their materials write no facet
+    normals.
     """
     found = [
         [_find_channel(channels, TRUTH, name, axis, path) for axis in components]

@@ -50,7 +50,8 @@ def _keep_parts(data: bytes, parts: Sequence[Piece], is_wanted: Callable[[str], 
 
 
 def keep_row_chunks(data: bytes, rows: range) -> tuple[bytes, int]:
-    """The EXR file ``data`` with only the chunks that contain some of ``rows``, and the number of rows before them.
+    """The EXR file ``data`` with only the chunks that contain some of ``rows``, and the number of rows before the first
+    chunk.
 
     Raises as ``keep_passes`` does, and ValueError for parts with different chunks, or without these rows.
     """

@@ -45,12 +45,12 @@ class HeadView:
 
     @property
     def depth_m(self) -> Array:
-        """Metres along the optical axis, float64 (H, W); below 0 behind a camera that sees there."""
+        """Metres along the optical axis, float64 (H, W); negative for points behind a camera with a wide field."""
         return self.distance_m * _rays(self.camera)[1][..., 2]
 
     @property
     def points_m(self) -> Array:
-        """The points that the pixels see, in the world's axes: float64 (H, W, 3)."""
+        """The points at the pixels, in the world's axes: float64 (H, W, 3)."""
         origins, directions = _rays(self.camera)
         own = origins + directions * self.distance_m[..., None]
         return np.asarray(own @ self.camera.rotation.T + self.camera.position_m)
@@ -98,7 +98,7 @@ def read_head_view(pair: Pair, camera: HeadCamera) -> HeadView:
 
 
 def _resample(radiance: Array, places: Array) -> Array:
-    """Radiance (H, W, bands) at places of a rendered image, by splines; 0 where a camera sees nothing."""
+    """Radiance (H, W, bands) at positions of a rendered image, by splines; 0 outside the field of view."""
     bands = [np.maximum(np.nan_to_num(sample(band, places)), 0.0) for band in np.moveaxis(radiance, -1, 0)]
     return np.stack(bands, axis=-1).astype(np.float32)
 

@@ -70,7 +70,8 @@ def read_png(path: Path, decode: Decode | None = None) -> Array:
 
 
 def read_picture(path: Path) -> Array:
-    """A PNG, JPEG or WebP file, as from ``read_png``. Raises IcyMoonError for other, damaged and too large files."""
+    """Decode a PNG, JPEG or WebP file, as ``read_png`` does. Raises IcyMoonError for other, damaged and too large
+    files."""
     return read(
         path,
         lambda foreign: decode_in_this_process(parse_image(foreign)),
@@ -108,10 +109,10 @@ def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
             raise ValueError("its header has no width, height and scale")
         words.append(head[start:end])
     if not (words[0].isdigit() and words[1].isdigit()):
-        raise ValueError("its width and height are no whole numbers")
+        raise ValueError("its width and height are not whole numbers")
     width, height = int(words[0]), int(words[1])
     if not math.isfinite(float(words[2])) or not set(words[2]) <= set(b"+-.eE0123456789"):
-        raise ValueError("its scale is no number")
+        raise ValueError("its scale is not a number")
     shape = (height, width, 3) if kind == b"PF" else (height, width)
     count = 4 * check_size(width, height) * (3 if kind == b"PF" else 1)
     body = foreign.cursor(_find_pfm_body(foreign, head, end, count), foreign.budget.charge(count, "pixels"))
@@ -132,8 +133,8 @@ def _skip_spaces(head: bytes, at: int) -> int:
 
 
 def _find_pfm_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> int:
-    """The place where the last ``count`` bytes of a PFM begin. After ``end``, the end of the header's last word, come
-    one blank, or a line end with comments, and sometimes a line end after the body.
+    """The offset at which the last ``count`` bytes of a PFM begin. After ``end``, the end of the header's last word,
+    come one blank, or a line end with comments, and sometimes a line end after the body.
 
     The size of the file decides. Raises RefusedError if two places are possible, ValueError if none is.
     """

@@ -89,11 +89,11 @@ def parse_image(foreign: ForeignBytes) -> EncodedImage:
         return parse_jpeg(foreign)
     if is_webp(start):
         return parse_webp(foreign)
-    raise RefusedError("is no supported image; save it as PNG, JPEG, TIFF or WebP.")
+    raise RefusedError("is not a supported image; save it as PNG, JPEG, TIFF or WebP.")
 
 
 def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedImage:
-    """A PNG image, reduced to the parts that affect its pixels.
+    """A PNG image, reduced to the chunks that affect its pixels.
 
     Raises ValueError if it is torn, RefusedError and OverBudgetError if it is too large.
     """
@@ -199,7 +199,7 @@ def _find_end_of_scan(values: Array, at: int) -> int:
 
 
 def parse_webp(foreign: ForeignBytes) -> EncodedImage:
-    """A WebP image, reduced to the parts that affect its pixels.
+    """A WebP image, reduced to the chunks that affect its pixels.
 
     Raises ValueError if it is torn, RefusedError for an animation, and the errors of ``parse_png`` if it is too large.
     """

@@ -19,7 +19,8 @@ DARK_LEVEL = 0.02
 
 
 def find_largest_square(mask: Array) -> tuple[slice, slice]:
-    """Rows and columns of the largest square in which a mask (H, W) is true; empty slices if it is false all over."""
+    """Rows and columns of the largest square in which a mask (H, W) is true everywhere; empty slices for an empty
+    mask."""
     sums = np.pad(mask.astype(np.int64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
 
     def find_full_squares(side: int) -> Array:
@@ -38,7 +39,7 @@ def find_largest_square(mask: Array) -> tuple[slice, slice]:
 
 
 def measure_spectral_slope(light: Array) -> float:
-    """The exponent α of f^-α, the power spectrum of linear light (n, n); NaN for less than 32 pixels or no contrast.
+    """The exponent α of f^-α, the power spectrum of linear light (n, n); NaN below 32 pixels or without contrast.
 
     A line is fitted to the logarithm of the mean power in the rings of ``measure_spectrum``.
     """

@@ -30,7 +30,7 @@ def to_grey(image: Array) -> Array:
 
 
 def find_white(image: Array) -> float:
-    """The brightness of an image (H, W) that becomes white where its exposure is unknown; NaN pixels do not count."""
+    """The white level of an image (H, W) with an unknown exposure; NaN pixels do not count."""
     return max(float(np.quantile(image[np.isfinite(image)], _WHITE_QUANTILE)), 1e-12)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...physics.camera.calibrated_camera import CalibratedCamera
 from ...physics.camera.calibration_error import make_rectifying_map, moves_pixels
-from ...physics.camera.eyes import in_light, rays_in_rig
+from ...physics.camera.eyes import find_rays_in_rig, project_to_light
 from ...physics.camera.lens_distortion import distort_points, read_coefficients, refuse_folds, undistort_points
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import CalibrationErrorSettings, RigSettings
@@ -26,7 +26,8 @@ from .spline import sample
 
 @dataclass(frozen=True)
 class Lens:
-    """Positions of the pixels of one image in another: maps (H, W, 2), float32, of column and row; NaN for nowhere."""
+    """Positions of the pixels of one image in another: maps (H, W, 2), float32, of column and row; NaN outside the
+    other image."""
 
     sensor_in_rendered: Array
     rectified_in_sensor: Array
@@ -48,7 +49,7 @@ class Lens:
         return np.nan_to_num(_remap(radiance, self.rectified_in_rendered))
 
     def depth_of_sensor(self, depth: Array) -> Array:
-        """The planar depth at the sensor's pixels, from a rendered ``depth`` (H, W); NaN outside and where it is NaN.
+        """The planar depth at the sensor's pixels, from a rendered ``depth`` (H, W); NaN outside and for NaN.
 
         Within a surface 1 / depth is interpolated linearly, which is exact on planes. Between surfaces the nearest
         rendered pixel counts, never a mean.
@@ -72,7 +73,7 @@ class Lens:
 
     @property
     def sees(self) -> Array:
-        """Pixels (H, W), bool, of the rectified image that the sensor sees."""
+        """Pixels (H, W), bool, of the rectified image inside the sensor's field of view."""
         height, width = self.sensor_in_rendered.shape[:2]
         return _find_inside(self.rectified_in_sensor, (width, height), 0.0) & _find_inside(
             self.rectified_in_rendered, self.rendered_px, 0.0
@@ -95,8 +96,8 @@ def make_lens(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
 def make_rectification(
     camera: StereoCamera, rig: RigSettings, errors: CalibrationErrorSettings, eye: str
 ) -> Array | None:
-    """Where the pixels of an eye's rectified image are taken to be in the sensor's image (see ``Lens``), by a
-    calibration with these ``errors``; None if both images are taken to be equal.
+    """The assumed positions of the pixels of an eye's rectified image in the sensor's image (see ``Lens``), by a
+    calibration with these ``errors``; None if both images are assumed equal.
 
     Raises IcyMoonError if the coefficients fold the image, or if the errors leave nothing of it.
     """
@@ -136,9 +137,9 @@ def _make_calibrated_lens(camera: StereoCamera, own: CalibratedCamera) -> Lens:
     """The lens of a calibrated eye whose rendered image is the one of the parallel rig, or its panorama."""
     rays = _rectified_rays(camera)
     return Lens(
-        in_light(rays_in_rig(own, make_pixel_grid(*own.size_px)), camera).astype(np.float32),
+        project_to_light(find_rays_in_rig(own, make_pixel_grid(*own.size_px)), camera).astype(np.float32),
         own.show(rays @ own.rotation.T).astype(np.float32),
-        in_light(rays, camera).astype(np.float32),
+        project_to_light(rays, camera).astype(np.float32),
         camera.light_px,
         is_calibrated=True,
     )
@@ -188,14 +189,14 @@ def _find_continued_steps(inverse: Array) -> Array:
 
 
 def _find_inside(where: Array, size: tuple[int, int], reach: float) -> Array:
-    """Which places ``where`` (..., 2) are inside an image of ``size`` (columns, rows), or at most ``reach`` px beyond
-    its outermost pixel centres; bool (...).
+    """Which positions ``where`` (..., 2) are inside an image of ``size`` (columns, rows), or at most ``reach`` px
+    beyond its outermost pixel centres; bool (...).
     """
     return np.asarray(((where >= -reach) & (where <= np.array(size) - 1 + reach)).all(axis=-1))
 
 
 def _remap(image: Array, where: Array, cubic: bool = False) -> Array:
-    """``image`` (H, W) or (H, W, bands) at the places of a map, interpolated linearly or with cubics; NaN beyond its
+    """``image`` (H, W) or (H, W, bands) at the positions of a map, interpolated linearly or with cubics; NaN beyond its
     outermost pixel centres."""
     import cv2  # imported here, because Blender has no OpenCV and develops only pairs without distortion and toe-in
 

@@ -1,4 +1,4 @@
-"""Images at places between their pixels, by cubic splines.
+"""Interpolation of images between their pixels, by cubic splines.
 
 OpenCV's cubics have places of 1/32 px and do not keep a parabola, so waves of 16 px lose 1.4 %; these lose 0.004 %.
 """
@@ -18,8 +18,8 @@ _FILTER_LENGTH_PX = 28
 
 
 def sample(image: Array, places: Array) -> Array:
-    """``image`` (H, W) at columns and rows (..., 2), float64; NaN beyond its outermost pixel centres, where places are
-    NaN too. At pixel centres it is the image itself. Beyond the borders the image counts as mirrored."""
+    """``image`` (H, W) at columns and rows (..., 2), float64; NaN beyond its outermost pixel centres, and for NaN. At
+    pixel centres it is the image itself. Beyond the borders the image counts as mirrored."""
     coefficients = _filter(_filter(np.asarray(image, np.float64)).T).T
     height, width = coefficients.shape
     flat = places.reshape(-1, 2).astype(np.float64)

@@ -43,7 +43,7 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
 
 
 def read_baked_error(pair: Pair, eye: str) -> dict[str, Array]:
-    """A possible error of an eye's baked light, as large as the actual one, by light group: float64 (H, W) on the
+    """A random error of an eye's baked light, as large as the actual one, by light group: float64 (H, W) on the
     parallel rig, in W/(m² sr) of the mean of the bands. Empty if no error is stored.
 
     Raises IcyMoonError with the name of the file if it is damaged or of another size than its camera.
@@ -86,7 +86,7 @@ def _turn_light_to_parallel(light: Light, pair: Pair, eye: str) -> tuple[Array, 
 
 
 def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[Array], Array]:
-    """A function that puts an image of an eye's rendered pixels on the parallel rig."""
+    """A function that resamples an image of an eye's rendered pixels to the parallel rig."""
     plain = RigSettings.from_values({f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")})
     camera = pair.camera if pair.camera.panorama else replace(pair.camera, eyes=None)
     lens = make_lens(camera, plain, eye)

@@ -1,1 +1,2 @@
-"""Statistics over scenes: typical scenes, means and shares, with intervals that cover. Works on arrays only."""
+"""Statistics over scenes: typical scenes, means and shares, with confidence intervals of the stated coverage. Works on
+arrays only."""

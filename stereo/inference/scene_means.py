@@ -1,4 +1,4 @@
-"""Means over scenes, and intervals of them that cover.
+"""Means over scenes, and confidence intervals of these means, with the stated coverage.
 
 Pairs of one scene share its ground, so they are not independent, and pixels even less; scenes are. A mean over pairs is
 a ratio of sums over scenes (Cochran 1977, section 6.3), so scenes may have different numbers of pairs. NaN is
@@ -181,8 +181,6 @@ def _resample_ratios(times: Array, sums: Array, counts: Array) -> tuple[Array, A
 
 
 def _find_quantile_of_resamples(t: Array) -> Array:
-    """The |t| (K,) that a share of COVERAGE of the resamples (resamples, K) does not exceed; missing values count as
-    infinite.
-    """
+    """The quantile COVERAGE of |t| (K,) over the resamples (resamples, K); missing values count as infinite."""
     ascending = np.sort(np.where(np.isnan(t), np.inf, t), axis=0)
     return np.asarray(ascending[math.ceil(COVERAGE * len(t)) - 1])

@@ -67,12 +67,12 @@ class ComparisonFamily:
 
 
 def find_limit(comparisons: int) -> float:
-    """The largest adjusted p of a verdict in a family of this size."""
+    """The significance threshold: the largest adjusted p of a verdict in a family of this size."""
     return LIMIT_OF_ONE if comparisons <= 1 else LIMIT_OF_SEVERAL
 
 
 def count_scenes_needed(comparisons: int) -> int:
-    """The fewest scenes from which on this number of comparisons can have a verdict.
+    """The smallest number of scenes with which this number of comparisons can have a verdict.
 
     With n scenes, two of 2^n choices of signs are as extreme as equal signs, and the signs may differ between
     comparisons. With fewer scenes no difference is large enough.
@@ -81,7 +81,7 @@ def count_scenes_needed(comparisons: int) -> int:
 
 
 def count_scenes_for_methods(methods: int) -> int:
-    """The fewest scenes from which on this number of methods can have a verdict."""
+    """The smallest number of scenes with which this number of methods can have a verdict."""
     return count_scenes_needed(methods * (methods - 1) // 2)
 
 

@@ -45,7 +45,7 @@ class WalshSums:
         return int(ordered + (2 * self.values <= limit).sum()) // 2
 
     def at(self, place: int) -> int:
-        """The sum at a ``place`` in ascending order, from 0 on."""
+        """The sum at an index ``place`` in ascending order, from 0 on."""
         if self._listed is not None:
             return int(self._listed[place])
         low, high, below, reached = 2 * int(self.values[0]) - 1, 2 * int(self.values[-1]), 0, self.count
@@ -58,7 +58,7 @@ class WalshSums:
         return high if high - low == 1 else self._find_sum_between(low, high, place - below)
 
     def _find_sum_between(self, low: int, high: int, place: int) -> int:
-        """The sum at a ``place`` among the sums above ``low`` and up to ``high``."""
+        """The sum at an index ``place`` among the sums above ``low`` and up to ``high``."""
         own = np.arange(len(self.values))
         begin = np.maximum(np.searchsorted(self.values, low - self.values, side="right"), own)
         number = np.maximum(np.searchsorted(self.values, high - self.values, side="right") - begin, 0)

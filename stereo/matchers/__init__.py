@@ -55,7 +55,7 @@ def get_matcher_title(method: str) -> str:
 
 
 def get_matcher_needs(method: str) -> str:
-    """The requirements of a matcher beside the evaluator, in words; empty if there are none."""
+    """The requirements of a matcher beside the evaluator, in words; empty without any."""
     return _literal_text(method, "NEEDS")
 
 
@@ -66,7 +66,7 @@ def list_matcher_titles() -> dict[str, str]:
 
 
 def list_set_ups() -> list[tuple[str, tuple[int, str, str, str]]]:
-    """The matchers that the user sets up, with their ``SET_UP``, in the order of its numbers."""
+    """The matchers that need a setup by the user, with their ``SET_UP``, in the order of its numbers."""
     found = {name: read_fact(plugin, "SET_UP") for name, plugin in find_plugins().usable.items() if plugin.built_in}
     return sorted(((name, stated) for name, stated in found.items() if stated), key=lambda entry: entry[1])
 
@@ -185,7 +185,7 @@ def list_option_keys(method: str) -> list[str]:
 
 
 def list_option_files(method: str, options: Mapping[str, Any]) -> list[str]:
-    """Words of complete options that may be files on which the result depends: the arguments of a command."""
+    """Words of complete options that may name files on which the result depends: the arguments of a command."""
     named = getattr(load_matcher(method), "files", None)
     return list(named(options)) if named else []
 
@@ -203,7 +203,7 @@ def describe_matcher(method: str) -> str:
 
 
 def describe_plugin_release(method: str) -> str:
-    """Package and version of the plug-in that a matcher is from; empty for one of ours."""
+    """Package and version of a matcher's plug-in; empty for a built-in matcher."""
     plugin = find_plugins().added.get(method)
     return plugin.release if plugin else ""
 

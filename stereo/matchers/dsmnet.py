@@ -55,7 +55,7 @@ def check(options: Mapping[str, Any]) -> None:
 
 
 def load(options: Mapping[str, Any]) -> None:
-    """Read the checkpoint, so that a run with the same options need not."""
+    """Read the checkpoint once for all runs with the same options."""
     network_matchers.load(NETWORK, options)
 
 
@@ -79,7 +79,7 @@ def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict
 
 
 def _crop_span(size: int, crop: int) -> tuple[int, int]:
-    """(first, count) of the rows or columns used: the middle ones; beginning outside the image if it has too few."""
+    """(first, count) of the rows or columns used: the middle ones; negative if the image has too few."""
     from ..networks.dsmnet import SIZE_STEP
 
     # At least two steps: with one, the coarsest features would be a single pixel, which has no variance.

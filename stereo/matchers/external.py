@@ -101,7 +101,7 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
 
 
 def files(options: dict[str, Any]) -> list[str]:
-    """Paths that may be files that the result depends on: the program and its arguments."""
+    """Paths on which the result may depend: the program and its arguments."""
     return _split_command(options)
 
 

@@ -63,7 +63,7 @@ def check(options: Mapping[str, Any]) -> None:
 
 
 def load(options: Mapping[str, Any]) -> None:
-    """Read the checkpoint, so that a run with the same options need not."""
+    """Read the checkpoint once for all runs with the same options."""
     network_matchers.load(NETWORK, options)
 
 

@@ -100,7 +100,7 @@ def search_disparities(left: Array, right: Array, least: int, most: int, window:
 
 
 def judge_matches(found: Search, least: int, most: int, window: int, uncertainty: int) -> tuple[Array, Array]:
-    """(disparity, int32 in 1/256 px or NO_DATA; flags, uint8) of a search.
+    """(disparity, int32 in 1/256 px or NO_DATA; flags, uint8) of the matches of a search.
 
     The disparity is refined by a parabola through three scores. If ``uncertainty`` is above 0, it is the largest
     expected error, in 1/256 px, that is accepted.

@@ -157,6 +157,7 @@ def _enlarge_disparity(disparity: Array, level: int, shape: tuple[int, ...]) -> 
 
 
 def _neighbouring_places(place: Array, last: int) -> tuple[Array, Array, Array]:
-    """The whole places around fractional ones (the same twice for a whole one), and the weight of the second."""
+    """The integer positions around fractional ones (the same twice for an integer one), and the weight of the
+    second."""
     before, after = np.floor(place).astype(int), np.ceil(place).astype(int)
     return before, np.minimum(after, last), place - before

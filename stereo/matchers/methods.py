@@ -53,12 +53,13 @@ def parse_key_value(text: str, where: str) -> tuple[str, str]:
 
 
 def names_method(text: str, name: str) -> bool:
-    """Whether a comma-separated list of methods has a matcher, with or without options. ``name`` may be own:NAME."""
+    """Whether a comma-separated list of methods contains a matcher, with or without options. ``name`` may be
+    own:NAME."""
     return any(_names_matcher(entry, name) for entry in text.split(","))
 
 
 def describe_method(label: str) -> str:
-    """A method as readers see it: ``StereoBM window=7`` for bm:window=7; a name of the user's as it is.
+    """A method in the words of a reader: ``StereoBM window=7`` for bm:window=7; a name of the user's is unchanged.
 
     Files keep the label, by which programs find a method.
     """
@@ -67,7 +68,7 @@ def describe_method(label: str) -> str:
 
 
 def toggle_method(text: str, name: str) -> str:
-    """The list without a matcher that it has, or else with it at its end. Other methods keep their options."""
+    """The list without a matcher that it contains, or else with it appended. Other methods keep their options."""
     entries = [entry.strip() for entry in text.split(",") if entry.strip()]
     kept = [entry for entry in entries if not _names_matcher(entry, name)]
     return ",".join(kept if len(kept) < len(entries) else [*entries, name])

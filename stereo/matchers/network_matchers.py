@@ -46,7 +46,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Network:
-    """A network, and where its parameters come from."""
+    """A network, and the source of its parameters."""
 
     method: str
     file: str  # the authors' name of it
@@ -56,7 +56,7 @@ class Network:
 
 def check(network: Network, options: Mapping[str, Any]) -> None:
     """Raise IcyMoonError unless torch and the checkpoint exist."""
-    path = checkpoint_path(network, options)
+    path = find_checkpoint(network, options)
     if not path.is_file():
         raise IcyMoonError(
             f"{network.method} has no checkpoint at {path}; download {network.file} as the README of "
@@ -66,7 +66,7 @@ def check(network: Network, options: Mapping[str, Any]) -> None:
         raise IcyMoonError(f"{network.method} needs PyTorch, which this Python lacks; run: pip install torch")
 
 
-def checkpoint_path(network: Network, options: Mapping[str, Any]) -> Path:
+def find_checkpoint(network: Network, options: Mapping[str, Any]) -> Path:
     """The checkpoint file of a network: the one in the options, or the default one."""
     if options["checkpoint"]:
         return parse_path(options["checkpoint"], f"{network.method}.checkpoint")
@@ -84,7 +84,7 @@ def load(network: Network, options: Mapping[str, Any]) -> tuple[nn.Module, dict[
         raise IcyMoonError(f"{network.method}.device is cuda, but PyTorch finds no CUDA device here; use cpu.")
     if device == "auto":
         device = "cuda" if torch.cuda.is_available() else "cpu"
-    path = checkpoint_path(network, options)
+    path = find_checkpoint(network, options)
     check(network, options)
     changed = path.stat()
     state = changed.st_mtime_ns, changed.st_size
@@ -130,7 +130,7 @@ def _load_network(
 
 
 def _read_parameters(path: Path) -> dict[str, Any]:
-    """Name -> tensor of a checkpoint, without the wrapping that training adds. Runs no code from the file."""
+    """Name -> tensor of a checkpoint, without the prefixes that training adds. Runs no code from the file."""
     import torch
 
     _check_archive(path)
@@ -150,7 +150,8 @@ def _read_parameters(path: Path) -> dict[str, Any]:
 
 
 def _check_archive(path: Path) -> None:
-    """Raise IcyMoonError for an archive that would unfold to more than it has: PyTorch packs no parameters."""
+    """Raise IcyMoonError for a compressed archive, which could expand beyond its size: PyTorch does not compress
+    parameters."""
     try:
         with zipfile.ZipFile(path) as archive:
             unfolded = sum(member.file_size for member in archive.infolist())

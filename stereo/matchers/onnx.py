@@ -149,7 +149,7 @@ def check(options: dict[str, Any]) -> None:
 
 
 def load(options: dict[str, Any]) -> None:
-    """Read the file and test the network, so that a run with the same options need not."""
+    """Read the file and test the network once for all runs with the same options."""
     _load_network(options)
 
 
@@ -205,7 +205,7 @@ def _open_network(options: dict[str, Any]) -> _Network:
         session = onnxruntime.InferenceSession(str(path), settings, providers=providers)
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
-            f"{path} cannot be read as an ONNX network ({_first_line(error)}); export it again."
+            f"{path} cannot be read as an ONNX network ({_find_first_line(error)}); export it again."
         ) from None
     inputs = _find_inputs(path, session.get_inputs())
     return _Network(
@@ -289,7 +289,7 @@ def _run_network(
         ) from None
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
-            f"onnx.model {_find_model_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
+            f"onnx.model {_find_model_path(options).name} failed in ONNX Runtime ({_find_first_line(error)}); try "
             f"onnx.multiple, {multiple}, onnx.device=cpu or smaller images."
         ) from None
     factor = options["scale"] * (-1 if options["sign"] == "negative" else 1)
@@ -336,7 +336,7 @@ def _normalise_image(image: Array, each: _Input, options: dict[str, Any]) -> Arr
 def _select_output_map(
     network: _Network, outputs: Sequence[Array], options: dict[str, Any], shape: tuple[int, int]
 ) -> Array:
-    """The map (H, W) in the output that is chosen: the first channel of the first image."""
+    """The map (H, W) in the chosen output: the first channel of the first image."""
     place, declared = options["output"], network.session.get_outputs()
     found = np.asarray(outputs[place]) if place < len(outputs) else None
     if found is not None and found.ndim >= 2 and found.dtype.kind == "f":
@@ -353,7 +353,7 @@ def _select_output_map(
 
 
 def _test_network(network: _Network, options: dict[str, Any]) -> None:
-    """Raise IcyMoonError unless the network finds the shift of a texture."""
+    """Raise IcyMoonError unless the network recovers the shift of a texture."""
     found = _find_shifts(network, options)
     if _match_shifts(found):
         return
@@ -365,7 +365,7 @@ def _test_network(network: _Network, options: dict[str, Any]) -> None:
 
 
 def _find_shifts(network: _Network, options: dict[str, Any]) -> tuple[float, ...]:
-    """The median disparities that a network finds for each of ``_SHIFTS_PX``."""
+    """The median disparities that a network estimates for each of ``_SHIFTS_PX``."""
     height, width = network.fixed or _TEST_SHAPE
     most = max(_SHIFTS_PX)
     # Squares of several sizes: as fine as a pixel, and as coarse as what a network sees at a sixteenth of the size.
@@ -389,7 +389,7 @@ def _match_shifts(found: Sequence[float], factor: float = 1.0) -> bool:
 
 
 def _advise_on_shifts(network: _Network, found: Sequence[float], options: dict[str, Any]) -> str:
-    """A clause with the advice, if a network finds other shifts."""
+    """A clause with the advice, if a network estimates wrong shifts."""
     if _match_shifts(found, -1.0):
         return f"give onnx.sign={'positive' if options['sign'] == 'negative' else 'negative'}"
     factors = [shift / each if each else np.inf for each, shift in zip(found, _SHIFTS_PX, strict=True)]
@@ -411,7 +411,7 @@ def _describe_declared(declared: Sequence[Any]) -> str:
 
 
 def _run_bounded(session: onnxruntime.InferenceSession, given: dict[str, Array], most_s: float) -> list[Array]:
-    """The outputs of a network, which is stopped after ``most_s``, since it may have a loop without end.
+    """The outputs of a network, which is stopped after ``most_s`` seconds, since it may have an infinite loop.
 
     Raises TimeoutError then.
     """
@@ -431,7 +431,7 @@ def _run_bounded(session: onnxruntime.InferenceSession, given: dict[str, Array],
         clock.cancel()
 
 
-def _first_line(error: Exception) -> str:
+def _find_first_line(error: Exception) -> str:
     """First line of ONNX Runtime's message, without the prefix, number and name of the error."""
     line = (str(error).splitlines() or [type(error).__name__])[0]
     return re.sub(r"^\[ONNXRuntimeError\] : \d+ : [A-Z_]+ : ", "", line)[:300].rstrip(". ")

@@ -150,5 +150,5 @@ def extend_left(image: Array, columns: int) -> Array:
 
 
 def drop_matches_outside_right(disparity: Array) -> Array:
-    """The disparity, NaN where the match would lie to the left of the right image."""
+    """The disparity, with NaN for matches to the left of the right image."""
     return np.where(disparity <= np.arange(disparity.shape[1]), disparity, np.nan)

@@ -31,7 +31,7 @@ _RESERVED_OPTIONS = {"preset", "grey", *(name for option in SEARCH_RANGE for nam
 
 @dataclass(frozen=True)
 class MatchContext:
-    """The arguments of a plug-in's ``match`` beside the images.
+    """The arguments of a plug-in's ``match`` besides the images.
 
     ``options`` are complete. Search the whole disparities ``least_px`` to ``most_px``, both included; both are 0 for a
     matcher that states ``SEARCHES = False``. The camera's values are None where the camera is not known; the principal
@@ -108,7 +108,8 @@ class PluginMatcher:
             return act(_declared_options(options)) if callable(act) else None
 
     def files(self, options: dict[str, Any]) -> list[str]:
-        """The files that the result depends on: the source of an installed plug-in; ours has Icy Moon's version."""
+        """The files that determine the result: the source of an installed plug-in; a built-in one has Icy Moon's
+        version."""
         return [] if self.plugin.built_in else find_source_files(self.loaded)
 
 
@@ -118,7 +119,7 @@ def _declared_options(options: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def check_disparity(plugin: Plugin, found: object, shape: tuple[int, ...]) -> Array:
-    """Check the result of a plug-in, and return it as float32. Raises IcyMoonError if it is no disparity map of this
+    """Check the result of a plug-in, and return it as float32. Raises IcyMoonError if it is not a disparity map of this
     shape.
     """
     if not isinstance(found, np.ndarray):
@@ -141,7 +142,7 @@ def check_disparity(plugin: Plugin, found: object, shape: tuple[int, ...]) -> Ar
 
 
 def read_presets(plugin: Plugin, options: Sequence[Option], stated: object) -> dict[str, dict[str, Any]]:
-    """The named sets of options that a plug-in declares. Raises IcyMoonError for one that cannot be used."""
+    """The named sets of options that a plug-in declares. Raises IcyMoonError for an invalid set."""
     if not isinstance(stated, Mapping) or not all(isinstance(chosen, Mapping) for chosen in stated.values()):
         raise IcyMoonError(
             f'{plugin.title} has PRESETS that are no dictionaries; write PRESETS = {{"fine": {{"window": 3}}}}.'
@@ -157,7 +158,7 @@ def read_options(plugin: Plugin, stated: object) -> list[Option]:
     """The options that a plug-in declares. Raises IcyMoonError for an invalid declaration."""
     if not isinstance(stated, Mapping):
         raise IcyMoonError(
-            f'{plugin.title} has OPTIONS that are no dictionary; write OPTIONS = {{"window": '
+            f'{plugin.title} has OPTIONS that are not a dictionary; write OPTIONS = {{"window": '
             '{"default": 7, "minimum": 3, "maximum": 15, "doc": "…"}}.'
         )
     return [_read_option(plugin, key, facts) for key, facts in stated.items()]

@@ -51,7 +51,7 @@ def settle(
 
 
 def load(options: dict[str, Any]) -> None:
-    """Start the program, if it does not run yet."""
+    """Start the program if it is not running."""
     start_resident(_make_program(options))
 
 
@@ -61,7 +61,7 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
 
 
 def files(options: dict[str, Any]) -> list[str]:
-    """Paths that may be files that the result depends on: the program and its arguments."""
+    """Paths on which the result may depend: the program and its arguments."""
     return _split_command(options)
 
 

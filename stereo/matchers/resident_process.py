@@ -3,8 +3,8 @@
 The program, most simply by ``adapters.icymoon_serve``, prints ``{"hello": 1}`` when it is ready. For each pair it reads
 a line ``{"id", "left", "right", "out", "camera", "range"}`` with the paths of two npy files (uint8 RGB, (H, W, 3)), the
 camera and the disparities that the rig can see, or null. It writes the disparity to ``out`` as npy, and then prints
-``{"id", "ok": true}`` with its time and memory, or ``{"id", "error"}``. Other output is no message. Its standard input
-ends when this process ends, however that happens.
+``{"id", "ok": true}`` with its time and memory, or ``{"id", "error"}``. Other output is not a message. Its standard
+input ends when this process ends, however that happens.
 
 If a program dies or does not answer in time, this pair fails and the program is started again for the next one, but
 not after three such failures in a row. The first pair is computed twice, since libraries and GPUs do much of their
@@ -139,7 +139,7 @@ class _Resident:
         range_px: Sequence[int] | None,
         limit_s: float,
     ) -> tuple[Array, dict[str, Any], float]:
-        """Have it compute a pair: the disparity, its answer, and the seconds until then."""
+        """Request a pair from the program: the disparity, its answer, and the elapsed seconds."""
         self._id += 1
         paths = {key: self._folder / f"{key}{self._id}.npy" for key in ("left", "right", "out")}
         try:
@@ -203,7 +203,7 @@ class _Resident:
         return f"{how} before {before} ({self._last_words()}); correct the program."
 
     def _last_words(self) -> str:
-        """The last line of its standard error, or else of its output that is no message."""
+        """The last line of its standard error, or else of its output that is not a message."""
         return read_last_line(self._folder / "errors.txt") or self._stray[:300] or "no message"
 
     def _read_disparity(self, path: Path, shape: tuple[int, ...]) -> Array:
@@ -225,7 +225,7 @@ class _Resident:
             while line := stream.readline(_LONGEST_LINE):
                 self._lines.put(line)  # a full queue makes a program wait that prints without end
                 while len(line) == _LONGEST_LINE and not line.endswith(b"\n"):
-                    line = stream.readline(_LONGEST_LINE)  # the rest of a line that is no message
+                    line = stream.readline(_LONGEST_LINE)  # the rest of a line that is not a message
         self._lines.put(b"")
 
     def stop(self, grace_s: float) -> None:

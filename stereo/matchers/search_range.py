@@ -35,7 +35,7 @@ _UNKNOWN_RIG_PX = 96
 
 @dataclass(frozen=True)
 class SearchRange:
-    """The whole disparities ``least_px`` to ``most_px``, both searched, and where they come from."""
+    """The integer disparities ``least_px`` to ``most_px``, both searched, and their source."""
 
     least_px: int
     most_px: int
@@ -54,7 +54,7 @@ class SearchRange:
 
 
 def find_rig_range(settings: Settings, described: bool = True) -> SearchRange | None:
-    """The disparities that the rig of the settings can see, from its pose; None if it sees no ground.
+    """The disparities in view of the rig of the settings, from its pose; None without ground in view.
 
     If the settings describe the whole scene, the near end follows from the described ground and rocks (SETTINGS).
     Otherwise relief may reach half of the camera's height (RIG).
@@ -79,7 +79,7 @@ def find_true_range(true_disparity: Array) -> SearchRange | None:
 def find_known_ranges(
     settings: Settings | None, true_disparity: Array | None, by_hand: bool = False
 ) -> dict[str, SearchRange]:
-    """The ranges of AUTO and TRUTH, as far as they are known, for ``match``.
+    """The ranges of AUTO and TRUTH, if known, for ``match``.
 
     ``settings`` are the pair's settings, which do not describe the whole scene if it was edited ``by_hand``.
     ``true_disparity`` is NaN where only one eye sees the point.
@@ -92,7 +92,7 @@ def find_known_ranges(
 
 
 def require_range(method: str, word: str, option: str, ranges: Mapping[str, SearchRange]) -> SearchRange:
-    """The range that an option names by AUTO or TRUTH; for AUTO, one of fixed size if nothing is known of the rig.
+    """The range that an option names by AUTO or TRUTH; for AUTO, one of fixed size without knowledge of the rig.
 
     Raises IcyMoonError if the true disparities are asked for and not known.
     """

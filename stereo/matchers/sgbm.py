@@ -114,7 +114,7 @@ def make_semi_global_matcher(method: str, options: dict[str, Any]) -> cv2.Stereo
 
 @dataclass(frozen=True)
 class StripMatcher:
-    """A semi-global matcher that sees a large image in strips of rows, so that its costs fit into memory."""
+    """A semi-global matcher that processes a large image in strips of rows, so that its costs fit into memory."""
 
     matcher: cv2.StereoMatcher
     mode: str

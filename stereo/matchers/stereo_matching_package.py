@@ -54,7 +54,7 @@ def check(options: dict[str, Any]) -> None:
 
 
 def load(options: dict[str, Any]) -> None:
-    """Start the program, if it does not run yet."""
+    """Start the program if it is not running."""
     start_resident(_make_program(options))
 
 

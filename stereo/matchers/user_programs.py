@@ -1,4 +1,4 @@
-"""The user's programs: their command lines, the arrays that they write, and their last words."""
+"""The user's programs: their command lines, the arrays that they write, and their last lines of output."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ _PIXELS_PER_STEP = 2**13
 def measure_depth_order_disagreement(
     prediction: Array, truth: Array, tolerance: float = DEPTH_TOLERANCE_SHARE, antisymmetric: bool = False
 ) -> float:
-    """Share, 0 to 1, of ordered pixel pairs whose depth order the prediction gets wrong.
+    """Share, 0 to 1, of ordered pixel pairs whose depth order is wrong in the prediction.
 
     Both arrays have the same shape and contain positive finite depths. NaN for fewer than two pixels. With
     ``antisymmetric``, ord(a, b) is -1 if b / a > 1 + τ, so that it is always -ord(b, a). By the definition above this
@@ -105,7 +105,7 @@ def _make_prefix_sums(sizes: Array) -> Array:
 
 
 def _rank_depths(ascending: Array) -> tuple[Array, Array, Array]:
-    """Of sorted depths: the distinct ones, the place of each depth among them, and the number of times each occurs."""
+    """Of sorted depths: the distinct ones, the index of each depth among them, and the number of times each occurs."""
     first = np.ones(ascending.size, bool)
     np.not_equal(ascending[1:], ascending[:-1], out=first[1:])
     return ascending[first], np.cumsum(first) - 1, np.diff(np.append(np.flatnonzero(first), ascending.size))
@@ -125,7 +125,7 @@ def _find_thresholds(depths: Array, tolerance: float, antisymmetric: bool) -> tu
 
 
 def _correct_rounding(guess: Array, depths: Array, holds: Callable[[Array, Array], Array]) -> Array:
-    """Move each prefix length, which is right except for rounding, to where ``holds(v, x)`` ends."""
+    """Correct the rounding of each prefix length: move it to the end of the range where ``holds(v, x)``."""
     last = depths.size - 1
     while True:
         too_long = (guess > 0) & ~holds(depths, depths.take(guess - 1, mode="clip"))
@@ -222,7 +222,7 @@ class _PrefixCounts:
 
 
 class _DigitCounts:
-    """How many of ``digits[:prefix]``, each from 0 to ``base`` - 1, are less than a limit of 0 to ``base``.
+    """The number of ``digits[:prefix]``, each from 0 to ``base`` - 1, that are less than a limit of 0 to ``base``.
 
     A table has the counts for prefixes of whole groups. Within a group, words of 64 bits tell which of its digits are
     the lowest 0, 1, ..., 64; how many of them are below the limit follows from two rows of the table.
@@ -284,7 +284,7 @@ def _pad_into_groups(values: Array, groups: int, rest: int) -> Array:
 
 
 def _add_up_bits(words: Array) -> Array:
-    """How many bits of each word are 1: of pairs of bits, of fours, of bytes, and of the bytes together."""
+    """The number of set bits of each word: summed over pairs of bits, fours, bytes, and the whole word."""
     ones, twos, fours, bytes_ = (np.uint64(0x0101010101010101 * k) for k in (0x55, 0x33, 0x0F, 0x01))
     words = words - (words >> np.uint64(1) & ones)
     words = (words & twos) + (words >> np.uint64(2) & twos)

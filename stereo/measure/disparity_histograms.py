@@ -1,4 +1,4 @@
-"""Histograms of disparity errors and of the parts of a pixel in disparities, summed over pairs.
+"""Histograms of disparity errors and of the fractional part of disparities, summed over pairs.
 
 A matcher that fits a curve through few costs prefers whole or half pixels (pixel locking): too many of its disparities
 are there, and its mean error depends on the fractional part of the true disparity (Shimizu and Okutomi 2001).
@@ -52,7 +52,8 @@ def make_histograms(disparity: Array, true_disparity: Array) -> Histograms:
 
 
 def _find_fraction_bin(disparity: Array) -> Array:
-    """Bin of the part of a pixel. The remainder is taken first: a disparity may be larger than any integer."""
+    """Bin of the fractional part of a disparity. The remainder is taken first: a disparity may exceed any integer
+    type."""
     return np.asarray(np.rint(disparity % 1.0 * FRACTION_BINS).astype(np.intp) & FRACTION_BINS - 1)
 
 

@@ -66,7 +66,7 @@ class Estimate:
     error: float = float("nan")
 
     def exceeds(self, limit: float, errors: float) -> bool:
-        """Whether the number is farther from 0 than ``limit`` and than ``errors`` standard errors."""
+        """Whether the number differs from 0 by more than ``limit`` and than ``errors`` standard errors."""
         return abs(self.value) > max(limit, errors * self.error)  # False for NaN
 
     @property
@@ -133,7 +133,7 @@ class _ColumnSampler:
     """The fractional columns (H, W) at which images are interpolated linearly."""
 
     def __init__(self, column: Array, inside: Array) -> None:
-        """Only the columns that are ``inside`` an image count, neither of its outermost ones."""
+        """Only the columns that are ``inside`` an image count, except its outermost ones."""
         column = np.where(inside, column, 0.0)
         whole = np.floor(column)
         self._place = np.arange(column.shape[0])[:, None] * column.shape[1] + whole.astype(np.intp)
@@ -236,7 +236,7 @@ def measure_light_correlation(image: Array, other: Array, column: Array, visible
 
 
 def _zero_if_not_finite(image: Array) -> Array:
-    """In double precision; black where the render is not a finite number."""
+    """The values in double precision, with 0 for render values that are not finite."""
     return np.nan_to_num(image.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
 
 
@@ -315,7 +315,7 @@ def _compute_correlation(sums: Array) -> Array:
 
 
 def _find_best_step(products: Callable[[float], Array], steps: Array) -> tuple[Estimate, Estimate, Estimate]:
-    """The step with the best correlation, its gain over step 0, and the correlation.
+    """The step with the best correlation, its gain over step 0, and its correlation.
 
     ``products`` gives the sums (tiles, 3) at a step. In a sound pair the images fit, and best at step 0, whichever tile
     is left out. Then only the steps beside it are tried, which are all that the peak is found from.
@@ -351,8 +351,8 @@ def _interpolate_peak(curve: Array, steps: Array) -> Array:
 
 
 def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: Array) -> Estimate:
-    """The share of the places of the left image (H, W) surely found in the right image that are not at the true
-    ``disparity``.
+    """The share of the points of the left image (H, W), found with certainty in the right image, that are not at the
+    true ``disparity``.
 
     Works on reduced images, which have less noise. NaN if too few places are found.
     """

@@ -1,4 +1,5 @@
-"""Checks whether a map of depths or disparities fits two images, and finds another reading of its numbers that fits.
+"""Checks whether a map of depths or disparities fits two images, and finds an alternative interpretation of its numbers
+that fits.
 
 Data sets are read with a wrong unit, channel or orientation more often than they are wrong. So a map is compared with
 places that are found in both images without it, and if it misses them, its numbers are read in other ways: distances
@@ -58,7 +59,7 @@ _ZOOMS = tuple(math.exp(0.03 * k) for k in range(-26, 27) if abs(k) > 3)
 
 @dataclass(frozen=True)
 class FitFault:
-    """A reading that fits where the stated one does not, or the fact that no reading fits.
+    """An interpretation that fits better than the stated one, or the fact that none fits.
 
     ``kind`` is a key of ``READINGS``, or "nothing" if no reading fits. The numbers are ``factor`` times too large.
     """
@@ -103,7 +104,7 @@ class MatchedPlaces:
     step: int
 
     def are_enough(self) -> bool:
-        """Whether there are enough places of either order to state anything."""
+        """Whether there are enough places, in either order of the images, for a verdict."""
         return any(
             _is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _LEAST_PLACES_SHARE
             for each in (self.left, self.swapped)
@@ -156,8 +157,8 @@ def find_fault(values: Array, kind: str, camera: StereoCamera, places: MatchedPl
 
 def find_misfit(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> FitFault | None:
     """A small fault of a map that ``find_fault`` does not find: a "scale" that is off by 4 % or more, so that the
-    numbers are ``factor`` times too large; or a "zoom", the map of a camera of another focal length at the same place,
-    whose ``factor`` is that focal length over the stated one. None if neither is found."""
+    numbers are ``factor`` times too large; or a "zoom", the map of a camera of another focal length at the same
+    position, whose ``factor`` is that focal length over the stated one. None without either."""
     if not places.are_enough():
         return None
     thinned = _thin(read_as_disparity(values, kind, camera), places.step) / places.step
@@ -225,8 +226,8 @@ def _find_zoom(stated: Array, camera: StereoCamera, places: MatchedPlaces) -> fl
 
 
 def is_confirmed(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> bool:
-    """Whether the images have enough places, and most of them are where a map ``values`` (H, W) of "depth" (m) or
-    "disparity" (px), NaN where unknown, puts them."""
+    """Whether the images have enough places, and most of them confirm a map ``values`` (H, W) of "depth" (m) or
+    "disparity" (px), NaN where unknown."""
     return (
         places.are_enough()
         and _measure_agreeing_share(read_as_disparity(values, kind, camera), places.left, places.step)
@@ -262,7 +263,7 @@ def read_as_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
 def _list_other_readings(
     values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces
 ) -> Iterator[tuple[str, Array, Array]]:
-    """Names of readings, their disparities (H, W), and the places with which they are compared."""
+    """Names of alternative interpretations, their disparities (H, W), and the places with which they are compared."""
     stated = read_as_disparity(values, kind, camera)
     other = "depth" if kind == "disparity" else "disparity"
     yield other, read_as_disparity(values, other, camera), places.left
@@ -307,7 +308,7 @@ def _find_factor(stated: Array, places: MatchedPlaces, here: float, kind: str) -
 
 
 def _explains_more(disparity: Array, stated: Array, found: Array, places: MatchedPlaces) -> bool:
-    """Whether another reading explains clearly more of the places at which it differs from the stated one."""
+    """Whether another interpretation explains clearly more of the places at which it differs from the stated one."""
     if found is not places.left:  # the other reading exchanges the images
         here = _measure_agreeing_share(stated, places.left, places.step)
         return not here >= _MOST_WRONG_SHARE

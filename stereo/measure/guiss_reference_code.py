@@ -1,4 +1,4 @@
-"""The numbers that the GUISS reference code would report for a disparity map, to compare with published tables.
+"""The numbers that the GUISS reference code would report for a disparity map, for comparison with published tables.
 
 It differs from the metrics here in ways that matter (nasa-jpl/guiss: ``stereoBM_eval.py``, ``IGEV_eval.py``,
 ``utils.calc_metrics``, ``gen_res.calc_metrics_offline``, ``get_pairs``):
@@ -54,7 +54,7 @@ def compute_reference_metrics(
 
 
 def compute_depth_map_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
-    """The same numbers for a depth map, without the constant and the cuts."""
+    """As ``compute_reference_metrics`` for a depth map, without the constant and the cuts."""
     prediction, truth = prediction.astype(np.float32), truth.astype(np.float32)
     counted = (prediction >= 0.01) & (prediction <= 100) & (truth > 0.05) & (truth <= 100)  # False for NaN
     predicted, true = prediction[counted], truth[counted]

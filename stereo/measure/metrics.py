@@ -1,4 +1,4 @@
-"""Metrics of a predicted depth or disparity against the true one, in float64.
+"""Metrics of a predicted depth or disparity against the truth, in float64.
 
 The pixels that count, V, are those where both depths are finite and positive. An invalid prediction is never a depth.
 Coverage is the share of the true pixels that are in V. Rates and coverage are fractions. An undefined metric (no pixel,

@@ -112,7 +112,7 @@ class PluginMetric:
         }
 
     def inputs(self) -> list[Any]:
-        """All that its numbers depend on besides the pair and the disparity."""
+        """Everything that determines its numbers besides the pair and the disparity."""
         files = find_source_files(self.loaded)
         return [self.plugin.name, self.plugin.release, [read_checksum(Path(file)) for file in files]]
 

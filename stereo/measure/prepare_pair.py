@@ -276,7 +276,8 @@ def make_check_eyes(pair: Pair, settings: Settings, views: Mapping[str, View]) -
 
 
 def _find_sensor_view(pair: Pair, settings: Settings, eye: str) -> Array:
-    """Boolean (H, W): the sensor sees this pixel. Eyes that are toed in or calibrated do not see all of them."""
+    """Boolean (H, W): the pixels in the sensor's field of view. Eyes that are toed in or calibrated do not cover all
+    pixels."""
     lens = make_lens(pair.camera, settings.rig, eye) if pair.camera.looks_elsewhere else None
     return np.ones((pair.camera.height_px, pair.camera.width_px), bool) if lens is None else lens.sees
 

@@ -1,4 +1,4 @@
-"""The share of a pair's texture that render noise hides, from its two eyes, the truth and the error of its bake.
+"""The share of a pair's texture that is below the render noise, from its two eyes, the truth and the error of its bake.
 
 The right image is warped to the left one by the true disparity. The difference is then the noise of both, and a rest
 from interpolation and from light that depends on the view. It is compared with the texture around each pixel: where the
@@ -77,7 +77,7 @@ class RenderNoise:
 
     @property
     def hidden(self) -> float | None:
-        """The share of pixels that noise hides in light or in shadow, the larger of both, among parts of at least a
+        """The share of pixels hidden by noise in light or in shadow, the larger of both, among parts of at least a
         twentieth of the image.
         """
         return _find_worst_part(self.lit, self.shadow)[0] if self.verdict else None
@@ -161,7 +161,7 @@ def _find_worst_part(*parts: LightPart) -> tuple[float, float]:
 
 
 def _measure_noise(left: Array, right: Array, disparity: Array, visible: Array) -> tuple[Array, Array]:
-    """The noise of one eye (H, W), and where it is known."""
+    """The noise of one eye (H, W), and the pixels with known noise."""
     filled = np.where(visible, disparity, 0.0)
     down, along = np.gradient(filled) if min(filled.shape) > 1 else np.zeros((2, *filled.shape))
     width = left.shape[1]
@@ -201,7 +201,7 @@ def _compute_local_variance(image: Array) -> Array:
 
 
 def _average_around(values: Array, known: Array) -> Array:
-    """Mean (H, W) of the values around each pixel that are known; 0 if none is."""
+    """Mean (H, W) of the known values around each pixel; 0 without known values."""
     count, total = (
         cv2.boxFilter(each, -1, (_NOISE_PX, _NOISE_PX), normalize=False, borderType=cv2.BORDER_CONSTANT)
         for each in (known.astype(np.float64), np.where(known, values, 0.0))

@@ -1,4 +1,4 @@
-"""The numbers of a row: one disparity map, measured against the truth of its pair."""
+"""The numbers of a result row: one disparity map, measured against the truth of its pair."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from .prepare_pair import PreparedPair, none_if_not_finite
 METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
 #: Prefix of metrics -> their pixels, in words.
 REGIONS = {
-    "": "all pixels with a true depth; a missing measurement lowers the coverage and is no error",
+    "": "all pixels with a true depth; a missing measurement lowers the coverage and raises no error",
     "total_": "all pixels with a true depth; a missing measurement counts as wrong",
     "visible_": "pixels that the right eye sees too: neither occluded nor outside its image",
 }

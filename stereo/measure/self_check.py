@@ -183,7 +183,7 @@ def _measure_disagreement(left: Eye, right: Eye, column: Array, visible: Array) 
 
 
 def _measure_contradictions(left: Eye, right: Eye, camera: StereoCamera) -> float | None:
-    """The share of pixels that the other eye sees through, of the eye with the larger share."""
+    """The share of pixels that are transparent to the other eye, of the eye with the larger share."""
     disparity, other = camera.disparity(left.depth), camera.disparity(right.depth)
     shares = [
         _measure_seen_through(disparity, other, find_matching_column(disparity)),

@@ -20,7 +20,7 @@ _OF_A_FRAME = (
 
 
 def make_sequence_key(settings: Settings) -> str:
-    """A text that is equal for the frames of a sequence; empty for a pair that is no frame of one."""
+    """A key of a sequence: equal texts for its frames; empty for a pair outside any sequence."""
     if not settings.rig.stamp:
         return ""
     rig = {key: value for key, value in settings.rig.items() if key not in _OF_A_FRAME}
@@ -28,8 +28,8 @@ def make_sequence_key(settings: Settings) -> str:
 
 
 def sort_by_time(folders: Sequence[Path]) -> list[Path]:
-    """Folders of pairs, each sequence in the order of time, in place of the first of them. Others keep their
-    order, as folders do that cannot be read."""
+    """Folders of pairs, each sequence in the order of time, at the position of its first frame. Other folders keep
+    their order, also unreadable ones."""
     restore, places = Restorer(), dict[str, int]()
     order = []
     for k, folder in enumerate(folders):

@@ -160,7 +160,7 @@ def upsample_convex(disparity: Tensor, logits: Tensor) -> Tensor:
 
 
 def _to_single_precision(x: Tensor) -> Tensor:
-    """In single precision at least.
+    """The tensor in single precision at least.
 
     bfloat16, with 8 bits, is for features and costs; at a disparity of 64 px it has steps of half a pixel.
     """

@@ -88,7 +88,7 @@ class Features(MobileNetTrunk):
 
 
 class FeatureAtt(nn.Module):
-    """Weighs the channels of a volume by the features of the left image at the same place."""
+    """Weighs the channels of a volume by the features of the left image at the same position."""
 
     def __init__(self, channels: int, features: int) -> None:
         super().__init__()

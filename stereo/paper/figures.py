@@ -107,7 +107,7 @@ def write_figure_sheet(name: str, pairs: Sequence[PlannedPair], dataset: Path, f
 
 
 def wrap_caption(text: str) -> tuple[str, str]:
-    """A text as a title and lines below it that fit under a picture of a sheet, nothing left out."""
+    """A text as a title and lines below it that fit under a picture of a sheet, without omissions."""
     first, *_ = textwrap.wrap(_to_ascii(text), _TITLE_LETTERS) or [""]
     rest = _to_ascii(text)[len(first) :].strip()
     return first, textwrap.fill(rest, _LINE_LETTERS)

@@ -1,4 +1,4 @@
-"""The four matchers of the GUISS paper as it ran them, and why some of them cannot run here."""
+"""The four matchers of the GUISS paper with its options, and the reasons why some of them cannot run here."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DISPARITIES_STEP_PX, _LEAST_WINDOW = 16, 5
 
 
 def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], dict[str, str]]:
-    """The matchers that can run, and why the others cannot, by name: a sentence.
+    """The matchers that can run, and for each other one, by name, a sentence with the reason.
 
     ``scale`` is the size of the images over the paper's; window and range of StereoBM are scaled with them.
     ``options`` are ``matcher.key=value``. Raises IcyMoonError for an option that is wrong, and if a matcher cannot run

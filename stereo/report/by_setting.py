@@ -79,8 +79,8 @@ class VariedSetting:
 
 
 def find_swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]) -> list[VariedSetting]:
-    """The settings that differ between pairs, those with the fewest distinct values first, as these are most often set
-    on purpose.
+    """The settings that differ between pairs, those with the fewest distinct values first, as these are most often
+    varied on purpose.
 
     A setting that some pairs lack, such as photographs, and that is the same in all others, does not differ. ``places``
     gives the number of each pair by name. Reads ``facts`` twice, to keep only differing settings in memory.

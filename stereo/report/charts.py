@@ -328,7 +328,7 @@ def _draw_spreads(summary: Summary, table: ResultTable) -> list[str]:
 
 
 def _has_bars(values: Sequence[Array], summary: Summary, key: str) -> bool:
-    """Whether a method has so few scenes that an interval of its mean stands beside them, and has one."""
+    """Whether a method has so few scenes that its mean and interval stand beside the points, and has an interval."""
     return any(
         len(own) < _FEWEST_IN_BOX and key in entry["intervals"] for own, entry in zip(values, summary, strict=True)
     )

@@ -127,7 +127,7 @@ def make_pair_titles(sweeps: Sequence[VariedSetting], names: Sequence[Sequence[s
 
 
 def _make_value_texts(sweep: VariedSetting, names: Sequence[str]) -> list[str]:
-    """The value of each pair in words, empty where it is not known."""
+    """The value of each pair in words, empty if unknown."""
     exact = sweep.numeric and not sweep.together  # a level may be a range of values
     _, _, level = sweep.levels()
     return [

@@ -102,8 +102,8 @@ def write_report(
     guiss: bool,
 ) -> None:
     """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``. It contains the pictures
-    of the pairs ``chosen`` and of a typical pair of each condition. ``ranking`` is from ``ranking.make_ranking_table``,
-    and ``titles`` are the titles of all pairs, see ``conditions``.
+    of the pairs ``chosen`` and of a typical pair of each condition. ``ranking`` is from ``make_ranking_table``, and
+    ``titles`` are the titles of all pairs, see ``conditions``.
     """
     script = (_TEMPLATE_FOLDER / "report.js").read_text(encoding="utf-8").strip()
     typical = choose_typical_pairs(table, conditions)
@@ -183,7 +183,7 @@ def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
 
 
 def count_values(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str, int]]]:
-    """How the pairs were made: for each of _MIXED_FACTS, the distinct values and the number of pairs with each."""
+    """The provenance of the pairs: for each of _MIXED_FACTS, the distinct values and the number of pairs with each."""
     found: dict[str, dict[str, int]] = {name: {} for name in _MIXED_FACTS}
     for pair in facts:
         for name, get in _MIXED_FACTS.items():

@@ -1,4 +1,4 @@
-"""Notes for the reader before the numbers: sentences on pairs whose results say less than they seem to."""
+"""Notes for the reader before the numbers: sentences on pairs whose results are less certain than they seem."""
 
 from __future__ import annotations
 

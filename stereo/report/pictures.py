@@ -68,7 +68,7 @@ def find_typical_pair(table: ResultTable, among: Array) -> int | None:
 
 def choose_typical_pairs(table: ResultTable, conditions: Sequence[Condition]) -> list[tuple[Condition, int]]:
     """The conditions of the matrix, each with its typical pair: as many as fit, or all pairs without conditions. None
-    for fewer than two pairs, as the report then shows the pair itself.
+    for fewer than two pairs, since the report then shows the pair itself.
     """
     if len(table.pairs) < 2:
         return []

@@ -38,7 +38,7 @@ class RowLog:
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("a+b") as stream:
                 if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-                    raise OSError(errno.EINVAL, "it is no regular file", str(path))
+                    raise OSError(errno.EINVAL, "it is not a regular file", str(path))
                 stream.seek(0)
                 self._index_rows(stream)
 
@@ -111,7 +111,7 @@ class RowLog:
 
 
 class LazyRows(Sequence[Row]):
-    """Rows that are read from the disk one by one, so that they need no memory."""
+    """Rows that are read from the disk on demand, to save memory."""
 
     def __init__(self, count: int, read: Callable[[int], Row]) -> None:
         self._count, self._get = count, read

@@ -273,7 +273,7 @@ def _wrap_tick_label(name: str) -> str:
 def _find_axis_top(
     sweep: VariedSetting, lines: FactorLines, metric: tuple[str, float, str], methods: int, table: ResultTable
 ) -> float:
-    """The top of the axis of a metric, the same for all methods."""
+    """The upper limit of the axis of a metric, the same for all methods."""
     key, factor, _ = metric
     tops = [0.0]
     for method in range(methods):

@@ -18,8 +18,8 @@ _STATED_METRICS = (("common_epe_px", "EPE"), ("total_bad_1", "pixels off by more
 
 
 def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: ResultTable) -> str:
-    """Whether the comparisons of the methods of a table have verdicts, how large a difference they would have found,
-    and which methods fail so rarely and heavily that a verdict depends on chance."""
+    """Whether the comparisons of the methods of a table have verdicts, the smallest difference that they could detect,
+    and the methods whose rare but heavy failures make a verdict depend on chance."""
     scenes = table.scene_count()
     if not comparisons or not scenes:
         return ""

@@ -26,7 +26,7 @@ from .by_setting import find_swept_settings, name_scene
 from .conditions import find_preset_title, join_by_scene, list_conditions, make_pair_titles, name_levels
 from .html import choose_pairs, write_report
 from .notes import Notes
-from .ranking import make_ranking_table
+from .ranking_table import make_ranking_table
 from .rare_failures import describe_rare_failures
 from .row_log import LazyRows, Row, RowLog
 from .schema import FACTS, LONG, Comparison, Failure, Report

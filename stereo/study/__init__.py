@@ -1,1 +1,1 @@
-"""Preregistered studies: recipes of rendering held against converged renders on many grounds."""
+"""Preregistered studies: recipes of rendering compared with converged renders on many grounds."""

@@ -67,7 +67,7 @@ def _compute_gap(one: str, other: str) -> Number:
 
 
 def _list_numbers(methods: Sequence[str]) -> dict[str, Number]:
-    """The error of each method, and each gap ``b - a`` between two."""
+    """The error of each method, and each gap ``b - a`` between two methods."""
     gaps = {f"{other} - {one}": _compute_gap(one, other) for one, other in combinations(methods, 2)}
     return {method: _compute_error(method) for method in methods} | gaps
 

@@ -1,4 +1,4 @@
-"""The advice of a trade in words: the variant to use, the saving of each group, and the doubt from noise."""
+"""The advice of a trade in words: the variant to use, the saving of each group, and the uncertainty by noise."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...render.cost.error_tolerance import Tolerance, all_hold
+from ...render.cost.error_tolerance import Tolerance, combine_verdicts
 from ...render.cost.quality_variants import SHAPES
 from ..matchers.methods import describe_method
 from .quality_losses import find_number, find_pareto_front
@@ -34,7 +34,7 @@ def make_variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str
 
 
 def _list_subjects(methods: Sequence[str]) -> list[tuple[str, Sequence[str]]]:
-    """Whom advice is for, and their methods: all matchers if there are several, then each."""
+    """The subjects of advice, and their methods: all matchers if there are several, then each."""
     several = [("all matchers", methods)] if len(methods) > 1 else []
     return [*several, *((describe_method(method), [method]) for method in methods)]
 
@@ -54,7 +54,7 @@ def make_decision_advice(rows: Sequence[Row], methods: Sequence[str], references
 def _make_decision_line(
     name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float, reference: Row
 ) -> str:
-    same = {row["key"]: all_hold(row["decisions"][method]["same"] for method in methods) for row in rows}
+    same = {row["key"]: combine_verdicts(row["decisions"][method]["same"] for method in methods) for row in rows}
     best = _find_cheapest([row for row in rows if same[row["key"]]], margin)
     if best is not None:
         differs = describe_decisions(best["decisions"][methods[0]]) if len(methods) == 1 else ""
@@ -64,7 +64,7 @@ def _make_decision_line(
             f"{name}, the same decisions as the reference: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
             f"{_format_ratio(scene, best, margin)}{differs and f', decides {differs}'}{empty}."
         )
-    own = all_hold(found["same"] for label, found in reference["own_decisions"].items() if label in methods)
+    own = combine_verdicts(found["same"] for label, found in reference["own_decisions"].items() if label in methods)
     if own is False or None in same.values():
         return (
             f"{name}: noise leaves open which variant leads to the same decisions as the reference; give more "
@@ -88,7 +88,7 @@ def find_pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str,
 
 
 def find_distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
-    """The variants of a front that are surely better than those before; the others differ by noise."""
+    """The variants of a front that are certainly better than those before; the others differ by noise."""
     kept: list[Row] = []
     for row in found:
         if not kept or _find_front_error(kept[-1], label)[0] - _find_front_error(row, label)[0] > math.hypot(
@@ -124,15 +124,15 @@ def _format_perhaps(row: Row, methods: Sequence[str]) -> str:
 def _make_matcher_advice(
     name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float
 ) -> list[str]:
-    """A line for each tolerance: the cheapest variant that is surely within it for all ``methods``, and a cheaper one
-    that is possibly within it.
+    """A line for each tolerance: the cheapest variant that is certainly within it for all ``methods``, and a cheaper
+    one that is possibly within it.
     """
     lines: list[str] = []
     hidden, before = [], None
     shown = [row for row in rows if _shows_this_scene(row)]
     for px in TOLERANCES_PX:
         keeps = {
-            row["key"]: all_hold(
+            row["key"]: combine_verdicts(
                 Tolerance(px, None).allows(row["loss"][method], row["loss_doubt"][method]) for method in methods
             )
             for row in shown
@@ -180,7 +180,7 @@ def _find_cheapest(rows: Sequence[Row], margin: float) -> Row | None:
 
 
 def _shows_this_scene(row: Row) -> bool:
-    """Whether a variant shows the shape and the light of this scene."""
+    """Whether a variant keeps the shape and the light of this scene."""
     return row["group"] not in SHAPES and row["cpu_s"] is not None and abs(row["bias"]) <= _MOST_LIGHT_CHANGE_SHARE
 
 
@@ -194,8 +194,8 @@ def format_loss(row: Row, method: str) -> str:
 
 
 def format_coverage(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
-    """Words for the pixels that a matcher no longer measures, which its mean error does not include; empty if they are
-    few or noise."""
+    """Words for the pixels that a matcher no longer measures, which its mean error excludes; empty if they are few or
+    noise."""
     missing = loss["coverage"]
     if missing is None or missing - (doubt["coverage"] or 0.0) <= _UNREPORTED_LOSS_SHARE:
         return ""
@@ -245,7 +245,7 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
 
 
 def _is_worse(row: Row, scene: Row, method: str) -> bool:
-    """Whether a matcher surely has larger errors, or measures less, than on the scene as described."""
+    """Whether a matcher certainly has larger errors, or measures less, than on the scene as described."""
     if row is scene:
         return False
     for key in ("epe_px", "wrong_or_missing"):
@@ -257,7 +257,7 @@ def _is_worse(row: Row, scene: Row, method: str) -> bool:
 
 
 def _is_cheaper(row: Row, other: Row, margin: float) -> bool:
-    """Whether a variant surely takes less time than another."""
+    """Whether a variant certainly takes less time than another."""
     return bool(row["cpu_s"] and other["cpu_s"] and row["cpu_s"] < (1 - margin) * other["cpu_s"])
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...render.cost.error_tolerance import Tolerance, all_hold
+from ...render.cost.error_tolerance import Tolerance, combine_verdicts
 from ...render.cost.quality_variants import Variant, list_candidates, list_leaner_settings, make_reference
 from ...settings.description import changed, merged
 from ...settings.toml_text import to_toml
@@ -98,7 +98,8 @@ class _QualitySearch:
     tried: list[dict[str, Any]] = field(default_factory=list)
 
     def try_variant(self, variant: Variant) -> bool:
-        """Render and measure a variant: whether it is surely within the tolerance. Render again while that may show."""
+        """Render and measure a variant: whether it is certainly within the tolerance. Render again while that may
+        show."""
         from .quality_losses import measure_variant
 
         folders: list[Path] = []
@@ -121,8 +122,8 @@ class _QualitySearch:
         return verdict is True
 
     def _judge_losses(self, found: dict[str, Any], share: float) -> bool | None:
-        """Whether all matchers are within the tolerance if the doubts were reduced to this share."""
-        return all_hold(
+        """Whether all matchers would be within the tolerance with uncertainties reduced to this share."""
+        return combine_verdicts(
             self.tolerance.allows(
                 loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][label].items()}
             )
@@ -155,7 +156,7 @@ class _QualitySearch:
         return f"{name} {' and '.join(parts)}{fewer}" if parts else f"{name} measures nothing"
 
     def make_failure_advice(self) -> str:
-        """Why nothing was chosen, and the fix."""
+        """The reason why nothing was chosen, and the fix."""
         if all(step["within"] is False for step in self.tried):
             return f"No quality that was tried is within {self.tolerance}; allow more."
         own = max(

@@ -69,7 +69,7 @@ class Reference:
 
     @property
     def own(self) -> dict[str, dict[str, float | None]]:
-        """How much the noise of the reference makes these numbers worse."""
+        """The increase of these numbers by the noise of the reference."""
         return {label: _name_numbers(_compute_loss_by_noise(sums.sum(axis=1))) for label, sums in self.tallies.items()}
 
 
@@ -289,7 +289,7 @@ def compute_stereo_numbers(sums: Array) -> Array:
 
 
 def _compute_loss_by_noise(sums: Array) -> Array:
-    """How much its own noise makes a reference worse, from sums (1 + renders, ..., 4); see the module."""
+    """The increase of the errors of a reference by its own noise, from sums (1 + renders, ..., 4); see the module."""
     if len(sums) < 3:
         return np.zeros_like(sums[0])
     whole, *each = compute_stereo_numbers(sums)
@@ -297,7 +297,7 @@ def _compute_loss_by_noise(sums: Array) -> Array:
 
 
 def _compute_loss_of_variant(sums: Array, reference: Array) -> tuple[Array, Array]:
-    """How much worse a variant is than an image without noise, (4,), and the uncertainty of that."""
+    """The increase of the errors of a variant over an image without noise, (4,), and its uncertainty."""
 
     def loss_of(own: Array, best: Array) -> Array:
         return _WORSE_SIGNS * (
@@ -332,7 +332,7 @@ def find_pareto_front(rows: Sequence[Mapping[str, Any]], error: Sequence[str]) -
 
 
 def find_number(row: Mapping[str, Any], *path: str) -> float | None:
-    """The number at a path such as "loss", "sgbm", "epe_px", or None if there is none."""
+    """The number at a path such as "loss", "sgbm", "epe_px"; None without it."""
     value: object = row
     for key in path:
         value = value.get(key) if isinstance(value, Mapping) else None

@@ -1,4 +1,4 @@
-"""Whether a cheaper rendering leads to the same decisions as the reference: where it is safe to dig, and where to.
+"""Whether a cheaper rendering leads to the same decisions as the reference: where digging is safe, and the chosen site.
 
 The decisions of a matcher on a variant are compared with those of the same matcher on the reference, over the cells in
 reach. Both are judged by the true heights of the reference. Cells of one map are not independent, so doubts are from a
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...render.cost.error_tolerance import all_hold
+from ...render.cost.error_tolerance import combine_verdicts
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
@@ -68,11 +68,12 @@ class DecisionReference:
         return {label: self._compare([each[label] for each in found], own) for label, own in self.sites.items()}
 
     def _compare(self, found: Sequence[Sites], own: Sites) -> dict[str, Any]:
-        """``otherwise``: the share of the cells in reach that are decided otherwise; ``unsafe``: by how many more of
-        them are unsafe but taken for safe, as a share of all; the ``_doubt`` of both, two standard errors; ``shift_m``
-        of the chosen site and ``regret``, by how much its regret is larger; means over renders, None where undefined;
-        ``taken``: the share of them that is taken for safe on the reference; ``same``: whether the decisions are by
-        RULE, None where noise leaves it open."""
+        """Compare the sites of renders of one variant with the reference's. ``otherwise`` is the share of the cells in
+        reach with another decision. ``unsafe`` is the increase of unsafe cells that are taken for safe, as a share of
+        all cells. Their ``_doubt`` is two standard errors. ``shift_m`` is the shift of the chosen site, and ``regret``
+        the increase of its regret. All are means over renders, None where undefined. ``taken`` is the share of cells
+        that is taken for safe on the reference. ``same`` is whether the decisions are equal by RULE, None where noise
+        leaves it open."""
         truth, among = self.workspace.truth, self._find_judged_cells
         danger = among & ~truth.sites.safe
         sums = np.stack(
@@ -91,7 +92,7 @@ class DecisionReference:
         }
         result |= self._compare_choices(found, own)
         return result | {
-            "same": all_hold(
+            "same": combine_verdicts(
                 (
                     _is_within(result["otherwise"], result["otherwise_doubt"], MOST_OTHERWISE_SHARE),
                     _is_within(result["unsafe"], result["unsafe_doubt"], MOST_UNSAFE_SHARE),
@@ -122,9 +123,9 @@ class DecisionReference:
 
 
 def _compute_shares(total: Array) -> Array:
-    """The shares (..., 2) that are decided otherwise, and that are unsafe but taken beyond those of the reference,
-    means over renders, from sums (renders, ..., 4): of cells, those decided otherwise, those taken but unsafe
-    by both."""
+    """The shares (..., 2) of cells with another decision, and of cells that are unsafe but taken beyond those of the
+    reference, means over renders, from sums (renders, ..., 4): of cells, those with another decision, and those taken
+    but unsafe by each."""
     shares = np.stack([total[..., 1], total[..., 2] - total[..., 3]], axis=-1) / total[..., :1]
     return np.asarray(shares.mean(axis=0))
 
@@ -156,7 +157,7 @@ def _is_within(value: float | None, doubt: float | None, most: float) -> bool | 
 
 
 def describe_decisions(found: Mapping[str, Any]) -> str:
-    """How the decisions of a variant differ, in words."""
+    """The differences of a variant's decisions, in words."""
     site = "" if found["shift_m"] is None else f", its site {found['shift_m']:.2f} m away"
     return (
         f"{_format_percent(found, 'otherwise', '')} of the cells otherwise, "

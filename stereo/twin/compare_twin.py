@@ -1,4 +1,4 @@
-"""Measures of a photographed pair and of its twin: statistics of the images, and each matcher on them.
+"""Measures of a photographed pair and of its twin: statistics of the images, and of each matcher on them.
 
 Both get the same treatment: the brightness of the left image at one quantile becomes white, for the exposure of the
 photographs is unknown, and matchers search the same range. The numbers of a pair are kept, and are measured again only
@@ -151,7 +151,7 @@ def read_or_measure(
 def _make_content_key(
     photographs: Photographs, rectification: Rectification, twin: Path, settings: Settings, methods: Sequence[Method]
 ) -> str:
-    """A hash of all that the numbers of a pair depend on."""
+    """A hash of everything that determines the numbers of a pair."""
     stated = [
         [read_checksum(path, MOST_BYTES) for path in photographs.files],
         photographs.depth is not None,
@@ -219,15 +219,15 @@ def check_matchers(
 
 
 def _prepare_images(side: _Images, seen: Mapping[str, Array]) -> tuple[dict[str, Array], dict[str, Array], float]:
-    """The grey levels of both eyes, black where they are not ``seen`` in both sides, the same with 8 bits, and the
-    level that becomes white."""
+    """The grey levels of both eyes, black where not ``seen`` in both sides, the same with 8 bits, and the white
+    level."""
     shown = {eye: np.where(seen[eye], side.grey[eye], 0.0) for eye in EYES}
     white = find_white(side.grey["left"][seen["left"]])
     return shown, {eye: stretch_to_8_bit(shown[eye], white) for eye in EYES}, white
 
 
 def _replace_nan(value: Any) -> Any:
-    """The value with None in place of numbers that are not finite, as JSON has none."""
+    """The value with None in place of numbers that are not finite, since JSON lacks these."""
     if isinstance(value, dict):
         return {key: _replace_nan(each) for key, each in value.items()}
     return None if isinstance(value, float) and not np.isfinite(value) else value
@@ -335,7 +335,7 @@ def measure_matcher(
 
 
 def find_consistent(left: Array, right: Array) -> Array:
-    """Bool (H, W): the disparity of a left pixel agrees with the disparity of the right pixel which it points at; both
+    """Bool (H, W): the disparity of a left pixel agrees with the disparity of the right pixel to which it points; both
     are in px, NaN where unknown."""
     column = find_matching_column(left)
     inside = is_in_frame(column)

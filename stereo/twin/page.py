@@ -65,7 +65,7 @@ def write_page(
 
 
 def _choose_shown(count: int) -> list[int]:
-    """The numbers of the pairs to show: all, or at equal steps."""
+    """The indices of the pairs to show: all, or at equal steps."""
     return sorted({round(k) for k in np.linspace(0, count - 1, min(count, _MOST_SHOWN))})
 
 

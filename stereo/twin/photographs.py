@@ -1,4 +1,4 @@
-"""Photographed pairs: which files belong together, and their images on the pixels of the rectified rig."""
+"""Photographed pairs: the assignment of files to pairs, and their images on the pixels of the rectified rig."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _list_images(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True)
 class Rectification:
-    """How photographs become the images of the parallel rig ``camera``.
+    """The resampling of photographs to the images of the parallel rig ``camera``.
 
     ``pixels``, by eye: columns and rows (H, W, 2) of the photograph, counted from its corner, that the pixels of the
     rectified image show; None where these are the same pixels. ``seen``, by eye: bool (H, W), the photograph has the
@@ -169,7 +169,7 @@ class Rectification:
 
 
 def make_rectification(rig: CalibratedRig, camera: StereoCamera, where: str) -> Rectification:
-    """How the photographs of the first two cameras of a rig become the images of the parallel rig ``camera``.
+    """The resampling of the photographs of the first two cameras of a rig to the images of the parallel rig ``camera``.
 
     The eyes turn as by OpenCV's stereoRectify. Raises IcyMoonError, naming the calibration ``where``, for eyes that are
     not side by side.

@@ -44,7 +44,7 @@ class Twin:
 @dataclass(frozen=True)
 class Described:
     """The stated scene of the user: complete settings ``below`` the settings of the calibrated ``rig``, and changes
-    ``above`` them. ``own`` are the user's own files and changes among both.
+    ``above`` them. ``own`` are the user's own files and changes in both.
     """
 
     below: Settings

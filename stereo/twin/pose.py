@@ -22,8 +22,8 @@ _FEWEST_POINTS = 100
 
 @dataclass(frozen=True)
 class Pose:
-    """Height above the plane, pitch down, roll clockwise (0 for a camera that looks straight down), and the root mean
-    square distance of the points from the plane."""
+    """Height above the plane, pitch down, roll clockwise (0 for a camera that looks straight down), and the RMS
+    distance of the points from the plane."""
 
     height_m: float
     pitch_deg: float
@@ -32,8 +32,8 @@ class Pose:
 
 
 def fit_pose(disparity: Array, camera: StereoCamera) -> Pose:
-    """The pose over the plane through most points of a disparity map (H, W), px, NaN where unknown; the plane is taken
-    to be level.
+    """The pose over the plane through most points of a disparity map (H, W), px, NaN where unknown; the plane is
+    assumed level.
 
     Raises IcyMoonError if there are too few points.
     """

@@ -40,7 +40,7 @@ class SummaryRow:
     difference_interval: tuple[float, float]
 
     def text(self, side: str) -> str:
-        """The mean of a side as the page shows it."""
+        """The mean of a ``side``, photographs or twins, in the format of the page."""
         return format_number(self.quantity, self.means[side])
 
     def interval_text(self, side: str) -> str:

@@ -28,8 +28,8 @@ def choose_principled_table() -> str:
 
 
 def moves_along_first_corner() -> bool:
-    """Whether Cycles moves a vertex along the normal of its first corner (from 5.2 on) instead of the vertex's normal.
-    Both differ if facets are flat."""
+    """Whether Cycles displaces a vertex along the normal of its first corner (from 5.2 on) instead of the vertex's
+    normal. The two differ for flat facets."""
     return bpy.app.version >= (5, 2, 0)
 
 
@@ -62,7 +62,7 @@ def is_module() -> bool:
 
 
 def list_library_folders() -> tuple[Path, ...]:
-    """Folders in which this Blender may have the libraries that it comes with."""
+    """The folders in which this Blender may have its bundled libraries."""
     installed = Path(bpy.utils.resource_path("LOCAL")).parent
     return tuple(installed / name for name in ("lib", "blender.shared"))
 
@@ -107,7 +107,7 @@ def set_equidistant_fisheye(lens: bpy.types.Camera, field_rad: float) -> None:
     ``set_fisheye`` is for images of any shape. Its rays are the same within rounding, so noise and edges differ.
     """
     lens.type = "PANO"
-    own = _panorama_of(lens)
+    own = _find_panorama_owner(lens)
     own.panorama_type, own.fisheye_fov = "FISHEYE_EQUIDISTANT", field_rad
 
 
@@ -122,15 +122,15 @@ def draw_linear_texture(texture: gpu.types.GPUTexture, x: float, y: float, width
     draw_texture_2d(texture, (x, y), width, height, **options)
 
 
-def _panorama_of(lens: bpy.types.Camera) -> bpy.types.bpy_struct:
-    """What has the properties of a panoramic camera: from 5.0 on the camera, before its part of Cycles."""
+def _find_panorama_owner(lens: bpy.types.Camera) -> bpy.types.bpy_struct:
+    """The owner of a panoramic camera's properties: the camera from 5.0 on, earlier its Cycles properties."""
     return lens if hasattr(lens, "panorama_type") else lens.cycles
 
 
 def set_panorama(lens: bpy.types.Camera, longitude_rad: float, latitude_rad: float) -> None:
     """Let a camera take equirectangular images, up to these angles on both sides of the middle."""
     lens.type = "PANO"
-    panorama = _panorama_of(lens)
+    panorama = _find_panorama_owner(lens)
     panorama.panorama_type = "EQUIRECTANGULAR"
     panorama.longitude_min, panorama.longitude_max = -longitude_rad, longitude_rad
     panorama.latitude_min, panorama.latitude_max = -latitude_rad, latitude_rad
@@ -143,7 +143,7 @@ def set_fisheye(lens: bpy.types.Camera, focal_mm: float) -> None:
     the opposite sign.
     """
     lens.type = "PANO"
-    panorama = _panorama_of(lens)
+    panorama = _find_panorama_owner(lens)
     panorama.panorama_type = "FISHEYE_LENS_POLYNOMIAL"
     panorama.fisheye_fov = 2.0 * math.pi
     panorama.fisheye_polynomial_k1 = -1.0 / focal_mm

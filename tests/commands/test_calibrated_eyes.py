@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from heads import HEADS
 from icymoon.commands import camera
-from icymoon.commands.calibrated_eyes import why_calibrated
+from icymoon.commands.calibrated_eyes import find_why_calibrated
 from icymoon.commands.calibration_advice import check_baseline
 from icymoon.commands.camera import read_eyes, read_rig
 from icymoon.commands.cli import main
 from icymoon.formats.calibrations.options import Stated
 from icymoon.formats.calibrations.registry import FORMATS, write_calibration
 from icymoon.physics.camera.calibrated_camera import CalibratedRig
-from icymoon.physics.camera.eyes import camera_of
+from icymoon.physics.camera.eyes import make_camera_with_eyes
 from icymoon.physics.camera.lens_models import Brown
 from icymoon.physics.camera.rotations import from_vector
 from icymoon.settings.description import defaults, merged
@@ -32,7 +32,7 @@ def files_of(folder, rig, kind):
 
 
 def camera_from(settings):
-    return camera_of(merged(defaults(), settings))
+    return make_camera_with_eyes(merged(defaults(), settings))
 
 
 def coefficients_of(camera):
@@ -97,7 +97,7 @@ def test_alike_gives_one_camera_for_both_as_before(tmp_path, capsys):
 def test_eyes_that_one_camera_can_stand_for_have_no_tables(tmp_path):
     left, _ = HEADS["nearly alike"].cameras
     rig = CalibratedRig((left, left.placed(np.eye(3), np.array([-0.2, 0.0, 0.0]))))
-    assert why_calibrated(rig) == ""
+    assert find_why_calibrated(rig) == ""
     found, notes = read_eyes(*files_of(tmp_path, rig, "opencv"))
     assert list(found) == ["rig"]
     assert notes == ["The baseline is in m, as stated."]
@@ -189,14 +189,14 @@ def test_a_calibration_is_read_once(tmp_path, monkeypatch):
     ],
 )
 def test_the_reason_for_two_cameras_is_stated(name, words):
-    assert words in why_calibrated(HEADS[name])
+    assert words in find_why_calibrated(HEADS[name])
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"fx_px": 97.0}, "pixels are no squares"),
-        ({"skew_px": 0.1}, "pixels are no squares"),
+        ({"fx_px": 97.0}, "pixels are not square"),
+        ({"skew_px": 0.1}, "pixels are not square"),
         ({"lens": (0.1,) * 8}, "the lens is Brown-Conrady, 8 coefficients"),
         ({"turn": (0.0, 0.01, 0.0)}, "turned against each other by 0.573 degrees"),
         ({"aside": 0.01}, "0.01 m below"),
@@ -210,4 +210,4 @@ def test_each_difference_is_a_reason(changes, words):
         left = replace(left, lens=Brown(changes.pop("lens")))
     left = replace(left, **changes)
     right = left.placed(turn, -turn @ np.array([0.2, aside, 0.0]))
-    assert words in why_calibrated(CalibratedRig((left, right)))
+    assert words in find_why_calibrated(CalibratedRig((left, right)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.commands.camera import read_rectified_rig, read_rig
 from icymoon.commands.cli import main
-from icymoon.formats.cahvor import make_cahvor_text, make_pds_text, model_from_pinhole
+from icymoon.formats.cahvor import make_cahvor_text, make_model_from_pinhole, make_pds_text
 from icymoon.formats.calibrations.options import Stated
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.settings.description import defaults, merged
@@ -40,7 +40,7 @@ def written(tmp_path, at=(0.3, 0, 0), turn=0.0, text=make_cahvor_text):
     for name, place, angle in (("left", (0, 0, 0), 0.0), ("right", at, turn)):
         c, s = np.cos(angle), np.sin(angle)
         rotation = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) @ TURN
-        model = model_from_pinhole(matrix, rotation, np.array(place) @ TURN + np.array([5, 6, 7]), (640, 480), K)
+        model = make_model_from_pinhole(matrix, rotation, np.array(place) @ TURN + np.array([5, 6, 7]), (640, 480), K)
         paths.append(tmp_path / f"{name}.txt")
         paths[-1].write_text(text(model), encoding="utf-8")
     return paths
@@ -138,7 +138,7 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
         ("cols: 4\n  data: [500., 0.", "cols: 4\n  data: [0., 0.", "no focal length"),
         ("0., 500., 240.25,\n", "0., -500., 240.25,\n", "camera_matrix has no focal length"),
         ("plumb_bob", "rational_polynomial", "distortion_coefficients has not 8 or 12 or 14 numbers"),
-        ("data: [1., 0., 0., 0., 1.", "data: [2., 0., 0., 0., 1.", "rectification_matrix is no rotation"),
+        ("data: [1., 0., 0., 0., 1.", "data: [2., 0., 0., 0., 1.", "rectification_matrix is not a rotation"),
         ("camera_name: narrow_stereo", "roi: {x_offset: 1, width: 9}", "9 x 0 px at (1, 0)"),
         ("camera_name: narrow_stereo", "roi:\n  x_offset: 600\n  width: 60\n  height: 60", "60 x 60 px at (600, 0)"),
         ("camera_name: narrow_stereo", "roi:\n  x_offset: 8", "0 x 0 px at (8, 0)"),
@@ -362,7 +362,7 @@ def test_two_kinds_of_calibration_are_refused(tmp_path, capsys):
     left, _ = ros_pair(tmp_path)
     _, right = written(tmp_path)
     assert main(["camera", str(left), str(right)]) == 1
-    assert "several kinds, ros, cahv; give those of one kind" in capsys.readouterr().err
+    assert "several kinds, ros, cahv; give files of one kind" in capsys.readouterr().err
 
 
 def test_eyes_that_differ_are_averaged_and_reported(tmp_path):
@@ -370,7 +370,7 @@ def test_eyes_that_differ_are_averaged_and_reported(tmp_path):
     paths = []
     for name, along, more in (("left", 0.0, 0.0), ("right", 0.3, 4.0)):
         matrix = np.array(camera.matrix) + np.array([[more, 0, 3 * more], [0, more, -more], [0, 0, 0]])
-        model = model_from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
+        model = make_model_from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
         paths.append(tmp_path / f"{name}.cahvor")
         paths[-1].write_text(make_cahvor_text(model), encoding="utf-8")
     found, (note,) = read_rig(*paths)
@@ -428,7 +428,7 @@ def test_eyes_of_two_kinds_of_camera_are_refused(tmp_path):
     paths = []
     for name, along, more in (("left", 0.0, 0.0), ("right", 0.3, 100.0)):
         matrix = np.array(StereoCamera.from_settings(RIG).matrix) + np.diag([more, more, 0])
-        model = model_from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
+        model = make_model_from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
         paths.append(tmp_path / f"{name}.cahvor")
         paths[-1].write_text(make_cahvor_text(model), encoding="utf-8")
     with pytest.raises(IcyMoonError, match=r"differ by 100 px in focal length, .* rectify their images first"):
@@ -590,7 +590,7 @@ def test_a_conversion_that_cannot_be_is_a_sentence(tmp_path, capsys, words, told
 def test_a_size_that_is_none_is_refused(tmp_path, capsys, size):
     with pytest.raises(SystemExit):
         main(["camera", str(camchain(tmp_path)), f"--size={size}"])
-    assert "is no size" in capsys.readouterr().err
+    assert "is not a size" in capsys.readouterr().err
 
 
 def opencv_file(path, bent=0.0, right_px=0.0, turn=0.0, unlike=1.0):

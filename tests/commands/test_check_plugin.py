@@ -87,7 +87,7 @@ def test_options_are_tried_at_both_ends(check):
     status, out = check("matcher", source)
     assert status == 1
     assert "ZeroDivisionError" in out
-    assert "window=9 is no error" in out
+    assert "window=9 raises no error" in out
 
 
 def test_a_refused_one_says_why(check, capsys):

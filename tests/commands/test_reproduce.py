@@ -18,7 +18,7 @@ def test_a_scale_that_cannot_be_is_refused(tmp_path, capsys, scale):
 def test_a_folder_of_files_has_to_be_there(tmp_path, capsys):
     words = ["reproduce", "guiss", "--pairs", "1", "--dry-run", "--out", str(tmp_path / "out")]
     assert main([*words, "--files", str(tmp_path / "none")]) == 1
-    assert "is no folder" in capsys.readouterr().err
+    assert "is not a folder" in capsys.readouterr().err
 
 
 @pytest.mark.long

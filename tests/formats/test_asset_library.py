@@ -94,7 +94,7 @@ def test_a_record_that_names_other_files_removes_nothing(tmp_path, folder, name)
     precious.write_text("precious")
     list_in_record(folder, "scenes/one.blend", name)
     for act in (lambda: asset_library.uninstall_library(folder), lambda: install(tmp_path, folder, "scenes/two.blend")):
-        with pytest.raises(IcyMoonError, match="is no asset; delete the folder by hand"):
+        with pytest.raises(IcyMoonError, match="is not an asset; delete the folder by hand"):
             act()
     assert precious.is_file()
     assert (folder / "scenes" / "one.blend").is_file()

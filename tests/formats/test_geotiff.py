@@ -105,7 +105,7 @@ def small(tmp_path: Path, **options) -> Path:
 def test_any_text_may_mark_missing_heights(tmp_path, mark):
     read = geotiff.read(small(tmp_path, nodata=mark))
     assert np.isnan(read.heights_m).sum() == (mark == " 20 ")
-    assert any("is no number" in warning for warning in read.warnings) == (mark in ("n/a", "none"))
+    assert any("is not a number" in warning for warning in read.warnings) == (mark in ("n/a", "none"))
 
 
 @pytest.mark.parametrize("sign", [1, -1])

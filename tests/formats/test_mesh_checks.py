@@ -18,7 +18,7 @@ from icymoon.formats import mesh_file, mesh_images, ply
 from icymoon.formats.mesh_checks import check_mesh
 from icymoon.formats.mesh_file import FORMATS
 from icymoon.physics.mesh import obj, stl
-from icymoon.physics.mesh.number_line_forms import LineForms, UnusualTextError
+from icymoon.physics.mesh.line_patterns import LinePatterns, UnusualTextError
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import ForeignBytes
 
@@ -77,14 +77,14 @@ def test_whole_ply_files_pass(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (ASCII.replace("1 0 0", "1 zzz 0"), "line 11 is no row of the element 'vertex': '1 zzz 0'"),
+        (ASCII.replace("1 0 0", "1 zzz 0"), "line 11 is not a row of the element 'vertex': '1 zzz 0'"),
         (ASCII.replace("1 0 0", "1 0"), "line 11"),
         (ASCII.replace("1 0 0", "1 0,5 0"), "line 11"),
         (ASCII.replace("1 0 0", "1_0 0 0"), "line 11"),
         (ASCII.replace("1 0 0\n", "\n1 0 0\n"), "line 11"),
         (ASCII.replace("1 0 0", "\0 \x1b[31m 0"), "line 11"),
         (ASCII.replace("1 0 0", "9" * 2_000_000), "more than"),
-        (ASCII.replace("3 0 1 2", "3 0 1 3"), "line 13 is no row of the element 'face', whose vertices are 0 to 2"),
+        (ASCII.replace("3 0 1 2", "3 0 1 3"), "line 13 is not a row of the element 'face', whose vertices are 0 to 2"),
         (ASCII.replace("3 0 1 2", "3 0 1 -1"), "line 13"),
         (ASCII.replace("3 0 1 2", "3 0 1"), "line 13"),
         (ASCII.replace("3 0 1 2", "-3 0 1 2"), "line 13"),
@@ -672,7 +672,7 @@ def test_many_lines_together_are_judged_as_each_by_itself(tmp_path, monkeypatch,
 
 
 def test_long_and_many_forms_are_not_kept():
-    forms = LineForms(len)
+    forms = LinePatterns(len)
     for k in range(300):
         forms.check_lines(b"\n".join(b"%s%s" % (bytes([97 + k % 26]) * (k // 26), bytes([97 + j])) for j in range(26)))
     forms.check_lines(b"\n".join(b"#%x" % j for j in range(20_000)) + b"\n" + b"x" * 60_000)

@@ -39,7 +39,7 @@ def test_a_label_is_its_statements():
     label = parse_label(LABEL)
     assert label.values == {"PDS_VERSION_ID": "PDS3", "^IMAGE": ["A.IMG", "12"], "AFTER": "1", "AGAIN": "1"}
     assert label.unclear == {"AGAIN"}
-    geometry, inner = label.all_groups()[1:]
+    geometry, inner = label.list_all_groups()[1:]
     assert (geometry.name, inner.name) == ("GEOMETRY", "INNER")
     assert geometry.values == {
         "NAME": "two\n     lines, one = text",

@@ -73,7 +73,7 @@ def test_normals_lean_with_the_scale():
     lean = PlacedMesh(
         "rock", VERTICES, np.full((4, 3), [1.0, 1.0, 0.0]) / np.sqrt(2), TRIANGLES, np.diag([1.0, 2.0, 1.0, 1.0])[None]
     )
-    _, normals, _ = next(lean.in_places())
+    _, normals, _ = next(lean.transform_to_instances())
     assert normals == pytest.approx(np.tile([2.0, 1.0, 0.0], (4, 1)) / np.sqrt(5))
 
 

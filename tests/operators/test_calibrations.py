@@ -13,7 +13,7 @@ from icymoon.commands.camera import read_eyes
 from icymoon.formats.calibrations.registry import FORMATS, read_calibration, write_calibration
 from icymoon.operators import calibrations
 from icymoon.physics.camera.calibrated_camera import CalibratedRig
-from icymoon.physics.camera.eyes import EYE_TOPICS, camera_of
+from icymoon.physics.camera.eyes import EYE_TOPICS, make_camera_with_eyes
 from icymoon.physics.camera.lens_models import Brown
 from icymoon.physics.camera.rig_cameras import rig_of
 from icymoon.settings.blender import scene_properties
@@ -85,7 +85,7 @@ def test_options_are_those_of_the_shell(scene, tmp_path):
     with pytest.raises(RuntimeError, match="Image Size") as caught:
         read([path], unit="mm")
     assert "--" not in str(caught.value)
-    with pytest.raises(RuntimeError, match="'wide' is no size; write it as 640x480"):
+    with pytest.raises(RuntimeError, match="'wide' is not a size; write it as 640x480"):
         read([path], size="wide")
     assert read([path], unit="mm", size="96x72") == {"FINISHED"}
     assert settings_of(scene).rig.baseline_m == pytest.approx(np.linalg.norm(right.centre_m))
@@ -101,7 +101,7 @@ def test_files_in_the_order_of_the_right_eye_are_exchanged(scene, tmp_path):
 def test_a_file_that_is_no_calibration_is_one_sentence_and_changes_nothing(scene, tmp_path):
     before = settings_of(scene)
     (tmp_path / "a.yaml").write_text("objects: [1, 2]\n", encoding="utf-8")
-    with pytest.raises(RuntimeError, match=r"a\.yaml: is no calibration that is known.*state its format by Format\."):
+    with pytest.raises(RuntimeError, match=r"a\.yaml: is not a known calibration.*state its format by Format\."):
         bpy.ops.icymoon.read_calibration(filepath=str(tmp_path / "a.yaml"))
     exchanged = put(tmp_path, "nearly alike", "mrcal")[::-1]
     with pytest.raises(RuntimeError, match="so it is the left eye; tick Exchange Files"):
@@ -128,11 +128,11 @@ def test_calibrated_eyes_are_written_and_read_again(scene, tmp_path):
     with pytest.raises(RuntimeError, match=r"Kalibr has no lens like CAHVORE.*choose"):
         bpy.ops.icymoon.write_calibration(filepath=str(tmp_path / "head"), kind="kalibr")
     scene_properties.write_settings(scene.icymoon, head_settings("nearly alike"))
-    before = camera_of(merged(defaults(), settings_of(scene)))
+    before = make_camera_with_eyes(merged(defaults(), settings_of(scene)))
     assert bpy.ops.icymoon.write_calibration(filepath=str(tmp_path / "head"), kind="mrcal") == {"FINISHED"}
     scene_properties.write_settings(scene.icymoon, head_settings("verged and rolled"))
     assert read(calibrations.list_calibration_files(tmp_path / "head", "mrcal")) == {"FINISHED"}
-    after = camera_of(merged(defaults(), settings_of(scene)))
+    after = make_camera_with_eyes(merged(defaults(), settings_of(scene)))
     for first, second in zip(before.eyes, after.eyes, strict=True):
         np.testing.assert_allclose(second.matrix, first.matrix, rtol=1e-6)
         np.testing.assert_allclose(second.rotation, first.rotation, atol=1e-6)

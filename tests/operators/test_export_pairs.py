@@ -49,7 +49,7 @@ def started(monkeypatch):
 
 
 def start(scene, started, **properties):
-    operator = type("Asked", (), {})()
+    operator = type("ConditionScope", (), {})()
     for name, value in {"source": "DATASET", "response": False, "cell_m": 0.0, "filepath": "/x", **properties}.items():
         setattr(operator, name, value)
     operator._make_command = lambda *words: export_pairs.ICYMOON_OT_export_pairs._make_command(operator, *words)

@@ -93,7 +93,7 @@ def test_a_folder_with_files_of_the_user_stays_listed(folder):
 def test_a_record_that_is_not_ours_is_reported(folder):
     bpy.ops.icymoon.make_asset_library()
     (folder / asset_library.RECORD_FILE).write_text('{"made_with": "0", "files": ["../made/rigs/guiss.blend"]}')
-    with pytest.raises(RuntimeError, match="is no asset"):
+    with pytest.raises(RuntimeError, match="is not an asset"):
         bpy.ops.icymoon.remove_asset_library()
     assert (folder.parent / "made" / "rigs" / "guiss.blend").is_file()
 

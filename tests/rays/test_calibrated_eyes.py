@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from heads import FLOWN, HEADS, head_settings
-from icymoon.physics.camera.eyes import camera_of
+from icymoon.physics.camera.eyes import make_camera_with_eyes
 from icymoon.rays.embree import EmbreeTracer, load_library
 from icymoon.rays.shapes import Placed, Shape, World
 from icymoon.rays.stereo_truth import CalibratedEye, Eye, Stage, trace_eyes
@@ -86,7 +86,7 @@ def around():
 def test_a_point_of_one_eye_is_where_the_other_one_has_it_in_all_directions(name):
     """As below for fields that no pinhole shows. A planar depth is the farther from a distance the nearer a ray is to
     90 degrees off the axis, so there its rounding moves a point along the ray, and no pixel is left out for it."""
-    camera = camera_of(head_settings(name))
+    camera = make_camera_with_eyes(head_settings(name))
     scene = stage(TURN, around())
     truth = trace_eyes(scene, eyes_of(camera, TURN), camera.baseline_m, NEAR, FAR)
     for first, second in ((0, 1), (1, 0)):
@@ -107,7 +107,7 @@ def test_a_point_of_one_eye_is_where_the_other_one_has_it_in_all_directions(name
 
 @pytest.mark.parametrize("name", HEADS)
 def test_a_point_of_one_eye_is_where_the_other_and_the_rectified_pair_have_it(name):
-    camera = camera_of(head_settings(name))
+    camera = make_camera_with_eyes(head_settings(name))
     scene = stage(TURN, hills())
     truth = trace_eyes(scene, eyes_of(camera, TURN), camera.baseline_m, NEAR, FAR)
     for first, second in ((0, 1), (1, 0)):
@@ -137,7 +137,7 @@ def test_a_point_of_one_eye_is_where_the_other_and_the_rectified_pair_have_it(na
 @pytest.mark.parametrize("name", HEADS)
 def test_rectified_truth_is_found_again_on_the_sensors(name):
     """Rectified depth at the place of a raw pixel, interpolated on a plane, where 1 / Z is linear."""
-    camera = camera_of(head_settings(name))
+    camera = make_camera_with_eyes(head_settings(name))
     z = np.array([[-40, -40, 4.0], [40, -40, 6.0], [40, 40, 6.0], [-40, 40, 4.0]])
     scene = stage(np.eye(3), (z, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)))
     raw = trace_eyes(scene, eyes_of(camera, np.eye(3)), camera.baseline_m, NEAR, FAR)
@@ -165,7 +165,7 @@ def test_rectified_truth_is_found_again_on_the_sensors(name):
 
 @pytest.mark.parametrize("name", HEADS)
 def test_what_a_block_hides_from_the_other_eye_is_what_its_shadow_covers(name):
-    camera = camera_of(head_settings(name))
+    camera = make_camera_with_eyes(head_settings(name))
     far = np.array([[-40, -40, 3.0], [40, -40, 3.0], [40, 40, 3.0], [-40, 40, 3.0]])
     scene = stage(np.eye(3), (far, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)), block())
     truth = trace_eyes(scene, eyes_of(camera, np.eye(3)), camera.baseline_m, NEAR, FAR)
@@ -189,7 +189,7 @@ def test_depth_ends_90_degrees_off_the_axis_and_labels_do_not():
     settings = head_settings("fisheye and CAHVORE")
     settings.left_eye.fx_px = settings.left_eye.fy_px = 18.0  # 300 degrees wide
     settings.left_eye.update(k1=0.0, k2=0.0, k3=0.0, k4=0.0)
-    camera = camera_of(settings)
+    camera = make_camera_with_eyes(settings)
     truth = trace_eyes(stage(np.eye(3), around()), eyes_of(camera, np.eye(3)), camera.baseline_m, NEAR, FAR)["left"]
     ahead = camera.eyes[0].unproject(pixels_of(camera.eyes[0]))
     behind, blind = ahead[..., 2] <= 0, np.isnan(ahead[..., 2])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from heads import HEADS, head_settings
-from icymoon.physics.camera.eyes import camera_of
+from icymoon.physics.camera.eyes import make_camera_with_eyes
 from icymoon.physics.camera.lens_models import Brown
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import PlannedPair
@@ -33,7 +33,7 @@ def test_each_sensor_of_a_rendered_pair_has_the_depth_of_the_plane_that_opencv_s
     rig = HEADS["nearly alike"].cameras
     down = np.radians(50.0)
     up_in_rig = np.array([0.0, -np.cos(down), -np.sin(down)])
-    for eye, own, placed in zip(EYES, rig, camera_of(settings).eyes or (), strict=True):
+    for eye, own, placed in zip(EYES, rig, make_camera_with_eyes(settings).eyes or (), strict=True):
         assert isinstance(own.lens, Brown)
         depth = read_sensor_depth(pair, eye, pair.settings.rig)
         assert depth.shape == (own.height_px, own.width_px)

@@ -42,7 +42,7 @@ LAMBERT = {"surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0}}
 def fine(settings, folder):
     """The pair and the built scene of a description, with nothing wrong from the build to the report."""
     with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)  # of numpy: what is no number
+        warnings.simplefilter("error", RuntimeWarning)  # of numpy: what is not a number
         pair, built = shot(settings, folder)
         found = faults(pair, built, folder / "report")
     assert not found, f"{'; '.join(found)}\n\n{story(settings)}"
@@ -484,5 +484,5 @@ def test_what_switches_a_topic_on_is_a_setting_of_it(topic):
 def test_a_report_of_ground_that_reflects_nothing_says_nothing_of_its_phase_curve(tmp_path):
     pair, _ = shot(complete({"surface": {"model": "HAPKE"}, "hapke": {"w": 0.0}}), tmp_path)
     with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)  # of numpy: what is no number
+        warnings.simplefilter("error", RuntimeWarning)  # of numpy: what is not a number
         evaluate([pair.folder], parse_methods("bm"), tmp_path / "out")

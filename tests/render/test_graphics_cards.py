@@ -168,7 +168,7 @@ def test_a_worker_that_hangs_becomes_silent(monkeypatch):
     monkeypatch.setattr(first_use_of_card, "REPORT_INTERVAL_S", 0.01)
     monkeypatch.setattr(first_use_of_card, "_MOST_COMPILING_S", 0.0)
     told = []
-    with first_use_of_card.tell_while_compiling(threading.Event(), lambda: told.append(1)):
+    with first_use_of_card.report_while_compiling(threading.Event(), lambda: told.append(1)):
         time.sleep(0.2)
     assert told == []
 
@@ -176,7 +176,10 @@ def test_a_worker_that_hangs_becomes_silent(monkeypatch):
 def test_nothing_is_told_after_a_pair_has_failed(monkeypatch):
     monkeypatch.setattr(first_use_of_card, "REPORT_INTERVAL_S", 0.01)
     told = []
-    with pytest.raises(IcyMoonError), first_use_of_card.tell_while_compiling(threading.Event(), lambda: told.append(1)):
+    with (
+        pytest.raises(IcyMoonError),
+        first_use_of_card.report_while_compiling(threading.Event(), lambda: told.append(1)),
+    ):
         raise IcyMoonError("It failed.")
     before = len(told)
     time.sleep(0.1)

@@ -9,7 +9,7 @@ import pytest
 from heads import head_settings
 from icymoon.nodes.build_scene import build_scene
 from icymoon.physics.camera.blur import find_blur, find_pose_after
-from icymoon.physics.camera.eyes import camera_of
+from icymoon.physics.camera.eyes import make_camera_with_eyes
 from icymoon.rays.stereo_truth import CalibratedEye, trace_eyes
 from icymoon.render import ray_truth
 from icymoon.render.pairs.pair_folder import EYES, read_pair
@@ -94,7 +94,7 @@ def test_edges_of_rocks_through_a_fisheye_are_where_rays_have_them(tmp_path, cov
     with ScenesFromSettings(lambda warning: None) as source:
         render_from(source, [planned], tmp_path, lambda kind, **facts: None)
     pair = read_pair(planned.folder(tmp_path))
-    assert pair.camera.panorama == camera_of(settings).panorama is not None
+    assert pair.camera.panorama == make_camera_with_eyes(settings).panorama is not None
     for eye, own in zip(EYES, pair.camera.eyes, strict=True):
         stated = pair.data["eyes"][eye]
         assert stated["rendered_as"] == "FISHEYE"

@@ -130,5 +130,7 @@ def test_a_mark_of_missing_heights_is_a_number_or_its_text(given, kept):
 
 @pytest.mark.parametrize("given", ["low", "nan", "inf", True])
 def test_another_mark_is_refused(given):
-    with pytest.raises(IcyMoonError, match=r"source\.missing (is '.*', which is no number; give one|must be a text)"):
+    with pytest.raises(
+        IcyMoonError, match=r"source\.missing (is '.*', which is not a number; give one|must be a text)"
+    ):
         settings.check({"source": {"missing": given}}, "test")

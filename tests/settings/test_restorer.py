@@ -6,7 +6,7 @@ import json
 
 import pytest
 from icymoon.settings import description
-from icymoon.settings.description import Restorer, check, defaults, merged, overlaid, restore_settings
+from icymoon.settings.description import Restorer, check, defaults, merged, overlay, restore_settings
 from icymoon.support.errors import IcyMoonError
 
 
@@ -67,7 +67,7 @@ def test_what_is_no_plain_table_is_checked_too():
 
 def test_the_tables_that_do_not_differ_are_those_of_the_base():
     base, part = defaults(), check({"rig": {"heading_deg": 3.0}}, "test")
-    found = overlaid(base, part)
+    found = overlay(base, part)
     assert found == merged(base, part)
     assert {topic for topic in found if found[topic] is not base[topic]} == {"rig"}
     assert base == defaults()

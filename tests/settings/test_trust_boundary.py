@@ -42,7 +42,7 @@ def test_a_mark_is_a_number_or_nothing(text):
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-inf", "x", "None", "1,5", " ", "sh -c evil"])
 def test_what_is_no_finite_number_is_no_mark(text):
-    assert trust_boundary.find_text_fault("mark", text).startswith(f"is {text!r}, which is no number")
+    assert trust_boundary.find_text_fault("mark", text).startswith(f"is {text!r}, which is not a number")
 
 
 @pytest.mark.parametrize("text", ["", "0", "+5", "-145244.57981808594", "-0.00012345678901234567", "360.0"])
@@ -53,7 +53,7 @@ def test_a_coordinate_has_every_digit_that_programs_print(text):
 @pytest.mark.parametrize("text", ["33E", "33,5", "-1.45e5", "nan", " 5", "5 m"])
 def test_what_is_no_coordinate_is_told_how_to_write_one(text):
     fault = trust_boundary.find_text_fault("coordinate", text)
-    assert fault.startswith(f"is {text!r}, which is no coordinate; write digits")
+    assert fault.startswith(f"is {text!r}, which is not a coordinate; write digits")
 
 
 @pytest.mark.parametrize("text", ["1305031102.1753040001", "now"])

@@ -79,7 +79,7 @@ def note_starts(monkeypatch):
 
 
 def write_part(folder, pid):
-    part = folder / f"bm.npz.{system.computer_name()}-{pid}-1{PART_SUFFIX}"
+    part = folder / f"bm.npz.{system.find_computer_name()}-{pid}-1{PART_SUFFIX}"
     part.parent.mkdir(parents=True, exist_ok=True)
     part.write_bytes(b"half")
     return part

@@ -12,7 +12,7 @@ import numpy as np
 import pairs
 from icymoon.commands.calibrated_eyes import make_calibrated_settings
 from icymoon.physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
-from icymoon.physics.camera.eyes import camera_of, eyes_json, rays_in_rig
+from icymoon.physics.camera.eyes import eyes_json, find_rays_in_rig, make_camera_with_eyes
 from icymoon.physics.camera.lens_models import Brown, Cahvore, Fisheye
 from icymoon.physics.camera.rotations import from_vector
 from icymoon.settings.description import defaults, merged
@@ -128,7 +128,7 @@ def head_settings(name: str, **rig: Any) -> Settings:
 
 def _rays(own: CalibratedCamera) -> Array:
     pixels = np.stack(np.meshgrid(np.arange(own.width_px), np.arange(own.height_px)), axis=-1)
-    rays = rays_in_rig(own, pixels.astype(np.float64))
+    rays = find_rays_in_rig(own, pixels.astype(np.float64))
     return rays / rays[..., 2:]
 
 
@@ -145,7 +145,7 @@ def plane_seen(scene: pairs.Scene, own: CalibratedCamera, focal_px: float) -> tu
 def write_head(folder: Path, name: str, scene: pairs.Scene | None = None) -> Path:
     """Write a pair of a head that looks at a plane, with the truth on its sensors."""
     scene, settings = scene or pairs.Scene(rock=False), head_settings(name)
-    camera = camera_of(settings)
+    camera = make_camera_with_eyes(settings)
     width, height = camera.rendered_px
     rendered = replace(
         camera.rectified,

@@ -18,7 +18,7 @@ import reference as reference
 #: Pages beside those in ``docs/``.
 TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
 _FENCE = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.DOTALL | re.MULTILINE)
-#: A word that is no part of an address, an option or a pattern.
+#: A word that is not part of an address, an option or a pattern.
 _NAME = re.compile(r"(?<![\w./<>*{}~:$%\\-])\.?\w[\w.-]*(?:/[\w.-]+)*/?(?![\w*<>{}/%…-])")
 _ENDS = (
     ".bin",

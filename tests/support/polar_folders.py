@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from icymoon.support.arrays import Array
-from icymoon.validation.polar.camera import Calibration, Eye, camera_rotation
+from icymoon.validation.polar.camera import Calibration, Eye, make_camera_rotation
 from icymoon.validation.polar.data_set import (
     EYES,
     HEIGHT_PX,
@@ -71,7 +71,7 @@ def egg(east: float, north: float, radius: float, height: float, rows: int = 24,
 
 def known(position: str = "A") -> Known:
     """The scene."""
-    turn = camera_rotation(SURVEYED_YAW_DEG[position] + OFF[0], OFF[1], OFF[2])
+    turn = make_camera_rotation(SURVEYED_YAW_DEG[position] + OFF[0], OFF[1], OFF[2])
     place = np.array(SURVEYED_EYES[position][0]) + OFF[3:]
     centre = np.array([WIDTH_PX, HEIGHT_PX]) / 2
     eyes = {

@@ -10,7 +10,7 @@ from pathlib import Path
 import icymoon
 
 ROOT = Path(icymoon.__file__).parent
-#: Folders of the checkout that are no part of the package.
+#: Folders of the checkout that are not part of the package.
 APART = ("tests", "benchmarks", "docs", "build", "dist", "out")
 SOURCES = sorted(path for path in ROOT.rglob("*.py") if not path.relative_to(ROOT).parts[0].startswith((".", *APART)))
 IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]

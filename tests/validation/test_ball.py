@@ -7,12 +7,12 @@ import pytest
 from icymoon.formats.ply import read_vertices, write_triangles
 from icymoon.physics.surfaces import photometry
 from icymoon.settings.description import check, defaults, merged
-from icymoon.validation.ball import ball_mesh, render_ball
+from icymoon.validation.ball import make_ball_mesh, render_ball
 from icymoon.validation.comparison import Bench
 
 
 def test_the_ball_is_closed_outward_and_round(tmp_path):
-    vertices, faces = ball_mesh(24)
+    vertices, faces = make_ball_mesh(24)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     assert np.allclose(np.linalg.norm(vertices, axis=1), 1.0)
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) > 0).all()

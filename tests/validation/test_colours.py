@@ -20,8 +20,8 @@ def test_dark_matter_beside_plains_has_the_level_of_the_trailing_side():
 
 
 def test_ratios_of_europa_are_the_mean_of_two_spectra():
-    assert published.europa_over_green(550.0) == (1.0, 0.0)
-    ratio, error = published.europa_over_green(700.0)
+    assert published.read_europa_over_green(550.0) == (1.0, 0.0)
+    ratio, error = published.read_europa_over_green(700.0)
     assert (ratio - error, ratio + error) == pytest.approx((0.6394 / 0.6110, 1.0066 / 0.8459))
     assert all(len(spectrum) == len(published.WAVELENGTHS_NM) for spectrum in published.SNOW.values())
 

@@ -26,7 +26,7 @@ from icymoon.validation.comparison import (
     load_own_comparison,
     run_comparison,
 )
-from icymoon.validation.tables import make_markdown_section, replace_sections, row_cells, summarise_result
+from icymoon.validation.tables import make_markdown_section, make_row_cells, replace_sections, summarise_result
 
 #: The page that sums up, and the one with all numbers.
 PAGE, DETAILS = (
@@ -229,7 +229,7 @@ def test_comparisons_that_need_no_blender_are_those_of_the_page(tmp_path, name):
     assert " ".join(comparison.text.split()) in " ".join(section.split())
     # What is ours and by how much it is off may differ in the last digit between machines.
     assert [(quantity, *line[1:3], line[4]) for quantity, *line in table_of(section)] == [
-        (quantity, *rest[1:3], rest[4]) for quantity, *rest in map(row_cells, found.rows)
+        (quantity, *rest[1:3], rest[4]) for quantity, *rest in map(make_row_cells, found.rows)
     ]
 
 

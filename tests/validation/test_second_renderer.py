@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from icymoon.formats.ply import read_triangles, write_triangles
 from icymoon.support.errors import IcyMoonError
-from icymoon.validation.ball import ball_mesh
+from icymoon.validation.ball import make_ball_mesh
 from icymoon.validation.second_renderer import (
     SCENES,
     _compare_regions,
@@ -58,7 +58,7 @@ def test_a_picture_of_twins_is_grey_where_they_are_equal():
 
 
 def test_facets_share_no_vertex_and_are_the_same_ground(tmp_path):
-    vertices, triangles = ball_mesh(24)
+    vertices, triangles = make_ball_mesh(24)
     write_triangles(tmp_path / "ball.ply", vertices, triangles, vertices)
     assert all(map(np.allclose, read_triangles(tmp_path / "ball.ply"), (vertices, triangles)))
     write_facets(tmp_path / "ball.ply", tmp_path / "facets.ply")

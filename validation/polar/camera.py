@@ -50,7 +50,7 @@ _POSE_PRIOR = (20.0, 20.0, 10.0, 1.0, 1.0, 1.0)
 _SHARED_COUNT = len(_SHARED_STEPS)
 
 
-def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
+def make_camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
     """From world to camera axes (3, 3), OpenCV's: yaw from +X over +Y, pitch down, roll clockwise about the axis."""
     yaw, pitch, roll = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
     forward = np.array([math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)])
@@ -113,7 +113,7 @@ class Calibration:
 
 
 def _make_eye(x: Array, position: str, eye: str, pose: Array) -> Eye:
-    turn = camera_rotation(SURVEYED_YAW_DEG[position] + pose[0], pose[1], pose[2])
+    turn = make_camera_rotation(SURVEYED_YAW_DEG[position] + pose[0], pose[1], pose[2])
     place = np.array(SURVEYED_EYES[position][0]) + pose[3:]
     if eye == "L":
         return Eye(x[0], _IMAGE_CENTRE_PX + x[1:3], x[6], x[7], turn, place)
@@ -173,7 +173,7 @@ def _step_gauss_newton(
     return np.asarray(x - np.linalg.solve(left, (slope.T * weight) @ at + strength * (x - start)))
 
 
-def _shared_of(coarse: Array) -> Array:
+def _take_shared_parameters(coarse: Array) -> Array:
     """The shared parameters of eyes side by side without distortion, from those that ``_find_pose`` fits."""
     focal_px, x_px, y_px = coarse[0], *coarse[7:]
     return np.array([focal_px, 0, 0, focal_px, x_px, y_px, 0, 0, 0, 0, 0, SURVEYED_BASELINE_M, 0, 0])
@@ -202,7 +202,7 @@ def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: 
         raise IcyMoonError(f"Terrain {terrain.name}, position {position}: no rock is outlined; add its labels.")
 
     def projected(x: Array) -> list[Array]:
-        return [_make_eye(_shared_of(x), position, eye, x[1:7]).project(middles) for eye in EYES]
+        return [_make_eye(_take_shared_parameters(x), position, eye, x[1:7]).project(middles) for eye in EYES]
 
     def distances(x: Array) -> list[Array]:
         return [np.linalg.norm(a[:, None] - b[None], axis=2) for a, b in zip(projected(x), seen, strict=True)]
@@ -255,7 +255,9 @@ def fit_camera(terrain: Terrain) -> Calibration:
     """Fit the camera. Raises IcyMoonError if fewer than half of the outlines meet a rock within 10 px."""
     poses, positions = _find_poses(terrain), terrain.positions
     outlines = _Outlines(terrain.rocks)
-    x = np.concatenate([_shared_of(poses[positions[0]]), *(poses[position][1:7] for position in positions)])
+    x = np.concatenate(
+        [_take_shared_parameters(poses[positions[0]]), *(poses[position][1:7] for position in positions)]
+    )
     start = x.copy()
     start[4:6] = 0.0
     steps = np.array([*_SHARED_STEPS, *_POSE_STEPS * len(positions)])
@@ -310,7 +312,7 @@ def measure_compared_share(terrain: Terrain, targets: dict[View, Array]) -> floa
 
 
 def _measure_outline_supports(terrain: Terrain, view: View, middles: Array, reach_px: float) -> Array:
-    """How far the outline of each rock reaches in each direction, the median of the azimuths; NaN if not outlined."""
+    """The extent of each rock's outline in each direction, the median of the azimuths; NaN without an outline."""
     found = np.full((len(terrain.azimuths), len(middles), _OUTLINE_DIRECTIONS.shape[1]), np.nan)
     for k, azimuth in enumerate(terrain.azimuths):
         outlines = terrain.polygons(view, azimuth, ROCK)

@@ -42,9 +42,9 @@ def measure_label_agreement(terrain: Terrain, camera: Calibration, sand: Sand) -
     """Measure the agreement of the labels at each position with each other."""
     table = HeightTable(sand)
     return LabelAgreement(
-        {position: _mean_of_known(compare_rock_labels(terrain, position)) for position in terrain.positions},
+        {position: _average_known(compare_rock_labels(terrain, position)) for position in terrain.positions},
         {
-            position: _mean_of_known(
+            position: _average_known(
                 [
                     _measure_shadow_label_overlap(terrain, camera, table, position, azimuth)
                     for azimuth in terrain.azimuths
@@ -55,7 +55,7 @@ def measure_label_agreement(terrain: Terrain, camera: Calibration, sand: Sand) -
     )
 
 
-def _mean_of_known(found: list[float]) -> float:
+def _average_known(found: list[float]) -> float:
     known = [value for value in found if np.isfinite(value)]
     return float(np.mean(known)) if known else float("nan")
 
@@ -87,7 +87,7 @@ def _measure_shadow_label_overlap(
 ) -> float:
     left, right = View(position, "L"), View(position, "R")
     laid = [
-        camera.eyes[right].project(lay_on_sand(camera.eyes[left], _densify_outline(each), table))
+        camera.eyes[right].project(cast_to_sand(camera.eyes[left], _densify_outline(each), table))
         for each in terrain.polygons(left, azimuth, SHADOW)
     ]
     rock = _fill_outlines(terrain.polygons(right, azimuth, ROCK))
@@ -105,7 +105,7 @@ def _densify_outline(outline: Array) -> Array:
     return np.concatenate(found)
 
 
-def lay_on_sand(eye: Eye, pixels: Array, heights: Callable[[Array], Array]) -> Array:
+def cast_to_sand(eye: Eye, pixels: Array, heights: Callable[[Array], Array]) -> Array:
     """The points (n, 3) at which the downward rays of pixels (n, 2) meet the sand, by iteration."""
     way = eye.rays(pixels) @ eye.turn
     level = np.zeros(len(pixels))

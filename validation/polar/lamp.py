@@ -1,4 +1,4 @@
-"""The lamp of the photographs: its place, fitted to the shadows that the left eyes see and held to the survey.
+"""The lamp of the photographs: its position, fitted to the shadows in the left eyes and compared with the survey.
 
 Here a rock casts the shadow of its convex hull; in the renders it casts the shadow of the scan.
 """
@@ -63,7 +63,7 @@ class HeightTable:
 
 
 def cast_onto_sand(points: Array, lamp: Array, heights: Callable[[Array], Array]) -> Array:
-    """Where the rays from a lamp through points (n, 3) meet the sand (n, 3), by iteration."""
+    """The points (n, 3) at which the rays from a lamp through points (n, 3) meet the sand, by iteration."""
     way = points - lamp
     fall = np.maximum(lamp[2] - points[:, 2], 1e-3)
     times = np.full(len(points), 1.05)
@@ -94,7 +94,7 @@ def locate_surveyed_lamp(azimuth: int, sand: Sand) -> Array:
 
 
 def _select_outline_points(points: Array, lamp: Array, level_m: float) -> Array:
-    """Those of the points (n, 3) that are on the outline of the shadow on level sand."""
+    """The points of (n, 3) on the outline of the shadow on level sand."""
     cast = cast_onto_sand(points, lamp, lambda xy: np.full(len(xy), level_m))
     angle = 2 * np.pi * np.arange(_OUTLINE_DIRECTIONS) / _OUTLINE_DIRECTIONS
     toward = np.stack([np.cos(angle), np.sin(angle)])
@@ -146,7 +146,7 @@ class Shadows:
 
 
 def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[int, Array], Sand]:
-    """The place (3,) in metres of the lamp at each azimuth, and the sand with its height where shadows end.
+    """The position (3,) in metres of the lamp at each azimuth, and the sand with its height at the ends of shadows.
 
     A centimetre of sand moves the tip of a shadow by five, so both are fitted, one after the other.
     """
@@ -170,13 +170,13 @@ def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, surveyed: 
 
 
 def _node_offset_m(table: HeightTable, sand: Sand, k: int) -> float:
-    """How far the surface is above the plane at a node."""
+    """The height of the surface above the plane at a node."""
     node = sand.nodes[k][None]
     return float((table(node) - sand.on_plane(node))[0])
 
 
 def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[int, Array]) -> Sand:
-    """Raise or lower the sand at nodes where shadows end as long as that makes the shadows agree better."""
+    """Raise or lower the sand at nodes at the ends of shadows while that improves the agreement of the shadows."""
     raised = sand.raised.copy()
     reached = {azimuth: cast_onto_sand(shadows.points[azimuth], lamp, table)[:, :2] for azimuth, lamp in lamps.items()}
     used = {

@@ -20,7 +20,7 @@ from ...stereo.images.masks import measure_distance_inside_hull_px
 from ...support.arrays import Array, Numbers
 from .camera import Calibration, find_extreme_points
 from .data_set import ROCK, Rock, Terrain, View
-from .skirts import BOUND_M, rim_plane
+from .skirts import BOUND_M, fit_rim_plane
 
 #: Length in metres over which smooth sand changes, chosen on terrain 04.
 SMOOTHING_LENGTH_M = 0.3
@@ -84,7 +84,7 @@ def _gaussian_bumps(xy: Array, middles: Array) -> Array:
 
 
 def _fit_plane(middles: Array, heights: Array) -> Array:
-    """The plane (3,) that most of the heights (n,) at middles (n, 2) are on: those within some spreads of it count."""
+    """The plane (3,) through most of the heights (n,) at middles (n, 2): heights within some spreads of it count."""
     basis = np.column_stack([np.ones(len(middles)), middles])
     weight: Numbers = np.ones(len(middles))
     for _ in range(50):
@@ -96,7 +96,7 @@ def _fit_plane(middles: Array, heights: Array) -> Array:
 def measure_sand(terrain: Terrain) -> Sand:
     """Fit the sand to the skirts of the scans, without photographs."""
     middles = np.array([(rock.vertices.min(axis=0) + rock.vertices.max(axis=0))[:2] / 2 for rock in terrain.rocks])
-    rims = np.array([rim_plane(rock.rim, middle)[0] for rock, middle in zip(terrain.rocks, middles, strict=True)])
+    rims = np.array([fit_rim_plane(rock.rim, middle)[0] for rock, middle in zip(terrain.rocks, middles, strict=True)])
     low, high = middles.min(axis=0) - 0.8, middles.max(axis=0) + 0.8
     axes = [np.arange(a, b + NODE_SPACING_M, NODE_SPACING_M) for a, b in zip(low, high, strict=True)]
     nodes = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Finds the outlines that have a scan, from the camera and the scans alone, before anything is rendered.
+"""Finds the outlines that have a scan, from the camera and the scans alone, before any render.
 
 POLAR-Sim did not scan every outlined object, and the rebuilt scene contains only scanned ones. So outlines of rocks
 without a scan, and the shadows that belong to them, are left out of the masks. An outline has a scan if at least half

@@ -96,7 +96,7 @@ class Frame:
 
 def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str, columns: int) -> Frame:
     """Our rig at a position, with a window of about ``columns`` columns around all labels of rocks and shadows."""
-    frame = _rig(camera, sand, position)
+    frame = _make_rig(camera, sand, position)
     seen = np.concatenate(
         [
             frame.rectify(camera, view.eye, each)
@@ -113,7 +113,7 @@ def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str,
     return replace(frame, focal_px=frame.focal_px * scale, corner=corner, size=(width, height))
 
 
-def _rig(camera: Calibration, sand: Sand, position: str) -> Frame:
+def _make_rig(camera: Calibration, sand: Sand, position: str) -> Frame:
     """Our rig at a position, as yet without a window."""
     left, right = (camera.eyes[View(position, eye)] for eye in EYES)
     across = right.place_m - left.place_m

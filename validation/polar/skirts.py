@@ -30,7 +30,7 @@ def open_corners(faces: Array) -> Array:
     return np.unique(unique[count == 1])
 
 
-def rim_plane(rim: Array, middle: Array) -> Array:
+def fit_rim_plane(rim: Array, middle: Array) -> Array:
     """The plane (3,) of a rim (n, 3), height at a ``middle`` (2,) and slopes: most of the rim is on it and little below
     it.
     """
@@ -53,7 +53,7 @@ def find_skirt(vertices: Array, faces: Array) -> Array:
     if not len(edge):
         return np.zeros(len(faces), bool)
     middles = vertices[faces].mean(axis=1)
-    plane = rim_plane(vertices[edge], middles[:, :2].mean(axis=0))
+    plane = fit_rim_plane(vertices[edge], middles[:, :2].mean(axis=0))
     above = middles[:, 2] - plane[0] - (middles[:, :2] - middles[:, :2].mean(axis=0)) @ plane[1:]
     flat = (_steepness(vertices, faces) < math.radians(REPOSE_DEG)) & (above < BOUND_M)
     reached = np.zeros(len(vertices), bool)
@@ -66,8 +66,8 @@ def find_skirt(vertices: Array, faces: Array) -> Array:
 
 
 def _steepness(vertices: Array, faces: Array) -> Array:
-    """Angles (m,) in radians of triangles with the level, of normals that are averaged; above a right one if they face
-    down."""
+    """Angles (m,) in radians between triangles and the horizontal plane, by averaged normals; more than a right angle
+    for triangles that face down."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals *= 1.0 if normals[:, 2].sum() > 0 else -1.0

@@ -39,7 +39,7 @@ def match(left: np.ndarray, right: np.ndarray, context: Any) -> np.ndarray:
 
 
 def _census(image: np.ndarray) -> np.ndarray:
-    """A bit for each neighbour, set where it is brighter: uint16 (H, W)."""
+    """A bit for each neighbour, set if it is brighter: uint16 (H, W)."""
     height, width = image.shape
     wide = np.pad(image, 3, mode="edge")
     bits = np.zeros(image.shape, np.uint16)
@@ -72,7 +72,7 @@ def _mean(values: np.ndarray, window: int) -> np.ndarray:
 
 
 def _costs_of_the_right(costs: np.ndarray, disparities: np.ndarray) -> np.ndarray:
-    """The same costs, at the pixel of the right image that each disparity leads to."""
+    """The same costs, at the pixel of the right image for each disparity."""
     turned = np.full_like(costs, np.inf)
     width = costs.shape[2]
     for k, disparity in enumerate(disparities):
@@ -82,7 +82,7 @@ def _costs_of_the_right(costs: np.ndarray, disparities: np.ndarray) -> np.ndarra
 
 
 def _parabola(costs: np.ndarray, best: np.ndarray) -> np.ndarray:
-    """The offset of the lowest point of a parabola through the best cost and its neighbours, -0.5 to 0.5 px."""
+    """The offset of the vertex of a parabola through the best cost and its neighbours, -0.5 to 0.5 px."""
     last = len(costs) - 1
     before, least, after = (np.take_along_axis(costs, np.clip(best + k, 0, last)[None], axis=0)[0] for k in (-1, 0, 1))
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -1,4 +1,4 @@
-"""The depth error that 95 % of the measured pixels which both eyes see stay below."""
+"""The depth error that 95 % of the measured pixels in view of both eyes do not exceed."""
 
 from __future__ import annotations
 

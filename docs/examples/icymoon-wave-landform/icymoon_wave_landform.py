@@ -65,5 +65,5 @@ def height(x: np.ndarray, y: np.ndarray, settings: Mapping[str, Any]) -> np.ndar
 
 
 def finest_m(settings: Mapping[str, Any]) -> float:
-    """The smallest length that a mesh must carry: half a wave. A coarser mesh leaves the waves out, and says so."""
+    """The smallest length that a mesh must carry: half a wave. A coarser mesh omits the waves and reports it."""
     return float(settings["spacing_m"]) / 2.0

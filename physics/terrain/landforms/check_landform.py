@@ -51,18 +51,18 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
         else f"{plugin.title} is level where {size.key} is {most:g}; make its heights depend on it.",
     )
     yield from _check_places(plugin, run, x, y, heights)
-    yield check_call("another seed is no error", run, seed=_SEED + 1)
-    yield check_call("points far away are no error", run, x * 1000.0, y * 1000.0)
+    yield check_call("another seed raises no error", run, seed=_SEED + 1)
+    yield check_call("points far away raise no error", run, x * 1000.0, y * 1000.0)
     yield check_fault("it states its smallest length", lambda: _describe_finest(landform, settings))
     for number in landform.settings:
         for value in (number.minimum, number.maximum):
             whole = not isinstance(number.default, float)
             changes = {number.key: int(value) if whole else float(value)}
-            yield check_call(f"{number.key}={value:g} is no error", run, **changes)
+            yield check_call(f"{number.key}={value:g} raises no error", run, **changes)
 
 
 def _check_places(plugin: Plugin, run: Callable[..., Array], x: Array, y: Array, heights: Array) -> Iterator[Check]:
-    """Checks that the height of a place does not depend on the other places."""
+    """Checks that the height at a point does not depend on the other points."""
     yield check_fault(
         "the same points have the same heights again",
         lambda: _describe_difference(

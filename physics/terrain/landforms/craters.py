@@ -110,7 +110,7 @@ def _height_change_m(bowl: Array, dx: Array, dy: Array, before: Array, shortest_
 
 
 def _reached(centre: Array, reach: Array, points: Array) -> Array:
-    """Whether craters reach, along one axis, into the range of the points."""
+    """Whether craters reach the range of the points along one axis."""
     return (centre + reach > points.min()) & (centre - reach < points.max())
 
 

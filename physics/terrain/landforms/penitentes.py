@@ -100,7 +100,8 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
     lean = min(lean, _MOST_LEAN - _CREST_OFFSET)
 
     def offset(x_m: Array, y_m: Array) -> tuple[Array, Array, Array, Array]:
-        """How far a place is beside its row's crest, in spacings; the crest's own place, the row, and the way along."""
+        """Offset of a point from its row's crest, in spacings; the position of the crest, the row, and the distance
+        along it."""
         across, along = rotate_coordinates(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_WAVELENGTH * length), across / (_WANDER_WAVELENGTH * length)
         place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(2.3 * u, 2.3 * v, keys[5])

@@ -123,12 +123,12 @@ def _fit_cached_amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensi
 
 
 def list_asked_statistics(terrain: TerrainSettings) -> dict[str, float | None]:
-    """The statistics that ``terrain`` settings ask of the random surface, with the keys of ``Roughness.numbers``.
+    """The statistics that ``terrain`` settings request of the random surface, with the keys of ``Roughness.numbers``.
 
     The RMS height is for endless ground with these octaves. Raises IcyMoonError where the cut-offs make no sense.
     """
     wavelength = octave_wavelengths_m(terrain)
-    squares = _asked_amplitudes(terrain, wavelength) ** 2
+    squares = _compute_stated_amplitudes(terrain, wavelength) ** 2
     return {
         "rms_slope_deg": float(terrain.rms_slope_deg),
         "rms_height_m": float(f"{NOISE_DEVIATION * math.sqrt(squares.sum()):.4g}"),
@@ -136,8 +136,8 @@ def list_asked_statistics(terrain: TerrainSettings) -> dict[str, float | None]:
     }
 
 
-def _asked_amplitudes(terrain: TerrainSettings, wavelength_m: Array) -> Array:
-    """Amplitudes of octaves whose deviation at the baseline is the one stated, also outside the cut-offs."""
+def _compute_stated_amplitudes(terrain: TerrainSettings, wavelength_m: Array) -> Array:
+    """Amplitudes of octaves with the stated deviation at the baseline, also outside the cut-offs."""
     baseline = float(terrain.slope_baseline_m)
     at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
     unit = fit_amplitudes(wavelength_m, float(terrain.hurst))
@@ -238,7 +238,7 @@ def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.rando
     at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
     plain = RoughSurface(
         wavelength,
-        _round_digits(_asked_amplitudes(terrain, wavelength)),
+        _round_digits(_compute_stated_amplitudes(terrain, wavelength)),
         keys,
         offsets,
         float(terrain.multifractality),

@@ -146,7 +146,7 @@ def test_a_camera_states_what_its_calibration_leaves_open(tmp_path):
         ("camera = []\n", "has no cameras"),
         ("camera = 3\n", "has no cameras"),
         ("[rig]\nwidth_px = 3\n", "a head has no 'rig'"),
-        ("\x89PNG", "is no TOML file"),
+        ("\x89PNG", "is not a TOML file"),
         (17 * PINHOLE, "16 cameras at most, not 17"),
     ],
 )

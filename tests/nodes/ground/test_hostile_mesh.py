@@ -26,7 +26,7 @@ OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.ply", PLY.replace("1 0 0", "1 zzz 0"), "line 11 is no row of the element 'vertex': '1 zzz 0'"),
+        ("a.ply", PLY.replace("1 0 0", "1 zzz 0"), "line 11 is not a row of the element 'vertex': '1 zzz 0'"),
         ("a.ply", PLY.replace("3 0 1 2", "3 0 1 9"), "line 13"),
         ("a.ply", PLY.replace("vertex 3", "vertex 1000000000000"), "but"),
         ("a.obj", OBJ.replace("1 0 0", "1,5 0,25 0,0"), "vertex of line 2 is not three numbers: '1,5 0,25 0,0'"),

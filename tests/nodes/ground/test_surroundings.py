@@ -15,7 +15,7 @@ from icymoon.physics.mesh.heights_on_mesh import SurroundedGround
 from icymoon.physics.mesh.horizon import dip_deg, drop_m
 from icymoon.rays.engine import open_tracer
 from icymoon.rays.shapes import Placed, Shape, World
-from icymoon.render.cost.estimate import sky_fraction
+from icymoon.render.cost.estimate import compute_sky_fraction
 from icymoon.render.ground_maps import find_extent
 from icymoon.render.plans.triangle_count import count_triangles
 from icymoon.settings.description import merged
@@ -202,8 +202,8 @@ def test_plans_count_the_triangles_and_the_sky_and_the_files(tmp_path, plain):
     assert count_triangles(settings) == len(load(plain, coarse).faces)
     level = {"rig": {"pitch_deg": 0.0}}
     flat = merged(settings_of(plain, reach_m=0.0), level)
-    assert sky_fraction(merged(settings, level)) == pytest.approx(0.5, abs=0.01)
-    assert sky_fraction(flat) > 0.55
+    assert compute_sky_fraction(merged(settings, level)) == pytest.approx(0.5, abs=0.01)
+    assert compute_sky_fraction(flat) > 0.55
     assert find_used_files(settings)["source.surroundings_file"] == coarse
     assert "source.surroundings_file" not in find_used_files(settings_of(plain, coarse, reach_m=0.0))
     before = hash_content(settings)

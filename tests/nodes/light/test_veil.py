@@ -15,7 +15,7 @@ from icymoon.nodes.light.veil import veil_in
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.physics.scene_checks import find_reasons_in_settings
-from icymoon.physics.scene_requirements import find_left_out, why_not_baked
+from icymoon.physics.scene_requirements import find_left_out, find_why_not_baked
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.topics.light import VeilSettings
@@ -174,7 +174,7 @@ def test_what_cannot_have_a_veil_is_refused_or_said():
         assert [name in str(each) for each in find_reasons_in_settings(admitted(part))] == [True]
     assert not find_reasons_in_settings(admitted({"surface": {"model": "HAPKE"}, "hapke": {"backend": "NODES"}}))
     lambert = {"surface": {"model": "LAMBERT"}, "quality": {"indirect": "BAKED"}}
-    assert "veil.optical_depth" in why_not_baked(admitted(lambert))
+    assert "veil.optical_depth" in find_why_not_baked(admitted(lambert))
     said = find_left_out(admitted(lambert), describe_sky(compute_sky(admitted().light)))
     assert any("traced although" in each and "veil.optical_depth" in each for each in said)
 

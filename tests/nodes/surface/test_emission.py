@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from icymoon.benchmarks.light import furnace
 from icymoon.nodes.surface.ice_material import build_material
-from icymoon.physics.scene_requirements import why_not_baked
+from icymoon.physics.scene_requirements import find_why_not_baked
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.images.develop import scale_radiance
 from icymoon.stereo.images.exr import read_view
@@ -60,8 +60,8 @@ def test_in_a_closed_room_it_is_reflected_again_and_again():
 
 def test_light_of_the_ground_is_not_baked():
     baked = {"quality": {"indirect": "BAKED"}}
-    assert not why_not_baked(complete(baked, shining("LAMBERT", emitted_w_m2_sr=0.0)))
-    assert "surface.emitted_w_m2_sr" in why_not_baked(complete(baked, shining("LAMBERT")))
+    assert not find_why_not_baked(complete(baked, shining("LAMBERT", emitted_w_m2_sr=0.0)))
+    assert "surface.emitted_w_m2_sr" in find_why_not_baked(complete(baked, shining("LAMBERT")))
 
 
 def test_without_it_there_are_no_nodes():

@@ -262,8 +262,11 @@ HOSTILE = {
     "huge vcount": (polylist(vcount="999999999999"), "more than 1000000 triangles"),
     "huge polylist": (polylist("999999999"), "more than 3000000 polygons"),
     "polygon": (polylist(vcount="1000003", p=many(1000003, "", "0 ", "")), "more than 1000000 triangles"),
-    "nan": (document(geometry(source(numbers=SQUARE.replace("1", "nan", 1)) + vertices() + TRIANGLE)), "is no number"),
-    "infinite": (document(geometry(source(numbers="1e999" + SQUARE[1:]) + vertices() + TRIANGLE)), "is no number"),
+    "nan": (
+        document(geometry(source(numbers=SQUARE.replace("1", "nan", 1)) + vertices() + TRIANGLE)),
+        "is not a number",
+    ),
+    "infinite": (document(geometry(source(numbers="1e999" + SQUARE[1:]) + vertices() + TRIANGLE)), "is not a number"),
     "comma": (document(geometry(source(numbers=SQUARE.replace("1", "0,5", 1)) + vertices() + TRIANGLE)), "else than n"),
     "array": (document(geometry(source(count=16) + vertices() + TRIANGLE)), "are 15 numbers in"),
     "huge array": (document(geometry(source(count=999_999_999) + vertices() + TRIANGLE)), "MB of memory"),
@@ -283,10 +286,10 @@ HOSTILE = {
             [
                 ("matrix", "1 0 0", "are 3 numbers in"),
                 ("matrix", "1 " * 16, "must have the last row 0 0 0 1"),
-                ("matrix", "nan " * 16, "a value that is no number"),
+                ("matrix", "nan " * 16, "a value that is not a number"),
                 ("rotate", "0 0 0 90", "an axis without a length"),
-                ("rotate", "0 0 1 1e999", "a value that is no number"),
-                ("scale", "1e300 1 1", "a value that is no number"),
+                ("rotate", "0 0 1 1e999", "a value that is not a number"),
+                ("scale", "1e300 1 1", "a value that is not a number"),
                 ("lookat", "0 " * 9, "<lookat>"),
                 ("skew", "0 " * 7, "<skew>"),
                 ("translate", "", "are 0 numbers in"),
@@ -333,7 +336,7 @@ HEAVY: dict[str, tuple[Callable[[], str], str]] = {
     "references": (lambda: many(6_000_000, "<COLLADA>", "&#300;", "</COLLADA>"), "MB of memory for its elements"),
     "long numbers": (
         lambda: document(nodes=f"<node><translate>0 0 {'1' * 38_000_000}</translate></node>"),
-        "is no number",
+        "is not a number",
     ),
     "all vertices": (
         lambda: document(

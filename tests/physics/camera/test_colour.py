@@ -7,12 +7,12 @@ import pytest
 from icymoon.physics.camera.colour import (
     LINEAR,
     apply_mosaic,
-    channel_at,
     compute_channel_rates,
     compute_white_gains,
     compute_white_rates,
     demosaic,
     filter_efficiency,
+    find_channel,
     mix_to_grey,
 )
 from icymoon.physics.light.photons import electron_rate, photons_by_wavelength, photons_per_joule
@@ -89,7 +89,7 @@ def test_mastcam_z_sees_white_ground_on_mars_as_calibrated():
 
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_mosaics_have_two_greens_among_four_pixels(pattern):
-    assert sorted(channel_at(pattern, *at) for at in np.ndindex(2, 2)) == [0, 1, 1, 2]
+    assert sorted(find_channel(pattern, *at) for at in np.ndindex(2, 2)) == [0, 1, 1, 2]
     planes = np.stack([np.full((5, 7), value) for value in (1.0, 2.0, 3.0)])
     seen = apply_mosaic(planes, pattern)
     assert "".join("RGB"[int(seen[at]) - 1] for at in np.ndindex(2, 2)) == pattern

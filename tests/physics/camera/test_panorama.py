@@ -8,7 +8,13 @@ import cv2
 import numpy as np
 import pytest
 from heads import FLOWN, HEADS, head_settings
-from icymoon.physics.camera.eyes import camera_of, dark_shares, eyes_json, overscan_for, rays_in_rig
+from icymoon.physics.camera.eyes import (
+    eyes_json,
+    find_overscan_of_eyes,
+    find_rays_in_rig,
+    make_camera_with_eyes,
+    measure_dark_shares,
+)
 from icymoon.physics.camera.panorama import Panorama, make_panorama
 from icymoon.physics.scene_checks import advise_on_scene
 from icymoon.settings.description import defaults, merged
@@ -43,37 +49,40 @@ def test_a_panorama_is_as_wide_as_it_must_be_and_never_wider_than_a_sphere():
 
 @pytest.mark.parametrize("name", [*HEADS, *FLOWN])
 def test_a_pinhole_is_chosen_where_it_shows_all_with_bearable_overscan(name):
-    camera = camera_of(head_settings(name))
-    assert (camera.panorama is None) == (overscan_for(camera) <= 1.0)
+    camera = make_camera_with_eyes(head_settings(name))
+    assert (camera.panorama is None) == (find_overscan_of_eyes(camera) <= 1.0)
     assert (camera.panorama is None) == (name not in ("120 degrees, verged and rolled", "180 degrees"))
-    assert dark_shares(camera) == (0.0, 0.0)
+    assert measure_dark_shares(camera) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("name", ["120 degrees, verged and rolled", "180 degrees"])
 def test_every_ray_is_in_the_panorama_with_the_neighbours_of_its_spline(name):
-    camera = camera_of(head_settings(name))
+    camera = make_camera_with_eyes(head_settings(name))
     for own in camera.eyes:
         pixels = np.stack(np.meshgrid(np.arange(own.width_px), np.arange(own.height_px)), axis=-1).astype(float)
-        rays = rays_in_rig(own, pixels)
+        rays = find_rays_in_rig(own, pixels)
         where = camera.panorama.show(rays)
         assert (where >= 2).all()
         assert (where <= camera.panorama.size_px - 3).all()
         # In its middle the panorama has at least the pixels of the eye.
         centre = np.array([[own.cx_px, own.cy_px], [own.cx_px + 1, own.cy_px], [own.cx_px, own.cy_px + 1]])
-        shown = camera.panorama.show(rays_in_rig(own, centre) @ own.rotation.T)
+        shown = camera.panorama.show(find_rays_in_rig(own, centre) @ own.rotation.T)
         assert np.linalg.norm(shown[1:] - shown[0], axis=1).min() > 0.999
 
 
 def test_it_is_named_in_the_pair_and_in_the_advice():
     settings = head_settings("180 degrees")
-    camera = camera_of(settings)
+    camera = make_camera_with_eyes(settings)
     stated = eyes_json(camera, settings.rig)["right"]
     assert stated["rendered_as"] == "FISHEYE"
     assert stated["fisheye"]["size_px"] == camera.panorama.size_px
     told = [each for each in advise_on_scene(settings) if each.startswith("eyes:")]
     assert len(told) == 1
     assert f"{camera.panorama.size_px} x {camera.panorama.size_px} px" in told[0]
-    assert eyes_json(camera_of(head_settings("nearly alike")), settings.rig)["left"]["rendered_as"] == "PINHOLE"
+    assert (
+        eyes_json(make_camera_with_eyes(head_settings("nearly alike")), settings.rig)["left"]["rendered_as"]
+        == "PINHOLE"
+    )
 
 
 def test_an_overscan_that_shows_all_keeps_the_pinhole():
@@ -83,17 +92,17 @@ def test_an_overscan_that_shows_all_keeps_the_pinhole():
         for topic in ("left_eye", "right_eye")
     }
     settings = merged(defaults(), eyes, {"rig": {"eyes": "CALIBRATED", "focal_length_mm": 14.0}})
-    needed = overscan_for(camera_of(settings))
+    needed = find_overscan_of_eyes(make_camera_with_eyes(settings))
     assert needed > 1.0
-    assert camera_of(settings).panorama is not None
+    assert make_camera_with_eyes(settings).panorama is not None
     if needed < 2.0:
-        assert camera_of(merged(settings, {"rig": {"overscan": needed + 0.01}})).panorama is None
+        assert make_camera_with_eyes(merged(settings, {"rig": {"overscan": needed + 0.01}})).panorama is None
 
 
 def test_an_eye_that_sees_all_around_needs_the_whole_sphere():
     eye = {"lens": "FISHEYE", "fx_px": 40.0, "fy_px": 40.0, "width_px": 300, "height_px": 300, "cx_px": 149.5,
            "cy_px": 149.5}  # fmt: skip
     settings = merged(defaults(), {"left_eye": eye, "right_eye": eye, "rig": {"eyes": "CALIBRATED"}})
-    camera = camera_of(settings)
+    camera = make_camera_with_eyes(settings)
     assert camera.panorama.field_rad == pytest.approx(2 * math.pi, abs=0.05)
-    assert max(dark_shares(camera)) == pytest.approx(1 - math.pi * (40 * math.pi) ** 2 / 300**2, abs=0.02)
+    assert max(measure_dark_shares(camera)) == pytest.approx(1 - math.pi * (40 * math.pi) ** 2 / 300**2, abs=0.02)

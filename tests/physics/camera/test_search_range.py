@@ -7,7 +7,7 @@ import ground_rays
 import numpy as np
 import pytest
 from icymoon.physics.camera import nearest_ground
-from icymoon.physics.camera.nearest_ground import find_greatest_disparity_px, name_ground
+from icymoon.physics.camera.nearest_ground import find_greatest_disparity_px, make_ground_name_key
 from icymoon.physics.camera.search_range import disparity_range_px, level_ground_disparities_px
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.physics.terrain.terrain import make_terrain
@@ -71,13 +71,13 @@ def test_the_rocks_beyond_the_patch_are_those_of_the_pairs_own_rig():
 )
 def test_the_ground_is_the_same_under_another_light_surface_or_site(part):
     settings = merged(defaults(), ROCKY)
-    assert name_ground(settings) == name_ground(merged(settings, part))
+    assert make_ground_name_key(settings) == make_ground_name_key(merged(settings, part))
 
 
 def test_all_else_that_shapes_it_makes_another_ground():
     """A setting that builds other ground has a topic that names it; the path of a scoop does not move rocks."""
     settings = merged(defaults(), ROCKY)
-    assert name_ground(settings) != name_ground(merged(settings, {"dataset": {"seed": 5}}))
+    assert make_ground_name_key(settings) != make_ground_name_key(merged(settings, {"dataset": {"seed": 5}}))
     shaping = {topic.key for topic in TOPICS.values() for each in topic.settings if each.effect == "geometry"}
     assert not (shaping - {"dataset", "excavation"}) & nearest_ground._TOPICS_NOT_OF_GROUND
 

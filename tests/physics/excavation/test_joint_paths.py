@@ -91,9 +91,9 @@ def test_a_line_beyond_a_limit_is_named_by_its_number(tmp_path):
     [
         ("state,yaw_deg\n1,0\n", "no column shoulder_deg"),
         (HEAD, "no line of numbers"),
-        (HEAD + "1,0,20,-70,x,0\n", "line 2 is no pose"),
-        (HEAD + "0,0,20,-70,-40,0\n", "line 2 is no pose"),
-        (HEAD + "1,0,20,-70,nan,0\n", "line 2 is no pose"),
+        (HEAD + "1,0,20,-70,x,0\n", "line 2 is not a pose"),
+        (HEAD + "0,0,20,-70,-40,0\n", "line 2 is not a pose"),
+        (HEAD + "1,0,20,-70,nan,0\n", "line 2 is not a pose"),
         (HEAD + "7,0,20,-70,-40,0\n", "raise excavation.states"),
         (HEAD + "1,0,20,-70,-40,0\n", "in which the scoop's tip moves"),
         (HEAD + "1,0,20,-70,-40,0\n" * 20_001, "more than 20000 lines"),

@@ -66,7 +66,7 @@ def test_the_mesh_stays_closed_and_unfolded_and_follows_the_line(name):
     crossing = (ends.min(axis=1) < -1e-9) & (ends.max(axis=1) > 1e-9) & (np.ptp(ends, axis=1) < 0.4)
     assert not crossing.any()
     # The sharp edges are as long as the line.
-    sharp = cut.places[cut.sharp_edges()]
+    sharp = cut.places[cut.find_sharp_edges()]
     length = np.linalg.norm(sharp[:, 0] - sharp[:, 1], axis=1).sum()
     expected = {"straight": 4.0, "circle": 2 * np.pi * 0.777}.get(name)
     assert len(sharp) > 30

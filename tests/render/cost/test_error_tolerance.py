@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.render.cost.error_tolerance import BAD_1, PX, Tolerance, all_hold, make_tolerance, parse_fraction
+from icymoon.render.cost.error_tolerance import BAD_1, PX, Tolerance, combine_verdicts, make_tolerance, parse_fraction
 from icymoon.support.errors import IcyMoonError
 
 NOTHING = {"epe_px": 0.0, "wrong_or_missing": 0.0}
@@ -82,7 +82,7 @@ def test_a_loss_is_told_from_its_limit_if_it_is_a_doubt_away(loss, doubt, kept):
     [((), True), ((True, True), True), ((True, None), None), ((None, False), False), ((False, True), False)],
 )
 def test_all_hold_unless_one_fails_or_cannot_be_told(verdicts, all_of_them):
-    assert all_hold(iter(verdicts)) is all_of_them
+    assert combine_verdicts(iter(verdicts)) is all_of_them
 
 
 @pytest.mark.parametrize(("text", "value"), [("0.5%", 0.005), (" 0.5 % ", 0.005), ("0.005", 0.005), ("100%", 1.0)])

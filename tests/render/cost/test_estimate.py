@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.cost import estimate
-from icymoon.render.plans.baked_or_traced import bake_seconds, light_bytes
+from icymoon.render.plans.baked_or_traced import estimate_bake_seconds, estimate_light_bytes
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.plans.render_order import cut_into_jobs, order_pairs
 from icymoon.render.plans.triangle_count import count_triangles
@@ -248,8 +248,8 @@ def test_bytes_are_in_proportion_to_what_is_written():
 )
 def test_the_share_of_sky_is_that_of_a_level_ground(pitch_deg, share):
     view = {"rig": {"width_px": 160, "height_px": 120, "pitch_deg": pitch_deg}, "mesh": {"kind": "GRADED"}}
-    assert estimate.sky_fraction(described(view)) == pytest.approx(share, abs=1e-3)
-    patch = estimate.sky_fraction(described(view, {"mesh": {"kind": "GRID"}}))
+    assert estimate.compute_sky_fraction(described(view)) == pytest.approx(share, abs=1e-3)
+    patch = estimate.compute_sky_fraction(described(view, {"mesh": {"kind": "GRID"}}))
     assert patch > share or share in (0.0, 1.0)
 
 
@@ -329,10 +329,10 @@ def test_sizes_are_legible():
 
 def test_a_noise_threshold_saves_samples_beyond_the_least_that_cycles_takes():
     """Cycles takes 16 t^-0.3 samples at least (a count of the samples of renders, see python benchmarks plan_cost)."""
-    assert estimate.mean_samples_taken(16, 0.01) == 16
-    assert estimate.mean_samples_taken(256, 0.0) == 256
-    assert estimate.mean_samples_taken(256, 0.1) == pytest.approx(32, abs=1)
-    taken = [estimate.mean_samples_taken(256, limit) for limit in (0.3, 0.1, 0.05, 0.02, 0.005)]
+    assert estimate.estimate_mean_samples(16, 0.01) == 16
+    assert estimate.estimate_mean_samples(256, 0.0) == 256
+    assert estimate.estimate_mean_samples(256, 0.1) == pytest.approx(32, abs=1)
+    taken = [estimate.estimate_mean_samples(256, limit) for limit in (0.3, 0.1, 0.05, 0.02, 0.005)]
     assert taken == sorted(taken)
     assert taken[-1] == 256
     few, all_of_them = (described({"quality": {"samples": 256, "noise_threshold": t}}) for t in (0.1, 0.0))
@@ -349,11 +349,11 @@ def test_baked_light_is_counted_once_for_all_pairs_that_share_it():
     several, more, each, finer = (expected(area, n) for area in ("GROUND", "VIEW") for n in (129, 257))
     # The file has light for each vertex, of the whole ground or of what each of four headings sees.
     of_a_vertex = (more.left_bytes - several.left_bytes) / (257**2 - 129**2)
-    assert of_a_vertex == pytest.approx(light_bytes(described(baked)) / 129**2, rel=0.05)
+    assert of_a_vertex == pytest.approx(estimate_light_bytes(described(baked)) / 129**2, rel=0.05)
     assert 4 * 0.1 < (finer.left_bytes - each.left_bytes) / (more.left_bytes - several.left_bytes) < 4 * 0.4
     seen = described(baked, {"quality": {"bake_area": "VIEW"}})
     assert each.seconds - several.seconds == pytest.approx(
-        4 * bake_seconds(seen) - bake_seconds(described(baked)), rel=0.05
+        4 * estimate_bake_seconds(seen) - estimate_bake_seconds(described(baked)), rel=0.05
     )
 
 
@@ -367,7 +367,7 @@ def test_images_cost_less_where_lamberts_law_reads_some_of_them():
     assert relative(images) - relative() > 3 * (relative(images, lambert) - relative(lambert)) > 0
     assert relative(lambert) < relative(lambert, own) < relative(lambert, images)
     assert (
-        bake_seconds(described(lambert, images))
-        > bake_seconds(described(lambert, own))
-        > (bake_seconds(described(lambert)))
+        estimate_bake_seconds(described(lambert, images))
+        > estimate_bake_seconds(described(lambert, own))
+        > (estimate_bake_seconds(described(lambert)))
     )

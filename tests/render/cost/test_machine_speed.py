@@ -8,7 +8,7 @@ import pytest
 from icymoon.commands import cli
 from icymoon.render.cost import estimate, measure_speed
 from icymoon.render.cost import machine_speed as machine
-from icymoon.render.cost.quality_presets import list_qualities, pair_seconds
+from icymoon.render.cost.quality_presets import estimate_pair_seconds, list_qualities
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.plans.triangle_count import count_triangles
 from icymoon.settings import description
@@ -161,9 +161,11 @@ def test_a_better_quality_costs_more_and_errs_less():
 def test_the_seconds_are_of_all_processors_and_of_this_machine():
     settings = description.defaults()
     work = estimate.estimate_work(settings).seconds(1e6)
-    assert pair_seconds(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / system.count_processors() / 0.8)
-    assert pair_seconds(settings, 1e6, None)[0] == pytest.approx(machine.to_wall_seconds(work, None))
-    assert pair_seconds(settings, 1e6, speed(2.0))[1] < pair_seconds(settings, 1e6, None)[1]
+    assert estimate_pair_seconds(settings, 1e6, speed(2.0))[0] == pytest.approx(
+        2.0 * work / system.count_processors() / 0.8
+    )
+    assert estimate_pair_seconds(settings, 1e6, None)[0] == pytest.approx(machine.to_wall_seconds(work, None))
+    assert estimate_pair_seconds(settings, 1e6, speed(2.0))[1] < estimate_pair_seconds(settings, 1e6, None)[1]
 
 
 def test_the_list_is_printed_from_what_is_remembered(capsys):

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from icymoon.render.cost.blender_abilities import Abilities
-from icymoon.render.cost.estimate import estimate_work, prior_spread
+from icymoon.render.cost.estimate import estimate_prior_spread, estimate_work
 from icymoon.render.cost.machine_speed import to_wall_seconds
-from icymoon.render.cost.quality_presets import QualityPreset, list_qualities, pair_seconds
+from icymoon.render.cost.quality_presets import QualityPreset, estimate_pair_seconds, list_qualities
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import find_preset, load_preset, preset_names, read_preset_header
 from icymoon.settings.toml_text import read_toml
@@ -35,11 +35,13 @@ def test_an_error_is_in_pixels_and_per_cent_or_not_there():
 def test_the_seconds_are_off_by_two_deviations_at_most(device, monkeypatch):
     monkeypatch.setattr("icymoon.render.cost.machine_speed.count_processors", lambda: 4)
     settings = merged(defaults(), {"quality": {"device": device}})
-    seconds, factor = pair_seconds(settings, 1e6, None)
+    seconds, factor = estimate_pair_seconds(settings, 1e6, None)
     assert seconds == pytest.approx(to_wall_seconds(estimate_work(settings).seconds(1e6), None))
-    assert math.log(factor) == pytest.approx(2 * prior_spread(None, device == "GPU"))
+    assert math.log(factor) == pytest.approx(2 * estimate_prior_spread(None, device == "GPU"))
     twice_as_slow = stand_in(factor=2.0, busy=1.0)
-    assert pair_seconds(settings, 1e6, twice_as_slow)[0] == pytest.approx(2 * estimate_work(settings).seconds(1e6) / 4)
+    assert estimate_pair_seconds(settings, 1e6, twice_as_slow)[0] == pytest.approx(
+        2 * estimate_work(settings).seconds(1e6) / 4
+    )
 
 
 def test_all_presets_are_listed_cheapest_first_and_the_scene_s_own_last():
@@ -48,11 +50,11 @@ def test_all_presets_are_listed_cheapest_first_and_the_scene_s_own_last():
     assert {quality.name for quality in shipped} == set(preset_names("qualities"))
     assert [quality.seconds for quality in shipped] == sorted(quality.seconds for quality in shipped)
     assert (own.name, own.title, own.errors, own.lacks) == ("", "As described", {}, "")
-    assert (own.seconds, own.factor) == pair_seconds(settings, 1e6, None)
+    assert (own.seconds, own.factor) == estimate_pair_seconds(settings, 1e6, None)
     for quality in shipped:
         whole = merged(settings, load_preset(quality.name))
         assert quality.title == read_preset_header(quality.name)[0]
-        assert (quality.seconds, quality.factor) == pair_seconds(whole, 1e6, None)
+        assert (quality.seconds, quality.factor) == estimate_pair_seconds(whole, 1e6, None)
 
 
 def test_the_quality_that_the_scene_has_is_chosen_and_no_other():
@@ -102,7 +104,7 @@ def test_a_recipe_bakes_so_many_samples_that_their_noise_is_no_texture(name):
 def test_what_a_pair_bakes_for_itself_is_part_of_its_seconds_and_what_all_share_is_not():
     def seconds(name: str, *changes: dict[str, Any]) -> float:
         made = merged(defaults(), LAMBERT, load_preset(f"qualities/{name}"), {"dataset": {"headings": 36}}, *changes)
-        return pair_seconds(made, 1e5, None)[0]
+        return estimate_pair_seconds(made, 1e5, None)[0]
 
     longer = {"quality": {"bake_samples": 1024}}
     baked = {"quality": {"indirect": "BAKED"}}

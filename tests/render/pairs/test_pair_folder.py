@@ -175,7 +175,7 @@ def test_removing_a_job_removes_what_a_killed_worker_left(tmp_path):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_a_pipe_is_no_pair_and_nobody_waits_for_it(tmp_path):
     os.mkfifo(tmp_path / "pair.json")
-    with pytest.raises(IcyMoonError, match="it is no regular file"):
+    with pytest.raises(IcyMoonError, match="it is not a regular file"):
         read_pair(tmp_path)
     assert not is_complete(tmp_path)
 
@@ -195,7 +195,7 @@ def test_what_stands_in_place_of_a_file_is_named(tmp_path, make, monkeypatch):
                 server.bind(name)
             else:
                 (os.mkfifo if make == "pipe" else os.mkdir)(name)
-            with pytest.raises(IcyMoonError, match=rf"/{name}:? cannot be read \(it is no regular file\)"):
+            with pytest.raises(IcyMoonError, match=rf"/{name}:? cannot be read \(it is not a regular file\)"):
                 read()
 
 

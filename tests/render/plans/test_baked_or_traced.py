@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.scene_requirements import is_baked, why_not_baked
-from icymoon.render.plans.baked_or_traced import bake_seconds, choose_indirect, find_break_even, resolve_auto_indirect
+from icymoon.physics.scene_requirements import find_why_not_baked, is_baked
+from icymoon.render.plans.baked_or_traced import (
+    choose_indirect,
+    estimate_bake_seconds,
+    find_break_even,
+    resolve_auto_indirect,
+)
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
@@ -49,7 +54,7 @@ def test_images_of_other_grounds_and_suns_do_not_count():
 def test_light_that_is_baked_where_it_is_seen_pays_for_one_image_and_is_not_shared():
     """A fifth of the ground is seen: the bake of it with 64 samples takes less than tracing one image."""
     seen = {"quality": {"bake_area": "VIEW", "bake_samples": 64}}
-    part = bake_seconds(described(seen)) / bake_seconds(described({"quality": {"bake_samples": 64}}))
+    part = estimate_bake_seconds(described(seen)) / estimate_bake_seconds(described({"quality": {"bake_samples": 64}}))
     assert 0.1 < part < 0.4
     assert find_break_even(described(seen)) == 1
     assert headings(described(seen), 1) == ["BAKED"]
@@ -74,11 +79,13 @@ def test_what_is_not_automatic_stays():
 def test_light_of_a_planet_is_baked_too_and_takes_as_long_as_that_of_the_sun():
     with_planet = described({"light": {"planet": True, "stars": True}, "quality": {"indirect": "BAKED"}})
     assert is_baked(with_planet)
-    assert bake_seconds(with_planet) == pytest.approx(2 * bake_seconds(described()))
+    assert estimate_bake_seconds(with_planet) == pytest.approx(2 * estimate_bake_seconds(described()))
 
 
 def test_rocks_are_baked_too_and_take_longer_the_more_there_are():
-    seconds = [bake_seconds(described({"rocks": {"coverage": coverage}})) for coverage in (0.0, 0.01, 0.05, 0.2)]
+    seconds = [
+        estimate_bake_seconds(described({"rocks": {"coverage": coverage}})) for coverage in (0.0, 0.01, 0.05, 0.2)
+    ]
     assert np.all(np.diff(seconds) > 0)
     assert is_baked(described({"rocks": {"coverage": 0.1}, "quality": {"indirect": "BAKED"}}))
 
@@ -94,18 +101,18 @@ def test_rocks_are_baked_too_and_take_longer_the_more_there_are():
 )
 def test_what_cannot_be_baked_is_traced_and_told(part):
     settings = described(part, {"quality": {"indirect": "BAKED"}})
-    assert why_not_baked(settings)
+    assert find_why_not_baked(settings)
     assert not is_baked(settings)
     assert set(headings(described(part), 90)) == {"TRACED"}
 
 
 def test_a_mesh_is_baked_in_proportion_to_its_triangles_whatever_the_grid_of_made_up_ground():
     def seconds(key: str, resolution: int = 258) -> float:
-        return bake_seconds(
+        return estimate_bake_seconds(
             described({"source": {"kind": "STAND_IN", "stand_in": key}, "terrain": {"resolution": resolution}})
         )
 
-    start = bake_seconds(described({"quality": {"bake_samples": 4}})) - seconds_of_corners(4 * 258**2, 4)
+    start = estimate_bake_seconds(described({"quality": {"bake_samples": 4}})) - seconds_of_corners(4 * 258**2, 4)
     few, many = seconds("ATHABASCA"), seconds("GLACIER_42M")  # 30000 and 60000 triangles
     assert many - start == pytest.approx(2 * (few - start))
     assert few - start == pytest.approx(seconds_of_corners(3 * 30000, 256))
@@ -114,7 +121,7 @@ def test_a_mesh_is_baked_in_proportion_to_its_triangles_whatever_the_grid_of_mad
 
 def seconds_of_corners(corners: float, samples: int) -> float:
     """Of the time that more samples of a grid take."""
-    most, least = (bake_seconds(described({"quality": {"bake_samples": n}})) for n in (1000, 500))
+    most, least = (estimate_bake_seconds(described({"quality": {"bake_samples": n}})) for n in (1000, 500))
     return (most - least) / 500 / (4 * 258**2) * corners * samples
 
 

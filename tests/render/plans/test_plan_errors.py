@@ -128,7 +128,7 @@ WRONG = {
     ),
     "a text as a number": (
         HEAD + '[[sweep]]\nkind = "sobol"\ncount = 9\nsurface.model = { uniform = [0, 1] }  # !',
-        ("is no number",),
+        ("is not a number",),
     ),
     "too many dimensions": (
         HEAD

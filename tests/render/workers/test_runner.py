@@ -148,7 +148,7 @@ def test_what_another_runner_is_at_is_waited_for_and_done_if_it_vanishes(stand):
     assert thread.is_alive()
     assert PAIRS[3].id not in stand.rendered
     last = [m for m in stand.said if m["type"] == "progress"][-1]["message"]
-    holder = f"process {os.getpid()} on {system.computer_name()}"
+    holder = f"process {os.getpid()} on {system.find_computer_name()}"
     assert last.endswith(f"; others render 1, such as {PAIRS[3].id} by {holder}")
     other.close()
     thread.join(60)

@@ -247,7 +247,7 @@ LIGHT_FAULTS: dict[str, tuple[Callable[[Path], object], set[tuple[str, str]], bo
     ),
     "not used": (lambda d: bake(d, "2" * 12), {("light", "No pair states the light")}, False),
     "not used, of a key": (lambda d: bake(d, KEYS[0], 8.0), {("light", "No pair states the light")}, False),
-    "not ours": (lambda d: (d / "light" / "thesis.txt").write_text("x"), {("foreign", "is no baked light")}, False),
+    "not ours": (lambda d: (d / "light" / "thesis.txt").write_text("x"), {("foreign", "is not baked light")}, False),
     "old name": (lambda d: first_light(d).rename(d / "light" / f"{KEYS[0]}.npz"), {("light", "No pair states")}, False),
     "unfinished": (
         lambda d: (d / "light" / f"{KEYS[0]}.npz.host-1-1.part").write_text(""),
@@ -409,7 +409,7 @@ def without_plan(dataset: Path) -> Path:
 def test_a_data_set_without_a_plan_is_checked_against_what_its_pairs_state(dataset, capsys):
     assert main(["verify", str(without_plan(dataset))]) == 0
     note, result = capsys.readouterr().out.splitlines()
-    assert note.startswith(f"{dataset} has no plan.jsonl, so each pair is compared with what it states itself")
+    assert note.startswith(f"{dataset} has no plan.jsonl, so each pair is compared with its own statements")
     assert result == "4 pairs, all whole and as stated."
 
 

@@ -18,7 +18,7 @@ from icymoon.physics.camera.rotations import quaternion
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export import exports_with_blender, find_plugins
-from icymoon.stereo.export.cameras import pixel_rays
+from icymoon.stereo.export.cameras import make_pixel_rays
 from icymoon.stereo.export.layouts import export
 from icymoon.stereo.export.radiance_factor import measure_angle_deg
 from icymoon.support.arrays import Array
@@ -77,7 +77,7 @@ def points() -> tuple[Array, Array]:
     """World coordinates of what the first pair's left pixels see, and the columns of the right image; NaN for sky."""
     depth = pairs.view(SCENE, RIG, "left")[0]
     eye = pose("left")
-    world = (pixel_rays(RIG) * depth[..., None]) @ eye[:3, :3].T + eye[:3, 3]
+    world = (make_pixel_rays(RIG) * depth[..., None]) @ eye[:3, :3].T + eye[:3, 3]
     return world, np.arange(RIG.width_px) - RIG.disparity(depth)
 
 
@@ -158,7 +158,7 @@ def test_the_sensors_model_has_its_distortion(dataset, tmp_path, points):
     assert model.kind == "CAHVOR"
     world, _ = points
     bent = (
-        distort_points(pixel_rays(RIG)[..., :2], (float(np.float32(-0.2)), float(np.float32(0.05)), 0, 0, 0))
+        distort_points(make_pixel_rays(RIG)[..., :2], (float(np.float32(-0.2)), float(np.float32(0.05)), 0, 0, 0))
         * RIG.focal_px
     )
     known = np.isfinite(world[..., 0])
@@ -240,7 +240,7 @@ def test_the_radiance_factor_is_that_of_its_formula(dataset, tmp_path):
     # Normals of the synthetic pair point up, so the incidence is that of the Sun everywhere.
     assert angles[..., 0][known] == pytest.approx(math.degrees(math.acos(0.8)), abs=1e-3)
     row, column = 60, 30
-    ray = pose("left")[:3, :3] @ pixel_rays(RIG)[row, column]
+    ray = pose("left")[:3, :3] @ make_pixel_rays(RIG)[row, column]
     ray /= np.linalg.norm(ray)
     assert angles[row, column, 1] == pytest.approx(math.degrees(math.acos(-ray[2])), abs=1e-3)
     assert angles[row, column, 2] == pytest.approx(math.degrees(math.acos(-ray @ [0.6, 0.0, 0.8])), abs=1e-3)
@@ -370,7 +370,7 @@ def test_a_bag_gives_back_what_was_put_in(dataset, tmp_path, points):
     assert shown == pytest.approx(RIG.disparity(depth), rel=1e-6, nan_ok=True)
     assert disparity.f * disparity.t == pytest.approx(camera.focal_px * camera.baseline_m, rel=1e-6)
     cloud = np.frombuffer(first["/stereo/points2"].data.tobytes(), "<f4").reshape(72, 96, 3)
-    assert cloud == pytest.approx(pixel_rays(RIG) * depth[..., None], rel=1e-5, abs=1e-5, nan_ok=True)
+    assert cloud == pytest.approx(make_pixel_rays(RIG) * depth[..., None], rel=1e-5, abs=1e-5, nan_ok=True)
     (transform, _) = first["/tf"].transforms
     assert transform.transform.translation.x == pytest.approx(5.0)
     with pytest.raises(IcyMoonError, match="exists already"):

@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.stereo.export import exports_with_blender, find_plugins
 from icymoon.stereo.export.encodings import encode_run_lengths, quantise_to_16_bits, write_pfm
-from icymoon.stereo.export.layouts import coco_annotations, export, write_truth
+from icymoon.stereo.export.layouts import export, make_coco_annotations, write_truth
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.errors import IcyMoonError
 
@@ -200,8 +200,8 @@ def test_run_lengths_of_any_mask(mask):
 def test_only_rocks_and_objects_are_annotated_and_nothing_without_labels():
     instance = np.array([[0, 1, 5], [7, 7, 5]])
     semantic = np.array([[0, 1, 3], [2, 2, 3]])
-    assert [(a["label"], a["category_id"]) for a in coco_annotations(instance, semantic)] == [(5, 3), (7, 2)]
-    assert list(coco_annotations(None, semantic)) == []
+    assert [(a["label"], a["category_id"]) for a in make_coco_annotations(instance, semantic)] == [(5, 3), (7, 2)]
+    assert list(make_coco_annotations(None, semantic)) == []
 
 
 @settings(deadline=None)
@@ -374,7 +374,7 @@ def test_a_pair_that_fails_leaves_nothing_half_written(dataset, tmp_path, monkey
     ("kind", "last"),
     [
         ("kitti", "layouts.write_text"),
-        ("coco", "layouts.coco_annotations"),
+        ("coco", "layouts.make_coco_annotations"),
         ("sceneflow", "training.write_pfm"),
         ("webdataset", "training._encode_pair_files"),
     ],

@@ -153,4 +153,4 @@ def test_a_bag_has_the_stamps(dataset, tmp_path):
 def test_a_pair_that_is_no_frame_is_a_sentence(tmp_path, kind):
     write_frame(tmp_path, 0, stamp="")
     (failure,) = export([tmp_path], kind, tmp_path / kind)
-    assert "is no frame of a sequence; export pairs of a plan" in failure
+    assert "is not a frame of a sequence; export pairs of a plan" in failure

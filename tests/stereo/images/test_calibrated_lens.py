@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from heads import HEADS, head_settings
-from icymoon.physics.camera.eyes import camera_of, rays_in_rig
+from icymoon.physics.camera.eyes import find_rays_in_rig, make_camera_with_eyes
 from icymoon.physics.camera.lens_models import Cahvore, Fisheye
 from icymoon.stereo.images.lens import make_lens
 
@@ -27,7 +27,7 @@ def rig_matrix(camera, margins=False):
 
 def lens_of(name, eye):
     settings = head_settings(name)
-    camera = camera_of(settings)
+    camera = make_camera_with_eyes(settings)
     return camera, camera.own_eye(eye), make_lens(camera, settings.rig, eye)
 
 
@@ -65,7 +65,7 @@ def test_both_ways_through_the_sensor_lead_to_the_same_ray(name, eye):
     assert lens.rectified_in_sensor.shape == (camera.height_px, camera.width_px, 2)
     sees = lens.sees
     assert sees.mean() > 0.5
-    rays = rays_in_rig(own, lens.rectified_in_sensor[sees].astype(np.float64))
+    rays = find_rays_in_rig(own, lens.rectified_in_sensor[sees].astype(np.float64))
     rays = rays / rays[:, 2:]
     rows, columns = np.nonzero(sees)
     back = rays[:, :2] * camera.focal_px + rig_matrix(camera)[:2, 2]
@@ -90,7 +90,7 @@ def warping_error(name, eye, period_px):
     points = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1)
     warped = lens.distort(light(points, camera.focal_px, period_px).astype(np.float32))
     sensor = np.stack(np.meshgrid(np.arange(own.width_px), np.arange(own.height_px)), axis=-1)
-    direct = light(rays_in_rig(own, sensor.astype(float)), camera.focal_px, period_px)
+    direct = light(find_rays_in_rig(own, sensor.astype(float)), camera.focal_px, period_px)
     inner = np.s_[4:-4, 4:-4]  # beyond the border of the render cubics have no neighbours
     seen = warped[inner] > 0
     return float(np.std((warped - direct)[inner][seen]) / np.std(direct[inner][seen]))
@@ -128,7 +128,7 @@ def test_warping_a_panorama_costs_as_little(name, eye, period_px, most):
     texture = np.where(inside, light_around(rays, camera.panorama.px_per_rad, period_px), 0.0)
     warped = lens.distort(texture.astype(np.float32))
     sensor = np.stack(np.meshgrid(np.arange(own.width_px), np.arange(own.height_px)), axis=-1)
-    direct = light_around(rays_in_rig(own, sensor.astype(float)), camera.panorama.px_per_rad, period_px)
+    direct = light_around(find_rays_in_rig(own, sensor.astype(float)), camera.panorama.px_per_rad, period_px)
     assert np.std(warped - direct) / np.std(direct) < most
 
 

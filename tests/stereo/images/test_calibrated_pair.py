@@ -12,7 +12,7 @@ import pytest
 from heads import HEADS, head_settings, plane_seen, write_head
 from icymoon.formats.cahvor import FIT_LIMIT_PX, read_model
 from icymoon.formats.calibrations.registry import read_calibration
-from icymoon.physics.camera.eyes import camera_of
+from icymoon.physics.camera.eyes import make_camera_with_eyes
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import merged
 from icymoon.stereo.cli import main
@@ -144,7 +144,7 @@ def test_statements_that_the_settings_contradict_are_refused(tmp_path, change, w
 def test_truth_of_another_size_than_the_sensor_is_refused(tmp_path):
     pair = read_pair(write_head(tmp_path / "pair", "nearly alike"))
     read_sensor_truth(pair, "left")
-    other = replace(pair, camera=camera_of(head_settings("verged and rolled")))
+    other = replace(pair, camera=make_camera_with_eyes(head_settings("verged and rolled")))
     with pytest.raises(IcyMoonError, match=r"right_raw_truth\.exr is 96 x 72 px, but its camera has 128 x 64 px"):
         read_sensor_truth(other, "right")
 
@@ -166,7 +166,7 @@ def test_the_export_of_rover_models_has_those_of_the_sensors(tmp_path):
     folder, pose = write_placed_head(tmp_path / "0123456789ab", "nearly alike")
     assert main(["export", str(folder), "--format", "cahvor", "--out", str(tmp_path / "out")]) == 0
     out = tmp_path / "out" / "0123456789ab"
-    for eye, own in zip(EYES, camera_of(head_settings("nearly alike")).eyes, strict=True):
+    for eye, own in zip(EYES, make_camera_with_eyes(head_settings("nearly alike")).eyes, strict=True):
         model = read_model(out / f"{eye}_sensor.cahvor")
         assert (model.width_px, model.height_px) == own.size_px
         assert cv2.imread(str(out / f"{eye}_sensor.png")).shape[:2] == own.size_px[::-1]

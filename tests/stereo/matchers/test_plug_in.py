@@ -91,7 +91,7 @@ def test_what_it_does_wrong_is_one_sentence(add, body, said):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("[]", "OPTIONS that are no dictionary"),
+        ("[]", "OPTIONS that are not a dictionary"),
         ("{'a b': {'default': 1, 'doc': ''}}", "has a name that cannot be used"),
         ("{'disparities': {'default': 16, 'minimum': 0, 'maximum': 99, 'doc': ''}}", "has a name that cannot be used"),
         ("{'grey': {'default': 'x', 'choices': ['x'], 'doc': ''}}", "has a name that cannot be used"),

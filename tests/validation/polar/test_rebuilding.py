@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from icymoon.support.errors import IcyMoonError
 from icymoon.validation.comparison import Bench
-from icymoon.validation.polar.camera import Eye, camera_rotation, fit_camera, measure_compared_share
+from icymoon.validation.polar.camera import Eye, fit_camera, make_camera_rotation, measure_compared_share
 from icymoon.validation.polar.data_set import EYES, ROCK, Polygon, Rock, Terrain, View, read_terrains
-from icymoon.validation.polar.label_agreement import lay_on_sand, measure_label_agreement
+from icymoon.validation.polar.label_agreement import cast_to_sand, measure_label_agreement
 from icymoon.validation.polar.lamp import HeightTable, Shadows, cast_onto_sand, fit_lamps
 from icymoon.validation.polar.sand import measure_sand
 from icymoon.validation.polar.scene import find_frame
@@ -30,7 +30,12 @@ def scene(tmp_path_factory):
 
 def test_distortion_is_undone():
     eye = Eye(
-        2000.0, np.array([968.0, 608.0]), -0.09, -0.03, camera_rotation(170.0, 25.0, 1.0), np.array([3.5, -0.3, 1.7])
+        2000.0,
+        np.array([968.0, 608.0]),
+        -0.09,
+        -0.03,
+        make_camera_rotation(170.0, 25.0, 1.0),
+        np.array([3.5, -0.3, 1.7]),
     )
     points = np.array([[0.5, -1.0, 0.2], [-1.0, 1.2, 0.1], [0.0, 0.0, 0.17]])
     inside = (points - eye.place_m) @ eye.turn.T
@@ -102,11 +107,16 @@ def test_labels_without_error_agree_with_themselves(scene):
 
 def test_pixels_are_laid_on_the_sand():
     eye = Eye(
-        2000.0, np.array([968.0, 608.0]), -0.09, -0.03, camera_rotation(170.0, 25.0, 1.0), np.array([3.5, -0.3, 1.7])
+        2000.0,
+        np.array([968.0, 608.0]),
+        -0.09,
+        -0.03,
+        make_camera_rotation(170.0, 25.0, 1.0),
+        np.array([3.5, -0.3, 1.7]),
     )
     points = np.array([[0.5, -1.0, 0.0], [-1.0, 1.2, 0.0], [0.0, 0.0, 0.0]])
     points[:, 2] = 0.1 + 0.05 * points[:, 0]
-    assert lay_on_sand(eye, eye.project(points), lambda xy: 0.1 + 0.05 * xy[:, 0]) == pytest.approx(points, abs=1e-6)
+    assert cast_to_sand(eye, eye.project(points), lambda xy: 0.1 + 0.05 * xy[:, 0]) == pytest.approx(points, abs=1e-6)
 
 
 @pytest.mark.heavy

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from icymoon.validation.polar.data_set import Rock, Terrain
 from icymoon.validation.polar.sand import measure_sand
-from icymoon.validation.polar.skirts import BOUND_M, REPOSE_DEG, find_skirt, rim_plane
+from icymoon.validation.polar.skirts import BOUND_M, REPOSE_DEG, find_skirt, fit_rim_plane
 
 #: Spacing of the vertices of a scan, half its width, and radius of its rock, in metres.
 _STEP_M, _HALF_M, _ROCK_M = 0.004, 0.1, 0.05
@@ -87,7 +87,7 @@ def test_a_rim_that_runs_up_its_rock_does_not_lift_its_plane():
     z = 0.2 + 0.1 * xy[:, 0] - 0.05 * xy[:, 1]
     z[:60] += random.uniform(0.03, 0.1, 60)
     # The robust weights leave a point 3 cm above the plane 3e-4 of the weight of the others.
-    assert rim_plane(np.column_stack([xy, z]), np.zeros(2)) == pytest.approx([0.2, 0.1, -0.05], abs=2e-3)
+    assert fit_rim_plane(np.column_stack([xy, z]), np.zeros(2)) == pytest.approx([0.2, 0.1, -0.05], abs=2e-3)
 
 
 def _terrain(lift=0.0):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from icymoon.stereo.images.masks import fill_hulls, fill_polygons
 from icymoon.validation.comparison import FAILS, Bench, Comparison, run_comparison
-from icymoon.validation.polar.camera import camera_rotation
+from icymoon.validation.polar.camera import make_camera_rotation
 from icymoon.validation.polar.data_set import EYES, HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, View
 from icymoon.validation.polar.sand import Sand
 from icymoon.validation.polar.scans import find_left_out
@@ -120,7 +120,7 @@ def test_rocks_that_no_photograph_shows_fail(known, tmp_path):
 
 def test_a_tilted_camera_fails(known, tmp_path):
     terrain, camera, sand, lamps = known
-    tilt = camera_rotation(0.0, 1.0, 0.0) @ camera_rotation(0.0, 0.0, 0.0).T
+    tilt = make_camera_rotation(0.0, 1.0, 0.0) @ make_camera_rotation(0.0, 0.0, 0.0).T
     eyes = {view: replace(eye, turn=tilt @ eye.turn) for view, eye in camera.eyes.items()}
     found = _result(tmp_path, terrain, replace(camera, eyes=eyes), sand, lamps)
     assert not found.passes

@@ -16,7 +16,7 @@ from icymoon.stereo.report.conditions import (
     make_pair_titles,
     name_levels,
 )
-from icymoon.stereo.report.ranking import FIRST_SORTING, VIEWS, make_ranking_table
+from icymoon.stereo.report.ranking_table import FIRST_SORTING, VIEWS, make_ranking_table
 from icymoon.stereo.report.summary import ResultTable, compare_methods, summarise_method
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -1,4 +1,5 @@
-"""The ranking table of the report: methods by metrics, over three sets of pixels, for all pairs and per condition."""
+"""The ranking table, the report's first table: methods by metrics, over three sets of pixels, for all pairs and per
+condition."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ from .verdict_text import describe_verdicts
 
 @dataclass(frozen=True)
 class RankedColumn:
-    """A column: where its number is in a summary, and by which comparison it is ranked ("" for no rank)."""
+    """A column: the path of its number in a summary, and the comparison that ranks it ("" for no rank)."""
 
     column: Column
     compared: str
@@ -152,7 +153,7 @@ def _make_condition(
 
 
 def _note_on_pairs(entry: Mapping[str, Any]) -> str:
-    """A note on the pairs of a method that count in no number, and on a method without any number."""
+    """A note on the pairs of a method that are excluded from the numbers, and on a method without any number."""
     parts = [f"{entry[key]} {key}" for key in ("failed", "suspect") if entry[key]]
     return ", ".join([NO_RESULT] * (entry["n"] == 0) + parts)
 

@@ -1,8 +1,8 @@
-"""Forms of the lines of a text with many numbers, for fast checks of large mesh files.
+"""Checks large mesh files fast, by the few patterns that their many lines of numbers have.
 
-A form is a line with each run of digits replaced by one 0. Whether the words of a line are numbers depends neither on
-the digits nor on their count. A large mesh has few forms, so the forms are checked instead of millions of lines. A text
-that is unusual in any way is left to the check line by line, which finds the line at fault.
+A pattern is a line with each run of digits replaced by one 0. Whether the words of a line are numbers depends neither
+on the digits nor on their count. A large mesh has few patterns, so the patterns are checked instead of millions of
+lines. A text that is unusual in any way is left to the check line by line, which finds the line at fault.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from ...support.foreign_bytes import LONGEST_LINE_BYTES, ForeignBytes
 
 #: Bytes that are processed together, which fit the processor's cache.
 _BYTES_AT_ONCE = 2**16
-#: Maximum number of forms that are kept.
-_MOST_FORMS = 10_000
-#: Longest form that is kept, in bytes.
-_LONGEST_FORM = 200
+#: Maximum number of patterns that are kept.
+_MOST_PATTERNS = 10_000
+#: Longest pattern that is kept, in bytes.
+_LONGEST_PATTERN = 200
 _WINDOW_BYTES = LONGEST_LINE_BYTES // 2
 _TOO_MANY_DIGITS = b"0" * 300
 _DIGITS_TO_ZERO = bytes.maketrans(b"123456789", b"0" * 9)
@@ -92,19 +92,19 @@ def _has_long_exponent(values: Array, is_digit: Array) -> bool:
     return bool((three[1:] & exponent[:-3]).any() or (three[2:] & sign[1:-3] & exponent[:-4]).any())
 
 
-class LineForms:
-    """Forms of lines that ``check`` has passed. ``check`` gets a line, and raises ValueError or UnusualTextError for a
-    wrong one."""
+class LinePatterns:
+    """Patterns of lines that ``check`` has passed. ``check`` gets a line, and raises ValueError or UnusualTextError for
+    a wrong one."""
 
     def __init__(self, check: Callable[[bytes], object]) -> None:
         self._check, self._known = check, set[bytes]()
 
     def check_lines(self, text: bytes) -> None:
         """Check the lines of a reduced text. Raises UnusualTextError for one that ``check`` does not pass."""
-        for form in set(text.removesuffix(b"\n").split(b"\n")) - self._known:
+        for pattern in set(text.removesuffix(b"\n").split(b"\n")) - self._known:
             try:
-                self._check(form.removesuffix(b"\r"))
+                self._check(pattern.removesuffix(b"\r"))
             except ValueError:
                 raise UnusualTextError from None
-            if len(self._known) < _MOST_FORMS and len(form) <= _LONGEST_FORM:
-                self._known.add(form)
+            if len(self._known) < _MOST_PATTERNS and len(pattern) <= _LONGEST_PATTERN:
+                self._known.add(pattern)

@@ -1,0 +1,60 @@
+"""A result row: the metrics, costs and facts of one method on one pair, measured or failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...support.arrays import Array
+from ..matchers.methods import Method
+from ..report.row_log import Row
+from .metrics import COSTS
+from .plug_in import measure_plugin_metrics
+from .prepare_pair import PreparedPair
+from .row_metrics import NUMBERS, measure_row_numbers
+
+
+def make_result_row(prepared: PreparedPair, method: Method, key: str, disparity: Array, info: Mapping[str, Any]) -> Row:
+    """The row of a method that has computed a disparity (H, W), px, with the facts ``info`` of ``match``.
+
+    ``key`` is the digest by which a later run recognises the row. Metrics over common pixels and the paths of pictures
+    are added later.
+    """
+    return {
+        "pair": prepared.pair.name,
+        "method": method.label,
+        "key": key,
+        "status": "ok" if prepared.check.ok else "suspect",
+        **measure_row_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
+        **measure_plugin_metrics(prepared, disparity),
+        "common": {},
+        **{cost: info[cost] for cost in COSTS},
+        "options": info["options"],
+        "search": info["search"],
+        "counts": info["counts"],
+        "facts": info["facts"],
+        "error": "",
+        "images": {},
+    }
+
+
+def make_failed_row(pair: str, method: Method, key: str, message: str) -> Row:
+    """The row of a method that failed on a pair; ``message`` is the error."""
+    return {
+        "pair": pair,
+        "method": method.label,
+        "key": key,
+        "status": "failed",
+        **dict.fromkeys(NUMBERS),
+        "error_curve": [],
+        "sparsification": {},
+        "strata": {},
+        "histograms": {},
+        "common": {},
+        "options": method.options,
+        "search": None,
+        "counts": {},
+        "facts": {},
+        "error": message,
+        "images": {},
+    }
