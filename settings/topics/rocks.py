@@ -79,7 +79,7 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         "Maximum Rocks", 20000, 0, 200000, (0, 50000), "Maximum number of rocks. Above it the smallest rocks are left "
         "out, with a warning", "geometry", "rocks", section=PLACE)
     beyond_px: float = number(
-        "Smallest Beyond the Patch", 0.0, 0.0, 1000.0, (0.0, 10.0), "Rocks lie beyond the patch too, to the horizon, "
+        "Smallest Distant Rock", 0.0, 0.0, 1000.0, (0.0, 10.0), "Rocks lie beyond the patch too, to the horizon, "
         "wherever they are at least this wide in the image; 0 for none there. The maximum number of rocks holds there "
         "once more", "geometry", "px", subtype="PIXEL", section=PLACE, shown=GRADED & ~chosen("law", "TABLE"),
         since="0.3")

@@ -159,7 +159,7 @@ def test_the_help_button_hides_no_title(scene, monkeypatch):
     assert all(header_of(panel, LINE, monkeypatch) for panel in panels)
     narrow = {panel.bl_label: bool(header_of(panel, 25, monkeypatch)) for panel in panels}
     # As seen in a sidebar of 200 pixels: 16 letters have room beside the button, within another panel 14.
-    expected = {"Ice": True, "Landforms": True, "Exposure and Sensor": False, "Colour, Dirt and Salts": False}
+    expected = {"Ice": True, "Landforms": True, "Exposure and Sensor": False, "Bubbles and Fractures": False}
     assert {title: narrow[title] for title in expected} == expected
 
 
