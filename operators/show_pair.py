@@ -160,7 +160,8 @@ class ShowsPair(WatchingOperator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         result = super().execute(context)
         if result == {"FINISHED"} and session.shown is not None:
-            self.report({"INFO"}, show_controls("; ".join(session.shown.views.lines)))
+            views = session.shown.views
+            self.report({"INFO"}, show_controls("; ".join([f"Pair {views.id}", *views.lines])))
         return result
 
     def start(self, context: bpy.types.Context) -> Job | None:
@@ -235,7 +236,7 @@ def find_shown_pair(scene: bpy.types.Scene) -> ShownPair | None:
 
 
 def list_lines(scene: bpy.types.Scene) -> list[str]:
-    """Lines for the sidebar about the pair of a scene that is shown: id, exposure, depth and warnings."""
+    """Lines for the sidebar about the pair of a scene that is shown: exposure, depth and warnings."""
     now = find_shown_pair(scene)
     if now is None:
         return []
