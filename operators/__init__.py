@@ -27,6 +27,7 @@ from . import (
     manual,
     noise_layers,
     object_as_ground,
+    open_tab,
     presets,
     refine_ground,
     render,
@@ -103,6 +104,7 @@ _EVENT_MODULES: tuple[Any, ...] = (
     show_pair,
     errors_in_view,
     manual,
+    open_tab,
 )
 
 
