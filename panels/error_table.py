@@ -27,16 +27,15 @@ def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequen
         if row["n"]:
             for name, value in _list_main_metrics(row):
                 _draw_metric(box, name, value)
-            rest = box.column(align=True)
-            rest.active = False
-            for name, value in _list_other_metrics(row):
-                _draw_metric(rest, name, value)
+            box.separator(factor=0.5)
+            for name, value in _list_other_metrics(row):  # not grey: the light theme's grey cannot be read
+                _draw_metric(box, name, value)
         _draw_buttons(box, scene, row["method"])
 
 
 def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw the meanings of the names in the table, and heavy failures in few pairs."""
-    draw_sentence(layout, "Wrong: off by over 1 px, or missing. The grey metrics are of covered pixels.")
+    draw_sentence(layout, "Wrong: off by over 1 px, or missing. Metrics below Covered are of covered pixels.")
     draw_sentence(
         layout,
         "Wrong order (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "

@@ -140,9 +140,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
                 row = layout.row()
                 row.operator_context = "INVOKE_DEFAULT"
                 draw_start(row, "icymoon.auto_quality", "Find Cheapest Quality…", "VIEWZOOM")
-        table = layout.column()
-        table.active = not warnings
-        draw_errors(table, context.scene, rows)
+        draw_errors(layout, context.scene, rows)
         buttons = layout.column(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
         buttons.operator("icymoon.hide_surface", icon="X")
@@ -153,9 +151,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         for meaning, icon in meanings:
             draw_sentence(column, meaning, icon)
         # Below the buttons, so that these are in sight of the table.
-        explanations = layout.column()
-        explanations.active = not warnings
-        explain_errors(explanations, context.scene, rows)
+        explain_errors(layout, context.scene, rows)
         for sentence in results.list_limits(context.scene):
             told = [f"{brief}: " for brief in briefs if sentence.startswith(f"{brief}: ")]
             draw_sentence(layout, sentence.removeprefix(told[0]) if told else sentence, "INFO")

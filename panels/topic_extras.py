@@ -50,15 +50,14 @@ def _draw_seed(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the measured roughness of the ground. Values of an earlier ground stay, grey: fields must not move while the
-    user drags a number."""
+    """Draw the measured roughness of the ground. Values of an earlier ground stay, named as such: fields must not move
+    while the user drags a number."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     lines = scenes.describe_ground_statistics(context.scene)
     earlier = scenes.shows_earlier_ground(context.scene, settings)
     if not lines or (earlier and preview.awaits_ground(context.scene, settings)):
         return
     column = layout.column(align=True)
-    column.active = not earlier
     draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))
     # A button's margins take the room of two characters.
     fits = len(lines[2]) <= sidebar_text.measure_line_length() - 2
