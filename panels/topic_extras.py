@@ -28,6 +28,8 @@ Extra = Callable[[Any, bpy.types.Context], None]
 def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
     layout.operator("icymoon.object_as_ground", icon="MESH_DATA")
+    if context.scene.icymoon.source.kind != "PROCEDURAL":
+        draw_placing(layout, "SITE", "Place Site by Click")
 
 
 def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -35,6 +37,18 @@ def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) ->
     column.operator_context = "INVOKE_DEFAULT"
     column.operator("icymoon.read_calibration", text="Read Calibration…", icon="IMPORT")
     column.operator("icymoon.write_calibration", text="Write Calibration…", icon="EXPORT")
+    draw_placing(layout, "CAMERA", "Place Camera by Click")
+
+
+def draw_placing(layout: bpy.types.UILayout, target: str, text: str) -> None:
+    """Draw the button that places a ``target`` of the operator by a click on the ground."""
+    row = layout.row()
+    row.operator_context = "INVOKE_DEFAULT"
+    row.operator("icymoon.place_on_ground", text=text, icon="CURSOR").target = target
+
+
+def _make_placing(target: str, text: str) -> Extra:
+    return lambda layout, context: draw_placing(layout, target, text)
 
 
 def _draw_seed(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -177,6 +191,8 @@ BEFORE: dict[str, Extra] = {
     "source": _draw_import,
     "rig": _draw_calibration,
     "terrain": _draw_seed,
+    "excavation": _make_placing("TRENCH", "Place Trench by Click"),
+    "workspace": _make_placing("WORKSPACE", "Place Workspace by Click"),
     "light": _draw_moons,
     "sensor": _draw_expose,
     "quality": _draw_qualities,
