@@ -30,6 +30,7 @@ from . import (
     open_tab,
     place_on_ground,
     presets,
+    recent_pairs,
     refine_ground,
     render,
     render_variations,
@@ -107,6 +108,7 @@ _EVENT_MODULES: tuple[Any, ...] = (
     errors_in_view,
     manual,
     open_tab,
+    recent_pairs,
 )
 
 

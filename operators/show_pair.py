@@ -214,13 +214,20 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
         description="Which pair, if the scene has several headings",
     )
     automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
+    id: bpy.props.StringProperty(
+        name="Id", description="Pair of the data set folder by its id, in place of a number", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        if properties.id:
+            return f"Show pair {properties.id} in an Image Editor"
         return next(text for name, _, text in VIEWS if name == properties.view)
 
     def find_folder(self, context: bpy.types.Context) -> Path:
         settings = scene_properties.read_settings(context.scene.icymoon)
+        if self.id:
+            return folder_of_pair(find_dataset_folder(settings), check_id(self.id, "The button"))
         found = find_kept_pairs(context.scene) or find_rendered_pairs(context, settings)
         return found[min(self.number, len(found)) - 1]
 
