@@ -92,6 +92,7 @@ class ICYMOON_MT_quality(bpy.types.Menu):
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("icymoon.auto_quality", text="Find Cheapest Quality…")
         layout.operator("icymoon.trade", text="Compare Qualities…")
+        layout.operator("icymoon.show_trade", text="Show Chart of Qualities")
         layout.operator("icymoon.measure_machine")
 
 

@@ -106,6 +106,7 @@ CHOICES = (
     {"surface.model": "HAPKE"},
     {"surface.ice_colour": "SNOW", "rock_surface.ice_colour": "SNOW"},
     {"rocks.law": "TABLE"},
+    {"rocks.family": "OWN"},
     {"sensor.colour": "BAYER"},
     {"textures.set": "OWN"},
     {"textures.set": "STAND_IN", "source.kind": "STAND_IN"},
@@ -623,6 +624,15 @@ def test_a_scene_that_asks_for_kernels_gets_the_preferred_ones(scene, monkeypatc
     light.kernels = "/mine.tm"
     light.date_utc = "2030-01-01T00:00:00"
     assert light.kernels == "/mine.tm"
+
+
+def test_the_chart_of_qualities_can_be_shown_once_it_is_there(scene, tmp_path):
+    scene.icymoon.dataset.folder = str(tmp_path)
+    assert not bpy.ops.icymoon.show_trade.poll()
+    (tmp_path / "trade").mkdir()
+    (tmp_path / "trade" / "trade.png").touch()
+    assert bpy.ops.icymoon.show_trade.poll()
+    assert "icymoon.show_trade" in operators(drawn(bpy.types.ICYMOON_PT_trade))
 
 
 @pytest.mark.parametrize("width", [LINE, 24])
