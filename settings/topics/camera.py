@@ -133,10 +133,10 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         ("HEAD", "Head Only", "The cameras of the head alone. Nothing is matched or evaluated"),
         section=HEAD, since="0.4")
     x_m: float = metres(
-        "Site East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera",
+        "Camera East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera",
         section=ADVANCED)
     y_m: float = metres(
-        "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera", "camera",
+        "Camera North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera", "camera",
         section=ADVANCED)
     height_from: Literal["GROUND", "ZERO"] = choice(
         "Height From", "GROUND", "Reference level of the left camera's height", "camera",
