@@ -79,7 +79,7 @@ class ICYMOON_OT_find_setting(SearchDialog, bpy.types.Operator):
     bl_label = "Find Setting"
     bl_property = "setting"
 
-    setting: bpy.props.EnumProperty(
+    setting: bpy.props.EnumProperty(  # type: ignore[valid-type]
         items=_ITEMS, name="Setting", description="Setting to change", options={"SKIP_SAVE"}
     )
 
