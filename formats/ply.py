@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from ..physics.mesh.mesh_faults import find_equal_rows
-from ..physics.mesh.number_line_forms import LineForms, LineRows, UnusualTextError, reduce_digits
+from ..physics.triangle_files.number_line_forms import LineForms, LineRows, UnusualTextError, reduce_digits
 from ..support.arrays import Array
 from ..support.files import shorten, write_atomically
 from ..support.foreign_bytes import ForeignBytes, parse_whole_numbers, read
