@@ -176,6 +176,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.find_setting", text="Find Setting…", icon="VIEWZOOM")
         layout.operator("icymoon.import_ground", text="Import Ground…")
         layout.operator("icymoon.object_as_ground")
+        layout.operator("icymoon.object_as_rock")
         layout.operator_menu_enum("icymoon.place_on_ground", "target")
         layout.operator("icymoon.read_calibration", text="Read Calibration…")
         layout.operator("icymoon.write_calibration", text="Write Calibration…")

@@ -32,6 +32,10 @@ def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         draw_placing(layout, "SITE", "Place Site by Click")
 
 
+def _draw_own_rock(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    layout.operator("icymoon.object_as_rock", icon="MESH_DATA")
+
+
 def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column = layout.column(align=True)  # beside each other their words would not fit
     column.operator_context = "INVOKE_DEFAULT"
@@ -191,6 +195,7 @@ BEFORE: dict[str, Extra] = {
     "source": _draw_import,
     "rig": _draw_calibration,
     "terrain": _draw_seed,
+    "rocks": _draw_own_rock,
     "excavation": _make_placing("TRENCH", "Place Trench by Click"),
     "workspace": _make_placing("WORKSPACE", "Place Workspace by Click"),
     "light": _draw_moons,
