@@ -12,7 +12,7 @@ import os
 import zipfile
 from pathlib import Path
 
-from ..physics.mesh import obj, stl
+from ..physics.triangle_files import obj, stl
 from ..support.errors import IcyMoonError
 from ..support.files import is_file, shorten
 from ..support.foreign_bytes import Cursor, ForeignBytes, read

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..physics.mesh import stl
+from ..physics.triangle_files import stl
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import read
 from . import ply

@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..physics.mesh.line_patterns import LinePatterns, LineRows, UnusualTextError, reduce_digits
 from ..physics.mesh.mesh_faults import find_equal_rows
+from ..physics.triangle_files.line_patterns import LinePatterns, LineRows, UnusualTextError, reduce_digits
 from ..support.arrays import Array
 from ..support.files import shorten, write_atomically
 from ..support.foreign_bytes import ForeignBytes, parse_whole_numbers, read

@@ -7,11 +7,12 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ..physics.rocks.rock_shapes import make_rock_shapes
+from ..physics.rocks.own_rock import find_rock_shapes
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import check_cycles
+from .datablocks.blend_file_paths import make_paths_absolute
 from .ground.terrain_mesh import build_mesh, build_mesh_from_arrays
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.patches_and_grain import mark_elevation
@@ -35,8 +36,8 @@ def build_rock_object(settings: Settings, diameter_m: float) -> bpy.types.Object
     Cycles is off or a texture of its material is not available.
     """
     check_cycles.require_cycles()
-    rocks = settings.rocks
-    shape = make_rock_shapes(rocks.family, rocks.angularity, int(settings.dataset.seed))[0][0]
+    rocks = make_paths_absolute(settings).rocks
+    shape = find_rock_shapes(rocks, int(settings.dataset.seed))[0][0]
     long = float(np.sqrt(max(rocks.elongation, 1.0)))
     scale = diameter_m * np.array([long, 1.0 / long, shape.height * rocks.height_ratio])
     vertices = (shape.vertices - [0.0, 0.0, shape.vertices[:, 2].min()]) * scale

@@ -97,14 +97,14 @@ def _find_eye_reason(
 def _find_obstacle(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, position: Vector) -> float | None:
     """Depth in metres of a point under the ground, negative for a point just above it; infinite in a rock. None if the
     point is free."""
-    role, distance, leaves = _cast_ray(scene, depsgraph, position, _UP)
+    role, distance, leaves = cast_ray(scene, depsgraph, position, _UP)
     if role and leaves:
         return distance if role == "terrain" else math.inf
-    role, distance, _ = _cast_ray(scene, depsgraph, position, -_UP)
+    role, distance, _ = cast_ray(scene, depsgraph, position, -_UP)
     return -distance if role == "terrain" and distance < LEAST_EYE_HEIGHT_M / 2 else None
 
 
-def _cast_ray(
+def cast_ray(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector, toward: Vector
 ) -> tuple[str, float, bool]:
     """Role and distance in metres of the first ground or rock that a ray hits, and whether the ray leaves it there.

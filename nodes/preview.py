@@ -23,8 +23,9 @@ from ..physics.mesh.ground_interface import Surface
 from ..physics.mesh.height_map import HeightMap
 from ..physics.mesh.horizon import drop_m
 from ..physics.mesh.vertex_spacing import GRADING_RIG_SETTINGS
+from ..physics.rocks.own_rock import find_rock_shapes
 from ..physics.rocks.place_rocks import LEVEL_RANKS, Rocks, scatter_rocks
-from ..physics.rocks.rock_shapes import RockShape, make_rock_shapes
+from ..physics.rocks.rock_shapes import RockShape
 from ..settings import rebuilt_parts
 from ..settings.description import merged
 from ..settings.rebuilt_parts import select_geometry
@@ -198,8 +199,8 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
 
 
 def _make_coarse_shapes(settings: Settings) -> tuple[tuple[RockShape, ...], ...]:
-    rocks = settings.rocks
-    return make_rock_shapes(rocks.family, rocks.angularity, int(settings.dataset.seed))[-1:]
+    rocks = make_paths_absolute(settings).rocks
+    return find_rock_shapes(rocks, int(settings.dataset.seed))[-1:]
 
 
 def _scatter_largest(settings: Settings, positions: Array) -> Rocks:

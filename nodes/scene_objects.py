@@ -21,8 +21,8 @@ from ..physics.mesh.ground_interface import Surface
 from ..physics.mesh.heights_on_mesh import SurroundedGround
 from ..physics.rig.focal_length import focal_px
 from ..physics.rocks.beyond_patch import make_view_beyond
+from ..physics.rocks.own_rock import find_rock_shapes
 from ..physics.rocks.place_rocks import scatter_rocks
-from ..physics.rocks.rock_shapes import make_rock_shapes
 from ..physics.rocks.rock_table import TABLE, read_rock_table
 from ..physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
 from ..settings.topics.camera import RigSettings
@@ -195,7 +195,7 @@ def _build_rocks(
 ) -> tuple[bpy.types.Object, list[str], int]:
     """The object whose points are the rocks on the ground, ``dug`` or not, warnings, and how many lost support."""
     seed, wanted, rig = int(settings.dataset.seed), make_paths_absolute(settings).rocks, settings.rig
-    shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
+    shapes = find_rock_shapes(wanted, seed)
     with probe_heights(terrain) as height_at:
         view = make_view_beyond(settings)
         clear = rig.x_m, rig.y_m, wanted.clear_radius_m

@@ -27,7 +27,11 @@ from . import (
     manual,
     noise_layers,
     object_as_ground,
+    object_as_rock,
+    open_tab,
+    place_on_ground,
     presets,
+    recent_pairs,
     refine_ground,
     render,
     render_variations,
@@ -54,6 +58,8 @@ CLASSES: tuple[Any, ...] = (
     *build.CLASSES,
     *import_ground.CLASSES,
     *object_as_ground.CLASSES,
+    *object_as_rock.CLASSES,
+    *place_on_ground.CLASSES,
     *noise_layers.CLASSES,
     *render.CLASSES,
     *show_pair.CLASSES,
@@ -103,6 +109,8 @@ _EVENT_MODULES: tuple[Any, ...] = (
     show_pair,
     errors_in_view,
     manual,
+    open_tab,
+    recent_pairs,
 )
 
 

@@ -10,7 +10,7 @@ from ..render.workers.job_commands import python_command
 from ..settings.blender import scene_properties
 from ..support.printer import show_controls
 from . import jobs, trusted_reports
-from .evaluate import make_matcher_arguments, make_response_arguments
+from .evaluate import MeasuringJob, check_has_pairs, make_matcher_arguments, make_response_arguments
 from .job_operators import JobOperator
 from .preferences import find_evaluator_python
 from .render import find_dataset_folder
@@ -25,6 +25,7 @@ class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
         dataset = find_dataset_folder(settings)
+        check_has_pairs(dataset)  # before an evaluator is asked for
         # For security, the page to open later is fixed here, and not taken from a message.
         self._page = dataset / "decisions" / "decisions.html"
         command = python_command(
@@ -38,7 +39,7 @@ class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
             str(self._page.parent),
             "--json-lines",
         )
-        return jobs.Job.start("Decide", command)
+        return MeasuringJob.start("Decide", command)
 
     def report_success(self, context: bpy.types.Context) -> None:
         trusted_reports.remember_report(self._page)

@@ -9,7 +9,7 @@ import bpy
 
 from ..formats.map_frame import map_frame_from_json
 from ..nodes.build_scene import find_built
-from ..render.pairs.pair_folder import is_complete
+from ..render.pairs.pair_folder import has_pairs, is_complete
 from ..render.workers.job_commands import python_command
 from ..render.workers.process import Message
 from ..settings.blender import scene_properties
@@ -35,6 +35,12 @@ def find_rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[
     if not paths:
         raise IcyMoonError(f"The present settings have no rendered pair in {dataset}; press Render Stereo Pair first.")
     return paths
+
+
+def check_has_pairs(dataset: Path) -> None:
+    """Raise IcyMoonError if a data set has no rendered pair."""
+    if not has_pairs(dataset):
+        raise IcyMoonError(f"{dataset} has no rendered pair; press Render Stereo Pair or Render Data Set first.")
 
 
 def make_response_arguments(settings: Settings) -> list[str]:
@@ -101,6 +107,17 @@ class ResultKeeper:
             results.show_error_image(context, open_window=False)
 
 
+class MeasuringJob(jobs.Job):
+    """A job of the evaluator. Its text has counts in place of ids of pairs, and names what follows the last pair."""
+
+    def hear(self, message: Message) -> None:
+        """Handle one message of the evaluator."""
+        super().hear(message)
+        if message["type"] == "progress" and "done" in message:
+            done, total = message["done"], message["total"]
+            self.text = f"{done} of {total} measured" if done < total else "Writing the report"
+
+
 class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
     """Run the chosen stereo matchers on the rendered pairs, compare the result with the truth and write a report"""
 
@@ -118,8 +135,16 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start the job; where no evaluator is, offer to install it first."""
+        """Start the job. If there is a pair but no evaluator, offer to install the evaluator first."""
         if not bpy.app.background and is_evaluator_missing():
+            try:
+                settings = scene_properties.read_settings(context.scene.icymoon)
+                if self.scope == "DATASET":
+                    check_has_pairs(find_dataset_folder(settings))
+                else:
+                    find_rendered_pairs(context, settings)
+            except IcyMoonError as error:
+                return self.fail(error)
             bpy.ops.icymoon.install_evaluator("INVOKE_DEFAULT", then_evaluate=self.scope)
             return {"CANCELLED"}
         return super().invoke(context, event)
@@ -144,7 +169,7 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
         found = [] if self.scope == "DATASET" else find_rendered_pairs(context, settings)
         command = self._make_command(context.scene, settings, found or [find_dataset_folder(settings)])
         self._keeper = ResultKeeper(context.scene, self.scope, settings, [folder.name for folder in found])
-        return jobs.Job.start("Evaluate", command, self._keeper)
+        return MeasuringJob.start("Evaluate", command, self._keeper)
 
     def report_success(self, context: bpy.types.Context) -> None:
         self._keeper.report(self, context)
@@ -195,7 +220,7 @@ class ICYMOON_OT_evaluate_folder(JobOperator, bpy.types.Operator):
             str(self._page.parent),
             "--json-lines",
         )
-        return jobs.Job.start("Evaluate", command)
+        return MeasuringJob.start("Evaluate", command)
 
     def report_success(self, context: bpy.types.Context) -> None:
         trusted_reports.remember_report(self._page)

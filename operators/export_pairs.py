@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import time
+from functools import lru_cache
 from pathlib import Path
 
 import bpy
 
+from ..render.pairs.dataset_file_names import pairs_folder
 from ..render.pairs.pair_folder import has_pairs
 from ..render.workers.job_commands import blender_command, python_command
 from ..settings.blender import scene_properties
@@ -37,6 +40,8 @@ _SOURCES = (
     ),
     ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
 )
+#: Seconds after which a data set folder is read again, although neither it nor its folder of pairs has changed.
+_REREAD_S = 5.0
 #: Numbers that only some formats take, as properties of the dialog. 0 is the default of the command line.
 _OptionFields = type(
     "_OptionFields",
@@ -67,8 +72,24 @@ def find_sources(scene: bpy.types.Scene) -> dict[str, list[Path]]:
         dataset = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
     except IcyMoonError:
         return {}
-    found = {"SCENE": find_kept_pairs(scene), "DATASET": [dataset] if has_pairs(dataset) else []}
+    found = {"SCENE": find_kept_pairs(scene), "DATASET": [dataset] if _has_pairs_now(dataset) else []}
     return {source: paths for source, paths in found.items() if paths}
+
+
+def _has_pairs_now(dataset: Path) -> bool:
+    """``has_pairs`` for the window, which asks at every redraw: the folder is read when it has changed."""
+    changed_ns = []
+    for folder in (dataset, pairs_folder(dataset)):
+        try:
+            changed_ns.append(folder.stat().st_mtime_ns)
+        except OSError:
+            changed_ns.append(0)
+    return _read_has_pairs(dataset, tuple(changed_ns), int(time.monotonic() / _REREAD_S))
+
+
+@lru_cache(maxsize=8)
+def _read_has_pairs(dataset: Path, changed_ns: tuple[int, ...], period: int) -> bool:
+    return has_pairs(dataset)
 
 
 class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  # type: ignore[misc]
@@ -87,7 +108,7 @@ class ICYMOON_OT_export_pairs(JobOperator, _OptionFields, bpy.types.Operator):  
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not (find_kept_pairs(context.scene) or find_sources(context.scene)):  # the second reads a folder
+        if not find_sources(context.scene):
             cls.poll_message_set("There is no rendered pair; press Render Stereo Pair first")
             return False
         return super().poll(context)

@@ -19,8 +19,8 @@ from .import_ground import build_on_source
 from .render import find_dataset_folder
 
 
-def why_not_ground(context: bpy.types.Context) -> str:
-    """Why the active object cannot be the ground; empty if it can."""
+def why_not_usable(context: bpy.types.Context) -> str:
+    """Why the active object cannot be the ground or a rock; empty if it can."""
     item = context.active_object
     if item is None or not item.select_get():
         return "Select a mesh object"
@@ -32,7 +32,7 @@ def why_not_ground(context: bpy.types.Context) -> str:
     return ""
 
 
-def _shorten_path(path: Path, dataset_folder: str) -> str:
+def shorten_path(path: Path, dataset_folder: str) -> str:
     """The path as the settings state it: beside the .blend file if the data set is."""
     beside = dataset_folder.startswith("//")
     return f"//{os.path.relpath(path, bpy.path.abspath('//'))}" if beside else str(path)
@@ -47,7 +47,7 @@ class ICYMOON_OT_object_as_ground(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reason = why_not_ground(context)
+        reason = why_not_usable(context)
         if reason:
             cls.poll_message_set(reason)
         return not reason
@@ -69,7 +69,7 @@ class ICYMOON_OT_object_as_ground(bpy.types.Operator):
         self.report({"INFO"}, show_controls(f"{item.name} is kept as {path}{told}"))
         return {
             "kind": "MESH",
-            "file": _shorten_path(path, scene.icymoon.dataset.folder),
+            "file": shorten_path(path, scene.icymoon.dataset.folder),
             "scale": 1.0,
             "up_axis": "Z",
             "centre": False,

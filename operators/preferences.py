@@ -90,7 +90,8 @@ def find_asset_libraries() -> list[Any]:
     ]
 
 
-def _get_preferences() -> bpy.types.AddonPreferences:
+def get_preferences() -> bpy.types.AddonPreferences:
+    """The preferences of the extension; None if Icy Moon does not run as an installed add-on."""
     add_on = bpy.context.preferences.addons.get(ADD_ON)
     return add_on.preferences if add_on else None
 
@@ -102,7 +103,7 @@ def find_evaluator_python() -> str:
     own Python with the wheels of a store build, the Python that the Install button installed. Raises IcyMoonError
     without any of these.
     """
-    preferences = _get_preferences()
+    preferences = get_preferences()
     chosen = bpy.path.abspath(preferences.evaluator) if preferences and preferences.evaluator else ""
     for candidate, origin in (
         (chosen, "the preferences"),
@@ -155,32 +156,32 @@ def is_evaluator_missing() -> bool:
     try:
         find_evaluator_python()
     except IcyMoonError:
-        chosen = getattr(_get_preferences(), "evaluator", "") or os.environ.get("ICYMOON_EVALUATOR", "")
+        chosen = getattr(get_preferences(), "evaluator", "") or os.environ.get("ICYMOON_EVALUATOR", "")
         return not chosen  # a path that is wrong is the user's to correct
     return False
 
 
 def count_workers() -> int:
     """Number of processes that render a data set whose ``dataset.workers`` is 0; 0 for the default of the machine."""
-    preferences = _get_preferences()
+    preferences = get_preferences()
     return int(preferences.workers) if preferences else 0
 
 
 def find_kernels() -> str:
     """The meta-kernel or folder of SPICE kernels for scenes that name none; empty if the user has chosen none."""
-    preferences = _get_preferences()
+    preferences = get_preferences()
     return bpy.path.abspath(preferences.kernels) if preferences and preferences.kernels else ""
 
 
 def list_own_matchers() -> list[str]:
     """Names of the user's own matchers that are set up on this machine."""
-    preferences = _get_preferences()
+    preferences = get_preferences()
     return [item.name for item in preferences.matchers] if preferences else []
 
 
 def list_plugin_matchers() -> list[str]:
     """Names of the matchers of plug-ins that the last Check found in the evaluator's Python."""
-    preferences = _get_preferences()
+    preferences = get_preferences()
     return preferences.plugin_matchers.split() if preferences else list(_found_matchers)
 
 
@@ -189,7 +190,7 @@ def make_own_matcher_arguments(methods: str) -> list[str]:
 
     Raises IcyMoonError if one is not set up on this machine.
     """
-    preferences = _get_preferences()
+    preferences = get_preferences()
     known = {item.name: item for item in preferences.matchers} if preferences else {}
     arguments = []
     for name in trust_boundary.list_own_names(methods):
@@ -278,6 +279,11 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         description="Number of processes that render a data set whose own number is 0. Each needs one to two gigabytes "
         "of memory; 0 for one for each four processors",
     )
+    tab_was_opened: bpy.props.BoolProperty(
+        name="Tab Was Opened",
+        options={"HIDDEN"},
+        description="Whether the tab in the sidebar was opened after the installation",
+    )
     plugin_matchers: bpy.props.StringProperty(
         name="Matchers of Plug-Ins",
         options={"HIDDEN"},
@@ -292,6 +298,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
+        layout.label(text="Icy Moon is a tab in the sidebar of the 3D View, which N opens", icon="INFO")
         row = layout.row()  # at the top, where it is visible without scrolling
         row.operator("icymoon.check_evaluator", icon="CHECKMARK")
         there = has_own_evaluator()
@@ -344,7 +351,7 @@ def _draw_matchers(layout: bpy.types.UILayout, matchers: bpy.types.bpy_prop_coll
 
 def get_matchers() -> bpy.types.bpy_prop_collection:
     """The list of the user's own matchers. Raises IcyMoonError if the add-on has no preferences."""
-    preferences = _get_preferences()
+    preferences = get_preferences()
     if preferences is None:
         raise IcyMoonError(
             "Icy Moon does not run as an installed add-on, so it has no preferences; name your matcher "
@@ -358,7 +365,7 @@ def show_findings(found: list[Finding]) -> None:
     findings[:] = found
     if any(finding.subject == "Evaluator" for finding in found):
         _found_matchers[:] = [name for finding in found for name in finding.names]
-        if preferences := _get_preferences():
+        if preferences := get_preferences():
             preferences.plugin_matchers = " ".join(_found_matchers)
 
 
@@ -368,7 +375,7 @@ def register() -> None:
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
     change_announcements.listeners.append(_give_kernels)
-    _choose_cache(_get_preferences(), bpy.context)
+    _choose_cache(get_preferences(), bpy.context)
 
 
 def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:

@@ -99,6 +99,16 @@ def list_preset_items(_self: object = None, _context: object = None) -> list[tup
     return [*_shipped, *(_kept.setdefault(item, item) for item in own)]
 
 
+def list_search_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
+    """``list_preset_items`` with the kind of each preset behind its title: presets of two kinds may have one title."""
+    found = []
+    for name, title, tooltip in list_preset_items():
+        kind = preset_files.PRESET_KINDS.get(name.split("/")[0], "Yours")
+        item = (name, f"{title}   {kind}", tooltip)
+        found.append(_kept.setdefault(item, item))
+    return found
+
+
 @lru_cache(maxsize=256)
 def _read_header(path: Path, modified_ns: int) -> tuple[str, str]:
     """(title, description) of one of the user's own presets, cached because the sidebar asks at every redraw."""
@@ -203,7 +213,7 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
     bl_property = "preset"
 
     preset: bpy.props.EnumProperty(
-        items=list_preset_items,
+        items=list_search_items,
         name="Preset",
         description="Preset to load",
     )

@@ -239,12 +239,11 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
     found = kept_results(scene)
     if found is None:
         return []
-    subject = f"Of pair {', '.join(found.pairs[:1])}"
+    subject = _describe_pairs(found.pairs, scene.icymoon.pairs.split())
     if found.scope == "DATASET":
         count = max((row.get("pairs", 0) for row in found.summary), default=0)  # none of an older version
         subject = "Of the data set" + (f", {format_count(count, 'pair')}" if count else "")
-    more = f" and {len(found.pairs) - 1} more" if len(found.pairs) > 1 else ""
-    sentences = [f"{subject}{more}, {found.made.replace('T', ' ')[:16]} UTC"]
+    sentences = [f"{subject}, {found.made.replace('T', ' ')[:16]} UTC"]
     changed = _find_changed_settings(scene)
     other = [(topic, s) for topic, s in changed if s.key != "folder"]
     if other:
@@ -261,6 +260,14 @@ def list_notes(scene: bpy.types.Scene) -> list[str]:
             "Set that folder again to see them, or render and evaluate in this one."
         )
     return sentences
+
+
+def _describe_pairs(pairs: Sequence[str], rendered_last: Sequence[str]) -> str:
+    """Which pairs of a scene an evaluation is of, in words: the user knows no ids."""
+    last, several = set(pairs) <= set(rendered_last), len(pairs) > 1
+    if last:
+        return f"Of the {len(pairs)} pairs rendered last" if several else "Of the pair rendered last"
+    return f"Of {len(pairs)} earlier pairs" if several else "Of an earlier pair"
 
 
 def _read_report(folder: Path) -> dict[str, Any]:

@@ -160,7 +160,8 @@ class ShowsPair(WatchingOperator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         result = super().execute(context)
         if result == {"FINISHED"} and session.shown is not None:
-            self.report({"INFO"}, show_controls("; ".join(session.shown.views.lines)))
+            views = session.shown.views
+            self.report({"INFO"}, show_controls("; ".join([f"Pair {views.id}", *views.lines])))
         return result
 
     def start(self, context: bpy.types.Context) -> Job | None:
@@ -213,13 +214,20 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
         description="Which pair, if the scene has several headings",
     )
     automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
+    id: bpy.props.StringProperty(
+        name="Id", description="Pair of the data set folder by its id, in place of a number", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        if properties.id:
+            return f"Show pair {properties.id} in an Image Editor"
         return next(text for name, _, text in VIEWS if name == properties.view)
 
     def find_folder(self, context: bpy.types.Context) -> Path:
         settings = scene_properties.read_settings(context.scene.icymoon)
+        if self.id:
+            return folder_of_pair(find_dataset_folder(settings), check_id(self.id, "The button"))
         found = find_kept_pairs(context.scene) or find_rendered_pairs(context, settings)
         return found[min(self.number, len(found)) - 1]
 
@@ -235,7 +243,7 @@ def find_shown_pair(scene: bpy.types.Scene) -> ShownPair | None:
 
 
 def list_lines(scene: bpy.types.Scene) -> list[str]:
-    """Lines for the sidebar about the pair of a scene that is shown: id, exposure, depth and warnings."""
+    """Lines for the sidebar about the pair of a scene that is shown: exposure, depth and warnings."""
     now = find_shown_pair(scene)
     if now is None:
         return []

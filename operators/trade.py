@@ -14,14 +14,14 @@ from ..render.workers.job_commands import Job, blender_command, python_command
 from ..render.workers.process import Message
 from ..settings import toml_text
 from ..settings.blender import scene_properties
-from ..settings.topics.scene import Settings
+from ..settings.topics.scene import Settings, typed
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.files import write_text
 from ..support.printer import show_controls
 from ..support.system import remove_folder
 from ..support.temporary_folders import make_scratch_folder
-from . import jobs, sidebar_text
+from . import jobs, results, sidebar_text
 from .evaluate import make_matcher_arguments
 from .job_operators import DialogJobOperator, JobOperator
 from .preferences import find_evaluator_python
@@ -101,12 +101,46 @@ class ICYMOON_OT_trade(_MeasureDialog, bpy.types.Operator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         last_results[self._scene_name] = tuple(self._job.result["advice"])
+        show_chart(context, open_window=False)
         self.report({"INFO"}, show_controls(f"The report is {self._page}"))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 
     _page: Path
     _scene: str
+
+
+def find_chart(scene: bpy.types.Scene) -> Path | None:
+    """The chart of the last comparison in a scene's data set folder; None if there is none."""
+    try:
+        path = _find_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}})) / "trade.png"
+    except IcyMoonError:
+        return None
+    return path if path.is_file() else None
+
+
+def show_chart(context: bpy.types.Context, open_window: bool) -> bool:
+    """Show the chart in an Image Editor, see ``results.show_images``."""
+    path = find_chart(context.scene)
+    return path is not None and results.show_images(context, [path], open_window, {path: "Speed and Accuracy"})
+
+
+class ICYMOON_OT_show_trade(bpy.types.Operator):
+    """Show cost against error of all qualities that were compared, in an Image Editor. A line joins the best"""
+
+    bl_idname = "icymoon.show_trade"
+    bl_label = "Show Chart"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if find_chart(context.scene) is None:
+            cls.poll_message_set("No qualities were compared yet; press Compare Qualities")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        show_chart(context, open_window=True)
+        return {"FINISHED"}
 
 
 class ICYMOON_OT_auto_quality(_MeasureDialog, bpy.types.Operator):
@@ -206,4 +240,4 @@ class ICYMOON_OT_measure_machine(JobOperator, bpy.types.Operator):
     _speed: machine_speed.Speed
 
 
-CLASSES = (ICYMOON_OT_trade, ICYMOON_OT_auto_quality, ICYMOON_OT_measure_machine)
+CLASSES = (ICYMOON_OT_trade, ICYMOON_OT_show_trade, ICYMOON_OT_auto_quality, ICYMOON_OT_measure_machine)

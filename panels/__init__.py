@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import bpy
 
-from . import find_setting, menu, pair_views, previews, sidebar, topics, trade, vary
+from . import find_setting, menu, pair_views, previews, recent_pairs, sidebar, topics, trade, vary
 
 CLASSES = (
     *find_setting.CLASSES,
     *sidebar.CLASSES,
+    *recent_pairs.CLASSES,
     *topics.CLASSES,
     *vary.CLASSES,
     *sidebar.DETAILS,

@@ -18,15 +18,16 @@ def draw_decisions(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """
     shown, meanings = painted_decisions.find_shown_map(scene), painted_decisions.make_legend(scene)
     for method in list_decided_methods(scene):
-        box = layout.box().column(align=True)
+        layout.separator(factor=0.5)
+        column = layout.column(align=True)  # no box: its text has too little contrast in the light theme
         name = describe_method(method)
-        box.label(text=name[:1].upper() + name[1:])  # "true depth" is a title here
-        buttons = box.row(align=True)
+        column.label(text=name[:1].upper() + name[1:])  # "true depth" is a title here
+        buttons = column.row(align=True)
         for kind, text, _ in MAPS:
             button = buttons.operator("icymoon.paint_decisions", text=text, depress=shown == (name, kind))
             button.method, button.map = method, kind
         if shown[0] == name:
-            _draw_legend(box, meanings)
+            _draw_legend(column, meanings)
             meanings = ()
     if meanings:  # a matcher whose decisions were removed
         _draw_legend(layout.column(align=True), meanings)

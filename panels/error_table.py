@@ -20,23 +20,26 @@ _NAME_SHARE = 0.62
 
 
 def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Draw the matchers, fewest wrong pixels first. A star marks the best where the scenes allow it."""
+    """Draw the matchers, fewest wrong pixels first. A star marks the best where the scenes allow it.
+
+    They are not in boxes, whose text has too little contrast in the light theme.
+    """
     for row in rows:
-        box = layout.box().column(align=True)
-        _draw_name(box, row, rows)
+        layout.separator(factor=0.5)
+        column = layout.column(align=True)
+        _draw_name(column, row, rows)
         if row["n"]:
             for name, value in _list_main_metrics(row):
-                _draw_metric(box, name, value)
-            rest = box.column(align=True)
-            rest.active = False
-            for name, value in _list_other_metrics(row):
-                _draw_metric(rest, name, value)
-        _draw_buttons(box, scene, row["method"])
+                _draw_metric(column, name, value)
+            column.separator(factor=0.5)
+            for name, value in _list_other_metrics(row):  # not grey: the light theme's grey cannot be read
+                _draw_metric(column, name, value)
+        _draw_buttons(column, scene, row["method"])
 
 
 def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw the meanings of the names in the table, and heavy failures in few pairs."""
-    draw_sentence(layout, "Wrong: off by over 1 px, or missing. The grey metrics are of covered pixels.")
+    draw_sentence(layout, "Wrong: off by over 1 px, or missing. Metrics below Covered are of covered pixels.")
     draw_sentence(
         layout,
         "Wrong order (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "
@@ -56,8 +59,8 @@ def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Seq
         draw_lines(layout, (sentence,), "ERROR")
 
 
-def _draw_name(box: bpy.types.UILayout, row: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> None:
-    line = box.row()
+def _draw_name(column: bpy.types.UILayout, row: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> None:
+    line = column.row()
     line.label(text=describe_method(row["method"]))
     if not row["n"]:
         line.label(text=NO_RESULT)
@@ -90,9 +93,9 @@ def _draw_metric(column: bpy.types.UILayout, name: str, value: str) -> None:
     right.label(text=value)
 
 
-def _draw_buttons(box: bpy.types.UILayout, scene: bpy.types.Scene, method: str) -> None:
+def _draw_buttons(column: bpy.types.UILayout, scene: bpy.types.Scene, method: str) -> None:
     """Draw a button for each way to see the errors of a matcher, grey where the evaluation kept nothing for it."""
-    buttons = box.column(align=True)  # beside each other, words with a verb would be cut
+    buttons = column.column(align=True)  # beside each other, words with a verb would be cut
     for operator, text, kept in (
         ("show_error", "Show Error Image", results.list_methods_with_error_images(scene)),
         ("paint_errors", "Paint Errors on Ground", results.list_methods_with_disparities(scene)),

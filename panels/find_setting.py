@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import bpy
 
+from ..operators.dialogs import SearchDialog
 from ..operators.sidebar_text import describe_place
 from ..settings.blender import scene_properties
 from ..settings.find_settings import find_settings
-from ..settings.table import TOPICS
+from ..settings.table import TOPICS, list_all_settings
 from ..settings.topics.scene import Settings
 from .fields import draw_field, draw_lines
 
@@ -16,6 +17,11 @@ TYPED = "icymoon_sought"
 #: Most settings that are drawn.
 MOST_FOUND = 12
 _POPUP_WIDTH_PX = 420
+#: (name, text, tooltip) of all settings for Blender's search, which follows the typing. Blender keeps no copy of them.
+_ITEMS = [
+    (f"{topic}.{setting.key}", f"{setting.label}   {TOPICS[topic].brief or TOPICS[topic].label}", setting.description)
+    for topic, setting in list_all_settings()
+]
 
 
 def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
@@ -42,7 +48,8 @@ def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     found, root = find_settings(typed), context.scene.icymoon
     settings = scene_properties.read_for_display(root)
     for topic, key in found[:MOST_FOUND]:
-        _draw_found(layout.box().column(align=True), root, topic, key, settings)
+        layout.separator(factor=0.5)
+        _draw_found(layout.column(align=True), root, topic, key, settings)
     if not found:
         draw_lines(layout, ("No setting has these words",), "INFO")
     if len(found) > MOST_FOUND:
@@ -54,9 +61,7 @@ def _draw_found(
 ) -> None:
     """Draw a setting below the name of its panel, grey with the reason where it has no effect."""
     setting, reason = TOPICS[topic][key], explain_obstacle(topic, key, settings)
-    place = layout.row()
-    place.active = False
-    place.label(text=f"{describe_place(topic, setting).partition(' ▸ ')[0]}   {topic}.{key}")
+    layout.label(text=f"{describe_place(topic, setting).partition(' ▸ ')[0]}   {topic}.{key}")
     field = layout.row()
     field.enabled = not reason
     if setting.kind == "list":
@@ -67,21 +72,33 @@ def _draw_found(
         draw_lines(layout, (reason,), "INFO")
 
 
-class ICYMOON_OT_find_setting(bpy.types.Operator):
-    """Find settings by words of their labels, names and tooltips, and change them on the spot"""
+class ICYMOON_OT_find_setting(SearchDialog, bpy.types.Operator):
+    """Find a setting by words of its label and its panel, and change it on the spot"""
 
     bl_idname = "icymoon.find_setting"
     bl_label = "Find Setting"
+    bl_property = "setting"
+
+    setting: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        items=_ITEMS, name="Setting", description="Setting to change", options={"SKIP_SAVE"}
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        return set(context.window_manager.invoke_popup(self, width=_POPUP_WIDTH_PX))
+        """Search; or, with a setting, show its field."""
+        if self.properties.is_property_set(self.bl_property):
+            return set(context.window_manager.invoke_popup(self, width=_POPUP_WIDTH_PX))
+        return SearchDialog.invoke(self, context, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        """Called with the setting that was found: show its field."""
+        if not bpy.app.background:
+            bpy.ops.icymoon.find_setting("INVOKE_DEFAULT", setting=self.setting)
         return {"FINISHED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the field and what it finds."""
-        draw_search(self.layout, context)
+        """Draw the field of the setting."""
+        root, (topic, _, key) = context.scene.icymoon, self.setting.partition(".")
+        _draw_found(self.layout.column(align=True), root, topic, key, scene_properties.read_for_display(root))
 
 
 CLASSES = (ICYMOON_OT_find_setting,)

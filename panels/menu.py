@@ -92,6 +92,7 @@ class ICYMOON_MT_quality(bpy.types.Menu):
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("icymoon.auto_quality", text="Find Cheapest Quality…")
         layout.operator("icymoon.trade", text="Compare Qualities…")
+        layout.operator("icymoon.show_trade", text="Show Chart of Qualities")
         layout.operator("icymoon.measure_machine")
 
 
@@ -175,6 +176,8 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.find_setting", text="Find Setting…", icon="VIEWZOOM")
         layout.operator("icymoon.import_ground", text="Import Ground…")
         layout.operator("icymoon.object_as_ground")
+        layout.operator("icymoon.object_as_rock")
+        layout.operator_menu_enum("icymoon.place_on_ground", "target")
         layout.operator("icymoon.read_calibration", text="Read Calibration…")
         layout.operator("icymoon.write_calibration", text="Write Calibration…")
         layout.operator("icymoon.build_scene")

@@ -38,8 +38,9 @@ from .view_line import describe_view
 FIRST, LAST = 10, 1000
 
 
-#: Characters that the icons of a header take beside the title, in a panel and in a panel within another one.
-_HEADER_CHARACTERS, _INNER_HEADER_CHARACTERS = 9, 11
+#: Characters that the icons of a header take beside the title, in a panel and in a panel within another one; and
+#: those of the icon of a menu.
+_HEADER_CHARACTERS, _INNER_HEADER_CHARACTERS, _MENU_CHARACTERS = 9, 11, 3
 
 
 class Sidebar:
@@ -51,11 +52,15 @@ class Sidebar:
     layout: bpy.types.UILayout
     bl_label: str
     page = manual.WINDOW_PAGE
+    #: Kind of the presets in the menu of the header; empty for none.
+    preset_kind = ""
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
-        if len(self.bl_label) > sidebar_text.measure_line_length() - (
-            _INNER_HEADER_CHARACTERS if hasattr(self, "bl_parent_id") else _HEADER_CHARACTERS
-        ):
+        room = sidebar_text.measure_line_length() - len(self.bl_label)
+        room -= _INNER_HEADER_CHARACTERS if hasattr(self, "bl_parent_id") else _HEADER_CHARACTERS
+        if self.preset_kind and room >= _MENU_CHARACTERS:
+            self.layout.menu(f"ICYMOON_MT_presets_{self.preset_kind}", text="", icon="PRESET")
+        if room < 0:
             return  # the button would hide the end of the title
         self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
 
@@ -140,9 +145,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
                 row = layout.row()
                 row.operator_context = "INVOKE_DEFAULT"
                 draw_start(row, "icymoon.auto_quality", "Find Cheapest Quality…", "VIEWZOOM")
-        table = layout.column()
-        table.active = not warnings
-        draw_errors(table, context.scene, rows)
+        draw_errors(layout, context.scene, rows)
         buttons = layout.column(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
         buttons.operator("icymoon.hide_surface", icon="X")
@@ -153,9 +156,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         for meaning, icon in meanings:
             draw_sentence(column, meaning, icon)
         # Below the buttons, so that these are in sight of the table.
-        explanations = layout.column()
-        explanations.active = not warnings
-        explain_errors(explanations, context.scene, rows)
+        explain_errors(layout, context.scene, rows)
         for sentence in results.list_limits(context.scene):
             told = [f"{brief}: " for brief in briefs if sentence.startswith(f"{brief}: ")]
             draw_sentence(layout, sentence.removeprefix(told[0]) if told else sentence, "INFO")

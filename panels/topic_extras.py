@@ -28,6 +28,12 @@ Extra = Callable[[Any, bpy.types.Context], None]
 def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
     layout.operator("icymoon.object_as_ground", icon="MESH_DATA")
+    if context.scene.icymoon.source.kind != "PROCEDURAL":
+        draw_placing(layout, "SITE", "Place Site by Click")
+
+
+def _draw_own_rock(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    layout.operator("icymoon.object_as_rock", icon="MESH_DATA")
 
 
 def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -35,6 +41,18 @@ def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) ->
     column.operator_context = "INVOKE_DEFAULT"
     column.operator("icymoon.read_calibration", text="Read Calibration…", icon="IMPORT")
     column.operator("icymoon.write_calibration", text="Write Calibration…", icon="EXPORT")
+    draw_placing(layout, "CAMERA", "Place Camera by Click")
+
+
+def draw_placing(layout: bpy.types.UILayout, target: str, text: str) -> None:
+    """Draw the button that places a ``target`` of the operator by a click on the ground."""
+    row = layout.row()
+    row.operator_context = "INVOKE_DEFAULT"
+    row.operator("icymoon.place_on_ground", text=text, icon="CURSOR").target = target
+
+
+def _make_placing(target: str, text: str) -> Extra:
+    return lambda layout, context: draw_placing(layout, target, text)
 
 
 def _draw_seed(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -50,15 +68,14 @@ def _draw_seed(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the measured roughness of the ground. Values of an earlier ground stay, grey: fields must not move while the
-    user drags a number."""
+    """Draw the measured roughness of the ground. Values of an earlier ground stay, named as such: fields must not move
+    while the user drags a number."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     lines = scenes.describe_ground_statistics(context.scene)
     earlier = scenes.shows_earlier_ground(context.scene, settings)
     if not lines or (earlier and preview.awaits_ground(context.scene, settings)):
         return
     column = layout.column(align=True)
-    column.active = not earlier
     draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))
     # A button's margins take the room of two characters.
     fits = len(lines[2]) <= sidebar_text.measure_line_length() - 2
@@ -178,6 +195,9 @@ BEFORE: dict[str, Extra] = {
     "source": _draw_import,
     "rig": _draw_calibration,
     "terrain": _draw_seed,
+    "rocks": _draw_own_rock,
+    "excavation": _make_placing("TRENCH", "Place Trench by Click"),
+    "workspace": _make_placing("WORKSPACE", "Place Workspace by Click"),
     "light": _draw_moons,
     "sensor": _draw_expose,
     "quality": _draw_qualities,

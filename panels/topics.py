@@ -12,6 +12,17 @@ from .fields import draw_sentence, draw_settings, find_fields
 from .sidebar import FIRST, LAST, Sidebar
 from .topic_extras import AFTER, BEFORE
 
+#: Kinds of presets that set a topic, for the menu in the header of its panel.
+_PRESETS = {
+    "terrain": "terrains",
+    "surface": "surfaces",
+    "rocks": "rocks",
+    "light": "lights",
+    "rig": "rigs",
+    "sensor": "sensors",
+    "quality": "qualities",
+}
+
 
 class _TopicPanel(Sidebar):
     """One topic of the settings, drawn from the table of settings."""
@@ -107,6 +118,7 @@ def _make_topic_panel(topic: Topic, order: int) -> type:
             "bl_order": order,
             "topic": topic,
             "page": manual.find_page_of_topic(topic.key),
+            "preset_kind": _PRESETS.get(topic.key, ""),
             **own,
         },
     )

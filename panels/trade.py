@@ -23,6 +23,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
         layout.operator_context = "INVOKE_DEFAULT"
         draw_start(layout, "icymoon.measure_machine", "Measure This Machine")
         draw_start(layout, "icymoon.trade", "Compare Qualities…")
+        layout.operator("icymoon.show_trade", icon="IMAGE_DATA")
         for sentence in trade.last_results.get(context.scene.name, ()):
             draw_sentence(layout, sentence, hang="    ")
 

@@ -39,6 +39,8 @@ def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict
         }
     if settings.rocks.law == "TABLE" and settings.rocks.coverage > 0:
         named["rocks.file"] = str(settings.rocks.file)
+    if settings.rocks.family == "OWN" and settings.rocks.coverage > 0:
+        named["rocks.shape_file"] = str(settings.rocks.shape_file)
     if settings.excavation.path in ("RECORDED", "JOINTS"):
         named["excavation.file"] = str(settings.excavation.file)
     if settings.lander.kind == "OWN":

@@ -22,6 +22,7 @@ PURE = (
     "plugins",
     "physics/rig",
     "physics/random_numbers",
+    "physics/triangle_files",
     "physics/rocks",
     "physics/terrain/noise",
     "physics/terrain/roughness",

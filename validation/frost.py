@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from ..formats.ply import read_vertices
-from ..physics.mesh.obj import parse_triangles
 from ..physics.terrain.roughness.statistics import measure_roughness, power_spectrum
 from ..physics.terrain.terrain import make_terrain
+from ..physics.triangle_files.obj import parse_triangles
 from ..settings.description import defaults, merged
 from ..settings.preset_files import load_preset, preset_names
 from ..support.arrays import Array

@@ -12,7 +12,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import RefusedError, read
-from ..mesh import obj, stl
+from ..triangle_files import obj, stl
 from . import collada
 
 #: By suffix: reader, name and largest file in bytes of a format. XML takes several times its bytes of memory.

@@ -16,8 +16,9 @@ import numpy as np
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ..rocks.beyond_patch import make_view_beyond
+from ..rocks.own_rock import find_rock_shapes
 from ..rocks.place_rocks import Rocks, euler_matrices, scatter_rocks
-from ..rocks.rock_shapes import RockShape, make_rock_shapes
+from ..rocks.rock_shapes import RockShape
 from .terrain import Terrain, make_terrain
 
 #: Number of places tried for each wanted place before too few are returned.
@@ -55,8 +56,7 @@ class RockyGround:
     @cached_property
     def shapes(self) -> Sequence[Sequence[RockShape]]:
         """The shapes that rocks are chosen from."""
-        rocks = self.settings.rocks
-        return make_rock_shapes(rocks.family, rocks.angularity, int(self.settings.dataset.seed))
+        return find_rock_shapes(self.settings.rocks, int(self.settings.dataset.seed))
 
     @cached_property
     def rocks(self) -> Rocks | None:

@@ -47,9 +47,14 @@ def folder_of_pair(dataset: Path, name: str) -> Path:
     return pairs_folder(dataset) / name
 
 
+def is_pair_id(name: str) -> bool:
+    """Whether a name is the id of a pair."""
+    return bool(_PAIR_ID.fullmatch(name))
+
+
 def check_id(value: object, where: object) -> str:
     """Check a pair's id that was read from ``where``, and return it. Raises IcyMoonError for other texts."""
-    if not isinstance(value, str) or not _PAIR_ID.fullmatch(value):
+    if not isinstance(value, str) or not is_pair_id(value):
         raise IcyMoonError(
             f"{where} names a pair {str(value)[:40]!r}, but a pair's id is 12 of the digits 0 to 9 and a to f. The "
             "file was changed or is not ours; use another one."

@@ -12,15 +12,17 @@ BRACKETED = Condition(lambda asked: asked.value("brackets") > 1)
 MOVES = nonzero(
     "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s")
 ALIKE, CALIBRATED = chosen("rig.eyes", "ALIKE"), chosen("rig.eyes", "CALIBRATED")
-LENS = Section("lens", "Lens and Alignment", "Distortion and focus of the lens, and alignment of the eyes")
+LENS = Section("lens", "Lens", "Principal point, distortion and focus of the lens")
+ALIGNMENT = Section("alignment", "Alignment", "Alignment of the two eyes")
 TURN = Section("turn", "Direction", "Rotation vector from the axes of the parallel pair to those of the eye")
 MODEL = Section("model", "Lens Model", "Numbers of the lens, as calibrated")
+PRISM = Section("prism", "Thin Prism", "Coefficients of a thin prism, as calibrated")
 MOTION = Section("motion", "Motion", "Motion of the cameras during the exposure")
 HEAD = Section("head", "Cameras beside the Pair", "More cameras of the same scene, from a file")
 OPTICS = Section("optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter")
 DEPOSITS = Section("deposits", "Deposits", "Dust or frost on the windows before the lenses")
-FILTERS = Section(
-    "filters", "Colour Filters", "The Bayer mosaic: its filters, demosaicing and white balance", shown=MOSAIC)
+MOSAICKING = Section("mosaic", "Colour", "The Bayer mosaic, demosaicing and white balance", shown=MOSAIC)
+FILTERS = Section("filters", "Colour Filters", "Wavelengths that the red, green and blue filters pass", shown=MOSAIC)
 DETECTOR = Section("detector", "Detector", "From photons to numbers")
 NOISE = Section("noise", "Noise", "Noise of the sensor, between exposures and between pixels")
 RADIATION = Section("radiation", "Radiation", "Tracks of charged particles, as in Jupiter's belts")
@@ -59,7 +61,7 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         ("ALIKE", "Alike", "Both eyes are this camera, with its distortion and toe-in"),
         ("CALIBRATED", "Calibrated", "Each eye has its own size, lens and direction, as calibrated, and stands where "
          "this pair has it"),
-        section=LENS, since="0.4")
+        section=ALIGNMENT, since="0.4")
     principal_x_px: float = number(
         "Principal Point Right", 0.0, -8192.0, 8192.0, (-50.0, 50.0), "Distance of the optical axis to the right of "
         "the image centre", "camera", "px", subtype="PIXEL", section=LENS)
@@ -86,7 +88,7 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         "and toe-in need it", "camera", high=2.0, section=LENS)
     toe_in_deg: float = degrees(
         "Toe-in", 0.0, 0.0, 45.0, "Angle by which each eye turns toward the other, about its own vertical; 0 for "
-        "parallel eyes", "camera", (0.0, 10.0), 3, section=LENS, shown=ALIKE)
+        "parallel eyes", "camera", (0.0, 10.0), 3, section=ALIGNMENT, shown=ALIKE)
     focus_distance_m: float = metres(
         "Focus Distance", 0.0, 0.0, 1.0e5, (0.0, 10.0), "Depth that is in focus; 0 if everything is in focus. The "
         "f-number sets the blur, and the truth is always sharp", "camera", zero="all sharp", section=LENS)
@@ -122,7 +124,7 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         "row's, top to bottom, in both eyes at once. Each row and its truth have the pose at its own time", "camera",
         "s", precision=6, zero="global", section=MOTION, since="0.4", active=MOVES)
     head_file: str = text(
-        "Head", "", "TOML file with cameras beside the pair, each with its model and pose; empty for no others. "
+        "Head File", "", "TOML file with cameras beside the pair, each with its model and pose; empty for no others. "
         "// is the folder of the .blend file", "camera", "read", subtype="FILE_PATH", section=HEAD,
         since="0.4")
     images: Literal["PAIR", "HEAD"] = choice(
@@ -131,10 +133,10 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         ("HEAD", "Head Only", "The cameras of the head alone. Nothing is matched or evaluated"),
         section=HEAD, since="0.4")
     x_m: float = metres(
-        "Site East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera",
+        "Camera East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera",
         section=ADVANCED)
     y_m: float = metres(
-        "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera", "camera",
+        "Camera North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera", "camera",
         section=ADVANCED)
     height_from: Literal["GROUND", "ZERO"] = choice(
         "Height From", "GROUND", "Reference level of the left camera's height", "camera",
@@ -257,16 +259,16 @@ class EyeSettings(Table, since="0.4"):
         "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
     s1: float = number(
         "s1", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient of a thin prism: columns, r²",
-        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+        "camera", precision=6, section=PRISM, shown=chosen("lens", "BROWN"))
     s2: float = number(
         "s2", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient of a thin prism: columns, r⁴",
-        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+        "camera", precision=6, section=PRISM, shown=chosen("lens", "BROWN"))
     s3: float = number(
         "s3", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient of a thin prism: rows, r²",
-        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+        "camera", precision=6, section=PRISM, shown=chosen("lens", "BROWN"))
     s4: float = number(
         "s4", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Coefficient of a thin prism: rows, r⁴",
-        "camera", precision=6, section=MODEL, shown=chosen("lens", "BROWN"))
+        "camera", precision=6, section=PRISM, shown=chosen("lens", "BROWN"))
     axis_x: float = number(
         "Axis Right", 0.0, -0.9, 0.9, (-0.1, 0.1),
         "x component of the optical axis O, a unit vector in the axes of the eye",
@@ -361,7 +363,7 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
             "camera"),
         section=OPTICS, shown=chosen("colour", "MONO"), since="0.3")
     colour: Literal["MONO", "BAYER"] = choice(
-        "Camera", "MONO", "Whether the camera sees colour. Both need the same render", "response",
+        "Sensor Type", "MONO", "Whether the camera sees colour. Both need the same render", "response",
         ("MONO", "Monochrome", "Each pixel detects the whole band"),
         ("BAYER", "Colour (Bayer)", "Each pixel is behind a red, green or blue filter, and the other two colours "
          "come from its neighbours. Matchers get a grey image of all three"),
@@ -372,7 +374,7 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         ("BGGR", "BGGR", "First row BG, second row GR"),
         ("GRBG", "GRBG", "First row GR, second row BG"),
         ("GBRG", "GBRG", "First row GB, second row RG"),
-        section=FILTERS, since="0.3")
+        section=MOSAICKING, since="0.3")
     demosaicing: Literal["BILINEAR", "MALVAR", "EDGE_AWARE"] = choice(
         "Demosaicing", "MALVAR", "How the two missing colours of each pixel are found", "response",
         ("BILINEAR", "Bilinear", "Mean of the nearest pixels of a colour. The softest"),
@@ -380,17 +382,17 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
          "Mars rovers"),
         ("EDGE_AWARE", "Edge-Aware", "Green along edges, not across them; red and blue as Bilinear (OpenCV). The "
          "pair viewer shows Malvar instead"),
-        section=FILTERS, since="0.3")
+        section=MOSAICKING, since="0.3")
     white_balance: Literal["SUN", "NONE"] = choice(
         "White Balance", "SUN", "Factors on red, green and blue after demosaicing", "response",
         ("SUN", "Sunlight", "White ground in sunlight is grey; the weaker colours are multiplied"),
         ("NONE", "None", "The numbers of the sensor"),
-        section=FILTERS, since="0.3")
+        section=MOSAICKING, since="0.3")
     grey: Literal["LUMINANCE", "MEAN"] = choice(
         "Grey for Matchers", "LUMINANCE", "How matchers get a colour image", "response",
         ("LUMINANCE", "Luminance", "0.2126 red + 0.7152 green + 0.0722 blue (ITU-R BT.709), linear"),
         ("MEAN", "Mean", "A third of each"),
-        section=FILTERS, since="0.3")
+        section=MOSAICKING, since="0.3")
     red_centre_nm: float = number(
         "Red Centre (nm)", 615.0, 100.0, 2.0e4, (380.0, 720.0), "Wavelength at which the red filter passes most, with "
         "a Gaussian around it", "response", "nm", precision=0, section=FILTERS, since="0.3")
@@ -420,14 +422,14 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         section=FILTERS, since="0.3")
     filter_leak: float = fraction(
         "Filter Leak", 0.04, "Electrons per photon that every colour filter adds at all wavelengths that reach it",
-        "response", section=FILTERS, since="0.3")
+        "response", section=MOSAICKING, since="0.3")
     cut_on_nm: float = number(
         "Cut-On (nm)", 400.0, 100.0, 2.0e4, (350.0, 450.0), "Shortest wavelength that reaches the colour filters",
-        "response", "nm", precision=0, section=FILTERS, since="0.3")
+        "response", "nm", precision=0, section=MOSAICKING, since="0.3")
     cut_off_nm: float = number(
         "Cut-Off (nm)", 700.0, 100.0, 2.0e4, (620.0, 750.0),
         "Longest wavelength that reaches the colour filters, set by an infrared cut-off filter",
-        "response", "nm", precision=0, section=FILTERS, since="0.3")
+        "response", "nm", precision=0, section=MOSAICKING, since="0.3")
     full_well_e: float = number(
         "Full Well (e-)", 2.0e4, 1.0, 1.0e7, (1000.0, 1.0e5), "Electrons that a pixel can hold before it saturates",
         "response", "e-", precision=0, section=DETECTOR)
@@ -478,19 +480,20 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         "Lens Deposits", 0.0, "Share of the window before each lens that dust or frost covers", "response", high=0.95,
         section=DEPOSITS, since="0.3")
     deposit_mm: float = number(
-        "Grain (mm)", 0.5, 0.01, 50.0, (0.05, 5.0), "Diameter of a grain or flake on the window", "response", "mm",
-        section=DEPOSITS, since="0.3")
+        "Deposit Grain (mm)", 0.5, 0.01, 50.0, (0.05, 5.0), "Diameter of a grain or flake on the window", "response",
+        "mm", section=DEPOSITS, since="0.3")
     deposit_window_mm: float = number(
-        "Window (mm)", 20.0, 0.1, 1000.0, (5.0, 100.0), "Distance of the window from the entrance pupil of the lens. "
-        "The nearer, the wider and fainter are the spots", "response", "mm", section=DEPOSITS, since="0.3")
+        "Window Distance (mm)", 20.0, 0.1, 1000.0, (5.0, 100.0),
+        "Distance of the window from the entrance pupil of the lens. The "
+        "nearer, the wider and fainter are the spots", "response", "mm", section=DEPOSITS, since="0.3")
     deposit_scatter: float = fraction(
-        "Scattered", 0.3, "Share of the light blocked by deposits that they scatter evenly over the image", "response",
-        section=DEPOSITS, since="0.3")
+        "Scattered Share", 0.3, "Share of the light blocked by deposits that they scatter evenly over the image",
+        "response", section=DEPOSITS, since="0.3")
     deposit_seed: int = number(
         "Deposit Seed", 0, 0, 1000000, (0, 100), "Seed of the deposits. Another seed puts them elsewhere", "response",
         section=DEPOSITS, since="0.3")
     deposits_alike: bool = tick(
-        "Alike in Both Eyes", False, "Put deposits on the same places before both lenses", "response", section=DEPOSITS,
+        "Same in Both Eyes", False, "Put deposits on the same places before both lenses", "response", section=DEPOSITS,
         since="0.3")
     radiation_flux_cm2_s: float = number(
         "Particles (1/cm² s)", 0.0, 0.0, 1.0e12, (0.0, 1.0e6), "Charged particles that reach the sensor, per cm² and "

@@ -85,7 +85,7 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         ("RIGHT", "Right", "Right of the trench"),
         section=HEAP)
     heap_gap_m: float = metres(
-        "Gap", 0.05, 0.0, 10.0, (0.0, 0.3), "Distance from the trench to the foot of the heap in the last state",
+        "Heap Gap", 0.05, 0.0, 10.0, (0.0, 0.3), "Distance from the trench to the foot of the heap in the last state",
         "geometry", section=HEAP)
     clods_m: float = metres(
         "Clods", 0.0, 0.0, 0.05, (0.0, 0.02), "Height of the clods on spoil, or width of the largest if they have "
@@ -97,8 +97,8 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
          "have rolled to the foot of the heap and beyond"),
         section=HEAP, active=positive("clods_m"))
     cell_m: float = metres(
-        "Cell", 2.5e-3, 2.0e-4, 0.1, (1.0e-3, 0.01), "Distance between the vertices of trench and heap", "geometry",
-        section=ADVANCED, shown=DUG)
+        "Cell Size", 2.5e-3, 2.0e-4, 0.1, (1.0e-3, 0.01), "Distance between the vertices of trench and heap",
+        "geometry", section=ADVANCED, shown=DUG)
     fresh_albedo: float = fraction(
         "Fresh Albedo", 1.0, "Albedo of ground that was dug open, and of spoil, relative to the surface", "material",
         section=LAYERS)

@@ -23,6 +23,8 @@ IN_DEGREES, ON_MAP = (MAP & chosen("source.site", kind) for kind in ("DEGREES", 
 SURROUNDED = MAP & positive("source.surroundings_m")
 #: Heights above a map, to which landforms and layers of noise can be added; a mesh from a file has none.
 ABOVE_A_MAP = PROCEDURAL | (MAP & ticked("source.detail"))
+SITE = Section("site", "Site and Origin", "Place on the map or in the mesh that is the origin of the scene")
+SURROUNDINGS = Section("surroundings", "Surroundings", "Ground of the map beyond its patch", shown=MAP)
 NOISE = Section("noise", "Layers of Noise", "Fractal noise that is added to the random surface")
 
 
@@ -63,8 +65,8 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         ("-Z", "-Z", "-Z points up"),
         shown=chosen("kind", "MESH", "STAND_IN"))
     centre: bool = tick(
-        "Centre", True, "Put the origin at the centre of the ground and at its median height. Otherwise the "
-        "coordinates of the file are kept", "geometry", shown=FROM_FILE)
+        "Origin at Centre", True, "Put the origin at the centre of the ground and at its median height. Otherwise the "
+        "coordinates of the file are kept", "geometry", section=SITE, shown=FROM_FILE)
     site: Literal["OFFSET", "DEGREES", "MAP"] = choice(
         "Site", "OFFSET",
         "How the position of the site on the map is stated. Origin East and Origin North are distances from "
@@ -72,39 +74,39 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         ("OFFSET", "Centre or Origin", "The centre of the map, or the origin of its coordinates"),
         ("DEGREES", "Degrees", "By planetocentric longitude and latitude, east and north positive"),
         ("MAP", "Map Coordinates", "By easting and northing, in the unit of the file's coordinate system"),
-        shown=chosen("kind", "HEIGHT_MAP"), since="0.4")
+        section=SITE, shown=chosen("kind", "HEIGHT_MAP"), since="0.4")
     site_longitude_deg: str = text(
         "Site Longitude", "", "East longitude of the site in degrees, with all of its digits", "geometry", "coordinate",
-        shown=IN_DEGREES, since="0.4")
+        section=SITE, shown=IN_DEGREES, since="0.4")
     site_latitude_deg: str = text(
         "Site Latitude", "", "Planetocentric latitude of the site in degrees, with all of its digits", "geometry",
-        "coordinate", shown=IN_DEGREES, since="0.4")
+        "coordinate", section=SITE, shown=IN_DEGREES, since="0.4")
     site_easting: str = text(
         "Site Easting", "",
         "Easting of the site in the unit of the file's coordinate system; for a map in degrees, its longitude",
-        "geometry", "coordinate", shown=ON_MAP, since="0.4")
+        "geometry", "coordinate", section=SITE, shown=ON_MAP, since="0.4")
     site_northing: str = text(
         "Site Northing", "", "Northing of the site in the unit of the file's coordinate system", "geometry",
-        "coordinate", shown=ON_MAP, since="0.4")
+        "coordinate", section=SITE, shown=ON_MAP, since="0.4")
     origin_x_m: float = metres(
         "Origin East", 0.0, -1.0e7, 1.0e7, (-100.0, 100.0), "Distance of the origin of the site east of the ground's "
-        "centre, or of the file's origin", "geometry", shown=FROM_FILE)
+        "centre, or of the file's origin", "geometry", section=SITE, shown=FROM_FILE)
     origin_y_m: float = metres(
         "Origin North", 0.0, -1.0e7, 1.0e7, (-100.0, 100.0), "Distance of the origin of the site north of the "
-        "ground's centre, or of the file's origin", "geometry", shown=FROM_FILE)
+        "ground's centre, or of the file's origin", "geometry", section=SITE, shown=FROM_FILE)
     metres_per_pixel: float = metres(
         "Metres per Pixel", 0.0, 0.0, 1.0e5, (0.0, 100.0), "Size of a pixel of the height map; 0 for the size that a "
         "GeoTIFF contains", "geometry", zero="file's", shown=chosen("kind", "HEIGHT_MAP"))
     surroundings_m: float = metres(
         "Surroundings", 0.0, 0.0, 3.0e5, (0.0, 3.0e4), "Distance east, west, north and south of the site to which the "
         "ground goes on beyond its patch, with coarser and coarser cells and the curvature of the body; 0 for the "
-        "patch alone", "geometry", zero="none", shown=MAP, since="0.4")
+        "patch alone", "geometry", zero="none", section=SURROUNDINGS, shown=MAP, since="0.4")
     surroundings_file: str = text(
         "Surroundings File", "", "GeoTIFF with a coarser height map that continues beyond the first one, of the same "
         "body. If it is empty, the ground ends where the first one does", "geometry", "read", subtype="FILE_PATH",
-        shown=SURROUNDED, since="0.4")
+        section=SURROUNDINGS, shown=SURROUNDED, since="0.4")
     missing: str = text(
-        "Missing Height", "",
+        "No-Data Value", "",
         "Value, before scale and unit, that marks a missing height, such as -9999; marks of the file count "
         "too. If it is empty, values far from all others count as missing; write none to keep them as heights",
         "geometry", "mark", shown=chosen("kind", "HEIGHT_MAP"),
@@ -239,7 +241,7 @@ class MeshSettings(Table, label="Mesh", inside="terrain", shown=chosen("source.k
         "error needs more, the mesh has a larger error and reports it", "geometry", "vertices",
         shown=chosen("kind", "GRADED"))
     seen: Literal["EVEN", "FINE"] = choice(
-        "Where Seen", "EVEN", "How fine a graded mesh is where the cameras see it", "geometry",
+        "Detail Where Seen", "EVEN", "How fine a graded mesh is where the cameras see it", "geometry",
         ("EVEN", "As Elsewhere", "One mesh for all headings. Waves of the ground shorter than two of its edges are "
          "missing, so that ground under a low Sun looks smoother than stated"),
         ("FINE", "Finer", "Triangles that the cameras see are cut into nine, and the ground has waves a third as "
@@ -280,7 +282,7 @@ class HillsSettings(
     smallest_m: float = metres(
         "Smallest", 10.0, 0.1, 1.0e5, (5.0, 100.0),
         "Width of the narrowest hills; smaller relief is the roughness of the ground", "geometry", section=ADVANCED)
-    fractal: Literal["FBM", "CRESTS", "HETERO"] = choice("Kind", "FBM", "Shape of the hills", "geometry",
+    fractal: Literal["FBM", "CRESTS", "HETERO"] = choice("Shape", "FBM", "Shape of the hills", "geometry",
         ("FBM", "Rolling", "Rounded hills, equally rough everywhere"),
         ("CRESTS", "Ridged", "Ranges with sharp crests"),
         ("HETERO", "Plains and Hills", "Rough hills beside smooth low ground"))

@@ -152,7 +152,7 @@ class WorkspaceSettings(Table, label="Workspace", inside="lander", turned_on_by=
 
     __slots__ = ()
     cell_m: float = metres(
-        "Cell", 0.0, 0.0, 1.0, (0.0, 0.05), "Side of a cell of the true elevation model that is written with each "
+        "Cell Size", 0.0, 0.0, 1.0, (0.0, 0.05), "Side of a cell of the true elevation model that is written with each "
         "pair; 0 writes none", "sampling", zero="off")
     east_m: float = metres(
         "Centre East", 0.0, -5.0e4, 5.0e4, (-5.0, 5.0), "East coordinate of the centre of the workspace", "sampling")

@@ -41,7 +41,8 @@ class LightSettings(Table, label="Light"):
         "East longitude of the site; at a pole, north is along this meridian. The planet is above longitude "
         "-4 on Enceladus and -1.5 on Europa", "light", shown=DATED)
     place: Literal["SITE", "STATED"] = choice(
-        "Sky Over", "SITE", "The place whose sky a date gives, where Site of a height map is stated by coordinates",
+        "Place of the Sky", "SITE",
+        "The place whose sky a date gives, where Site of a height map is stated by coordinates",
         "light",
         ("SITE", "Site of the Map", "The site of the height map, with north as on its map; Latitude and Longitude "
          "have no effect"),
@@ -144,8 +145,8 @@ class VeilSettings(Table, label="Veil", inside="light", turned_on_by="optical_de
         "share exp(-depth) of the light is neither scattered nor absorbed", "sampling", precision=4,
         zero="off")
     top_m: float = metres(
-        "Top", 20.0, 0.1, 1.0e4, (1.0, 100.0), "Height of the top of the veil above the level of the site. It is "
-        "equally dense below", "sampling")
+        "Top Height", 20.0, 0.1, 1.0e4, (1.0, 100.0), "Height of the top of the veil above the level of the site. It "
+        "is equally dense below", "sampling")
     width_m: float = metres(
         "Width", 200.0, 1.0, 1.0e5, (10.0, 1000.0), "Side of the square around the origin of the site that it fills",
         "sampling")

@@ -47,7 +47,7 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
     indirect: Literal["TRACED", "BAKED", "AUTO"] = choice(
         "Indirect Light", "TRACED", "How light that other ground reflects is computed. Only Lambert ground and rocks "
         "can be baked; other scenes are traced, and pair.json contains why", "material",
-        ("TRACED", "Traced", "Followed through every pixel, with quality.samples"),
+        ("TRACED", "Traced", "Followed through every pixel, with Samples paths"),
         ("BAKED", "Baked", "Computed once at the vertices of the ground. Images then take direct light only, with "
          "few samples and no denoiser"),
         ("AUTO", "Automatic", "Baked where the data set has enough images of a ground under one Sun to save time, "
@@ -65,7 +65,7 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
         section=INDIRECT, shown=~chosen("indirect", "TRACED"), since="0.3")
     bake_samples: int = number(
         "Bake Samples", 256, 4, 65536, (64, 1024), "Maximum number of light paths per corner of the ground's mesh for "
-        "baked light, unless quality.bake_noise is reached before. With less than 64, matchers look better than they "
+        "baked light, unless Bake Noise is reached before. With less than 64, matchers look better than they "
         "are", "sampling", "samples", section=INDIRECT, shown=~chosen("indirect", "TRACED"), since="0.3")
     bake_noise: float = number(
         "Bake Noise", 0.01, 0.0, 1.0, (0.0, 0.05),
@@ -78,7 +78,7 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
             "Radiance and normals in 16 bits: light is rounded by at most 0.05 %, far below its noise, normals by"
             " at most 0.03°. The image is not stored, because it is the sum of the stored lights"),
         ("FULL", "Full",
-            "All values in 32 bits as rendered, except for values that half_floats states. Files are about twice "
+            "All values in 32 bits as rendered, except for those that Half Floats states. Files are about twice "
             "as large"),
         section=ADVANCED, since="0.3", before="FULL")
     half_floats: Literal["NONE", "RADIANCE", "RADIANCE_NORMALS"] = choice(
@@ -100,7 +100,7 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
          "images are blurred or toed in"),
         section=ADVANCED)
     truth_by: Literal["RAYS", "CYCLES"] = choice(
-        "Truth By", "RAYS", "How truth is computed that does not come with the images", "run",
+        "Truth Method", "RAYS", "How truth is computed that does not come with the images", "run",
         ("RAYS", "Rays",
             "Rays through the triangles that are rendered. Cycles renders the truth of scenes that rays cannot "
             "reproduce, and the pair states why"),

@@ -40,17 +40,22 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
     power_index: float = number(
         "Size Index", 3.0, 0.5, 6.0, (1.0, 5.0), "Exponent of the cumulative power law N(>D) ~ D^-index. A higher "
         "index gives more small rocks", "geometry", section=ADVANCED, shown=chosen("law", "POWER"))
-    family: Literal["MIXED", "FRAGMENTS", "BOULDERS", "SLABS", "BROKEN_ICE"] = choice(
+    family: Literal["MIXED", "FRAGMENTS", "BOULDERS", "SLABS", "BROKEN_ICE", "OWN"] = choice(
         "Shapes", "MIXED", "What the rocks look like", "geometry",
         ("MIXED", "Mixed", "Fragments, boulders and slabs in equal numbers"),
         ("FRAGMENTS", "Fragments", "Broken polyhedra"),
         ("BOULDERS", "Boulders", "Worn and lumpy"),
         ("SLABS", "Slabs", "Flat plates with broken sides"),
         ("BROKEN_ICE", "Broken Ice", "Cleaved rocks with stepped faces and chipped corners"),
+        ("OWN", "Own Mesh", "A mesh of your own, stretched and turned from rock to rock"),
         section=SHAPE)
+    shape_file: str = text(
+        "Rock's Mesh", "", "STL or OBJ file of a closed mesh, z up: the shape of all rocks, in any size. // is the "
+        "folder of the .blend file", "geometry", "read", subtype="FILE_PATH", section=SHAPE,
+        shown=chosen("family", "OWN"), since="0.4")
     angularity: float = fraction(
         "Angularity", 0.7, "0 for worn, round rocks, 1 for fresh fragments with sharp edges. Boulders are always half "
-        "worn", "geometry", section=SHAPE)
+        "worn", "geometry", section=SHAPE, shown=~chosen("family", "OWN"))
     elongation: float = number(
         "Elongation", 1.4, 1.0, 5.0, (1.0, 3.0), "Median of a rock's length divided by its width, seen from above",
         "geometry", section=SHAPE)
@@ -79,10 +84,10 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         "Maximum Rocks", 20000, 0, 200000, (0, 50000), "Maximum number of rocks. Above it the smallest rocks are left "
         "out, with a warning", "geometry", "rocks", section=PLACE)
     beyond_px: float = number(
-        "Smallest Beyond the Patch", 0.0, 0.0, 1000.0, (0.0, 10.0), "Rocks lie beyond the patch too, to the horizon, "
+        "Smallest Distant Rock", 0.0, 0.0, 1000.0, (0.0, 10.0), "Rocks lie beyond the patch too, to the horizon, "
         "wherever they are at least this wide in the image; 0 for none there. The maximum number of rocks holds there "
         "once more", "geometry", "px", subtype="PIXEL", section=PLACE, shown=GRADED & ~chosen("law", "TABLE"),
         since="0.3")
     own_surface: bool = tick(
-        "Own Surface", False, "Make rocks from the settings of Rock Surface instead of the ground's", "material",
+        "Own Surface", False, "Make rocks from the settings of Rock Ice instead of the ground's", "material",
         section=ELSEWHERE)

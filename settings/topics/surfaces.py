@@ -26,9 +26,12 @@ DIRTY = ~chosen("dirt", "BLACK")
 SOILED = nonzero("slope_dirt") | (nonzero("trough_dirt") & of_topic("surface"))
 #: Images that lie on the ground by its UV coordinates; a mesh's own images always do.
 BY_UV = chosen("set", "MESH") | (~chosen("set", "NONE") & chosen("mapping", "UV"))
-DIRT = Section("dirt", "Colour, Dirt and Salts", "Colour of the ice, and darker or redder ground on it")
+COLOUR = Section("colour", "Colour", "Colour of clean ice, and how its albedo differs from place to place")
+DIRT = Section("dirt", "Dirt", "Darker or redder ground in troughs and on slopes")
+SALTS = Section("salts", "Salts", "Stains of salts")
 GRAIN = Section("grain", "Grains", "Relief that is finer than the mesh, and glints")
-LAYERS = Section("layers", "In and on the Ice", "What is in the ice and on it")
+INTERIOR = Section("interior", "Bubbles and Fractures", "Bubbles and fractures inside the ice")
+COVER = Section("cover", "Frost and Crust", "Frost and crust on the ice")
 
 
 class SurfaceSettings(Table, label="Ice"):
@@ -63,18 +66,19 @@ class SurfaceSettings(Table, label="Ice"):
         ("SNOW", "Snow", "Pure snow, by its grains: bluer the coarser it is (Warren and Brandt 2008)"),
         ("EUROPA_PLAINS", "Europa's Plains", "Slightly yellow; assumed"),
         ("ENCELADUS_PLAINS", "Enceladus' Plains", "Nearly grey (Buratti 1984)"),
-        section=DIRT, active=~(PRINCIPLED & positive("bubble_share")), since="0.3")
+        section=COLOUR, active=~(PRINCIPLED & positive("bubble_share")), since="0.3")
     snow_grain_m: float = metres(
         "Snow Grain Radius", 1.0e-4, 1.0e-6, 0.01, (2.5e-5, 2.0e-3), "Optical radius of the grains of snow, which "
-        "sets its colour: 25 µm for frost, 1 mm for old snow", "material", section=DIRT,
+        "sets its colour: 25 µm for frost, 1 mm for old snow", "material", section=COLOUR,
         shown=chosen("ice_colour", "SNOW"), active=~(PRINCIPLED & positive("bubble_share")), since="0.3")
     albedo_variation: float = fraction(
-        "Albedo Variation", 0.0, "Depth of the random dark patches as a share of the albedo", "material", section=DIRT)
+        "Albedo Variation", 0.0, "Depth of the random dark patches as a share of the albedo", "material",
+        section=COLOUR)
     face_variation: float = fraction(
         "Face Variation", 0.0, "How much the faces of rocks differ: a face is darker by up to this share of the "
-        "albedo, and its roughness is up to this much higher or lower", "material", section=DIRT, since="0.3")
+        "albedo, and its roughness is up to this much higher or lower", "material", section=COLOUR, since="0.3")
     albedo_patch_m: float = metres(
-        "Albedo Patch", 0.5, 1.0e-4, 1.0e4, (0.01, 10.0), "Wavelength of the dark patches", "material", section=DIRT,
+        "Albedo Patch", 0.5, 1.0e-4, 1.0e4, (0.01, 10.0), "Wavelength of the dark patches", "material", section=COLOUR,
         active=positive("albedo_variation"))
     trough_dirt: float = signed(
         "Dirt in Troughs", "Darkening of low ground. Compares heights one standard deviation below and above the mean "
@@ -96,9 +100,9 @@ class SurfaceSettings(Table, label="Ice"):
         "between them; 0 for an even mixture. Black dirt is always even", "material", section=DIRT,
         active=SOILED & DIRTY, since="0.3")
     salt_share: float = fraction(
-        "Salt Share", 0.0, "Share of the ground that is stained by salts", "material", section=DIRT)
+        "Salt Share", 0.0, "Share of the ground that is stained by salts", "material", section=SALTS)
     salt_patch_m: float = metres(
-        "Salt Patch", 1.0, 1.0e-4, 1.0e4, (0.05, 20.0), "Wavelength of the stains", "material", section=DIRT,
+        "Salt Patch", 1.0, 1.0e-4, 1.0e4, (0.05, 20.0), "Wavelength of the stains", "material", section=SALTS,
         active=positive("salt_share"))
     salt: Literal[
         "OWN", "EUROPA_SALT", "IRRADIATED_SALT", "SULPHATE_SALTS", "ACID_HYDRATE", "SULPHUR", "EUROPA_DARK"
@@ -113,16 +117,16 @@ class SurfaceSettings(Table, label="Ice"):
         ("ACID_HYDRATE", "Acid Hydrate", "Hydrate of sulphuric acid: white"),
         ("SULPHUR", "Sulphur", "Yellow-brown products of radiolysis; a guess"),
         ("EUROPA_DARK", "Dark Material", "Europa's, brown, as for Dirt"),
-        section=DIRT, active=positive("salt_share"), since="0.3")
+        section=SALTS, active=positive("salt_share"), since="0.3")
     salt_red: float = fraction(
-        "Salt Red", 1.0, "Reflectance of stained ice relative to clean ice, in red", "material", section=DIRT,
+        "Salt Red", 1.0, "Reflectance of stained ice relative to clean ice, in red", "material", section=SALTS,
         shown=chosen("salt", "OWN"), active=positive("salt_share"))
     salt_green: float = fraction(
-        "Salt Green", 0.85, "Reflectance of stained ice relative to clean ice, in green", "material", section=DIRT,
+        "Salt Green", 0.85, "Reflectance of stained ice relative to clean ice, in green", "material", section=SALTS,
         shown=chosen("salt", "OWN"), active=positive("salt_share"))
     salt_blue: float = fraction(
         "Salt Blue", 0.6, "Reflectance of stained ice relative to clean ice, in blue. Irradiated salt absorbs near "
-        "0.45 µm", "material", section=DIRT, shown=chosen("salt", "OWN"), active=positive("salt_share"))
+        "0.45 µm", "material", section=SALTS, shown=chosen("salt", "OWN"), active=positive("salt_share"))
     subsurface_weight: float = fraction(
         "Subsurface Weight", 0.0, "Share of the light that enters the snow and leaves it elsewhere (random walk). A "
         "render with 1 takes about five times as long as with 0", "material", shown=PRINCIPLED)
@@ -162,51 +166,51 @@ class SurfaceSettings(Table, label="Ice"):
     bubble_share: float = fraction(
         "Bubbles", 0.0, "Share of the ice's volume that is air bubbles, which make it white: 0.05 is whitish, 0.001 "
         "deep blue. Its albedo in red, green and blue then follows from the bubbles; 0 for the albedo above",
-        "material", high=0.5, section=LAYERS, shown=PRINCIPLED, since="0.3")
+        "material", high=0.5, section=INTERIOR, shown=PRINCIPLED, since="0.3")
     bubble_radius_m: float = metres(
         "Bubble Radius", 5.0e-4, 1.0e-6, 0.1, (1.0e-5, 5.0e-3), "Radius of the bubbles. Larger ones scatter less, so "
-        "that the ice is bluer", "material", section=LAYERS, shown=PRINCIPLED, active=positive("bubble_share"),
+        "that the ice is bluer", "material", section=INTERIOR, shown=PRINCIPLED, active=positive("bubble_share"),
         since="0.3")
     bubble_band_m: float = metres(
         "Bubble Bands", 0.0, 0.0, 1000.0, (0.0, 2.0), "Mean distance between bands of clearer and whiter ice, with a "
-        "quarter to four times the bubbles; each rock has its own. 0 for even ice", "material", section=LAYERS,
+        "quarter to four times the bubbles; each rock has its own. 0 for even ice", "material", section=INTERIOR,
         shown=PRINCIPLED, active=positive("bubble_share"), since="0.3")
     fracture_share: float = fraction(
-        "Fractures Within", 0.0,
+        "Internal Fractures", 0.0,
         "Open share of the fracture planes inside the ice, which look like white veils along the line of "
         "sight. Bubbles, transmission or the subsurface radius set the depth to which they are visible",
-        "material", section=LAYERS, shown=PRINCIPLED, since="0.3")
+        "material", section=INTERIOR, shown=PRINCIPLED, since="0.3")
     fracture_spacing_m: float = metres(
         "Fracture Spacing", 0.15, 1.0e-3, 1000.0, (0.02, 1.0), "Mean distance between the planes of each of three "
-        "sets of fractures; each rock has its own", "material", section=LAYERS, shown=PRINCIPLED,
+        "sets of fractures; each rock has its own", "material", section=INTERIOR, shown=PRINCIPLED,
         active=positive("fracture_share"), since="0.3")
     frost_share: float = fraction(
         "Frost", 0.0, "Share of the ice that is under thin frost where it is level. Faces steeper than 65 degrees "
-        "have none", "material", section=LAYERS, shown=PRINCIPLED, since="0.3")
+        "have none", "material", section=COVER, shown=PRINCIPLED, since="0.3")
     frost_patch_m: float = metres(
         "Frost Patch", 0.15, 1.0e-4, 1.0e4, (0.01, 5.0), "Wavelength of the patches of frost", "material",
-        section=LAYERS, shown=PRINCIPLED, active=positive("frost_share"), since="0.3")
+        section=COVER, shown=PRINCIPLED, active=positive("frost_share"), since="0.3")
     patch_raggedness: float = fraction(
         "Ragged Patches", 0.0,
         "Raggedness of the edges of frost and dirt patches: share of their variance at one eighth of their "
-        "wavelength and below", "material", section=LAYERS, shown=PRINCIPLED | DIRTY,
+        "wavelength and below", "material", section=COVER, shown=PRINCIPLED | DIRTY,
         active=(PRINCIPLED & positive("frost_share")) | (DIRTY & positive("dirt_patch_m")), since="0.3")
     frost_albedo: float = fraction(
-        "Frost Albedo", 0.9, "Albedo of the frost", "material", section=LAYERS, shown=PRINCIPLED,
+        "Frost Albedo", 0.9, "Albedo of the frost", "material", section=COVER, shown=PRINCIPLED,
         active=positive("frost_share"), since="0.3")
     crust_share: float = fraction(
         "Crust", 0.0, "Share of the snow with a crust: a smooth, slightly glossy skin, broken into patches", "material",
-        section=LAYERS, shown=PRINCIPLED, since="0.3")
+        section=COVER, shown=PRINCIPLED, since="0.3")
     crust_patch_m: float = metres(
         "Crust Patch", 0.8, 1.0e-3, 1.0e4, (0.05, 10.0), "Wavelength of the patches of crust", "material",
-        section=LAYERS, shown=PRINCIPLED, active=positive("crust_share"), since="0.3")
+        section=COVER, shown=PRINCIPLED, active=positive("crust_share"), since="0.3")
     crust_height_m: float = metres(
         "Crust Thickness", 6.0e-3, 0.0, 1.0, (0.0, 0.03),
         "Height of the step at the edge of the crust. It changes the shading, not the true depth",
-        "material", section=LAYERS, shown=PRINCIPLED,
+        "material", section=COVER, shown=PRINCIPLED,
         active=positive("crust_share"), since="0.3")
     crust_roughness: float = fraction(
-        "Crust Roughness", 0.55, "Microfacet roughness of the crust", "material", section=LAYERS, shown=PRINCIPLED,
+        "Crust Roughness", 0.55, "Microfacet roughness of the crust", "material", section=COVER, shown=PRINCIPLED,
         active=positive("crust_share"), since="0.3")
     glint_share: float = fraction(
         "Glints", 0.0,

@@ -15,6 +15,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
 
 from ...settings.table import TOPICS
 from ...support.arrays import Array
@@ -116,10 +117,13 @@ def write_curves(summary: Summary, table: ResultTable, sweeps: Sequence[VariedSe
             else:
                 add_legend(figure, axes[0, 0], len(summary))
             curves[sweep.name] = f"curves/{sweep.name}.png"
-            write_atomically(
-                out / curves[sweep.name], partial(figure.savefig, format="png", dpi=_DPI, facecolor="white")
-            )
+            write_picture(figure, out / curves[sweep.name])
     return curves
+
+
+def write_picture(figure: Figure, path: Path) -> None:
+    """Write a figure that was drawn with ``ON_WHITE`` as PNG."""
+    write_atomically(path, partial(figure.savefig, format="png", dpi=_DPI, facecolor="white"))
 
 
 def _choose_sweep_lines(sweep: VariedSetting, sweeps: Sequence[VariedSetting], summary: Summary) -> FactorLines | None:

@@ -11,6 +11,8 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ...render.cost.quality_variants import SHAPES
 from ...support.files import write_json, write_text
@@ -25,6 +27,7 @@ from ..report.charts import (
     set_logarithmic_beyond,
 )
 from ..report.page_templates import read_template
+from ..report.sweep_charts import ON_WHITE, write_picture
 from ..report.table_columns import Column, format_number
 from .advice import find_distinct_steps, find_pareto_fronts, format_loss, make_decision_advice, make_variant_advice
 from .quality_losses import STEREO_KEYS, find_number
@@ -78,7 +81,7 @@ def write_trade(
     provenance: Mapping[str, Any],
     out: Path,
 ) -> dict[str, Any]:
-    """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return the content of the JSON.
+    """Write ``trade.json``, ``trade.csv``, ``trade.html`` and ``trade.png`` to ``out``; return the content of the JSON.
 
     ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and the result of
     ``quality_losses.measure_variant``. ``references``: per reference ``name``, ``noise``, ``cpu_s``, ``stereo``,
@@ -115,6 +118,7 @@ def write_trade(
         settings=json.dumps(provenance, indent=1),
     )
     write_text(out / "trade.html", html)
+    _write_picture(rows, methods, best, out / "trade.png")
     return report
 
 
@@ -165,40 +169,56 @@ def _make_csv(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
     return text.getvalue()
 
 
-def _draw_chart(
-    rows: Sequence[Mapping[str, Any]], methods: Sequence[str], best: Mapping[str, Sequence[Mapping[str, Any]]]
-) -> str:
+_Rows = Sequence[Mapping[str, Any]]
+
+
+def _draw_chart(rows: _Rows, methods: Sequence[str], best: Mapping[str, _Rows]) -> str:
+    """The chart of all variants for the page, as SVG."""
+    with matplotlib.rc_context(STYLE):
+        return render_svg(_make_chart(rows, methods, best), "trade", "Cost against error of every variant")
+
+
+def _write_picture(rows: _Rows, methods: Sequence[str], best: Mapping[str, _Rows], path: Path) -> None:
+    """Write the same chart as a picture, for programs that show no HTML, such as Blender."""
+    with matplotlib.rc_context({**STYLE, **ON_WHITE}):
+        write_picture(_make_chart(rows, methods, best), path)
+
+
+def _make_chart(rows: _Rows, methods: Sequence[str], best: Mapping[str, _Rows]) -> Figure:
     """Draw every variant by cost and error, with its uncertainty; a line joins those on the front."""
     groups = list(dict.fromkeys(row["group"] for row in rows))
     errors = _list_errors(methods)
-    with matplotlib.rc_context(STYLE):
-        figure, axes = make_figure(2, (len(errors) + 1) // 2, height=3.4)
-        for axis in axes.flat[len(errors) :]:
-            axis.set_visible(False)
-        for (label, path), axis in zip(errors, axes.flat, strict=False):
-            for k, group in enumerate(groups):
-                own = [
-                    (row["cpu_s"], find_number(row, *path), find_number(row, "loss_doubt", *path[1:]) or 0.0)
-                    for row in rows
-                    if row["group"] == group
-                ]
-                known = [point for point in own if None not in point[:2]]
-                look = {"color": METHOD_COLOURS[k % len(METHOD_COLOURS)], "marker": "osD^vPX*"[k % 8], "label": group}
-                axis.errorbar(*np.array(known, float).T.reshape(3, -1), linestyle="", elinewidth=0.8, **look)
-            axis.plot(
-                [row["cpu_s"] for row in best[label]],
-                [find_number(row, *path) for row in best[label]],
-                color="#6f7f8f",
-                linewidth=1.1,
-                zorder=0,
-            )
-            set_logarithmic(axis, "x")
-            if label == "radiance":
-                set_logarithmic(axis, "y")
-            else:  # linear near zero, as a loss may be negative, logarithmic beyond
-                set_logarithmic_beyond(axis, "y", 0.01)
-            axis.set_xlabel("CPU seconds per pair")
-            axis.set_ylabel("RMSE of the radiance" if label == "radiance" else "more disparity error (px)")
-            axis.set_title("Radiance" if label == "radiance" else describe_method(label), loc="left")
-        add_legend(figure, axes.flat[0], len(groups))
-        return render_svg(figure, "trade", "Cost against error of every variant")
+    figure, axes = make_figure(2, (len(errors) + 1) // 2, height=3.4)
+    for axis in axes.flat[len(errors) :]:
+        axis.set_visible(False)
+    for (label, path), axis in zip(errors, axes.flat, strict=False):
+        for k, group in enumerate(groups):
+            own = [
+                (row["cpu_s"], find_number(row, *path), find_number(row, "loss_doubt", *path[1:]) or 0.0)
+                for row in rows
+                if row["group"] == group
+            ]
+            known = [point for point in own if None not in point[:2]]
+            look = {"color": METHOD_COLOURS[k % len(METHOD_COLOURS)], "marker": "osD^vPX*"[k % 8], "label": group}
+            axis.errorbar(*np.array(known, float).T.reshape(3, -1), linestyle="", elinewidth=0.8, **look)
+        axis.plot(
+            [row["cpu_s"] for row in best[label]],
+            [find_number(row, *path) for row in best[label]],
+            color="#6f7f8f",
+            linewidth=1.1,
+            zorder=0,
+        )
+        _finish_axis(axis, label)
+    add_legend(figure, axes.flat[0], len(groups))
+    return figure
+
+
+def _finish_axis(axis: Axes, label: str) -> None:
+    set_logarithmic(axis, "x")
+    if label == "radiance":
+        set_logarithmic(axis, "y")
+    else:  # linear near zero, as a loss may be negative, logarithmic beyond
+        set_logarithmic_beyond(axis, "y", 0.01)
+    axis.set_xlabel("CPU seconds per pair")
+    axis.set_ylabel("RMSE of the radiance" if label == "radiance" else "more disparity error (px)")
+    axis.set_title("Radiance" if label == "radiance" else describe_method(label), loc="left")

@@ -17,8 +17,8 @@ import pytest
 from icymoon.formats import mesh_file, mesh_images, ply
 from icymoon.formats.mesh_checks import check_mesh
 from icymoon.formats.mesh_file import FORMATS
-from icymoon.physics.mesh import obj, stl
-from icymoon.physics.mesh.line_patterns import LinePatterns, UnusualTextError
+from icymoon.physics.triangle_files import obj, stl
+from icymoon.physics.triangle_files.line_patterns import LinePatterns, UnusualTextError
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import ForeignBytes
 

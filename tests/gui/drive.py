@@ -31,6 +31,7 @@ from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import person
+from contrast import measure_words
 from person import (
     ADD_ON,
     COLUMNS,
@@ -171,6 +172,10 @@ def choose_in_browser(folder: Path, name: str, picture: str, **options: object) 
 
 
 def open_the_tab() -> Waiting:
+    """The tab is opened once after the installation; then find it by mouse."""
+    yield from until(lambda: region("UI").width > 100, "Opening the sidebar by itself")
+    yield from until(lambda: region("UI").active_panel_category == "Icy Moon", "Opening the tab by itself")
+    yield from screenshot("opened_by_itself")
     yield from person.open_the_tab()
     yield from screenshot("sidebar")
 
@@ -386,9 +391,13 @@ def find_a_setting() -> Waiting:
     yield from write_text("find setting")
     yield from key("Return")
     yield 10 * TICK_S
-    yield from screenshot("find_setting")
+    yield from write_text("baseline")
+    yield 5 * TICK_S
+    yield from screenshot("find_setting")  # which follows the typing
+    yield from key("Return")
+    yield 10 * TICK_S
+    yield from screenshot("found_setting")
     yield from key("Escape")
-    manager().icymoon_sought = ""
     yield 5 * TICK_S
 
 
@@ -419,6 +428,36 @@ def ground_from_an_object() -> Waiting:
     yield from screenshot("ground_of_an_object")
     yield from key("ctrl+z")
     yield from until(lambda: settings().source.kind == before, "Undoing the ground of an object")
+
+
+def camera_by_click() -> Waiting:
+    """The camera goes where the ground is clicked, Esc leaves it, and Ctrl Z takes it back."""
+
+    def place() -> tuple[float, float]:
+        return settings().rig.x_m, settings().rig.y_m
+
+    before = place()
+    yield from click_header("rig")
+    yield from press("icymoon.place_on_ground", target="CAMERA")
+    yield from away()
+    yield from key("Escape")
+    yield 5 * TICK_S
+    check(place() == before, "Esc has moved the camera")
+    yield from press("icymoon.place_on_ground", target="CAMERA")
+    x, y = middle("WINDOW")
+    yield from to(x - 60, y - 80)
+    wanted = module("operators.place_on_ground").find_ground(bpy.context, *map(int, person.seen()))
+    check(wanted is not None, "there is no ground under the mouse")
+    yield from screenshot("place_camera")
+    xdotool("click", 1)
+    yield from until(lambda: place() != before, "Placing the camera")
+    off = max(abs(place()[0] - wanted.x), abs(place()[1] - wanted.y))
+    check(off < 0.05, f"the camera is {off:.3f} m off the click")
+    yield 10 * TICK_S
+    yield from screenshot("placed_camera")
+    yield from key("ctrl+z")
+    yield from until(partial(holds, before, place), "Undoing the placing")
+    yield from click_header("rig")
 
 
 def open_all_panels() -> Waiting:
@@ -867,6 +906,35 @@ def painted_errors() -> Waiting:
     settings().error_range_m = 1.0
 
 
+THEMES = ("Blender_Light.xml", "Blender_Dark.xml")
+#: WCAG's least contrast of text.
+LEAST_CONTRAST = 4.5
+
+
+def metrics_can_be_read() -> Waiting:
+    """The metrics stand out from their background in both themes, measured on screenshots."""
+    noted = []
+    for theme in THEMES:
+        folders = bpy.utils.preset_paths("interface_theme")
+        path = next(found for folder in folders if (found := Path(folder, theme)).is_file())
+        with in_region("WINDOW"):
+            bpy.ops.script.execute_preset(filepath=str(path), menu_idname="USERPREF_MT_interface_theme_presets")
+        yield 10 * TICK_S
+        _, y = yield from find("icymoon.show_error", method="sgbm")
+        yield from away()
+        yield from screenshot(f"metrics_{Path(theme).stem}")
+        picture = np.rint(255 * read_screenshot(f"metrics_{Path(theme).stem}")).astype(np.uint8)
+        sidebar, row = region("UI"), person.BUTTON_PX
+        lowest = int(y + 0.8 * row)  # of the rows of metrics, which are above the button
+        left, right = sidebar.x + 14, sidebar.x + sidebar.width - 40
+        words = measure_words(picture[lowest : lowest + int(5.5 * row), left:right][::-1])
+        check(len(words) >= 8, f"{len(words)} words are found in the metrics")
+        least = min(word.ratio for word in words)
+        check(least >= LEAST_CONTRAST, f"{theme}: a metric has a contrast of {least:.2f}")
+        noted.append(f"{Path(theme).stem} {least:.1f}")
+    return "least contrast " + ", ".join(noted)
+
+
 def show_error() -> Waiting:
     yield from press("icymoon.show_error", method="sgbm")
     yield from until(lambda: len(manager().windows) == 2, "Opening an Image Editor")
@@ -933,6 +1001,43 @@ def search_and_clear() -> Waiting:
     yield from key("Return")
     yield from until(lambda: not built(), "Clear Scene by F3")
     yield from screenshot("cleared")
+
+
+def by_f3(words: str) -> Waiting:
+    """F3, words, Return; the mouse is not touched."""
+    yield from key(F3)
+    yield 20 * TICK_S  # the first search goes through all menus
+    yield from write_text(words)
+    yield 3 * TICK_S
+    yield from key("Return")
+    yield 3 * TICK_S
+
+
+def first_minute_by_keys() -> Waiting:
+    """From an empty scene to a measured pair by the keyboard alone."""
+    yield from away()
+    folder = FOLDER / "keys"
+    yield from by_f3("load preset")
+    yield from write_text("europa rough ice")
+    yield 5 * TICK_S
+    yield from screenshot("keys_preset")
+    yield from key("Return")
+    yield from until(lambda: settings().preset == "scenes/europa_rough_ice", "Loading a preset by keys")
+    settings().rig.width_px, settings().rig.height_px = 240, 180
+    settings().mesh.error_px, settings().mesh.edge_px = 4.0, 24.0
+    settings().quality.samples, settings().dataset.folder = 4, str(folder)
+    yield from by_f3("build scene")
+    yield from until(built, "Building by keys")
+    yield from by_f3("render stereo pair")
+    yield from until(lambda: len(manager().windows) == 2, "Rendering by keys")
+    yield from person.close_second_window("the Image Editor")
+    yield from ended()
+    yield from away()  # which gives the window its keyboard back: there is no window manager
+    yield from by_f3("evaluate stereo pair")
+    yield from until(lambda: session().job, "Starting the evaluation by keys")
+    yield from ended()
+    check((folder / "evaluation_scene" / "report.html").is_file(), "there is no report")
+    yield from screenshot("keys_evaluated")
 
 
 def drag_an_asset() -> Waiting:
@@ -1237,6 +1342,7 @@ STEPS = (
     open_all_panels,
     build_by_mouse,
     undo_and_redo,
+    camera_by_click,
     slide_by_mouse,
     render_by_mouse,
     pair_on_the_screen,
@@ -1255,6 +1361,8 @@ STEPS = (
     export_a_pair,
     ground_from_an_object,
     search_and_clear,
+    first_minute_by_keys,
+    metrics_can_be_read,
     drag_an_asset,
     choose_by_picture,
     undo_by_key,
@@ -1265,7 +1373,7 @@ STEPS = (
     decide_by_mouse,
 )
 NAMES = [step.__name__ for step in STEPS]
-_LATER = calibration_by_mouse, escape_a_render
+_LATER = calibration_by_mouse, camera_by_click, escape_a_render
 #: From the opened tab to a measured pair.
 FIRST_STEPS = [step for step in STEPS[: STEPS.index(evaluate_by_mouse) + 1] if step not in _LATER]
 

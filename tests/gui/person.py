@@ -256,7 +256,8 @@ def find_setting(path: str) -> Looking:
 def open_the_tab() -> Waiting:
     """Show the sidebar and click down its tabs until ours is shown."""
     yield from away()
-    yield from key("n")
+    if region("UI").width < 100:
+        yield from key("n")
     yield from until(lambda: region("UI").width > 100, "Showing the sidebar")
     yield 10 * TICK_S  # it slides in
     sidebar = region("UI")

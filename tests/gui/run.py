@@ -5,6 +5,7 @@
     python tests/gui/run.py --shots [4.3] …          no test, but pictures of every panel in both themes to look at
     python tests/gui/run.py --manual [4.3]           the pictures of the tutorial
     python tests/gui/run.py --narrow [4.3]           a narrow sidebar, the menus, decisions on the ground
+    python tests/gui/run.py --themes [4.3]           all panels in two widths and both themes
 
 'named' is the Blender whose path ICYMOON_BLENDER holds. Screenshots and steps.json are left in
 out/gui/<Blender>. The status is 0 if every step of every Blender succeeded, and at least one ran.
@@ -98,7 +99,7 @@ def main(words: list[str]) -> int:
     names = [word for word in words if not word.startswith("--")]
     pictures: dict[str, Callable[[Blender, Path], str]] = {
         "--shots": shoot,
-        **{f"--{what}": partial(shoot_only, what) for what in ("manual", "narrow")},
+        **{f"--{what}": partial(shoot_only, what) for what in ("manual", "narrow", "themes")},
     }
     steps = [step for word in words if word.startswith("--steps=") for step in word.partition("=")[2].split(",")]
     act = pictures.get(words[0] if words else "", partial(drive_steps, steps))

@@ -1,9 +1,10 @@
 """Take pictures of every state of the sidebar, the menus and the preferences, in both themes; runs in Blender.
 
-    blender --python tests/gui/shots.py -- FOLDER [manual|narrow]
+    blender --python tests/gui/shots.py -- FOLDER [manual|narrow|themes]
 
 With "manual" it takes those of the tutorial instead, FOLDER/window_*.png, which need an evaluator and some minutes.
-With "narrow" it takes only those of a narrow sidebar, of the menus and of decisions on the ground.
+With "narrow" it takes only those of a narrow sidebar, of the menus and of decisions on the ground; with "themes" all
+panels in two widths and both themes.
 Each state is a contact sheet FOLDER/THEME_STATE.png: the sidebar with all panels open, page beside page; double_STATE
 is the same at twice the size, as on a HiDPI screen. A render that goes on and what opens are pictures of the whole
 screen. Results are put there, not measured, and no evaluator is
@@ -383,6 +384,22 @@ def menus() -> Waiting:
         yield 10 * TICK_S
 
 
+def themes() -> Waiting:
+    """All panels in both themes, in a sidebar as Blender opens it and in the narrowest."""
+    yield 10 * TICK_S
+    person.start_watching()
+    open_panels()
+    yield from workspace("Modeling")
+    area().spaces.active.shading.type = "WIREFRAME"
+    for width in (280, 200):
+        yield from make_narrow(width)
+        for state in (built, otherwise):
+            state()
+            module("operators.session").session.job = None
+            yield 15 * TICK_S
+            yield from in_both_themes(f"{width}_{state.__name__}", sheet)
+
+
 def narrow() -> Waiting:
     """Texts in the narrowest sidebar, menus, and decisions on the ground."""
     yield 10 * TICK_S
@@ -462,5 +479,5 @@ check(bpy.context.preferences.addons.get(ADD_ON), "the extension is not enabled"
 shutil.rmtree(FOLDER, ignore_errors=True)
 FOLDER.mkdir(parents=True)
 bpy.context.preferences.view.show_splash = False
-walking = {"manual": for_the_manual, "narrow": narrow}.get(sys.argv[-1], walk)()
+walking = {"manual": for_the_manual, "narrow": narrow, "themes": themes}.get(sys.argv[-1], walk)()
 bpy.app.timers.register(lambda: tick(walking), first_interval=TICK_S)

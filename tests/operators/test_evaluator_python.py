@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon.operators import install_evaluator, jobs, preferences
+from icymoon.operators import evaluate, install_evaluator, jobs, preferences
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.system import find_venv_python
 from stand_ins import stand_in
@@ -121,3 +121,31 @@ def test_who_has_no_evaluator_is_told_what_can_be_done_there(extension, monkeypa
     monkeypatch.setattr(bpy, "app", SimpleNamespace(binary_path="/blender", background=background))
     with pytest.raises(IcyMoonError, match=said):
         preferences.find_evaluator_python()
+
+
+@pytest.mark.parametrize("scope", ["SCENE", "DATASET"])
+def test_the_evaluator_is_asked_for_only_where_there_is_a_pair(scene, tmp_path, monkeypatch, scope):
+    asked, said = [], []
+    ops = SimpleNamespace(icymoon=SimpleNamespace(install_evaluator=lambda *how, **what: asked.append(what)))
+    monkeypatch.setattr(evaluate, "bpy", SimpleNamespace(app=SimpleNamespace(background=False), ops=ops))
+    monkeypatch.setattr(evaluate, "is_evaluator_missing", lambda: True)
+    scene.icymoon.dataset.folder = str(tmp_path)
+    button = stand_in(scope=scope, fail=lambda error: said.append(str(error)) or {"CANCELLED"})
+    invoke = evaluate.ICYMOON_OT_evaluate.invoke
+    assert invoke(button, bpy.context, None) == {"CANCELLED"}
+    assert asked == []
+    assert "Render Stereo Pair" in said[0]
+    monkeypatch.setattr(evaluate, "find_rendered_pairs", lambda *_: [tmp_path])
+    monkeypatch.setattr(evaluate, "has_pairs", lambda _: True)
+    invoke(button, bpy.context, None)
+    assert asked == [{"then_evaluate": scope}]
+
+
+def test_a_measuring_job_counts_and_names_its_last_step():
+    process = stand_in(cancelled=False, running=True)
+    job = evaluate.MeasuringJob("Evaluate", process)
+    message = {"type": "progress", "fraction": 0.5, "done": 1, "total": 2, "message": "0123456789ab StereoBM"}
+    job.hear(message)
+    assert job.shown[:2] == ("1 of 2 measured", 50)
+    job.hear({**message, "fraction": 1.0, "done": 2})
+    assert job.shown[:2] == ("Writing the report", 100)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -11,6 +12,7 @@ from icymoon.operators import export_pairs, jobs
 from icymoon.operators.session import session
 from icymoon.panels.exports import draw_export
 from icymoon.plugins.installed import load_plugin
+from icymoon.render.pairs.pair_folder import has_pairs
 from icymoon.stereo.cli import make_parser
 from icymoon.stereo.export import OPTIONS, find_plugins, list_options, list_titles
 from pairs import write_pair
@@ -82,6 +84,23 @@ def test_without_a_pair_the_button_is_grey(scene, tmp_path):
     assert not bpy.ops.icymoon.export_pairs.poll()
     with pytest.raises(RuntimeError, match="There is no rendered pair; press Render Stereo Pair first"):
         bpy.ops.icymoon.export_pairs(filepath=str(tmp_path / "out"))
+
+
+def test_the_window_reads_a_data_set_folder_only_when_it_has_changed(scene, tmp_path, monkeypatch):
+    read, now = [], 0.0
+    monkeypatch.setattr(export_pairs, "time", SimpleNamespace(monotonic=lambda: now))
+    monkeypatch.setattr(export_pairs, "has_pairs", lambda path: read.append(path) or has_pairs(path))
+    scene.icymoon.dataset.folder = str(tmp_path)
+    for _ in range(20):
+        assert not bpy.ops.icymoon.export_pairs.poll()
+    assert len(read) == 1
+    (tmp_path / "pairs" / NAME).mkdir(parents=True)
+    (tmp_path / "pairs" / NAME / "pair.json").touch()
+    assert bpy.ops.icymoon.export_pairs.poll()
+    assert len(read) == 2
+    now = 60.0
+    assert bpy.ops.icymoon.export_pairs.poll()
+    assert len(read) == 3  # now and then anyway
 
 
 def test_the_last_pair_comes_first_and_the_data_set_else(scene, pair):

@@ -105,7 +105,7 @@ def test_instances_are_in_the_ground(scene):
     positions, triangles = read(scene)
     assert len(triangles) == one
     assert positions[:, 0].mean() == pytest.approx(5.0)
-    assert object_as_ground.why_not_ground(bpy.context) == ""
+    assert object_as_ground.why_not_usable(bpy.context) == ""
 
 
 @pytest.mark.parametrize(
@@ -148,16 +148,16 @@ def test_parts_of_the_built_scene_are_refused_with_the_reason(scene):
     add_grid()
     bpy.ops.icymoon.object_as_ground()
     select(scenes.find_built(scene).terrain)
-    assert "part of the built scene" in object_as_ground.why_not_ground(bpy.context)
+    assert "part of the built scene" in object_as_ground.why_not_usable(bpy.context)
     assert not bpy.ops.icymoon.object_as_ground.poll()
 
 
 def test_without_a_mesh_the_button_is_grey(scene):
-    assert object_as_ground.why_not_ground(bpy.context) == "Select a mesh object"
+    assert object_as_ground.why_not_usable(bpy.context) == "Select a mesh object"
     lamp = select(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "SUN")))
-    assert object_as_ground.why_not_ground(bpy.context) == "The active object is no mesh"
+    assert object_as_ground.why_not_usable(bpy.context) == "The active object is no mesh"
     lamp.select_set(False)
-    assert object_as_ground.why_not_ground(bpy.context) == "Select a mesh object"
+    assert object_as_ground.why_not_usable(bpy.context) == "Select a mesh object"
 
 
 def test_the_file_follows_from_the_content(scene, tmp_path):
@@ -186,8 +186,8 @@ def test_a_linked_object_is_read_and_not_changed(scene, tmp_path):
 def test_the_file_lies_beside_the_blend_if_the_data_set_does(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(bpy.path, "abspath", lambda path: path.replace("//", f"{tmp_path}/"))
     path = tmp_path / "data" / "inputs" / "a.ply"
-    assert object_as_ground._shorten_path(path, "//data").replace("\\", "/") == "//data/inputs/a.ply"
-    assert object_as_ground._shorten_path(path, "~/data") == str(path)
+    assert object_as_ground.shorten_path(path, "//data").replace("\\", "/") == "//data/inputs/a.ply"
+    assert object_as_ground.shorten_path(path, "~/data") == str(path)
 
 
 def test_settings_that_place_other_files_are_reset(scene):

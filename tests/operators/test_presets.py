@@ -286,3 +286,10 @@ def test_a_preset_that_is_gone_or_broken_is_no_change(scene, own):
     assert not presets.is_changed(scene)
     (own / "mine.toml").unlink()
     assert not presets.is_changed(scene)
+
+
+def test_in_the_search_each_preset_has_a_text_of_its_own(scene):
+    items = presets.list_search_items()
+    assert [name for name, *_ in items] == [name for name, *_ in presets.list_preset_items()]
+    texts = [text for _, text, _ in items]
+    assert len({*texts}) == len(texts)

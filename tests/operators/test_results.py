@@ -34,7 +34,9 @@ def test_they_survive_saving_and_are_none_of_another_file(scene, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
     assert results.kept_results(bpy.context.scene) == before
     assert shown(bpy.context.scene)
-    assert results.list_notes(bpy.context.scene) == [f"Of pair {PAIR}, 2038-06-01 12:34 UTC"]
+    assert results.list_notes(bpy.context.scene) == ["Of an earlier pair, 2038-06-01 12:34 UTC"]
+    bpy.context.scene.icymoon.pairs = f"{PAIR} other"
+    assert results.list_notes(bpy.context.scene) == ["Of the pair rendered last, 2038-06-01 12:34 UTC"]
     assert results.find_report_folder(bpy.context.scene) == tmp_path / "evaluation_scene"
 
 

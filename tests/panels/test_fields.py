@@ -13,6 +13,7 @@ from icymoon.operators.job_operators import JobOperator
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import fields
+from icymoon.settings.preset_files import PRESET_KINDS, WHOLE_SCENE_KINDS
 from icymoon.settings.table import TOPICS, list_all_settings
 from panel_drawing import Layout, drawn
 from stand_ins import stand_in
@@ -148,10 +149,22 @@ def header_of(panel: Any, width: int, monkeypatch) -> list:
     layout = Layout()
     made = stand_in(
         layout=layout,
-        **{name: getattr(panel, name) for name in ("bl_label", "page", "bl_parent_id") if hasattr(panel, name)},
+        **{
+            name: getattr(panel, name)
+            for name in ("bl_label", "page", "bl_parent_id", "preset_kind")
+            if hasattr(panel, name)
+        },
     )
     panel.draw_header_preset(made, bpy.context)
     return layout.record
+
+
+def test_presets_of_a_part_are_in_the_header_of_its_panel(scene, monkeypatch):
+    panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")]
+    menus = {entry[1] for panel in panels for entry in header_of(panel, LINE, monkeypatch) if entry[0] == "menu"}
+    kinds = {*PRESET_KINDS} - {*WHOLE_SCENE_KINDS, "bodies"}  # moons have buttons in Light
+    assert menus == {f"ICYMOON_MT_presets_{kind}" for kind in kinds}
+    assert [entry[0] for entry in header_of(bpy.types.ICYMOON_PT_quality, 25, monkeypatch)] == []
 
 
 def test_the_help_button_hides_no_title(scene, monkeypatch):
@@ -160,7 +173,7 @@ def test_the_help_button_hides_no_title(scene, monkeypatch):
     assert all(header_of(panel, LINE, monkeypatch) for panel in panels)
     narrow = {panel.bl_label: bool(header_of(panel, 25, monkeypatch)) for panel in panels}
     # As seen in a sidebar of 200 pixels: 16 letters have room beside the button, within another panel 14.
-    expected = {"Ice": True, "Landforms": True, "Exposure and Sensor": False, "Colour, Dirt and Salts": False}
+    expected = {"Ice": True, "Landforms": True, "Exposure and Sensor": False, "Bubbles and Fractures": False}
     assert {title: narrow[title] for title in expected} == expected
 
 

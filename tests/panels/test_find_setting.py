@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -11,6 +12,7 @@ from icymoon.settings.blender import scene_properties
 from icymoon.settings.find_settings import SYNONYMS, find_settings
 from icymoon.settings.table import TOPICS, list_all_settings
 from panel_drawing import Layout, texts
+from stand_ins import stand_in
 
 
 def draw(typed: str) -> list:
@@ -66,7 +68,7 @@ def test_the_best_are_drawn_and_the_rest_is_counted(scene):
     record = draw("the")
     found = find_settings("the")
     assert len(found) > find_setting.MOST_FOUND
-    assert sum(entry[0] == "box" for entry in record) == find_setting.MOST_FOUND
+    assert sum(entry[0] == "separator" for entry in record) == find_setting.MOST_FOUND
     assert f"{len(found) - find_setting.MOST_FOUND} more" in texts(record)
 
 
@@ -76,6 +78,32 @@ def test_fields_are_the_live_properties_with_their_panel(scene):
     assert any(entry[0] == "prop" and str(entry[1]).endswith("rig.baseline_m") for entry in record)
     assert "No setting has these words" in texts(draw("zzz"))
     assert len(draw("")) == 2  # the row and the field
+
+
+def test_the_search_has_all_settings_and_shows_the_field_of_one(scene):
+    find = find_setting.ICYMOON_OT_find_setting
+    names = [item.identifier for item in bpy.ops.icymoon.find_setting.get_rna_type().properties["setting"].enum_items]
+    assert names == [f"{topic}.{setting.key}" for topic, setting in list_all_settings()]
+    assert len({text for _, text, _ in find_setting._ITEMS}) == len(names)
+    assert bpy.ops.icymoon.find_setting(setting="rig.baseline_m") == {"FINISHED"}
+    layout = Layout()
+    find.draw(stand_in(layout=layout, setting="rig.baseline_m"), bpy.context)
+    assert "Stereo Camera   rig.baseline_m" in texts(layout.record)
+    assert [entry[1] for entry in layout.record if entry[0] == "prop"] == ["icymoon.rig.baseline_m"]
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_without_a_setting_it_is_searched_and_with_one_its_field_pops_up(given):
+    popped = []
+    manager = SimpleNamespace(
+        invoke_search_popup=lambda operator: popped.append("search"),
+        invoke_popup=lambda operator, width: popped.append("field") or {"RUNNING_MODAL"},
+    )
+    asked = stand_in(
+        bl_property="setting", properties=SimpleNamespace(is_property_set=lambda name: given and name == "setting")
+    )
+    find_setting.ICYMOON_OT_find_setting.invoke(asked, SimpleNamespace(window_manager=manager), None)
+    assert popped == ["field" if given else "search"]
 
 
 def test_a_reason_names_what_decides(scene):

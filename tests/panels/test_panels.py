@@ -17,6 +17,8 @@ from icymoon.operators.presets import list_preset_items
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sidebar
+from icymoon.settings.description import defaults, merged
+from icymoon.settings.preset_files import find_preset, load, preset_names
 from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.settings.topics.declaration import ELSEWHERE
 from icymoon.stereo.matchers import list_matcher_titles
@@ -104,6 +106,7 @@ CHOICES = (
     {"surface.model": "HAPKE"},
     {"surface.ice_colour": "SNOW", "rock_surface.ice_colour": "SNOW"},
     {"rocks.law": "TABLE"},
+    {"rocks.family": "OWN"},
     {"sensor.colour": "BAYER"},
     {"textures.set": "OWN"},
     {"textures.set": "STAND_IN", "source.kind": "STAND_IN"},
@@ -119,6 +122,10 @@ CHOICES = (
     {"rig.height_from": "ZERO"},
     {"rig.eyes": "CALIBRATED", "left_eye.lens": "CAHVORE", "right_eye.lens": "CAHVORE"},
 )
+
+
+#: Fields that a panel shows at most.
+MOST_FIELDS = 10
 
 
 def set_choices(root: object, chosen: dict) -> None:
@@ -151,9 +158,25 @@ def test_a_panel_that_is_shown_lies_in_panels_that_are(scene, chosen):
 @pytest.mark.parametrize("chosen", CHOICES, ids=str)
 def test_no_panel_that_is_shown_is_empty(scene, chosen):
     set_choices(scene.icymoon, chosen)
-    shown = list_shown()
+    shown = {cls: drawn(cls) for cls in list_shown()}
     assert len(shown) > 20
-    assert [cls.bl_idname for cls in shown if not drawn(cls)] == []
+    assert [cls.bl_idname for cls, record in shown.items() if not record] == []
+    counts = {cls.bl_idname: sum(entry[0] == "prop" for entry in record) for cls, record in shown.items()}
+    switches = {cls.bl_idname: "draw_header" in vars(cls) for cls in shown}
+    assert {name for name, count in counts.items() if count > MOST_FIELDS + switches[name]} == set()
+
+
+def test_no_panel_has_more_than_ten_fields_with_any_preset():
+    """Besides a tick in its header. What would be more lies in panels within it."""
+    for name in preset_names():
+        settings = merged(defaults(), load(find_preset(name)))
+        counts = {
+            (topic.key, section and section.key): sum(topic.is_shown(key, settings) for key in keys)
+            for topic in TOPICS.values()
+            for section in (None, *topic.sections)
+            for keys in [topic.main_keys if section is None else topic.keys_in(section)]
+        }
+        assert {part: count for part, count in counts.items() if count > MOST_FIELDS} == {}, name
 
 
 def test_every_setting_is_drawn_where_it_has_a_meaning(scene):
@@ -602,6 +625,15 @@ def test_a_scene_that_asks_for_kernels_gets_the_preferred_ones(scene, monkeypatc
     light.kernels = "/mine.tm"
     light.date_utc = "2030-01-01T00:00:00"
     assert light.kernels == "/mine.tm"
+
+
+def test_the_chart_of_qualities_can_be_shown_once_it_is_there(scene, tmp_path):
+    scene.icymoon.dataset.folder = str(tmp_path)
+    assert not bpy.ops.icymoon.show_trade.poll()
+    (tmp_path / "trade").mkdir()
+    (tmp_path / "trade" / "trade.png").touch()
+    assert bpy.ops.icymoon.show_trade.poll()
+    assert "icymoon.show_trade" in operators(drawn(bpy.types.ICYMOON_PT_trade))
 
 
 @pytest.mark.parametrize("width", [LINE, 24])

@@ -77,7 +77,7 @@ def matchers(scene, monkeypatch):
     )
     bpy.utils.register_class(kind)
     bpy.types.Scene.icymoon_test = bpy.props.PointerProperty(type=kind)
-    monkeypatch.setattr(preferences, "_get_preferences", lambda: bpy.context.scene.icymoon_test)
+    monkeypatch.setattr(preferences, "get_preferences", lambda: bpy.context.scene.icymoon_test)
     yield scene.icymoon_test.matchers
     del bpy.types.Scene.icymoon_test
     bpy.utils.unregister_class(kind)

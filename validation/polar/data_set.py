@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...physics.mesh.obj import parse_triangles
+from ...physics.triangle_files.obj import parse_triangles
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import read

@@ -274,6 +274,7 @@ def test_the_report_holds_everything(tmp_path):
     assert len(lines) == len(ROWS) + 1
     assert {len(line.split(",")) for line in lines} == {len(lines[0].split(","))}
     assert json.loads((tmp_path / "trade.json").read_text()) == report
+    assert (tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "trade.html").read_text()
     assert all(each["name"] in page for each in ROWS)
     assert "0.018 ± 0.004" in page

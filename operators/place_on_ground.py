@@ -1,0 +1,150 @@
+"""Place by Click: the camera, the trench, the workspace or the site of the map, where the user clicks on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
+from mathutils import Vector
+
+from ..nodes import build_scene as scenes
+from ..nodes.eyes_above_ground import cast_ray
+from ..settings.blender import scene_properties
+from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.printer import show_controls
+from .sidebar_text import format_for_window
+
+TARGETS = (
+    ("CAMERA", "Camera", "Put the left camera above the place"),
+    ("TRENCH", "Trench", "Let the scoop start at the place"),
+    ("WORKSPACE", "Workspace", "Put the centre of the workspace on the place"),
+    ("SITE", "Site on the Map", "Move the ground so that the place is the origin of the scene"),
+)
+_HINT = "Click on the ground to place the {}; Esc or right click to cancel"
+#: Events that end the operator without a place; those that turn and move the view are left to Blender.
+_CANCELS = ("ESC", "RIGHTMOUSE")
+_DIGITS = 3  # of a place in metres: a millimetre
+
+
+def make_placed(target: str, settings: Settings, x_m: float, y_m: float) -> Mapping[str, Mapping[str, Any]]:
+    """The settings that place a target at ``x_m`` east and ``y_m`` north of the origin.
+
+    Raises IcyMoonError if the present settings have no such target.
+    """
+    x, y = round(x_m, _DIGITS), round(y_m, _DIGITS)
+    if target == "CAMERA":
+        return {"rig": {"x_m": x, "y_m": y}}
+    if target == "WORKSPACE":
+        return {"workspace": {"east_m": x, "north_m": y}}
+    if target == "TRENCH":
+        path = settings.excavation.path
+        if path not in ("NONE", "LINE", "ARC"):
+            raise IcyMoonError("The path of the scoop is recorded; set excavation.path to LINE to place a trench.")
+        return {"excavation": {"start_x_m": x, "start_y_m": y, **({"path": "LINE"} if path == "NONE" else {})}}
+    source = settings.source
+    if source.kind == "PROCEDURAL":
+        raise IcyMoonError("Procedural ground has no site; place the camera instead, or import a height map.")
+    return {
+        "source": {
+            "origin_x_m": round(source.origin_x_m + x_m, _DIGITS),
+            "origin_y_m": round(source.origin_y_m + y_m, _DIGITS),
+        }
+    }
+
+
+def find_view(screen: bpy.types.Screen, x: int, y: int) -> tuple[bpy.types.Region, bpy.types.RegionView3D] | None:
+    """The region of the 3D View at a place of the window, in pixels from below left; None beside 3D Views."""
+    for area in screen.areas:
+        if area.type != "VIEW_3D":
+            continue
+        region = next(each for each in area.regions if each.type == "WINDOW")
+        over = (each for each in area.regions if each.type != "WINDOW" and each.width > 1 and each.height > 1)
+        if _contains(region, x, y) and not any(_contains(each, x, y) for each in over):
+            return region, area.spaces.active.region_3d
+    return None
+
+
+def _contains(region: bpy.types.Region, x: int, y: int) -> bool:
+    return region.x <= x < region.x + region.width and region.y <= y < region.y + region.height
+
+
+def find_ground(context: bpy.types.Context, x: int, y: int) -> Vector | None:
+    """The point of the built ground under a place of the window, in metres; None if there is none."""
+    found = find_view(context.screen, x, y)
+    if found is None:
+        return None
+    region, view = found
+    at = (x - region.x, y - region.y)
+    start, toward = region_2d_to_origin_3d(region, view, at), region_2d_to_vector_3d(region, view, at)
+    role, distance, _ = cast_ray(context.scene, context.evaluated_depsgraph_get(), start, toward)
+    return start + distance * toward if role else None
+
+
+class ICYMOON_OT_place_on_ground(bpy.types.Operator):
+    """Click on the ground to place something there. The view can be turned and moved before"""
+
+    bl_idname = "icymoon.place_on_ground"
+    bl_label = "Place by Click"
+    bl_options = {"REGISTER", "UNDO"}
+
+    target: bpy.props.EnumProperty(name="Target", description="What to place", items=TARGETS)
+    x_m: bpy.props.FloatProperty(name="East", description="Metres east of the origin", subtype="DISTANCE")
+    y_m: bpy.props.FloatProperty(name="North", description="Metres north of the origin", subtype="DISTANCE")
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        return next(f"Click on the ground. {text}" for name, _, text in TARGETS if name == properties.target)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if scenes.find_built(context.scene) is None:
+            cls.poll_message_set("There is no ground to click on; press Build Scene first")
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Wait for a click on the ground."""
+        context.window.cursor_modal_set("CROSSHAIR")
+        label = next(label for name, label, _ in TARGETS if name == self.target)
+        context.workspace.status_text_set(_HINT.format(label.lower()))
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type in _CANCELS and event.value == "PRESS":
+            self._end(context)
+            return {"CANCELLED"}
+        if event.type != "LEFTMOUSE" or event.value != "PRESS":
+            return {"PASS_THROUGH"}
+        place = find_ground(context, event.mouse_x, event.mouse_y)
+        if place is None:
+            self.report({"WARNING"}, "There is no ground under the mouse; click on the ground, or press Esc")
+            return {"RUNNING_MODAL"}
+        self._end(context)
+        self.x_m, self.y_m = place.x, place.y
+        return self.execute(context)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when the window closes or another file is opened."""
+        self._end(context)
+
+    def _end(self, context: bpy.types.Context) -> None:
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        group = context.scene.icymoon
+        try:
+            placed = make_placed(self.target, scene_properties.read_settings(group), self.x_m, self.y_m)
+            scene_properties.write_settings(group, placed)
+        except IcyMoonError as error:
+            self.report({"ERROR"}, format_for_window(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, show_controls(f"Placed {self.x_m:.3f} m east and {self.y_m:.3f} m north of the origin"))
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_place_on_ground,)

@@ -1,0 +1,143 @@
+"""The pairs of the data set folder that were rendered last, with small pictures that a thread makes in turn."""
+
+from __future__ import annotations
+
+import heapq
+import os
+import time
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ..render.pairs.dataset_file_names import is_pair_id, pairs_folder
+from ..render.workers.watched_thread import Calculation
+from ..settings.topics.scene import typed
+from ..stereo.pair_views import PairViews, read_pair_views
+from ..support.errors import IcyMoonError
+from . import jobs
+from .render import find_dataset_folder
+from .window_areas import ButtonPictures, redraw_panels
+from .window_events import call_later, cancel_call
+
+#: Most pairs in the list, columns or rows of a picture, and most pictures that are kept.
+MOST_PAIRS, SIDE_PX, _MOST_PICTURES = 8, 128, 64
+#: Seconds after which the folder is read again although it has not changed: a pair may be rendered anew in its place.
+_REREAD_S = 5.0
+_pictures = ButtonPictures()
+
+
+class RecentPair(NamedTuple):
+    """A pair of a data set, and when its ``pair.json`` was written, ns."""
+
+    folder: Path
+    written_ns: int
+
+    @property
+    def id(self) -> str:
+        """The pair's id."""
+        return self.folder.name
+
+    @property
+    def title(self) -> str:
+        """When it was rendered: the time of a day, or the date of an earlier day and its time."""
+        written, now = time.localtime(self.written_ns / 1e9), time.localtime()
+        return time.strftime("%H:%M:%S" if written[:3] == now[:3] else "%d %b %Y, %H:%M", written)
+
+
+class _Making:
+    """The pair whose picture is made, those that wait for one, and those that have none."""
+
+    job: jobs.Job | None = None
+    pair: RecentPair | None = None
+    waiting: tuple[RecentPair, ...] = ()
+    failed: frozenset[RecentPair] = frozenset()
+
+
+def list_recent(scene: bpy.types.Scene) -> tuple[RecentPair, ...]:
+    """The pairs of a scene's data set folder that were written last, the newest first; none without a folder."""
+    try:
+        dataset = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
+        changed_ns = pairs_folder(dataset).stat().st_mtime_ns
+    except (IcyMoonError, OSError):
+        return ()
+    return _read_recent(pairs_folder(dataset), changed_ns, int(time.monotonic() / _REREAD_S))
+
+
+@lru_cache(maxsize=4)
+def _read_recent(folder: Path, changed_ns: int, period: int) -> tuple[RecentPair, ...]:
+    """``list_recent`` of a folder of pairs. The window asks at every redraw, so the answer is kept for a while."""
+    found = []
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if not is_pair_id(entry.name):
+                continue
+            try:
+                found.append((os.stat(os.path.join(entry.path, "pair.json")).st_mtime_ns, entry.name))
+            except OSError:  # not complete
+                continue
+    return tuple(RecentPair(folder / name, written_ns) for written_ns, name in heapq.nlargest(MOST_PAIRS, found))
+
+
+def find_icon(pair: RecentPair) -> int | None:
+    """The icon of a pair's picture (0 without a window); None until it is there. What has no picture waits for one."""
+    shown = _pictures.collection.get(_make_key(pair))
+    if shown is not None:
+        return int(shown.icon_id)
+    if pair not in _Making.failed and pair not in _Making.waiting:
+        _Making.waiting = (*_Making.waiting, pair)
+    if not bpy.app.background:
+        call_later(make_next)
+    return None
+
+
+def _make_key(pair: RecentPair) -> str:
+    return f"{pair.folder} {pair.written_ns}"
+
+
+def make_next() -> float | None:
+    """Make the picture of the next pair that waits, in a thread; seconds until the next look, None if none waits."""
+    if _Making.job is not None and _Making.pair is not None:
+        if _Making.job.poll():
+            return jobs.INTERVAL_S
+        _keep(_Making.pair, _Making.job)
+        _Making.job = _Making.pair = None
+        redraw_panels()
+    if not _Making.waiting:
+        return None
+    pair, *rest = _Making.waiting
+    _Making.pair, _Making.waiting = pair, tuple(rest)
+    _Making.job = jobs.Job("Picture", Calculation(lambda: read_pair_views(pair.folder, {}, SIDE_PX), pair.folder))
+    return jobs.INTERVAL_S
+
+
+def _keep(pair: RecentPair, job: jobs.Job) -> None:
+    """Keep the left image of a pair that was read; of a pair that cannot be read, that it has no picture."""
+    if job.failure:
+        _Making.failed |= {pair}
+        return
+    if len(_pictures.collection) >= _MOST_PICTURES:
+        _pictures.collection.clear()
+    views: PairViews = job.result["value"]
+    picture = views.shown_left
+    shown = _pictures.collection.new(_make_key(pair))
+    shown.image_size = picture.shape[1::-1]
+    rgba = np.ones((*picture.shape[:2], 4), np.float32)
+    rgba[..., :3] = picture[::-1] / np.float32(255)
+    shown.image_pixels_float.foreach_set(rgba.ravel())
+
+
+def register() -> None:
+    """Nothing: pictures are made once they are asked for."""
+
+
+def unregister() -> None:
+    """Stop making pictures, and remove those there are."""
+    cancel_call(make_next)
+    if _Making.job is not None:
+        _Making.job.close()
+    _Making.job = _Making.pair = None
+    _Making.waiting, _Making.failed = (), frozenset()
+    _pictures.remove()

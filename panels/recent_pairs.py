@@ -1,0 +1,46 @@
+"""The panel Recent Pairs: those of the data set folder that were rendered last, with pictures. A click shows one."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..operators import manual, recent_pairs
+from ..operators.session import session
+from .sidebar import Sidebar
+
+#: Size of a picture in heights of a button.
+_PICTURE_SCALE = 3.0
+#: Share of a line for the picture.
+_PICTURE_SHARE = 0.35
+
+
+class ICYMOON_PT_recent(Sidebar, bpy.types.Panel):
+    """The pairs of the data set folder that were rendered last. Click on one to show it"""
+
+    bl_idname = "ICYMOON_PT_recent"
+    bl_label = "Recent Pairs"
+    page = manual.find_page_of_topic("dataset")
+    bl_parent_id = "ICYMOON_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 1
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(recent_pairs.list_recent(context.scene))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        shown = session.shown.folder if session.shown is not None else None
+        column = self.layout.column(align=True)
+        for pair in recent_pairs.list_recent(context.scene):
+            row = column.split(factor=_PICTURE_SHARE)
+            icon = recent_pairs.find_icon(pair)
+            if icon is not None:
+                row.template_icon(icon_value=icon, scale=_PICTURE_SCALE)
+            else:
+                row.label(text="", icon="IMAGE_DATA")
+            button = row.column()
+            button.scale_y = _PICTURE_SCALE if icon is not None else 1.0
+            button.operator("icymoon.show_pair", text=pair.title, depress=pair.folder == shown).id = pair.id
+
+
+CLASSES = (ICYMOON_PT_recent,)

@@ -1,0 +1,1 @@
+"""Triangles from STL and OBJ files, for the rooms that need no Blender."""

@@ -1,0 +1,92 @@
+"""Place by Click: where a click hits the ground, what is placed there, and what is not."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+from icymoon.operators import place_on_ground
+from icymoon.settings.blender import scene_properties
+from icymoon.support.errors import IcyMoonError
+from mathutils import Vector
+from stand_ins import stand_in
+
+#: Pixels of the stand-in view per metre; its middle is the origin.
+PER_M, MIDDLE = 50, (400, 300)
+
+
+def region(kind: str, x: int, y: int, width: int, height: int) -> SimpleNamespace:
+    return SimpleNamespace(type=kind, x=x, y=y, width=width, height=height)
+
+
+@pytest.fixture
+def screen(monkeypatch):
+    """A 3D View that is looked down on from above, with a sidebar at its right, beside another editor."""
+    monkeypatch.setattr(
+        place_on_ground,
+        "region_2d_to_origin_3d",
+        lambda _, __, at: Vector(((at[0] - MIDDLE[0]) / PER_M, (at[1] - MIDDLE[1]) / PER_M, 50.0)),
+    )
+    monkeypatch.setattr(place_on_ground, "region_2d_to_vector_3d", lambda *_: Vector((0.0, 0.0, -1.0)))
+    spaces = SimpleNamespace(active=SimpleNamespace(region_3d=object()))
+    regions = [region("UI", 700, 100, 100, 600), region("WINDOW", 0, 100, 800, 600), region("TOOLS", 0, 100, 1, 600)]
+    view = SimpleNamespace(type="VIEW_3D", regions=regions, spaces=spaces)
+    return SimpleNamespace(areas=[SimpleNamespace(type="OUTLINER", regions=[]), view])
+
+
+def test_a_click_finds_the_ground_through_objects_of_the_user(small, screen):
+    bpy.ops.icymoon.build_scene()
+    bpy.ops.mesh.primitive_plane_add(size=50.0, location=(0.0, 0.0, 10.0))
+    context = SimpleNamespace(screen=screen, scene=small, evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get)
+    place = place_on_ground.find_ground(context, MIDDLE[0] + PER_M, 100 + MIDDLE[1] - PER_M // 2)
+    assert (place.x, place.y) == pytest.approx((1.0, -0.5), abs=1e-4)
+    assert abs(place.z) < 5.0
+    assert place_on_ground.find_ground(context, 750, 300) is None  # over the sidebar
+    assert place_on_ground.find_ground(context, 10, 50) is None  # below the view
+    assert bpy.ops.icymoon.place_on_ground(target="CAMERA", x_m=1.25, y_m=-0.5) == {"FINISHED"}
+    assert (small.icymoon.rig.x_m, small.icymoon.rig.y_m) == (1.25, -0.5)
+
+
+def test_without_ground_the_button_is_grey(scene):
+    assert not bpy.ops.icymoon.place_on_ground.poll()
+
+
+def test_what_is_placed(scene):
+    def place(target: str) -> object:
+        return place_on_ground.make_placed(target, scene_properties.read_settings(scene.icymoon), 1.25, -2.0004)
+
+    assert place("CAMERA") == {"rig": {"x_m": 1.25, "y_m": -2.0}}
+    assert place("WORKSPACE") == {"workspace": {"east_m": 1.25, "north_m": -2.0}}
+    trench = {"start_x_m": 1.25, "start_y_m": -2.0}
+    assert place("TRENCH") == {"excavation": {**trench, "path": "LINE"}}
+    scene.icymoon.excavation.path = "ARC"
+    assert place("TRENCH") == {"excavation": trench}
+    scene.icymoon.excavation.path = "RECORDED"
+    with pytest.raises(IcyMoonError, match="The path of the scoop is recorded"):
+        place("TRENCH")
+    with pytest.raises(IcyMoonError, match="no site"):
+        place("SITE")
+    scene.icymoon.source.kind, scene.icymoon.source.origin_x_m = "HEIGHT_MAP", 100.0
+    assert place("SITE") == {"source": {"origin_x_m": 101.25, "origin_y_m": -2.0}}
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "under", "result"),
+    [
+        ("LEFTMOUSE", "PRESS", Vector((3.0, 4.0, 0.0)), {"FINISHED"}),
+        ("LEFTMOUSE", "PRESS", None, {"RUNNING_MODAL"}),
+        ("LEFTMOUSE", "RELEASE", None, {"PASS_THROUGH"}),
+        ("MIDDLEMOUSE", "PRESS", None, {"PASS_THROUGH"}),
+        ("ESC", "PRESS", None, {"CANCELLED"}),
+        ("RIGHTMOUSE", "PRESS", None, {"CANCELLED"}),
+    ],
+)
+def test_the_view_can_be_turned_until_a_click_or_esc(monkeypatch, kind, value, under, result):
+    monkeypatch.setattr(place_on_ground, "find_ground", lambda *_: under)
+    ended = []
+    waiting = stand_in(x_m=0.0, y_m=0.0, report=lambda *_: None, _end=ended.append, execute=lambda _: {"FINISHED"})
+    event = SimpleNamespace(type=kind, value=value, mouse_x=5, mouse_y=6)
+    assert place_on_ground.ICYMOON_OT_place_on_ground.modal(waiting, bpy.context, event) == result
+    assert len(ended) == (result in ({"FINISHED"}, {"CANCELLED"}))
+    assert (waiting.x_m, waiting.y_m) == ((3.0, 4.0) if result == {"FINISHED"} else (0.0, 0.0))
