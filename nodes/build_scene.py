@@ -16,7 +16,7 @@ from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from . import check_cycles, eyes_above_ground
+from . import before_build, check_cycles, eyes_above_ground
 from .built_scene import (
     CONTENT,
     EXCAVATION,
@@ -24,10 +24,6 @@ from .built_scene import (
     GROUND,
     NOTES,
     PREVIEW,
-    PREVIOUS_CAMERA,
-    PREVIOUS_OSL,
-    PREVIOUS_VIEW,
-    PREVIOUS_WORLD,
     REFINED,
     SETTINGS,
     SITE,
@@ -36,12 +32,22 @@ from .built_scene import (
     describe_ground_statistics,
     find_built,
     find_collection,
+    find_sharing,
     list_changed_settings,
+    list_collections,
     make_extra,
     shows_earlier_ground,
 )
 from .datablocks.blend_file_paths import hash_content
-from .datablocks.fingerprint import NAME, TAG, find_built_objects, find_instanced_objects, read_parts
+from .datablocks.fingerprint import (
+    NAME,
+    OWN,
+    TAG,
+    find_added_objects,
+    find_built_objects,
+    find_instanced_objects,
+    read_parts,
+)
 from .ground.terrain_mesh import (
     MeshedGround,
     describe_patch_statistics,
@@ -70,9 +76,11 @@ __all__ = [
     "describe_ground_statistics",
     "find_built",
     "find_collection",
+    "find_sharing",
     "find_site_ground_m",
     "free_names",
     "list_changed_settings",
+    "list_collections",
     "make_extra",
     "make_ground",
     "measure_patch",
@@ -135,7 +143,7 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
     remove_leftovers()
     for scene in bpy.data.scenes:
         if find_collection(scene) == collection:
-            scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False)) or bool(of_osl)
+            scene.cycles.shading_system = before_build.used_osl(scene) or bool(of_osl)
 
 
 def _refuse_editing(ours: list[bpy.types.Object]) -> None:
@@ -158,16 +166,16 @@ def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection 
     strays = [
         item
         for item in bpy.data.objects
-        if item.get(TAG) in OBJECTS and item not in theirs and (item.name in scene.objects or not item.users_collection)
+        if item.get(TAG) in OBJECTS
+        and item.library is None
+        and item not in theirs
+        and (item.name in scene.objects or not item.users_collection)
     ]
     return {item[TAG]: item for item in reversed(strays)}
 
 
 def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bpy.types.Collection:
-    """A new built collection, with the scene's present camera, world and view, which Clear Scene restores.
-
-    ``ours`` are unlinked from other collections.
-    """
+    """A new built collection. ``ours`` are unlinked from other collections."""
     collection = tag_block(bpy.data.collections.new(NAME), "scene")
     for item in ours:
         for other in item.users_collection:
@@ -175,11 +183,7 @@ def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bp
     for other in [c for c in scene.collection.children_recursive if c.get(TAG) == "rocks" and not c.all_objects]:
         bpy.data.collections.remove(other)
     scene.collection.children.link(collection)
-    world, camera = scene.world, scene.camera
-    collection[PREVIOUS_WORLD] = None if world is None or TAG in world else world
-    collection[PREVIOUS_CAMERA] = None if camera in ours else camera
-    collection[PREVIOUS_VIEW] = [scene.view_settings.exposure, scene.render.resolution_x, scene.render.resolution_y]
-    collection[PREVIOUS_OSL] = scene.cycles.shading_system
+    before_build.note_before_build(scene)
     return collection
 
 
@@ -247,8 +251,37 @@ def separate_copies(built: Built) -> None:
         update_sunlight(built.collection)
 
 
+def _leave_shared(scene: bpy.types.Scene) -> bpy.types.Collection | None:
+    """Take the built collection out of a scene that shares it with linked copies, which keep it; None without any.
+
+    Raises IcyMoonError if the collection is in another one that both scenes share.
+    """
+    collection, others = find_collection(scene), find_sharing(scene)
+    if collection is None or not others:
+        return None
+    if collection not in list(scene.collection.children):
+        raise IcyMoonError(
+            f"The scenes {scene.name} and {others[0].name} share the collection that {collection.name} is in; drag "
+            f"{collection.name} to the scene's own collection in the Outliner."
+        )
+    scene.collection.children.unlink(collection)
+    collection[NOTES] = "[]"
+    return collection
+
+
+def _inherit(collection: bpy.types.Collection, left: bpy.types.Collection) -> None:
+    """Give a new built collection what the scene has noted in the one that it ``left``, and the user's own objects."""
+    for key in left.keys():  # noqa: SIM118 - no mapping
+        if not key.startswith(OWN) and key != TAG and isinstance(left[key], str | int | float):
+            collection[key] = left[key]
+    for item in find_added_objects(left):
+        collection.objects.link(item)
+
+
 def why_shared(built: Built) -> str:
     """Why the live preview would change another scene too, in a sentence; empty if it would not."""
+    if find_sharing(built.scene):
+        return "This scene shares its ground with the scene that it is a copy of; press Build Scene to separate them."
     surfaces = [block for name, block in find_owned_blocks(built.collection).items() if name.endswith(" material")]
     if any(is_owned_elsewhere(built.collection, surface) for surface in surfaces):
         return "This scene shares its surfaces with the scene that it is a copy of; press Build Scene to separate them."
@@ -263,15 +296,19 @@ def build_scene(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround
     changing the scene, if Cycles is off, the ground is being edited, there is not enough memory, or the file of the
     ground cannot be used.
     """
-    collection = find_collection(scene)
+    collection = None if find_sharing(scene) else find_collection(scene)
     check_cycles.require_cycles()
     there = _find_built_blocks(scene, collection)
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
     made = _make_in_memory(settings, meshed)
     first = collection is None
+    left = _leave_shared(scene)
     if collection is None:
         collection = _make_collection(scene, ours)
+        if left is not None:
+            _inherit(collection, left)
+    before_build.move_notes([scene, *find_sharing(scene)], collection)
     takes_camera = first or scene.camera is None or scene.camera in ours
     takes_world = first or scene.world is None or TAG in scene.world
     objects, kept = _put_in_place(collection, there, made.objects)
@@ -337,6 +374,13 @@ def _record_build(built: Built, made: MadeObjects) -> None:
     collection.pop(REFINED, None)
 
 
+def _link_own_objects(scene: bpy.types.Scene, items: list[bpy.types.Object]) -> None:
+    """Move the user's objects to the scene's own collection."""
+    for item in items:
+        if item.name not in scene.collection.objects:
+            scene.collection.objects.link(item)
+
+
 def clear_scene(scene: bpy.types.Scene) -> bool:
     """Remove the scene that Build Scene made, and restore the earlier world, camera, frame and view exposure.
 
@@ -346,20 +390,15 @@ def clear_scene(scene: bpy.types.Scene) -> bool:
     collection = find_collection(scene)
     if collection is None:
         return False
-    previous_world, previous_camera = collection.get(PREVIOUS_WORLD), collection.get(PREVIOUS_CAMERA)
+    before_build.move_notes([scene, *find_sharing(scene)], collection)
     ours = [item for role, item in _find_built_blocks(scene, collection).items() if role in OBJECTS]
-    scene.view_settings.exposure, *resolution = collection[PREVIOUS_VIEW]
-    if not check_cycles.why_unavailable():
-        scene.cycles.shading_system = bool(collection.get(PREVIOUS_OSL, False))
-    scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
-    if scene.camera in ours or scene.camera is None:
-        scene.camera = previous_camera
-    if scene.world is None or TAG in scene.world:
-        scene.world = previous_world
     disown_copies(collection)
-    for item in [item for item in collection.all_objects if TAG not in item]:
-        if item.name not in scene.collection.objects:
-            scene.collection.objects.link(item)
+    before_build.restore_before_build(scene)
+    if left := _leave_shared(scene):
+        _link_own_objects(scene, find_added_objects(left))
+        remove_leftovers()
+        return True
+    _link_own_objects(scene, [item for item in collection.all_objects if TAG not in item])
     remove_objects(ours)
     for child in [c for c in collection.children_recursive if TAG in c]:
         bpy.data.collections.remove(child)

@@ -35,15 +35,7 @@ from .remove_objects import find_materials, find_parts
 from .surface import reflectance_laws
 
 # Properties of the built collection.
-SETTINGS, FINGERPRINT, PREVIOUS_WORLD, PREVIOUS_CAMERA, PREVIOUS_VIEW, GROUND = (
-    "icymoon_settings",
-    "icymoon_fingerprint",
-    "icymoon_previous_world",
-    "icymoon_previous_camera",
-    "icymoon_previous_view",
-    "icymoon_ground",
-)
-PREVIOUS_OSL = "icymoon_previous_osl"
+SETTINGS, FINGERPRINT, GROUND = "icymoon_settings", "icymoon_fingerprint", "icymoon_ground"
 SITE = "icymoon_site_m"  # height of the ground under the camera
 CONTENT = "icymoon_content"  # hash of the user's own files
 STATISTICS = "icymoon_statistics"  # of the ground: asked by the settings, and measured on the built ground
@@ -196,12 +188,28 @@ class Built:
         self.collection[FINGERPRINT] = json.dumps(update_marks(self.collection, known, *changed))
 
 
+def list_collections(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
+    """The collections of a scene that Build made, the oldest first. A linked one, or an override of it, belongs to
+    another file and is the user's own."""
+    found = {
+        each
+        for each in scene.collection.children_recursive
+        if each.get(TAG) == "scene" and each.library is None and each.override_library is None
+    }
+    return sorted(found, key=lambda each: each.session_uid)
+
+
 def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     """The collection that Build made in this scene, if any."""
-    for collection in scene.collection.children_recursive:
-        if collection.get(TAG) == "scene":
-            return collection
-    return None
+    return next(iter(list_collections(scene)), None)
+
+
+def find_sharing(scene: bpy.types.Scene) -> list[bpy.types.Scene]:
+    """The other scenes that show the built collection of this one: linked copies."""
+    collection = find_collection(scene)
+    if collection is None:
+        return []
+    return [other for other in bpy.data.scenes if other != scene and find_collection(other) == collection]
 
 
 def find_built(scene: bpy.types.Scene) -> Built | None:

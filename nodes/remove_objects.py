@@ -36,7 +36,11 @@ def remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
 
 
 def remove_leftovers() -> None:
-    """Remove built worlds, collections of lamps and shapes of rocks that have no users."""
+    """Remove built worlds, collections of lamps and shapes of rocks that have no users, and what was built in scenes
+    that the user has deleted."""
+    for collection in [c for c in bpy.data.collections if c.get(TAG) == "scene" and c.users == 0]:
+        remove_objects([item for item in collection.all_objects if TAG in item])
+        bpy.data.batch_remove([*(c for c in collection.children_recursive if TAG in c), collection])
     parts = [
         block
         for kind in (bpy.data.node_groups, bpy.data.collections, bpy.data.objects)
@@ -78,7 +82,7 @@ def remove_objects(objects: list[bpy.types.Object]) -> None:
 
 def _release_blocks(blocks: list[Any]) -> None:
     """Remove references of built collections to data-blocks that will be removed."""
-    for collection in bpy.data.collections:
+    for collection in [c for c in bpy.data.collections if c.library is None]:
         for key in [key for key in collection.keys() if key.startswith(OWN)]:  # noqa: SIM118 - no mapping
             if collection[key] in blocks:
                 del collection[key]

@@ -9,6 +9,7 @@ import bpy
 
 from . import (
     add_mesh,
+    appended_scenes,
     build,
     calibrations,
     coloured_views,
@@ -105,6 +106,7 @@ _EVENT_MODULES: tuple[Any, ...] = (
     view_exposure,
     view_resolution,
     refine_ground,
+    appended_scenes,
     live_exposure,
     show_pair,
     errors_in_view,

@@ -48,8 +48,9 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space: bpy.types.Space = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
         return
-    session.views_left.discard(space.as_pointer())
-    session.views_before.setdefault(
+    uid = context.scene.session_uid
+    session.views_left.discard((space.as_pointer(), uid))
+    before = session.views_before.setdefault(
         space.as_pointer(),
         {
             "shading": {key: getattr(space.shading, key) for key in _SHADING_PROPERTIES},
@@ -58,6 +59,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
             "local": space.local_view is not None,
         },
     )
+    before["scene"] = uid
     space.shading.type = "RENDERED"
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
     space.overlay.show_overlays = False
@@ -83,43 +85,57 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space.region_3d.view_perspective = "CAMERA"
 
 
+def _restore_view(window: bpy.types.Window, area: bpy.types.Area) -> None:
+    """Restore a 3D View that showed a built scene; undo, redo or another scene may show the scene there again."""
+    space = area.spaces.active
+    before = session.views_before.pop(space.as_pointer())
+    session.views_left.add((space.as_pointer(), before["scene"]))
+    for key, value in before["shading"].items():
+        setattr(space.shading, key, value)
+    space.overlay.show_overlays = before["overlays"]
+    space.use_local_camera = False
+    if space.region_3d.view_perspective == "CAMERA":
+        space.region_3d.view_perspective = before["perspective"]
+    if space.local_view is not None and not before["local"]:
+        with override_area(window, area):
+            bpy.ops.view3d.localview(frame_selected=False)
+
+
+def _find_turned_views() -> tuple[list[Any], list[Any]]:
+    """The 3D Views to restore, whose scene is no longer built or gives way to another, and the views that have left a
+    built scene and show it again: windows and areas."""
+    gone, back = [], []
+    for window, area in list_areas("VIEW_3D"):
+        view, uid = area.spaces.active.as_pointer(), window.scene.session_uid
+        before = session.views_before.get(view)
+        built = scenes.find_collection(window.scene) is not None
+        if before is not None and (not built or before["scene"] != uid):
+            gone.append((window, area))
+        if built and (view, uid) in session.views_left:
+            back.append((window, area))
+    return gone, back
+
+
 def restore_views() -> None:
-    """Restore the 3D Views that showed a built scene; undo or redo may show the scene there again."""
-    session.views_left.update(session.views_before)
-    for window, area in list(list_areas("VIEW_3D")):
-        space = area.spaces.active
-        before = session.views_before.get(space.as_pointer())
-        if before is None:
-            continue
-        for key, value in before["shading"].items():
-            setattr(space.shading, key, value)
-        space.overlay.show_overlays = before["overlays"]
-        space.use_local_camera = False
-        if space.region_3d.view_perspective == "CAMERA":
-            space.region_3d.view_perspective = before["perspective"]
-        if space.local_view is not None and not before["local"]:
+    """Restore the 3D Views whose scene is no longer built, or that another scene has come into."""
+    for window, area in _find_turned_views()[0]:
+        _restore_view(window, area)
+
+
+def _follow_views() -> None:
+    """Restore views, and show the built scene again in those that it comes back into."""
+    restore_views()
+    for window, area in _find_turned_views()[1]:
+        built = scenes.find_built(window.scene)
+        if built is not None:
             with override_area(window, area):
-                bpy.ops.view3d.localview(frame_selected=False)
-    session.views_before.clear()
+                show_scene(bpy.context, built)
 
 
-def _follow_undo() -> None:
-    """Restore the views if undo has removed the built scene, and show it again if redo has brought it back."""
-    there = any(scenes.find_collection(scene) for scene in bpy.data.scenes)
-    if session.views_before and not there:
-        restore_views()
-    elif session.views_left and there:
-        for window, area in list(list_areas("VIEW_3D")):
-            built = scenes.find_built(window.scene)
-            if built is not None and area.spaces.active.as_pointer() in session.views_left:
-                with override_area(window, area):
-                    show_scene(bpy.context, built)
-        session.views_left.clear()
-
-
-def _check_after_undo() -> None:
-    if session.views_before or session.views_left:
-        call_later(_follow_undo)  # no operator runs inside undo
+def _check_views() -> None:
+    """After undo, redo and changes of the scene that a window shows."""
+    if (session.views_before or session.views_left) and any(_find_turned_views()):
+        call_later(_follow_views)  # no operator runs inside undo
 
 
 def find_views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
@@ -238,5 +254,8 @@ CLASSES = (ICYMOON_OT_build_scene, ICYMOON_OT_clear_scene)
 
 
 register, unregister = make_registration(
-    timers=(_follow_undo,), undo_post=_check_after_undo, redo_post=_check_after_undo
+    timers=(_follow_views,),
+    undo_post=_check_views,
+    redo_post=_check_views,
+    depsgraph_update_post=_check_views,  # Blender tells of no other scene in a window
 )

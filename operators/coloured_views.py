@@ -1,7 +1,8 @@
 """Shows the colours of errors in 3D Views, and restores the views afterwards.
 
-The window's layout knows no undo, so a timer restores the views when undo removes the errors, and shows the colours
-again when the errors return. A scene stores the earlier shading of its view, for when its file is opened again.
+The window's layout knows no undo, so a timer restores the views when undo removes the errors or the window shows
+another scene, and shows the colours again when they return. A scene stores the earlier shading of its view, for when
+its file is opened again.
 """
 
 from __future__ import annotations
@@ -56,11 +57,10 @@ def _colour_view(scene: bpy.types.Scene, space: bpy.types.Space, solid: bool) ->
 
 
 def hide_errors(scene: bpy.types.Scene) -> None:
-    """Remove the measured surface and the painted errors of a scene, and restore the views."""
+    """Remove the measured surface and the painted errors of a scene, and restore its views."""
     measured_surface.clear_points(scene)
     painted_errors.clear_painted(scene)
-    scene.pop(KEPT, None)
-    restore_views()
+    give_back_views(scene)
 
 
 def give_back_views(scene: bpy.types.Scene) -> None:
@@ -76,32 +76,34 @@ def is_shown(scene: bpy.types.Scene) -> bool:
 
 
 def restore_views() -> None:
-    """Restore the earlier shading of the views that showed colours."""
-    for _, space in _list_views():
+    """Restore the earlier shading of the views that showed colours and whose scene shows none."""
+    for scene, space in _list_views():
         kept = session.shading_before.get(space.as_pointer(), {})
-        if kept:
-            session.colours_left[space.as_pointer()] = "type" in kept
+        if not kept or is_shown(scene):
+            continue
+        del session.shading_before[space.as_pointer()]
+        session.colours_left[space.as_pointer()] = "type" in kept
         for key in _SHADING_KEYS:
             if key in kept:
                 with suppress(TypeError):  # a file may contain any text
                     setattr(space.shading, key, kept[key])
-    session.shading_before.clear()
 
 
-def _follow_undo() -> None:
-    """Restore the views if undo has removed the errors, and show the colours again if redo has brought them back."""
-    there = any(map(is_shown, bpy.data.scenes))
-    if session.shading_before and not there:
-        restore_views()
-    elif session.colours_left and there:
-        for scene, space in list(_list_views()):
-            if space.as_pointer() in session.colours_left and is_shown(scene):
-                _colour_view(scene, space, session.colours_left[space.as_pointer()])
+def _follow_scenes() -> None:
+    """Restore the views whose scene shows no colours, and show them again in those that they come back into."""
+    restore_views()
+    for scene, space in list(_list_views()):
+        if space.as_pointer() in session.colours_left and is_shown(scene):
+            _colour_view(scene, space, session.colours_left[space.as_pointer()])
 
 
-def _check_after_undo() -> None:
-    if session.shading_before or session.colours_left:
-        call_later(_follow_undo)  # views of a window may change in a timer only
+def _check_views() -> None:
+    """After undo, redo and changes of the scene that a window shows."""
+    if any(
+        space.as_pointer() in (session.colours_left if is_shown(scene) else session.shading_before)
+        for scene, space in (_list_views() if session.shading_before or session.colours_left else ())
+    ):
+        call_later(_follow_scenes)  # views of a window may change in a timer only
 
 
 def _read_earlier_shading() -> None:
@@ -118,5 +120,9 @@ def _read_earlier_shading() -> None:
 
 
 register, unregister = make_registration(
-    timers=(_follow_undo,), load_post=_read_earlier_shading, undo_post=_check_after_undo, redo_post=_check_after_undo
+    timers=(_follow_scenes,),
+    load_post=_read_earlier_shading,
+    undo_post=_check_views,
+    redo_post=_check_views,
+    depsgraph_update_post=_check_views,  # Blender tells of no other scene in a window
 )

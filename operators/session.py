@@ -58,7 +58,7 @@ class Session:
     #: The clock's and the processor's seconds when the load of this Blender was measured last.
     load_measured_s: tuple[float, float] = field(default_factory=lambda: (time.monotonic(), time.process_time()))
     views_before: dict[int, dict[str, Any]] = field(default_factory=dict)  # 3D Views before they showed a built scene
-    views_left: set[int] = field(default_factory=set)  # views that a built scene was taken from
+    views_left: set[tuple[int, int]] = field(default_factory=set)  # views that a built scene left, and its session_uid
     shading_before: dict[int, dict[str, str]] = field(default_factory=dict)  # of 3D Views before they showed colours
     #: The views that show colours no more because undo or a button took the errors away; whether they were in Solid
     #: shading.

@@ -362,7 +362,7 @@ def asks_the_system(tree: ast.AST) -> list[str]:
         if (
             isinstance(node, ast.Call)
             and isinstance(node.func, ast.Attribute)
-            and not ast.unparse(node.func.value).endswith(".objects")
+            and not ast.unparse(node.func.value).endswith((".objects", ".children"))
             and (  # a collection of Blender's, which unlinks objects
                 node.func.attr in ("rename", "unlink", "symlink_to", "hardlink_to")
                 or (node.func.attr == "replace" and len(node.args) == 1)

@@ -38,6 +38,11 @@ def find_series() -> str:
     return f"{bpy.app.version[0]}.{bpy.app.version[1]}"
 
 
+def tells_of_append() -> bool:
+    """Whether Blender tells add-ons that data-blocks were appended or linked (from 4.3 on)."""
+    return hasattr(bpy.app.handlers, "blend_import_post")
+
+
 def list_custom_properties(struct: bpy.types.bpy_struct) -> list[str]:
     """Names of the custom properties of a structure. From 5.2 on, modifiers have none."""
     try:

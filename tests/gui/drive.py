@@ -10,6 +10,8 @@ Every step is written to FOLDER/steps.json; an exception anywhere ends Blender w
 
 from __future__ import annotations
 
+import faulthandler
+import importlib
 import json
 import os
 import shutil
@@ -29,8 +31,10 @@ import numpy as np
 import numpy.typing as npt
 from mathutils import Matrix, Vector
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import person
+import scene_sequences
 from contrast import measure_words
 from person import (
     ADD_ON,
@@ -1335,6 +1339,36 @@ def decide_by_mouse() -> Waiting:
     check(not module("nodes.build_scene").find_built(window().scene).edited, "painting counts as an edit by hand")
 
 
+def scenes_files_and_undo() -> Waiting:
+    """The forty sequences of ``scene_sequences``, in this window; a line for each, and none may fail.
+
+    ICYMOON_SEQUENCES=3,17 runs some, by their numbers.
+    """
+    named = [int(word) for word in os.environ.get("ICYMOON_SEQUENCES", "").split(",") if word]
+    wanted = named or range(1, len(scene_sequences.SEQUENCES) + 1)
+    runner = scene_sequences.Runner(
+        lambda name: importlib.import_module(f"{ADD_ON}.{name}"),
+        FOLDER / "sequences",
+        partial(in_region, "WINDOW"),
+        until,
+    )
+    runner.folder.mkdir()
+    build = module("operators.build")
+    show = build.show_scene
+
+    def show_without_light(context: bpy.types.Context, there: Any) -> None:
+        """Without a graphics card every redraw of the lit view takes seconds."""
+        show(context, there)
+        context.space_data.shading.type = "SOLID"
+
+    build.show_scene = show_without_light
+    faults = yield from scene_sequences.run_all(runner, wanted)
+    build.show_scene = show
+    start_watching()
+    check(not faults, f"{len(faults)} of {len(wanted)} sequences failed: {'; '.join(faults)}")
+    return f"{len(wanted)} sequences"
+
+
 STEPS = (
     open_the_tab,
     load_europa,
@@ -1371,6 +1405,7 @@ STEPS = (
     turn_an_arm,
     dig_a_trench,
     decide_by_mouse,
+    scenes_files_and_undo,
 )
 NAMES = [step.__name__ for step in STEPS]
 _LATER = calibration_by_mouse, camera_by_click, escape_a_render
@@ -1418,8 +1453,10 @@ def tick(walking: Waiting) -> float | None:
     return None
 
 
+faulthandler.enable()  # the lines of Python where Blender crashes
 shutil.rmtree(FOLDER, ignore_errors=True)
 FOLDER.mkdir(parents=True)
 bpy.context.preferences.view.show_splash = False
 walking = walk()
-bpy.app.timers.register(lambda: tick(walking), first_interval=TICK_S)
+# A step opens files, which ends all other timers.
+bpy.app.timers.register(lambda: tick(walking), first_interval=TICK_S, persistent=True)

@@ -54,8 +54,11 @@ def drive(blender: Blender, archive: Path, *which: str) -> str:
     facts = json.loads(report.read_text()) if report.is_file() else {"steps": [], "finished": False}
     for step in facts["steps"]:
         print(f"  {'ok  ' if step['ok'] else 'FAIL'} {step['seconds']:6.1f} s  {step['step']}  {step['note']}")
+    for line in done.stdout.splitlines():
+        if line.startswith("SEQUENCE "):
+            print(f"  {line}")
     if done.returncode or not facts["finished"]:
-        raise AssertionError(f"Blender {blender.name} ended with status {done.returncode}:\n{done.stdout[-4000:]}")
+        raise AssertionError(f"Blender {blender.name} ended with status {done.returncode}:\n{done.stdout[-8000:]}")
     errors = [line for line in done.stdout.splitlines() if "Traceback" in line or line.startswith("Error:")]
     if errors:
         raise AssertionError(f"Blender {blender.name} printed errors:\n{done.stdout[-4000:]}")

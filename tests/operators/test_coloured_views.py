@@ -56,10 +56,10 @@ def test_the_view_returns_when_undo_takes_the_errors_away_and_follows_redo(viewe
     bpy.ops.ed.undo_push(message="Painted")
     assert look() == SHOWN
     bpy.ops.ed.undo()
-    coloured_views._follow_undo()
+    coloured_views._follow_scenes()
     assert look() == BEFORE
     bpy.ops.ed.redo()
-    coloured_views._follow_undo()
+    coloured_views._follow_scenes()
     assert painted_errors.find_painted(bpy.context.scene) is not None
     assert look() == SHOWN
     coloured_views.hide_errors(bpy.context.scene)
@@ -76,7 +76,7 @@ def test_other_undo_steps_leave_the_view_as_the_user_has_it(viewed):
     bpy.ops.ed.undo_push(message="Frame")
     shading().type = "MATERIAL"  # by the user, while the errors are there
     bpy.ops.ed.undo()
-    coloured_views._follow_undo()
+    coloured_views._follow_scenes()
     assert shading().type == "MATERIAL"
 
 
@@ -103,3 +103,18 @@ def test_any_text_in_a_file_is_no_error(viewed, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=path, load_ui=True)
     coloured_views.hide_errors(bpy.context.scene)
     assert look() == ("SOLID", "FLAT", "OBJECT")
+
+
+def test_a_scene_without_errors_is_seen_as_before_and_they_come_back_with_theirs(viewed):
+    paint(viewed)
+    window = bpy.context.window_manager.windows[0]
+    other = window.scene = bpy.data.scenes.new("Other")
+    coloured_views._follow_scenes()
+    assert look() == BEFORE
+    coloured_views.hide_errors(other)
+    assert look() == BEFORE
+    window.scene = viewed
+    coloured_views._follow_scenes()
+    assert look() == SHOWN
+    coloured_views.hide_errors(other)  # of a scene that the view does not show
+    assert look() == SHOWN

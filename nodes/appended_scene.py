@@ -1,0 +1,64 @@
+"""Makes the scene that a file appends from another file a built scene of its own.
+
+Append brings the built collection. It also puts what the collection needs, but does not hold, into the scene at the
+origin: the shapes of the rocks. The sky, and the scene's camera, stay in the other file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..settings import user_files
+from ..settings.description import merged
+from . import before_build
+from .build_scene import update_sunlight
+from .built_scene import Built, find_built, list_collections
+from .datablocks.fingerprint import NAME, OWN, TAG
+from .light.sun_lamp import build_sky
+from .remove_objects import free_names
+from .scene_objects import tag_block
+
+
+def take_out_shapes(scene: bpy.types.Scene) -> None:
+    """Take the shapes of rocks, which are seen as instances only, out of a scene."""
+    for parent in (scene.collection, *scene.collection.children_recursive):
+        if parent.is_editable:
+            for shapes in [child for child in parent.children if child.get(TAG) == "rock shapes"]:
+                parent.children.unlink(shapes)
+
+
+def disown_others(scene: bpy.types.Scene) -> None:
+    """Make all built collections of a scene but the oldest the user's own: a scene has one."""
+    for collection in list_collections(scene)[1:]:
+        for block in (collection, *collection.children_recursive, *collection.all_objects):
+            if block.get(TAG) != "rock shapes":
+                block.pop(TAG, None)
+        for key in [key for key in collection.keys() if key.startswith(OWN)]:  # noqa: SIM118 - no mapping
+            del collection[key]
+
+
+def adopt_appended(scene: bpy.types.Scene) -> Built | None:
+    """Let a scene look through the camera, and have the sky, of a built collection that was appended to it; None if it
+    has none."""
+    built = find_built(scene)
+    if built is None or before_build.is_known(scene):
+        return None
+    before_build.move_notes([], built.collection)  # they are of the scene in the other file
+    before_build.note_before_build(scene)
+    sky = tag_block(build_sky(f"{NAME} Sky"), "sky")
+    scene.camera, scene.world = built.camera, sky
+    free_names([sky])
+    update_sunlight(built.collection)
+    return built
+
+
+def find_paths(built: Built) -> list[dict[str, dict[str, str]]]:
+    """The settings of an appended scene that name files, with // as the folder of the file that it came from."""
+    origin = built.collection.library_weak_reference
+    if origin is None:
+        return []
+    folder = str(Path(bpy.path.abspath(origin.filepath)).parent)
+    found = user_files.find_used_files(merged(built.settings, built.preview), folder)
+    return [{topic: {key: str(path)}} for (topic, _, key), path in ((n.partition("."), p) for n, p in found.items())]
