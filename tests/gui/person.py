@@ -370,7 +370,8 @@ def screenshot(folder: Path, name: str) -> Waiting:
 
 
 def start_watching() -> None:
-    """Let Blender tell where it has handled the mouse."""
-    bpy.utils.register_class(ICYMOON_TEST_OT_watch)
+    """Let Blender tell where it has handled the mouse, also after another file was opened."""
+    if not hasattr(bpy.types, "ICYMOON_TEST_OT_watch"):
+        bpy.utils.register_class(ICYMOON_TEST_OT_watch)
     with in_region("WINDOW"):
         bpy.ops.icymoon_test.watch("INVOKE_DEFAULT")

@@ -425,7 +425,7 @@ class Runner:
         self.mine = False
         self.call(bpy.ops.wm.read_homefile, use_empty=True, use_factory_startup=True)
         yield from self.settle()
-        self.scene.icymoon.dataset.folder = str(self.folder / "dataset")
+        self.make_tiny(9)
         self.step("New File")
 
     def do_append(self) -> None:
@@ -624,7 +624,8 @@ def run_all(runner: Runner, wanted: Container[int]) -> Generator[float, None, li
         try:
             yield from runner.run(sequence)
         except AssertionError as error:
-            fault = str(error)
+            job = runner.session.job
+            fault = str(error) + (f" ({job.shown}, running: {job.process.running})" if job else "")
             faults.append(fault)
             runner.session.reset()
         state, seconds = "FAILED" if fault else "passed", time.monotonic() - began
