@@ -19,7 +19,7 @@ _EXPLAINED_CHOICES = {("surface", "model"), ("rock_surface", "model"), ("hapke",
 
 
 #: Characters that a number with its unit takes beside its label, and the margins of a choice, in a narrow sidebar.
-_VALUE_CHARACTERS, _CHOICE_CHARACTERS = 14, 4
+_VALUE_CHARACTERS, _CHOICE_CHARACTERS = 15, 4
 #: Characters that the icon of a button takes.
 _ICON_CHARACTERS = 4
 

@@ -236,7 +236,7 @@ def test_a_narrow_sidebar_has_the_time_of_a_quality_below_its_button(scene, monk
 
 @pytest.mark.parametrize("width", [25, 30])
 def test_a_narrow_sidebar_cuts_no_label(scene, monkeypatch, width):
-    """A number has room for 14 characters of value and unit beside its label, or a line of its own; screenshots of a
+    """A number has room for 15 characters of value and unit beside its label, or a line of its own; screenshots of a
     sidebar of 200 px, which is 25 characters wide, show that this is enough."""
     monkeypatch.setattr(fields, "measure_line_length", lambda: width)
     for topic, setting in list_all_settings():
@@ -248,7 +248,7 @@ def test_a_narrow_sidebar_cuts_no_label(scene, monkeypatch, width):
         labels = [entry[2]["text"] for entry in layout.record if entry[0] == "label"]
         assert all(len(text) <= width for text in labels), setting.key
         if setting.kind in ("int", "float"):
-            assert len(drawn_text) <= width - 14, setting.key
+            assert len(drawn_text) <= width - 15, setting.key
         assert (drawn_text or labels[0]).startswith(setting.label.removesuffix(")")), setting.key
 
 
