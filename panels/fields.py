@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 import bpy
 
 from ..operators.session import session
-from ..operators.sidebar_text import measure_line_length, replace_keys_by_labels, wrap_lines
+from ..operators.sidebar_text import LINE, measure_line_length, replace_keys_by_labels, wrap_lines
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import Setting
@@ -18,6 +18,8 @@ from ..settings.topics.scene import Settings
 _EXPLAINED_CHOICES = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
 
 
+#: Characters that a number with its unit takes beside its label, and the margins of a choice, in a narrow sidebar.
+_VALUE_CHARACTERS, _CHOICE_CHARACTERS = 15, 4
 #: Characters that the icon of a button takes.
 _ICON_CHARACTERS = 4
 
@@ -104,15 +106,38 @@ def draw_sentence(layout: bpy.types.UILayout, sentence: str, icon: str = "NONE",
 
 
 def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
-    """Draw a setting's field, with a split where Blender would leave too little room for the label."""
-    if setting.kind in ("choice", "text"):
+    """Draw a setting's field, with a split where Blender would leave too little room for the label. In a narrow sidebar
+    a label that would be cut has a line of its own."""
+    label = find_shown_label(group, setting)
+    if is_label_apart(setting, label):
+        column = layout.column(align=True)
+        column.label(text=label if len(label) <= measure_line_length() else setting.label)
+        column.prop(group, setting.key, text="")
+    elif setting.kind in ("choice", "text"):
         split = layout.split(factor=0.45 if setting.choices else 0.38)
         split.label(text=setting.label)
         split.prop(group, setting.key, text="")
-    elif setting.zero and getattr(group, setting.key) == 0:
-        layout.prop(group, setting.key, text=label_with_zero(setting))
     else:
-        layout.prop(group, setting.key)
+        layout.prop(group, setting.key, text=label)
+
+
+def find_shown_label(group: bpy.types.PropertyGroup, setting: Setting) -> str:
+    """The label of a setting with the meaning of 0 where it is 0."""
+    if setting.zero and getattr(group, setting.key) == 0:
+        return label_with_zero(setting)
+    return setting.label
+
+
+def is_label_apart(setting: Setting, label: str) -> bool:
+    """Whether a label needs a line of its own: it does not depend on the value of a number, since fields must not move
+    while the user drags it."""
+    width = measure_line_length()
+    if width >= LINE or setting.kind == "bool":
+        return False
+    if setting.kind in ("choice", "text"):
+        longest = max(map(len, (label, *(choice[1] for choice in setting.choices))))
+        return longest > width / 2 - _CHOICE_CHARACTERS
+    return max(len(label), len(label_with_zero(setting)) if setting.zero else 0) > width - _VALUE_CHARACTERS
 
 
 def label_with_zero(setting: Setting) -> str:

@@ -40,7 +40,7 @@ FIRST, LAST = 10, 1000
 
 #: Characters that the icons of a header take beside the title, in a panel and in a panel within another one; and
 #: those of the icon of a menu.
-_HEADER_CHARACTERS, _INNER_HEADER_CHARACTERS, _MENU_CHARACTERS = 9, 11, 3
+_HEADER_CHARACTERS, _INNER_HEADER_CHARACTERS, _MENU_CHARACTERS = 9, 12, 3
 
 
 class Sidebar:
@@ -297,7 +297,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
         draw_export(layout, "DATASET")
         for line in dataset.readout["set_aside"][-3:]:
             draw_sentence(layout, f"Set aside: {line}")
-        draw_start(layout, "icymoon.reproduce", "Reproduce the GUISS Paper…")
+        draw_start(layout, "icymoon.reproduce", "Reproduce GUISS Paper…")
 
 
 class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):

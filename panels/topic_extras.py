@@ -22,18 +22,27 @@ from ..settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 
 _albedo_advice, _albedos = remember_answers(principled.advise_on_albedo), remember_answers(surface_law.find_albedos)
+#: Characters that the margins of a button take.
+_BUTTON_CHARACTERS = 3
 Extra = Callable[[Any, bpy.types.Context], None]
 
 
 def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
-    layout.operator("icymoon.object_as_ground", icon="MESH_DATA")
+    _draw_taking(layout, "ground")
     if context.scene.icymoon.source.kind != "PROCEDURAL":
-        draw_placing(layout, "SITE", "Place Site by Click")
+        draw_placing(layout, "SITE")
+
+
+def _draw_taking(layout: bpy.types.UILayout, what: str) -> None:
+    """Draw the button that takes the selected object as the ground or the rock, shortly in a narrow sidebar."""
+    long = f"Use Selected Object as {what.title()}"
+    fits = len(long) <= sidebar_text.measure_line_length() - _BUTTON_CHARACTERS
+    layout.operator(f"icymoon.object_as_{what}", text=long if fits else "Use Selected Object")
 
 
 def _draw_own_rock(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.operator("icymoon.object_as_rock", icon="MESH_DATA")
+    _draw_taking(layout, "rock")
 
 
 def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -41,18 +50,18 @@ def _draw_calibration(layout: bpy.types.UILayout, context: bpy.types.Context) ->
     column.operator_context = "INVOKE_DEFAULT"
     column.operator("icymoon.read_calibration", text="Read Calibration…", icon="IMPORT")
     column.operator("icymoon.write_calibration", text="Write Calibration…", icon="EXPORT")
-    draw_placing(layout, "CAMERA", "Place Camera by Click")
+    draw_placing(layout, "CAMERA")
 
 
-def draw_placing(layout: bpy.types.UILayout, target: str, text: str) -> None:
-    """Draw the button that places a ``target`` of the operator by a click on the ground."""
+def draw_placing(layout: bpy.types.UILayout, target: str) -> None:
+    """Draw the button that places a ``target`` of the operator, which its panel names, by a click on the ground."""
     row = layout.row()
     row.operator_context = "INVOKE_DEFAULT"
-    row.operator("icymoon.place_on_ground", text=text, icon="CURSOR").target = target
+    row.operator("icymoon.place_on_ground", icon="CURSOR").target = target
 
 
-def _make_placing(target: str, text: str) -> Extra:
-    return lambda layout, context: draw_placing(layout, target, text)
+def _make_placing(target: str) -> Extra:
+    return lambda layout, context: draw_placing(layout, target)
 
 
 def _draw_seed(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -86,7 +95,8 @@ def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
 def _draw_moons(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw a button for each moon whose sky is shipped; the button of the scene's moon is pressed."""
     body = context.scene.icymoon.light.body
-    split = layout.split(factor=0.25)
+    narrow = sidebar_text.measure_line_length() < sidebar_text.LINE
+    split = layout.column(align=True) if narrow else layout.split(factor=0.25)
     split.label(text="Sky of")
     row = split.row(align=True)
     for name, title, there in _list_moons():
@@ -196,8 +206,8 @@ BEFORE: dict[str, Extra] = {
     "rig": _draw_calibration,
     "terrain": _draw_seed,
     "rocks": _draw_own_rock,
-    "excavation": _make_placing("TRENCH", "Place Trench by Click"),
-    "workspace": _make_placing("WORKSPACE", "Place Workspace by Click"),
+    "excavation": _make_placing("TRENCH"),
+    "workspace": _make_placing("WORKSPACE"),
     "light": _draw_moons,
     "sensor": _draw_expose,
     "quality": _draw_qualities,

@@ -18,7 +18,7 @@ TURN = Section("turn", "Direction", "Rotation vector from the axes of the parall
 MODEL = Section("model", "Lens Model", "Numbers of the lens, as calibrated")
 PRISM = Section("prism", "Thin Prism", "Coefficients of a thin prism, as calibrated")
 MOTION = Section("motion", "Motion", "Motion of the cameras during the exposure")
-HEAD = Section("head", "Cameras beside the Pair", "More cameras of the same scene, from a file")
+HEAD = Section("head", "More Cameras", "Cameras beside the pair that see the same scene, from a file")
 OPTICS = Section("optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter")
 DEPOSITS = Section("deposits", "Deposits", "Dust or frost on the windows before the lenses")
 MOSAICKING = Section("mosaic", "Colour", "The Bayer mosaic, demosaicing and white balance", shown=MOSAIC)

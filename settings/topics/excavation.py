@@ -10,7 +10,7 @@ from .relevance import chosen, positive
 DUG = ~chosen("path", "NONE")
 WALLS = Section("walls", "Ground and Walls", "Strength of the ground, and standing or sliding walls", shown=DUG)
 HEAP = Section("heap", "Heap", "Place and shape of the spoil", shown=DUG)
-LAYERS = Section("layers", "Fresh Ground and Layers", "Albedo of ground that is dug open, and of its layers", shown=DUG)
+LAYERS = Section("layers", "Fresh Ground, Layers", "Albedo of ground that is dug open, and of its layers", shown=DUG)
 
 
 class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3"):

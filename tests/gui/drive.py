@@ -1042,6 +1042,8 @@ def first_minute_by_keys() -> Waiting:
     yield from ended()
     check((folder / "evaluation_scene" / "report.html").is_file(), "there is no report")
     yield from screenshot("keys_evaluated")
+    if len(manager().windows) == 2:  # of the error image
+        yield from person.close_second_window("the Image Editor")
 
 
 def drag_an_asset() -> Waiting:

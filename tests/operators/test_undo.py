@@ -46,6 +46,7 @@ TAKE_THEIR_OWN = {
     "show_pair",
     "render_variations",
     "show_curve",
+    "show_trade",
 }
 
 

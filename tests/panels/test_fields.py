@@ -112,7 +112,7 @@ def test_the_label_of_a_number_changes_at_0(scene):
 
     assert shown() == ["Threads (0: all)"]
     scene.icymoon.quality.threads = 3
-    assert shown() == [""]
+    assert shown() == ["Threads"]
 
 
 def test_a_choice_is_explained_in_two_lines_and_wholly_in_its_tooltip():
@@ -233,3 +233,32 @@ def test_a_narrow_sidebar_has_the_time_of_a_quality_below_its_button(scene, monk
     assert kinds[25].count("label") >= 5
     assert "split" in kinds[LINE]
     assert kinds[25].count("split") < kinds[LINE].count("split") - 3
+
+
+@pytest.mark.parametrize("width", [25, 30])
+def test_a_narrow_sidebar_cuts_no_label(scene, monkeypatch, width):
+    """A number has room for 15 characters of value and unit beside its label, or a line of its own; screenshots of a
+    sidebar of 200 px, which is 25 characters wide, show that this is enough."""
+    monkeypatch.setattr(fields, "measure_line_length", lambda: width)
+    for topic, setting in list_all_settings():
+        if setting.kind == "list":
+            continue
+        layout = Layout()
+        fields.draw_field(layout, getattr(scene.icymoon, topic), setting)
+        drawn_text = next(entry[2]["text"] for entry in layout.record if entry[0] == "prop")
+        labels = [entry[2]["text"] for entry in layout.record if entry[0] == "label"]
+        assert all(len(text) <= width for text in labels), setting.key
+        if setting.kind in ("int", "float"):
+            assert len(drawn_text) <= width - 15, setting.key
+        assert (drawn_text or labels[0]).startswith(setting.label.removesuffix(")")), setting.key
+
+
+def test_a_label_stays_where_it_is_while_its_number_changes(scene, monkeypatch):
+    monkeypatch.setattr(fields, "measure_line_length", lambda: 25)
+    group, setting = scene.icymoon.rig, TOPICS["rig"]["focus_distance_m"]
+    places = []
+    for group.focus_distance_m in (0.0, 1.5, 1000.0):
+        layout = Layout()
+        fields.draw_field(layout, group, setting)
+        places.append([entry[0] for entry in layout.record])
+    assert places[0] == places[1] == places[2]

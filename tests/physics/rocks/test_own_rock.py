@@ -33,7 +33,7 @@ def test_a_box_has_unit_size_and_keeps_its_outline():
 
 
 def test_a_ball_covers_a_circle():
-    points, triangles = make_icosphere(4)
+    points, triangles = make_icosphere(3)
     shape, proportions = own_rock.make_own_shape(3.0 * points, triangles, "ball")
     assert proportions == pytest.approx(1.0, abs=0.01)
     assert np.linalg.norm(shape.vertices, axis=1) == pytest.approx(0.5, abs=0.005)
