@@ -10,6 +10,7 @@ import bpy
 from . import (
     add_mesh,
     build,
+    build_scene,
     calibrations,
     coloured_views,
     dataset,
@@ -51,7 +52,7 @@ from . import (
 CLASSES: tuple[Any, ...] = (
     *presets.CLASSES,
     *settings_files.CLASSES,
-    *build.CLASSES,
+    *build_scene.CLASSES,
     *import_ground.CLASSES,
     *object_as_ground.CLASSES,
     *noise_layers.CLASSES,
