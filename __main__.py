@@ -19,6 +19,7 @@ _PROGRAMS = {
     "worker": "render.worker",
     "resident-worker": "render.resident_worker",
     "assets": "render.asset_worker",
+    "build": "render.build_worker",
     "geometry": "render.geometry_worker",
     "probe": "render.probe_blender",
     "measure": "stereo.measuring_processes",
@@ -26,7 +27,7 @@ _PROGRAMS = {
     "install": "stereo.environment.install",
 }
 #: Those that run in Blender.
-_IN_BLENDER = {"worker", "resident-worker", "assets", "probe"}
+_IN_BLENDER = {"worker", "resident-worker", "assets", "build", "probe"}
 #: Pythons that Blender as a module is made for, see pyproject.toml; the least that anything here runs on.
 _WITH_BLENDER, _LEAST = ((3, 11), (3, 13)), (3, 11)
 
@@ -48,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
     importlib.import_module("icymoon.support.printer").open_streams()
     importlib.import_module("icymoon.support.bundled_wheels").use_wheels()
     # These may be busy for minutes, and leave nothing unfinished.
-    system.obey_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"]))
+    system.obey_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"], ["build"]))
     if arguments and arguments[0] in _PROGRAMS:
         with system.silence_interrupts():
             if arguments[0] in _IN_BLENDER and (fault := _find_blender_fault()):

@@ -7,21 +7,25 @@ the collection is the user's and stays.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import bpy
 
+from ..physics import scene_checks
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
+from ..support.steps import Steps, finish
 from . import before_build, check_cycles, eyes_above_ground
 from .built_scene import (
     CONTENT,
     EXCAVATION,
     FINGERPRINT,
     GROUND,
+    MARKS_SHAPE,
     NOTES,
     PREVIEW,
     REFINED,
@@ -40,6 +44,7 @@ from .built_scene import (
 )
 from .datablocks.blend_file_paths import hash_content
 from .datablocks.fingerprint import (
+    MAKER,
     NAME,
     OWN,
     TAG,
@@ -47,10 +52,11 @@ from .datablocks.fingerprint import (
     find_built_objects,
     find_instanced_objects,
     read_parts,
+    update_marks,
 )
+from .datablocks.stored_json import read_stored
 from .ground.terrain_mesh import (
     MeshedGround,
-    describe_patch_statistics,
     read_grid_heights,
     sample_patch,
 )
@@ -60,7 +66,16 @@ from .keep_references import find_owned_blocks, is_owned_elsewhere, replace_bloc
 from .lander.objects import ROLES as LANDER_ROLES
 from .light.scene_lights import ROLES
 from .remove_objects import find_materials, find_parts, free_names, remove_leftovers, remove_objects
-from .scene_objects import MadeObjects, find_site_ground_m, make_ground, make_objects, read_stated_ground_m, tag_block
+from .scene_objects import (
+    ComputedGround,
+    MadeObjects,
+    compute_ground,
+    find_site_ground_m,
+    make_ground,
+    make_objects,
+    read_stated_ground_m,
+    tag_block,
+)
 from .surface import sun_inputs
 
 #: Names for users of a scene, with names from ``built_scene`` and ``remove``.
@@ -133,17 +148,35 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
     )
     if shine is not None:
         sun_inputs.exempt_from_lamp(f"{NAME} Traced Planet", shine, of_osl)
-    for item in objects:
-        if item[TAG] in ("terrain", "rock"):
-            # Hapke's law in OSL emits all of the planet's light and all or part of the Sun's. By day,
-            # ``render.separate_lights`` separates the two.
-            group = "Sun" if lamp.data.energy > 0 or shine is None else "Planet"
-            for each in (item, *find_instanced_objects(item)):
-                each.lightgroup = group if item in of_osl else ""
+    for item, group in _list_light_groups(objects):
+        item.lightgroup = group
     remove_leftovers()
     for scene in bpy.data.scenes:
         if find_collection(scene) == collection:
             scene.cycles.shading_system = before_build.used_osl(scene) or bool(of_osl)
+
+
+def _list_light_groups(objects: list[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object, str]]:
+    """The ground, the rocks and their shapes among built objects, with the light groups that they must have.
+
+    Hapke's law in OSL emits all of the planet's light and all or part of the Sun's. By day, ``render.separate_lights``
+    separates the two.
+    """
+    lamp = next(item for item in objects if item[TAG] == "sun")
+    by_day = lamp.data.energy > 0 or all(item[TAG] != "planetshine" for item in objects)
+    for item in objects:
+        if item[TAG] in ("terrain", "rock"):
+            traced = any(map(sun_inputs.is_osl, find_materials(find_parts([item])[0])))
+            for each in (item, *find_instanced_objects(item)):
+                yield each, ("Sun" if by_day else "Planet") if traced else ""
+
+
+def keeps_light_groups(collection: bpy.types.Collection) -> bool:
+    """Whether ``update_sunlight`` leaves the ground, the rocks and their shapes as they are, apart from the inputs that
+    each render sets."""
+    return all(
+        item.lightgroup == group for item, group in _list_light_groups([*find_built_objects(collection).values()])
+    )
 
 
 def _refuse_editing(ours: list[bpy.types.Object]) -> None:
@@ -288,8 +321,26 @@ def why_shared(built: Built) -> str:
     return ""
 
 
-def build_scene(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | None = None) -> Built:
-    """Build, or build again, the scene of complete ``settings``; ``meshed`` is its ground, if it has been made already.
+def build_scene(
+    scene: bpy.types.Scene,
+    settings: Settings,
+    meshed: MeshedGround | None = None,
+    *,
+    take_over: Callable[[], MadeObjects] | None = None,
+) -> Built:
+    """Build, or build again, the scene of complete ``settings`` at once, see ``build_in_steps``. ``meshed`` is its
+    ground, if it has been made already; ``take_over`` returns the objects that another process has made."""
+    computed = None if meshed is None else compute_ground(settings, meshed)
+    return finish(build_in_steps(scene, settings, computed, take_over))
+
+
+def build_in_steps(
+    scene: bpy.types.Scene,
+    settings: Settings,
+    computed: ComputedGround | None = None,
+    take_over: Callable[[], MadeObjects] | None = None,
+) -> Steps[Built]:
+    """Build, or build again, the scene of complete ``settings``. ``computed`` is its ground, if it is computed already.
 
     Sets the scene's camera and world to the built ones, unless the user has set others since the first build. Objects
     that were built before are kept and updated, so that references to them stay valid. Raises IcyMoonError, without
@@ -301,7 +352,9 @@ def build_scene(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround
     there = _find_built_blocks(scene, collection)
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
-    made = _make_in_memory(settings, meshed)
+    made = take_over() if take_over else (yield from _make_in_memory(settings, computed))
+    yield
+    # From here on in one step: a scene that is half in its place would be read by panels and timers.
     first = collection is None
     left = _leave_shared(scene)
     if collection is None:
@@ -327,10 +380,10 @@ def build_scene(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround
     return built
 
 
-def _make_in_memory(settings: Settings, meshed: MeshedGround | None) -> MadeObjects:
+def _make_in_memory(settings: Settings, computed: ComputedGround | None) -> Steps[MadeObjects]:
     """The objects of the scene. Raises IcyMoonError also where there is not enough memory."""
     try:
-        return make_objects(settings, meshed)
+        return (yield from make_objects(settings, computed))
     except MemoryError:
         if is_mesh(settings):
             raise IcyMoonError("There is not enough memory for the mesh; make it coarser before the import.") from None
@@ -360,18 +413,33 @@ def _name_blocks(objects: list[bpy.types.Object], kept: list[Any], skies: list[b
 
 def _record_build(built: Built, made: MadeObjects) -> None:
     """Record the build in the collection, for later readers."""
+    collection = built.collection
+    collection[SETTINGS] = json.dumps(built.settings)
+    if made.record:
+        for key, value in made.record.items():
+            collection[key] = value
+        known = read_stored(collection, FINGERPRINT, MARKS_SHAPE)
+        others = {part.split()[0] for part in known} - {MAKER, "terrain"}
+        marks = update_marks(collection, known, *others, "terrain object", "terrain materials", "added")
+    else:
+        _describe_ground(built, made)
+        marks = read_parts(collection)
+    collection[FINGERPRINT], collection[PREVIEW] = json.dumps(marks), "{}"
+    collection[NOTES] = "[]"
+    collection.pop(REFINED, None)
+
+
+def _describe_ground(built: Built, made: MadeObjects) -> None:
+    """Record the ground of a build in the collection; the build gets the warnings that its meshes give rise to."""
     collection, settings, own = built.collection, built.settings, made.own
-    collection[SETTINGS] = json.dumps(settings)
     on_map = {"map": own.map_place} if own and own.map_place else {}
     collection[GROUND] = json.dumps({"report": own.report, "site_m": made.site_m, **on_map} if own else {})
     collection[SITE] = made.site_m
     collection[CONTENT] = hash_content(settings)
     collection[EXCAVATION] = json.dumps(made.excavation)
-    built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built))
-    collection[STATISTICS] = json.dumps(describe_patch_statistics(measure_patch(built), settings.terrain))
-    collection[FINGERPRINT], collection[PREVIEW] = json.dumps(read_parts(collection)), "{}"
-    collection[NOTES] = "[]"
-    collection.pop(REFINED, None)
+    found = list(made.computed.reasons if made.computed else scene_checks.find_reasons(settings))
+    built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built, found=found))
+    collection[STATISTICS] = json.dumps(made.computed.statistics if made.computed else {})
 
 
 def _link_own_objects(scene: bpy.types.Scene, items: list[bpy.types.Object]) -> None:

@@ -44,7 +44,7 @@ PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Buil
 REFINED = "icymoon_refined"  # geometry of the settings that will follow a coarse ground at full resolution
 NOTES = "icymoon_notes"  # why some settings are not shown
 #: Shapes of the stored JSON: tables by topic, and the marks of parts by their names.
-TABLES_SHAPE, _MARKS_SHAPE = Each(TABLE, TEXT), Each(TEXT, TEXT)
+TABLES_SHAPE, MARKS_SHAPE = Each(TABLE, TEXT), Each(TEXT, TEXT)
 #: Settings that shape the ground.
 _SHAPE_SETTINGS = [
     (topic.key, setting.key)
@@ -117,14 +117,14 @@ class Built:
         """The marks of the scene as it was built. Raises IcyMoonError if they cannot be compared with present marks."""
         if self.outdated:
             raise IcyMoonError(self.outdated)
-        return dict(read_stored(self.collection, FINGERPRINT, _MARKS_SHAPE))
+        return dict(read_stored(self.collection, FINGERPRINT, MARKS_SHAPE))
 
     @property
     def outdated(self) -> str:
         """Why Icy Moon cannot detect edits by hand, in a sentence; empty if it can."""
         if why := check_cycles.why_unavailable():  # marks include the settings of Cycles
             return why
-        if read_stored(self.collection, FINGERPRINT, _MARKS_SHAPE).get(MAKER) == describe_maker():
+        if read_stored(self.collection, FINGERPRINT, MARKS_SHAPE).get(MAKER) == describe_maker():
             return ""
         return (
             "The scene was built by another version of Icy Moon or Blender, so edits by hand cannot be detected; "
@@ -184,7 +184,7 @@ class Built:
         """Store the settings that the scene shows now, and new marks of the ``changed`` parts or roles."""
         self.settings = merged(settings)
         self.collection[SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
-        known = read_stored(self.collection, FINGERPRINT, _MARKS_SHAPE)
+        known = read_stored(self.collection, FINGERPRINT, MARKS_SHAPE)
         self.collection[FINGERPRINT] = json.dumps(update_marks(self.collection, known, *changed))
 
 

@@ -8,6 +8,7 @@ rendered.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -104,30 +105,71 @@ def _has_same_edits(built: Built, pair: Pair) -> bool:
     return not find_added_objects(built.collection) and not built.edited_parts(*_GROUND_AND_CAMERA)
 
 
-def paint_errors(
-    scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], title: str, full_m: float
-) -> bpy.types.Collection:
-    """Paint the errors of pairs of a built scene on its ground and rocks, in place of anything painted before.
+@dataclass(frozen=True)
+class MeshesToPaint:
+    """The arrays of a built scene's ground and rocks, in world coordinates, by which any thread finds their errors."""
 
-    Where several pairs see a vertex, it shows the error of the nearest. Errors of ``full_m`` metres and more have the
-    full colour. Raises IcyMoonError before any change if no vertex shows an error.
-    """
-    mesh, places = built.terrain.data, [np.empty((0, 2))] * len(found)
-    ground = _find_vertex_errors(
-        found, to_world(built.terrain.matrix_world, read_vertex_positions(mesh)), _read_edges(mesh), places
-    )
-    instances = _find_rock_instances(built)
-    rocks = list(_find_seen_rocks(instances, found, places))
+    position: Array  # (n, 3) of the ground's vertices, m
+    edges: Array  # (k, 2)
+    rocks: list[tuple[Array, Array, Array]]  # of each shape: matrices (m, 4, 4), vertices and triangles
+
+
+@dataclass(frozen=True)
+class FoundErrors:
+    """The errors of pairs on the meshes of a scene: of the ground's vertices, of copies of rocks, and how many pixels
+    have which."""
+
+    ground: VertexErrors
+    rocks: list[tuple[Array, Array, VertexErrors]]
+    counts: dict[str, int]
+
+
+def read_meshes(built: Built) -> MeshesToPaint:
+    """Read the meshes of a built scene."""
+    mesh = built.terrain.data
+    position = to_world(built.terrain.matrix_world, read_vertex_positions(mesh))
+    rocks = []
+    for shape, matrices in _find_rock_instances(built).items():
+        shape.data.calc_loop_triangles()
+        triangles = read_property(shape.data.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
+        rocks.append((matrices, read_vertex_positions(shape.data), triangles))
+    return MeshesToPaint(position, _read_edges(mesh), rocks)
+
+
+def find_errors(meshes: MeshesToPaint, found: Sequence[DepthErrors]) -> FoundErrors:
+    """The errors of pairs on the meshes of their scene; any thread may ask. Where several pairs see a vertex, it shows
+    the error of the nearest. Raises IcyMoonError if no vertex shows an error."""
+    places = [np.empty((0, 2))] * len(found)
+    ground = _find_vertex_errors(found, meshes.position, meshes.edges, places)
+    rocks = list(_find_seen_rocks(meshes.rocks, found, places))
     if not sum(map(len, places)):
         raise IcyMoonError(
             "No vertex of the ground shows an error: its triangles are too wide, or it is not the "
             "ground of the pair; press Build Scene, or raise terrain.resolution."
         )
-    collection = begin_painting(scene, mesh, NAME)
     counts = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
-    collection[_COUNTS_PROPERTY] = {key: sum(count[key] for count in counts) for key in counts[0]} | {"title": title}
-    _fill_attributes(mesh, ground, full_m)
-    for shape in instances:  # dark, as if unseen; the copies hide them where an eye sees them
+    return FoundErrors(ground, rocks, {key: sum(count[key] for count in counts) for key in counts[0]})
+
+
+def paint_errors(
+    scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], title: str, full_m: float
+) -> bpy.types.Collection:
+    """Find the errors of pairs of a built scene and paint them, see ``find_errors`` and ``show_errors``."""
+    return show_errors(scene, built, find_errors(read_meshes(built), found), title, full_m)
+
+
+def show_errors(
+    scene: bpy.types.Scene, built: Built, errors: FoundErrors, title: str, full_m: float
+) -> bpy.types.Collection:
+    """Paint errors on the ground and rocks of a built scene, in place of anything painted before. Errors of ``full_m``
+    metres and more have the full colour. Raises IcyMoonError, before any change, if the ground is not theirs."""
+    mesh, rocks = built.terrain.data, errors.rocks
+    if len(mesh.vertices) != len(errors.ground.error_m):
+        raise IcyMoonError("The ground has changed while its errors were found; paint them again.")
+    collection = begin_painting(scene, mesh, NAME)
+    collection[_COUNTS_PROPERTY] = errors.counts | {"title": title}
+    _fill_attributes(mesh, errors.ground, full_m)
+    for shape in _find_rock_instances(built):  # dark, as if unseen; the copies hide them where an eye sees them
         n = len(shape.data.vertices)
         _fill_attributes(
             shape.data,
@@ -230,7 +272,7 @@ def read_vertex_positions(mesh: bpy.types.Mesh) -> Array:
 
 
 def _read_edges(mesh: bpy.types.Mesh) -> Array:
-    return read_property(mesh.edges, "vertices", np.int32, 2).reshape(-1, 2)
+    return read_property(mesh.attributes[".edge_verts"].data, "value", np.int32, 2).reshape(-1, 2)
 
 
 def to_world(matrix: ArrayLike, position: Array) -> Array:
@@ -262,15 +304,12 @@ def _find_rock_instances(built: Built) -> dict[bpy.types.Object, Array]:
 
 
 def _find_seen_rocks(
-    instances: Mapping[bpy.types.Object, Array], found: Sequence[DepthErrors], places: list[Array]
+    shapes: Sequence[tuple[Array, Array, Array]], found: Sequence[DepthErrors], places: list[Array]
 ) -> Iterator[tuple[Array, Array, VertexErrors]]:
     """Positions, triangles and vertex errors of the rocks with a vertex that an eye sees. Triangles too wide to show an
     error are divided.
     """
-    for shape, matrices in instances.items():
-        mesh = shape.data
-        mesh.calc_loop_triangles()
-        whole = read_vertex_positions(mesh), read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
+    for matrices, *whole in shapes:
         divisions = _count_divisions(found, matrices, *whole)
         for times in np.unique(divisions):
             corners, faces = whole

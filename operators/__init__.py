@@ -11,6 +11,7 @@ from . import (
     add_mesh,
     appended_scenes,
     build,
+    build_scene,
     calibrations,
     coloured_views,
     dataset,
@@ -56,7 +57,7 @@ from . import (
 CLASSES: tuple[Any, ...] = (
     *presets.CLASSES,
     *settings_files.CLASSES,
-    *build.CLASSES,
+    *build_scene.CLASSES,
     *import_ground.CLASSES,
     *object_as_ground.CLASSES,
     *object_as_rock.CLASSES,

@@ -1,4 +1,4 @@
-"""Build Scene and Clear Scene."""
+"""Builds and shows a scene in the window."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from typing import Any
 import bpy
 
 from ..nodes import build_scene as scenes
-from ..nodes import preview
-from ..nodes.ground.user_ground import warn_of_cost
 from ..nodes.measured_surface import find_points
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
@@ -18,7 +16,7 @@ from . import view_exposure, view_resolution
 from .coloured_views import hide_errors
 from .session import session
 from .sidebar_text import format_for_window
-from .user_render import prepare_render, restore_render
+from .user_render import prepare_render
 from .window_areas import list_areas, override_area
 from .window_events import call_later, make_registration
 
@@ -164,93 +162,49 @@ def leave_edit_mode() -> None:
         bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, coarse: bool = False) -> set[str]:
-    """Build the scene from its settings, show it and report it; the result of the operator.
+class BuildFrame:
+    """What a build finds in a window, and what it leaves there."""
 
-    With ``coarse`` the ground is made coarsely, and marked for ``refine`` to follow.
-    """
-    build = preview.build_coarse if coarse else scenes.build_scene
-    leave_edit_mode()
-    earlier = scenes.find_built(context.scene)
-    before = earlier.settings if earlier else None
-    views = find_views_through(context, earlier.camera if earlier else None)
+    def __init__(self, context: bpy.types.Context, scene: bpy.types.Scene) -> None:
+        """Note what there is; leaves Edit Mode."""
+        leave_edit_mode()
+        earlier = scenes.find_built(scene)
+        self._before = earlier.settings if earlier else None
+        self._views = find_views_through(context, earlier.camera if earlier else None)
+
+    def show(self, operator: bpy.types.Operator, context: bpy.types.Context, built: scenes.Built) -> None:
+        """Show the scene that was built, and report it."""
+        scene = built.scene
+        prepare_render(scene, built)
+        hide_errors(scene)  # they are of the previous scene
+        for warning in built.warnings:
+            operator.report({"WARNING"}, format_for_window(warning))
+        frame_and_expose(scene, built.settings, self._before)
+        view_resolution.begin_coarse(scene)
+        session.picture.remove()
+        if not bpy.app.background:
+            if self._before is None and context.scene == scene:
+                show_scene(context, built)
+            else:
+                look_through(self._views, built)
+        mesh = built.terrain.data
+        operator.report(
+            {"INFO"},
+            f"Built {format_count(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
+            f"and {format_count(built.rock_count, 'rock')}",
+        )
+
+
+def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
+    """Build the scene from its settings at once, show it and report it; the result of the operator."""
+    frame = BuildFrame(context, context.scene)
     try:
-        built = build(context.scene, scene_properties.read_settings(context.scene.icymoon))
+        built = scenes.build_scene(context.scene, scene_properties.read_settings(context.scene.icymoon))
     except IcyMoonError as error:
         operator.report({"ERROR"}, format_for_window(error))
         return {"CANCELLED"}
-    prepare_render(context.scene, built)
-    hide_errors(context.scene)  # they are of the previous scene
-    for warning in built.warnings:
-        operator.report({"WARNING"}, format_for_window(warning))
-    frame_and_expose(context.scene, built.settings, before)
-    view_resolution.begin_coarse(context.scene)
-    session.picture.remove()
-    if not bpy.app.background:
-        if before is None:
-            show_scene(context, built)
-        else:
-            look_through(views, built)
-    mesh = built.terrain.data
-    operator.report(
-        {"INFO"},
-        f"Built {format_count(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
-        f"and {format_count(built.rock_count, 'rock')}",
-    )
+    frame.show(operator, context, built)
     return {"FINISHED"}
-
-
-class ICYMOON_OT_build_scene(bpy.types.Operator):
-    """Build ground, rocks, Sun and stereo camera from the settings. Your own objects stay, but F12 leaves them out until Clear Scene"""  # noqa: E501
-
-    bl_idname = "icymoon.build_scene"
-    bl_label = "Build Scene"
-    bl_options = {"REGISTER", "UNDO"}
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        try:
-            warnings = warn_of_cost(scene_properties.read_settings(context.scene.icymoon))
-        except IcyMoonError as error:
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
-        if warnings and not bpy.app.background:
-            return set(
-                context.window_manager.invoke_confirm(
-                    self, event, title="Load a Large Mesh?", message=warnings[0], confirm_text="Load"
-                )
-            )
-        return self.execute(context)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return build_and_report(self, context)
-
-
-class ICYMOON_OT_clear_scene(bpy.types.Operator):
-    """Remove what Build Scene made, and restore the earlier camera, world, render settings and view"""
-
-    bl_idname = "icymoon.clear_scene"
-    bl_label = "Clear Scene"
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        found = scenes.find_collection(context.scene) is not None
-        if not found:
-            cls.poll_message_set("Nothing has been built in this scene")
-        return found
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        hide_errors(context.scene)
-        session.picture.remove()
-        collection = scenes.find_collection(context.scene)
-        restore_render(context.scene, collection)
-        view_resolution.restore_resolution(context.scene, collection)
-        scenes.clear_scene(context.scene)
-        restore_views()
-        return {"FINISHED"}
-
-
-CLASSES = (ICYMOON_OT_build_scene, ICYMOON_OT_clear_scene)
 
 
 register, unregister = make_registration(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -11,6 +12,7 @@ from ..nodes import build_scene as scenes
 from ..nodes import measured_surface, painted_errors
 from ..render.pairs.dataset_file_names import pairs_folder
 from ..render.pairs.pair_folder import read_pair
+from ..render.workers.watched_thread import Calculation
 from ..settings import change_announcements
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
@@ -21,6 +23,8 @@ from ..support.number_text import format_count
 from ..support.printer import show_controls
 from .build import leave_edit_mode
 from .coloured_views import hide_errors, is_shown, show_colours
+from .job_operators import JobOperator
+from .jobs import Job
 from .render import find_dataset_folder, plan_pairs
 from .results import (
     ResultOperator,
@@ -28,8 +32,10 @@ from .results import (
     find_point_files,
     list_methods_with_disparities,
     list_methods_with_points,
+    needs_results,
 )
 from .sidebar_text import format_for_window
+from .window_areas import find_scene
 from .window_events import make_registration
 
 
@@ -62,30 +68,40 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_paint_errors(ResultOperator, bpy.types.Operator):
+class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
     """Paint the depth errors of a matcher on the ground and its rocks, in Solid shading: red is too far, blue is too near, white is within 1 cm"""  # noqa: E501
 
     bl_idname = "icymoon.paint_errors"
     bl_label = "Paint Errors on Ground"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"UNDO"}
 
     method: bpy.props.StringProperty(name="Matcher", description="Matcher of the errors; empty for the most accurate")
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needs_results(cls, context.scene) and super().poll(context)
+
+    def start(self, context: bpy.types.Context) -> Job:
+        """Let a thread find the errors of all vertices."""
         scene = context.scene
-        method = self.method or next(iter(list_methods_with_disparities(scene)), "")
+        self._scene_uid = scene.session_uid
+        self._method = self.method or next(iter(list_methods_with_disparities(scene)), "")
         leave_edit_mode()  # a mesh that is being edited has no attributes
-        try:
-            built, found = _read_errors(scene, method)
-            collection = painted_errors.paint_errors(
-                scene, built, found, describe_method(method), scene.icymoon.error_range_m
-            )
-        except IcyMoonError as error:
-            self.report({"ERROR"}, format_for_window(error))
-            return {"CANCELLED"}
+        built, found = _read_errors(scene, self._method)
+        work = partial(painted_errors.find_errors, painted_errors.read_meshes(built), found)
+        return Job(self.bl_label, Calculation(work, "the errors"), if_stopped="nothing is painted")
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        """Paint the errors."""
+        scene, title = find_scene(self._scene_uid), describe_method(self._method)
+        if scene is None:
+            return
+        leave_edit_mode()
+        collection = painted_errors.show_errors(
+            scene, find_built_as_set(scene), self._job.result["value"], title, scene.icymoon.error_range_m
+        )
         show_colours(context, list(collection.objects), solid=True)
-        self.report({"INFO"}, show_controls(f"Depth errors of {describe_method(method)} painted on the ground"))
-        return {"FINISHED"}
+        self.report({"INFO"}, show_controls(f"Depth errors of {title} painted on the ground"))
 
 
 def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, list[DepthErrors]]:

@@ -1,20 +1,25 @@
 """The ground of a scene that was just chosen: coarse at once, then at full resolution while the user looks.
 
-A thread computes the ground, and a timer builds the scene from it. This adds no undo step: undo takes the chosen scene
-back as a whole. Where undo and redo show the coarse ground again, the fine ground follows again.
+Another Blender builds the scene, and a timer takes it over from its file. A setting of the ground that changes ends
+that process at once. This adds no undo step: undo takes the chosen scene back as a whole. Where undo and redo show the
+coarse ground again, the fine ground follows again.
 """
 
 from __future__ import annotations
 
+import tempfile
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 
 import bpy
 
 from ..nodes import build_scene as scenes
 from ..nodes import preview
-from ..nodes.ground.dug_ground import mesh_whole_ground
-from ..render.workers.watched_thread import Calculation
+from ..nodes.datablocks.blend_file_paths import make_paths_absolute
+from ..nodes.stored_build import read_build
+from ..render.workers.job_commands import Job as JobFiles
+from ..render.workers.job_commands import blender_command
 from ..settings import rebuilt_parts
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
@@ -48,7 +53,7 @@ def _find_next() -> tuple[scenes.Built, Settings] | None:
     for scene in bpy.data.scenes:
         with suppress(IcyMoonError):  # settings that no panel can make
             settings = scene_properties.read_settings(scene.icymoon)
-            if scene.icymoon.live and (built := preview.awaits_ground(scene, settings)):
+            if built := preview.awaits_ground(scene, settings):
                 return built, settings
     return None
 
@@ -62,28 +67,50 @@ def _is_busy() -> bool:
     )
 
 
+def start_building(settings: Settings) -> jobs.Job:
+    """Let another Blender build the scene of complete settings; ``result`` names the file. Raises IcyMoonError."""
+    files = JobFiles(Path(tempfile.gettempdir()), make_paths_absolute(settings))  # it renders no pair into a folder
+    command = blender_command(jobs.find_this_blender(), "build", str(files.file), str(files.blend))
+    return jobs.Job.start("Fine Ground", command, clean_up=files.discard, clean=False)
+
+
+def _end_building() -> None:
+    """End the process that builds, if there is one, and remove its files."""
+    if session.meshing is not None:
+        session.meshing.close()
+    session.meshing = None
+
+
 def _refine_next() -> float | None:
-    """Compute the ground of a scene that awaits it, then build the scene. The timer stops when no scene waits."""
+    """Let a scene that awaits its ground be built, then show it. The timer stops when no scene waits."""
     found = _find_next()
     if found is None:
-        session.meshing = None
+        _end_building()
         return None
     built, settings = found
-    job = session.meshing
-    if job is None or rebuilt_parts.select_scene(session.meshed_settings or settings) != rebuilt_parts.select_scene(
-        settings
-    ):
-        work = Calculation(partial(mesh_whole_ground, scenes.make_ground, settings), "the ground")
-        session.meshing, session.meshed_settings = jobs.Job("Fine Ground", work), settings
-    elif not job.poll() and not _is_busy():
-        session.meshing = None
-        _show_refined(built, settings, job)
-        redraw_panels()
+    job, of = session.meshing, session.meshed_settings or settings
+    try:
+        if job is None or rebuilt_parts.select_scene(of) != rebuilt_parts.select_scene(settings):
+            _end_building()
+            session.meshing, session.meshed_settings = start_building(settings), settings
+        elif not job.poll() and not _is_busy():
+            _show_refined(built, of, settings, job)
+            _end_building()
+            redraw_panels()
+    except IcyMoonError as error:
+        _give_up(built, error)
     return jobs.INTERVAL_S
 
 
-def _show_refined(built: scenes.Built, settings: Settings, job: jobs.Job) -> None:
-    """Build a scene at full resolution from its ground and record its warnings, or the reason why it is not built.
+def _give_up(built: scenes.Built, error: IcyMoonError) -> None:
+    """Leave a scene as it is, with the reason."""
+    del built.collection[scenes.REFINED]
+    preview.set_notes(built, [str(error)])
+
+
+def _show_refined(built: scenes.Built, of: Settings, settings: Settings, job: jobs.Job) -> None:
+    """Show a scene at full resolution as it was built ``of`` earlier settings, with what has changed since, and record
+    its warnings, or the reason why it is not shown.
 
     A scene that was edited by hand is not built.
     """
@@ -93,12 +120,13 @@ def _show_refined(built: scenes.Built, settings: Settings, job: jobs.Job) -> Non
             raise IcyMoonError(job.failure)
         if built.terrain.mode != "OBJECT" or built.edited_parts():
             raise IcyMoonError("The scene was edited while its ground was coarse; press Build Scene to build it again.")
-        fine = scenes.build_scene(built.scene, settings, job.result["value"])
+        fine = scenes.build_scene(built.scene, of, take_over=partial(read_build, Path(job.result["scene"])))
         look_through(views, fine)
+        if fine.scene.icymoon.live and scenes.list_changed_settings(fine, settings):
+            preview.show_settings(fine, settings, session.preview_side)
         preview.set_notes(fine, list(fine.warnings))  # no operator runs that could report them
     except IcyMoonError as error:
-        del built.collection[scenes.REFINED]
-        preview.set_notes(built, [str(error)])
+        _give_up(built, error)
     view_resolution.begin_coarse(built.scene)
     session.picture.count(built.scene)
 

@@ -26,6 +26,7 @@ from ..support.printer import show_controls
 from . import jobs
 from .build import find_views_through, frame_and_expose, leave_edit_mode, look_through
 from .job_operators import JobOperator
+from .live_preview import has_window
 from .refine_ground import begin_refining
 from .sidebar_text import format_for_window
 from .user_render import prepare_render
@@ -73,9 +74,12 @@ def show_rendered_scene(scene: bpy.types.Scene, settings: Settings) -> scenes.Bu
         return bring_up_to_date(scene, settings)
     shown = built is not None and not built.preview and not scenes.list_changed_settings(built, settings)
     if not shown and not is_from_file(settings):
-        if not preview.awaits_ground(scene, settings):
+        if preview.awaits_ground(scene, settings):
+            begin_refining()
+        elif has_window():
+            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")
+        else:
             _build_anew(scene, settings, preview.build_coarse)
-        begin_refining()
     return None
 
 
@@ -115,6 +119,18 @@ def plan_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPair]:
     return expand_headings(settings, scenes.make_extra(settings))
 
 
+def _save_copy(path: Path) -> None:
+    """Save a copy of the open file without a picture of it, which would draw the whole ground: 8 s of the
+    processor instead of 0.05 s for 1.8 million faces without a graphics card."""
+    preferences = bpy.context.preferences
+    before = preferences.filepaths.file_preview_type, preferences.is_dirty
+    preferences.filepaths.file_preview_type = "NONE"
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False)
+    finally:
+        preferences.filepaths.file_preview_type, preferences.is_dirty = before
+
+
 class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
     """Render a stereo pair with exact truth into the data set folder. Runs in a separate process; Esc stops it"""
 
@@ -143,7 +159,7 @@ class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
         )
         if edited:
             self._warn(edited)
-            bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)
+            _save_copy(files.blend)
         command, device = blender_command(jobs.find_this_blender(), "worker", str(files.file)), settings.quality.device
         return jobs.Job.start("Render Stereo Pair", command, self._hear, files.remove, device=device, clean=False)
 

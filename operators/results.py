@@ -431,15 +431,20 @@ def show_images(
     return True
 
 
+def needs_results(operator: type[OperatorMixin], scene: bpy.types.Scene) -> bool:
+    """Whether a scene was evaluated; otherwise the operator's tooltip states it."""
+    found = kept_results(scene) is not None
+    if not found:
+        operator.poll_message_set("This scene has not been evaluated yet")
+    return found
+
+
 class ResultOperator(OperatorMixin):
     """Mix-in: an operator that needs an evaluation of the scene."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        found = kept_results(context.scene) is not None
-        if not found:
-            cls.poll_message_set("This scene has not been evaluated yet")
-        return found
+        return needs_results(cls, context.scene)
 
 
 class ICYMOON_OT_show_error(ResultOperator, bpy.types.Operator):

@@ -113,6 +113,16 @@ def remove_unused_images() -> None:
         bpy.data.batch_remove(unused)
 
 
+def reuse_images() -> None:
+    """Use the first of several equal images of textures for all; objects from a file bring their own along."""
+    first: dict[str, bpy.types.Image] = {}
+    for image in [image for image in bpy.data.images if _KEY_PROPERTY in image]:
+        kept = first.setdefault(image[_KEY_PROPERTY], image)
+        if kept != image:
+            image.user_remap(kept)
+    remove_unused_images()
+
+
 def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
     """The maps with new means, over the parts of the images that are on the mesh by its UV coordinates.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import count
 
 import bpy
 import numpy as np
@@ -11,19 +12,36 @@ from built_scenes import positions
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
 from icymoon.nodes.datablocks.fingerprint import read_parts
-from icymoon.operators import live_preview, refine_ground, view_exposure
+from icymoon.nodes.stored_build import write_build
+from icymoon.operators import jobs, live_preview, refine_ground, view_exposure
 from icymoon.operators.render import bring_up_to_date
 from icymoon.operators.sidebar_text import replace_keys_by_labels
 from icymoon.panels import previews
 from icymoon.settings import description, preset_files
 from icymoon.settings.blender import scene_properties
+from stand_ins import stand_in
 
 RIDGES, ROCKS = "scenes/europa_ridged_plain", "scenes/enceladus_block_field"
 
 
+def build_beside(settings, path) -> jobs.Job:
+    """Build a scene as another Blender does, but in this process, where each test would wait for a start of Blender."""
+    elsewhere = bpy.data.scenes.new("Elsewhere")
+    write_build(scenes.build_scene(elsewhere, settings), path)
+    scenes.clear_scene(elsewhere)
+    bpy.data.scenes.remove(elsewhere)
+    messages = [{"type": "done", "scene": str(path)}]
+    process = stand_in(cancelled=False, left=False, running=False, poll=lambda: [*messages], stop=lambda: None)
+    return jobs.Job("Fine Ground", process)
+
+
 @pytest.fixture
-def watched(scene, monkeypatch):
+def watched(scene, monkeypatch, tmp_path):
     """An empty file in a window, and scenes that are small."""
+    number = count()
+    monkeypatch.setattr(
+        refine_ground, "start_building", lambda settings: build_beside(settings, tmp_path / f"{next(number)}.blend")
+    )
     load = preset_files.load
     monkeypatch.setattr(
         preset_files,
@@ -111,6 +129,27 @@ def test_a_render_before_it_is_refined_is_of_the_full_scene(watched):
     assert built.terrain.data.vertices[0].as_pointer() == mesh  # not made a second time
     assert read_parts(built.collection) == mark
     assert is_as_built_at_once(built)
+
+
+def test_a_setting_that_is_typed_ends_the_process_that_builds(watched, monkeypatch, tmp_path):
+    ended = []
+
+    def start(settings):
+        running = stand_in(
+            cancelled=False, left=False, running=True, poll=lambda: [], stop=lambda: ended.append(settings)
+        )
+        return jobs.Job("Fine Ground", running)
+
+    monkeypatch.setattr(refine_ground, "start_building", start)
+    choose(RIDGES)
+    first = settings()
+    assert refine_ground._refine_next() is not None
+    watched.icymoon.light.sun_elevation_deg = 33.0  # the ground stays, and so does the process
+    assert refine_ground._refine_next() is not None
+    assert not ended
+    watched.icymoon.terrain.rms_slope_deg += 5.0
+    assert refine_ground._refine_next() is None
+    assert ended == [first]
 
 
 def test_the_ground_that_the_user_changes_meanwhile_is_theirs(watched):
