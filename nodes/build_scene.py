@@ -330,7 +330,8 @@ def _record_build(built: Built, made: MadeObjects) -> None:
     collection[SITE] = made.site_m
     collection[CONTENT] = hash_content(settings)
     collection[EXCAVATION] = json.dumps(made.excavation)
-    built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built))
+    if not made.coarse:  # otherwise the fine ground follows with its own warnings
+        built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built))
     collection[STATISTICS] = json.dumps(describe_patch_statistics(measure_patch(built), settings.terrain))
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(read_parts(collection)), "{}"
     collection[NOTES] = "[]"
