@@ -10,7 +10,9 @@ from ..nodes import build_scene as scenes
 from ..nodes import preview
 from ..nodes.ground.user_ground import warn_of_cost
 from ..nodes.measured_surface import find_points
+from ..settings import description
 from ..settings.blender import scene_properties
+from ..settings.rebuilt_parts import select_scene
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
@@ -37,6 +39,8 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Setting
     view_exposure.expose_view(scene, settings, anew=before is None)
 
 
+#: Azimuth of the Sun at which the default view is lit from the side.
+LIT_AZIMUTH_DEG = 300.0
 _SHADING_PROPERTIES = ("type", "use_scene_lights_render", "use_scene_world_render")
 
 
@@ -184,6 +188,21 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
     return {"FINISHED"}
 
 
+def light_untouched_scene(scene: bpy.types.Scene) -> bool:
+    """Turn the Sun of a scene whose settings are all the defaults, before its first build, so that its view is lit.
+
+    The default view is in the shadow of a rise. The defaults stay, because old data sets have them. Returns whether the
+    Sun was turned.
+    """
+    settings, untouched = scene_properties.read_unchecked(scene.icymoon), description.defaults()
+    if scenes.find_collection(scene) is not None or select_scene(settings) != select_scene(untouched):
+        return False
+    if settings.light != untouched.light or settings.rig != untouched.rig:
+        return False
+    scene.icymoon.light.sun_azimuth_deg = LIT_AZIMUTH_DEG
+    return True
+
+
 class ICYMOON_OT_build_scene(bpy.types.Operator):
     """Build ground, rocks, Sun and stereo camera from the settings. Your own objects stay, but F12 leaves them out until Clear Scene"""  # noqa: E501
 
@@ -203,6 +222,8 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
                     self, event, title="Load a Large Mesh?", message=warnings[0], confirm_text="Load"
                 )
             )
+        if light_untouched_scene(context.scene):
+            self.report({"INFO"}, f"Sun Azimuth is {LIT_AZIMUTH_DEG:g}° now, because its default leaves this view dark")
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

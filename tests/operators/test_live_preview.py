@@ -12,7 +12,7 @@ from built_scenes import everything, positions
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
 from icymoon.nodes.datablocks.fingerprint import TAG, make_fingerprint, read_parts
-from icymoon.operators import live_preview
+from icymoon.operators import build, live_preview
 from icymoon.operators.render import bring_up_to_date, plan_pairs
 from icymoon.operators.session import session
 from icymoon.panels import sidebar
@@ -549,3 +549,15 @@ def test_turning_the_camera_away_from_real_relief_says_what_is_not_shown(watched
     (sentence,) = preview.read_notes(watched)
     assert "fine relief" in sentence
     assert "press Build Scene" in sentence
+
+
+def test_the_first_build_of_untouched_settings_is_lit(scene):
+    """The button of the window turns the Sun; scripts, plans and scenes with a setting of their own keep theirs."""
+    default = scene.icymoon.light.sun_azimuth_deg
+    scene.icymoon.rig.heading_deg = 10.0
+    assert not build.light_untouched_scene(scene)
+    scene.icymoon.rig.heading_deg = 0.0
+    assert scene.icymoon.light.sun_azimuth_deg == default
+    assert build.light_untouched_scene(scene)
+    assert scene.icymoon.light.sun_azimuth_deg == build.LIT_AZIMUTH_DEG
+    assert not build.light_untouched_scene(scene)

@@ -76,6 +76,17 @@ def test_where_the_cameras_look_it_is_as_rough_and_as_bright(name):
     assert abs(ratio[1] - 1.0) < 0.05
 
 
+def test_the_default_view_is_lit_from_the_azimuth_that_the_window_chooses():
+    """300 degrees, ``operators.build.LIT_AZIMUTH_DEG``, lights it more than a level plane."""
+    ground = make_terrain(defaults(), 1)
+    made = make_preview_ground(ground, merged(defaults(), {"rig": FRAME}), MOST).mesh_with_relief()
+    found = [
+        measure_look(merged(defaults(), {"light": {"sun_azimuth_deg": azimuth}}), made.positions, made.faces)[1]
+        for azimuth in (defaults().light.sun_azimuth_deg, 300.0)
+    ]
+    assert found[0] < 0.5 * math.sin(math.radians(20.0)) < math.sin(math.radians(20.0)) < found[1]
+
+
 def find_mask(
     settings: Settings, rock: Rocks, which: int, shapes: Sequence[Sequence[RockShape]], eye_m: Array
 ) -> Array:
