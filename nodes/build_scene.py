@@ -438,7 +438,8 @@ def _describe_ground(built: Built, made: MadeObjects) -> None:
     collection[CONTENT] = hash_content(settings)
     collection[EXCAVATION] = json.dumps(made.excavation)
     found = list(made.computed.reasons if made.computed else scene_checks.find_reasons(settings))
-    built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built, found=found))
+    if not made.coarse:  # otherwise the fine ground follows with its own warnings
+        built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built, found=found))
     collection[STATISTICS] = json.dumps(made.computed.statistics if made.computed else {})
 
 

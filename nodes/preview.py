@@ -1,8 +1,8 @@
 """Shows changed settings at once in the built scene.
 
-Light, camera and surfaces become as Build Scene would make them. The ground becomes a coarse grid of the same height
-function with the largest rocks, which is never rendered and which Build Scene replaces. Parts that the user has edited
-by hand, and ground from a file, stay as they are.
+Light, camera and surfaces become as Build Scene would make them. The ground becomes a coarse mesh of the same height
+function, finest where the cameras look, with the rocks that look largest. It is never rendered, and Build Scene
+replaces it. Parts that the user has edited by hand, and ground from a file, stay as they are.
 """
 
 from __future__ import annotations
@@ -18,14 +18,18 @@ import numpy as np
 from ..physics import scene_checks
 from ..physics.arm.parametric_arm import JOINTS
 from ..physics.excavation.camera_jitter import jitter_rig
+from ..physics.excavation.dig_site import is_dug
 from ..physics.mesh import finer_in_view
+from ..physics.mesh.graded_mesh import GradedGround
 from ..physics.mesh.ground_interface import Surface
-from ..physics.mesh.height_map import HeightMap
 from ..physics.mesh.horizon import drop_m
+from ..physics.mesh.preview_ground import PreviewGround
 from ..physics.mesh.vertex_spacing import GRADING_RIG_SETTINGS
+from ..physics.rocks.beyond_patch import make_view_beyond
 from ..physics.rocks.own_rock import find_rock_shapes
 from ..physics.rocks.place_rocks import LEVEL_RANKS, Rocks, scatter_rocks
 from ..physics.rocks.rock_shapes import RockShape
+from ..physics.terrain.terrain import Terrain
 from ..settings import rebuilt_parts
 from ..settings.description import merged
 from ..settings.rebuilt_parts import select_geometry
@@ -39,9 +43,10 @@ from . import painted_errors
 from .datablocks.blend_file_paths import make_paths_absolute
 from .datablocks.fingerprint import TAG, find_built_objects, find_instanced_objects
 from .datablocks.stored_json import read_stored
+from .ground.dug_ground import mesh_whole_ground
 from .ground.heights_under import probe_heights
 from .ground.rocks import build_rocks, find_rock_parts
-from .ground.terrain_mesh import SPACING, fill_mesh, leave_unmoved, make_grid
+from .ground.terrain_mesh import MeshedGround, compute_vertex_spacing_m, mesh_coarsely
 from .ground.user_ground import is_from_file
 from .lander.objects import ROLES as LANDER_ROLES
 from .lander.objects import build_lander, place_lander
@@ -53,13 +58,17 @@ from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
 from .tree.builder import copy_values
 
-#: Maximum number of rocks in a preview. The smallest are left out.
+#: Maximum number of rocks on coarse ground: those that look largest.
 MOST_ROCKS = 1000
-#: Maximum number of vertices of the whole ground that ``build_coarse`` makes in about a second.
-MOST_VERTICES = 20000
+#: Maximum number of rocks that follow a slider.
+MOST_MOVED_ROCKS = 500
+#: About the number of vertices of the whole ground that ``build_coarse`` makes in about a second.
+MOST_VERTICES = 100000
 _EDITED_MESSAGE = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
 _TURNED_MESSAGE = "Preview: fine relief and broken walls are real only where the camera looked; press Build Scene"
-_UNDUG_MESSAGE = "Preview without the trench: press Build Scene"
+_UNDUG_MESSAGE = "Coarse ground without the trench: press Build Scene"
+COARSE_MESSAGE = "Coarse ground: press Build Scene for the fine one"
+_CHANGED_MESSAGE = "Preview: press Build Scene"
 
 
 def read_notes(scene: bpy.types.Scene) -> list[str]:
@@ -77,7 +86,15 @@ def read_notes(scene: bpy.types.Scene) -> list[str]:
     undug = previewed.get("excavation", {}).get("path", "NONE") != "NONE" and collection.get(
         scenes.REFINED
     ) != json.dumps(previewed)
-    return [_TURNED_MESSAGE if turned else _UNDUG_MESSAGE if undug else "Preview: press Build Scene"]
+    if turned or undug:
+        return [_TURNED_MESSAGE if turned else _UNDUG_MESSAGE]
+    return [COARSE_MESSAGE if "terrain" in previewed else _CHANGED_MESSAGE]
+
+
+def has_coarse_ground(scene: bpy.types.Scene) -> bool:
+    """Whether the ground that is seen is the coarse one of a preview."""
+    collection = scenes.find_collection(scene)
+    return collection is not None and "terrain" in read_stored(collection, scenes.PREVIEW, Each(TABLE, TEXT))
 
 
 def set_notes(built: scenes.Built, sentences: list[str]) -> None:
@@ -98,19 +115,11 @@ def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
 
 def compute_coarse_ground(settings: Settings) -> ComputedGround:
     """The coarse ground of complete ``settings``, for which any thread may ask. Raises IcyMoonError."""
-    return compute_ground(_coarsen(settings))
+    return compute_ground(settings, mesh_whole_ground(scenes.make_ground, settings, _mesh_for_choice))
 
 
-def _coarsen(settings: Settings) -> Settings:
-    terrain, mesh, rocks = settings.terrain, settings.mesh, settings.rocks
-    return merged(
-        settings,
-        {
-            "terrain": {"resolution": min(terrain.resolution, math.isqrt(MOST_VERTICES))},
-            "mesh": {"most": min(mesh.most, MOST_VERTICES)},
-            "rocks": {"most": min(rocks.most, MOST_ROCKS), "beyond_px": 0.0},
-        },
-    )
+def _mesh_for_choice(ground: Terrain, settings: Settings) -> MeshedGround:
+    return mesh_coarsely(ground, settings, MOST_VERTICES, MOST_ROCKS)
 
 
 def build_coarse_in_steps(scene: bpy.types.Scene, settings: Settings, ground: ComputedGround) -> Steps[scenes.Built]:
@@ -119,7 +128,7 @@ def build_coarse_in_steps(scene: bpy.types.Scene, settings: Settings, ground: Co
     It is marked as a preview whose ground at full resolution will follow, see ``awaits_ground``. Raises IcyMoonError as
     ``scenes.build_scene`` does.
     """
-    built = yield from scenes.build_in_steps(scene, _coarsen(settings), ground)
+    built = yield from scenes.build_in_steps(scene, settings, ground)
     built.remember(settings, select_geometry(settings))
     await_ground(built, settings)
     return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it
@@ -139,7 +148,7 @@ def awaits_ground(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | 
 
 
 def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
-    """Show complete ``settings`` in a built scene, the ground with at most ``side`` vertices per side.
+    """Show complete ``settings`` in a built scene, the ground with about ``side``² vertices.
 
     Returns whether the ground was made again. Settings that cannot be shown raise no error: ``read_notes`` reports
     them.
@@ -147,7 +156,7 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
     messages: list[str] = []
     before = merged(built.settings, built.preview)
     ground = None
-    if select_geometry(settings) != select_geometry(before):
+    if select_geometry(settings) != select_geometry(before) or _looks_elsewhere(built, settings, before):
         try:
             ground = _show_ground(built, settings, side)
         except IcyMoonError as error:
@@ -171,6 +180,18 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
     return ground is not None
 
 
+def _looks_elsewhere(built: scenes.Built, settings: Settings, before: Settings) -> bool:
+    """Whether the cameras look at another part of coarse ground, which is fine enough only where they looked before.
+    Ground with a trench stays, because only a build digs."""
+    keys = (*GRADING_RIG_SETTINGS, *finer_in_view.RELIEF_RIG_SETTINGS)
+    return (
+        has_coarse_ground(built.scene)
+        and not built.edited_parts("camera")
+        and not is_dug(settings)
+        and any(settings.rig[key] != before.rig[key] for key in keys)
+    )
+
+
 def _show_sunlight(built: scenes.Built) -> None:
     """Update surfaces and lamps with each other's state, without losing the marks of the user's edits. The Sun's
     direction in surfaces does not count in their marks.
@@ -184,7 +205,7 @@ def _show_sunlight(built: scenes.Built) -> None:
 
 
 def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
-    """Make a coarse ground with rocks from ``settings``, and return the height function of the ground.
+    """Make a coarse ground with rocks from ``settings``, and return the ground.
 
     Raises IcyMoonError, without changing the scene, if the ground is from a file, being edited or edited by hand.
     """
@@ -199,20 +220,19 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     }
     if by_hand:
         raise IcyMoonError(_EDITED_MESSAGE.format("ground" if "terrain" in by_hand else "field of rocks"))
-    coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings.terrain.resolution))}})
-    ground = scenes.make_ground(settings)
-    positions, faces = make_grid(coarse.terrain, ground)
-    rocks = _scatter_largest(coarse, positions) if coarse.rocks.coverage > 0 else None
+    ground = mesh_coarsely(scenes.make_ground(settings), settings, side**2, MOST_MOVED_ROCKS)
+    rocks = _scatter_seen(settings, ground.surface) if settings.rocks.coverage > 0 else None
     # From here on nothing raises, so the scene is changed completely or not at all.
     painted_errors.clear_painted(built.scene)  # they are of the previous ground
-    moved = SPACING in built.terrain.data.attributes
-    fill_mesh(built.terrain.data, positions, faces)
-    mark_elevation(built.terrain.data, settings.surface)
-    if moved:
-        leave_unmoved(built.terrain.data)
-    changed = _show_rocks(built, coarse, rocks)
+    ground.show_in_mesh(built.terrain.data)
+    mark_elevation(
+        built.terrain.data,
+        settings.surface,
+        ground.surface.drop_m if isinstance(ground.surface, GradedGround) and settings.mesh.kind == "GRADED" else None,
+    )
+    changed = _show_rocks(built, settings, rocks)
     built.remember(built.settings, merged(built.preview, select_geometry(settings)), "terrain data", *changed)
-    return ground
+    return ground.surface
 
 
 def _make_coarse_shapes(settings: Settings) -> tuple[tuple[RockShape, ...], ...]:
@@ -220,20 +240,21 @@ def _make_coarse_shapes(settings: Settings) -> tuple[tuple[RockShape, ...], ...]
     return find_rock_shapes(rocks, int(settings.dataset.seed))[-1:]
 
 
-def _scatter_largest(settings: Settings, positions: Array) -> Rocks:
-    """The largest rocks of the settings, with the coarsest shapes, on a grid of positions (n², 3)."""
-    rocks, rig, size = make_paths_absolute(settings).rocks, settings.rig, float(settings.terrain.size_m)
-    n = round(len(positions) ** 0.5)
-    pixel = size / (n - 1)
-    heights = positions[:, 2].reshape(n, n)[::-1].astype(np.float64)
-    ground = HeightMap(heights, (pixel, pixel), -size / 2, -size / 2, size)
+def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
+    """The rocks of the settings that look largest, with the coarsest shapes."""
+    rocks, rig = make_paths_absolute(settings).rocks, settings.rig
+    step_m = compute_vertex_spacing_m(settings.terrain)
     found = scatter_rocks(
-        rocks | {"most": min(rocks.most, MOST_ROCKS)},
-        size,
+        rocks,
+        float(settings.terrain.size_m),
         int(settings.dataset.seed),
-        ground.heights,
+        ground.heights_as_fine_as_mesh
+        if isinstance(ground, PreviewGround)
+        else lambda x, y: ground.heights(x, y, 2 * step_m),
         _make_coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
         (rig.x_m, rig.y_m, rocks.clear_radius_m),
+        make_view_beyond(settings),
+        MOST_MOVED_ROCKS,
     )
     return replace(found, level=np.zeros_like(found.level))
 
@@ -314,9 +335,10 @@ def _make_drop_function(built: scenes.Built) -> Callable[[Array, Array], Array] 
     if is_from_file(built.settings) and "body_radius_m" in place:
         around = float(place["body_radius_m"])
         return lambda x, y: np.asarray(drop_m(np.hypot(x, y), around))
-    if is_from_file(built.settings) or built.settings.mesh.kind != "GRADED" or "terrain" in built.preview:
+    shown = merged(built.settings, built.preview)
+    if is_from_file(shown) or shown.mesh.kind != "GRADED":
         return None
-    rig, radius = built.settings.rig, float(built.settings.terrain.body_radius_m)
+    rig, radius = shown.rig, float(shown.terrain.body_radius_m)
     return lambda x, y: np.asarray(drop_m(np.hypot(x - rig.x_m, y - rig.y_m), radius))
 
 

@@ -101,6 +101,7 @@ class MadeObjects:
     excavation: dict[str, Any] = field(default_factory=dict)  # its report
     #: For a build that another process has made: what it has recorded, see ``stored_build``.
     record: dict[str, Any] = field(default_factory=dict)
+    coarse: bool = False  # whether the ground is the coarse one of a preview
 
 
 def tag_block(block: bpy.types.ID, role: str) -> bpy.types.ID:
@@ -164,6 +165,7 @@ def make_objects(settings: Settings, computed: ComputedGround | None = None) -> 
     warnings += [*light_advice(sky, settings), *blur.advise_on_blur(settings)]
     space = tag_block(build_sky(f"{NAME} Sky"), "sky")
     made = MadeObjects([terrain, lights[0], camera, *lights[1:]], space, own, computed, site_m, warnings)
+    made.coarse = isinstance(ground, MeshedGround) and ground.most_rocks is not None
     yield
     yield from _add_rocks_and_lander(made, settings, ground)
     yield
@@ -211,7 +213,8 @@ def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedG
         made.excavation = dug.series.facts(dug.state)
         made.warnings += made.excavation.get("advice", [])
     if settings.rocks.coverage > 0:
-        rocks, warnings, moved = yield from _build_rocks(settings, terrain, ground.surface.size_m, dug)
+        most_seen = ground.most_rocks if isinstance(ground, MeshedGround) else None
+        rocks, warnings, moved = yield from _build_rocks(settings, terrain, ground.surface.size_m, dug, most_seen)
         made.objects.append(rocks)
         made.warnings += warnings
         made.excavation |= {"rocks_moved": moved} if dug is not None else {}
@@ -238,16 +241,19 @@ def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> t
 
 
 def _build_rocks(
-    settings: Settings, terrain: bpy.types.Object, size_m: float, dug: DugGround | None
+    settings: Settings, terrain: bpy.types.Object, size_m: float, dug: DugGround | None, most_seen: int | None
 ) -> Steps[tuple[bpy.types.Object, list[str], int]]:
-    """The object whose points are the rocks on the ground, ``dug`` or not, warnings, and how many lost support."""
+    """The object whose points are the rocks on the ground, ``dug`` or not, warnings, and how many lost support.
+
+    With ``most_seen`` they are the rocks that look largest.
+    """
     seed, wanted, rig = int(settings.dataset.seed), make_paths_absolute(settings).rocks, settings.rig
     shapes = find_rock_shapes(wanted, seed)
     with probe_heights(terrain) as height_at:
         view = make_view_beyond(settings)
         clear = rig.x_m, rig.y_m, wanted.clear_radius_m
         before, moved = height_at if dug is None else dug.before(height_at), 0
-        rocks = scatter_rocks(wanted, size_m, seed, before, shapes, clear, view)
+        rocks = scatter_rocks(wanted, size_m, seed, before, shapes, clear, view, most_seen)
         if dug is not None:
             rocks, moved = settle_rocks(rocks, dug.change_m, height_at, shapes)
     yield

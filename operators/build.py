@@ -8,7 +8,9 @@ import bpy
 
 from ..nodes import build_scene as scenes
 from ..nodes.measured_surface import find_points
+from ..settings import description
 from ..settings.blender import scene_properties
+from ..settings.rebuilt_parts import select_scene
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
@@ -35,6 +37,8 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Setting
     view_exposure.expose_view(scene, settings, anew=before is None)
 
 
+#: Azimuth of the Sun at which the default view is lit from the side.
+LIT_AZIMUTH_DEG = 300.0
 _SHADING_PROPERTIES = ("type", "use_scene_lights_render", "use_scene_world_render")
 
 
@@ -205,6 +209,21 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -
         return {"CANCELLED"}
     frame.show(operator, context, built)
     return {"FINISHED"}
+
+
+def light_untouched_scene(scene: bpy.types.Scene) -> bool:
+    """Turn the Sun of a scene whose settings are all the defaults, before its first build, so that its view is lit.
+
+    The default view is in the shadow of a rise. The defaults stay, because old data sets have them. Returns whether the
+    Sun was turned.
+    """
+    settings, untouched = scene_properties.read_unchecked(scene.icymoon), description.defaults()
+    if scenes.find_collection(scene) is not None or select_scene(settings) != select_scene(untouched):
+        return False
+    if settings.light != untouched.light or settings.rig != untouched.rig:
+        return False
+    scene.icymoon.light.sun_azimuth_deg = LIT_AZIMUTH_DEG
+    return True
 
 
 register, unregister = make_registration(

@@ -22,7 +22,7 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.steps import Steps, finish
 from . import jobs, live_preview, refine_ground, view_resolution
-from .build import BuildFrame, build_and_report, restore_views
+from .build import LIT_AZIMUTH_DEG, BuildFrame, build_and_report, light_untouched_scene, restore_views
 from .coloured_views import hide_errors
 from .job_operators import JobOperator
 from .presets import find_picture, read_with_preset, write_preset
@@ -59,6 +59,8 @@ class ICYMOON_OT_build_scene(JobOperator, bpy.types.Operator):
                     self, event, title="Load a Large Mesh?", message=warnings[0], confirm_text="Load"
                 )
             )
+        if not self.preset and light_untouched_scene(context.scene):
+            self.report({"INFO"}, f"Sun Azimuth is {LIT_AZIMUTH_DEG:g}° now, because its default leaves this view dark")
         if is_from_file(settings):
             return self.execute(context)
         if session.job is not None:

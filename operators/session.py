@@ -16,8 +16,8 @@ from .jobs import Job
 from .window_areas import redraw_panels
 from .window_events import make_registration
 
-#: Vertices per side of the ground that follows a slider.
-SIDES: tuple[int, ...] = (129, 193, 257)
+#: Square roots of the numbers of vertices of the ground that follows a slider.
+SIDES: tuple[int, ...] = (97, 129, 193, 257)
 
 
 @dataclass

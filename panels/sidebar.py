@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..nodes import measured_surface, painted_errors
+from ..nodes import measured_surface, painted_errors, preview
 from ..operators import (
     dataset,
     evaluate,
@@ -114,6 +114,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
                 view_resolution.is_coarse(scene),
                 session.picture.is_shown(scene),
                 view_exposure.is_without_planetshine(scene),
+                preview.has_coarse_ground(scene),
             )
             draw_sentence(layout, told, "SHADING_RENDERED")
         draw_job(layout)

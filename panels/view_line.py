@@ -19,12 +19,13 @@ def describe_view(
     coarse: bool = False,
     covered: bool = False,
     without_planetshine: bool = False,
+    coarse_ground: bool = False,
 ) -> str:
     """How the picture in a 3D View differs from a pair, if the scene has this render engine; empty without a view.
 
     ``exposed`` is a key of ``_COMPARISON_TEXTS``. A ``coarse`` view has larger pixels than the user has chosen. A
     ``covered`` view shows the picture by which the scene was chosen. A view ``without_planetshine`` leaves out
-    planetshine that is too faint to see.
+    planetshine that is too faint to see. On ``coarse_ground`` the smallest relief is missing.
     """
     if space is None:
         return ""
@@ -48,5 +49,6 @@ def describe_view(
         return (
             f"{name}: {_COMPARISON_TEXTS[exposed]}{', at half resolution' if coarse else ''}"
             f"{', without faint planetshine' if without_planetshine else ''}"
+            f"{', on coarse ground' if coarse_ground else ''}"
         )
     return f"{name} by EEVEE: approximate light and shadows"

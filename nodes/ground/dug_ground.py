@@ -97,32 +97,39 @@ class _PreparedGroundCache:
     lock = threading.Lock()
 
 
-def mesh_whole_ground(make: Callable[[Settings], Terrain], settings: Settings) -> MeshedGround:
+def mesh_whole_ground(
+    make: Callable[[Settings], Terrain],
+    settings: Settings,
+    mesh: Callable[[Terrain, Settings], MeshedGround] = mesh_ground,
+) -> MeshedGround:
     """Procedural ground with its mesh, dug if ``settings`` have an excavation; any thread may call it.
 
-    Raises IcyMoonError if it cannot be dug, ValueError if a height is not finite.
+    ``mesh`` makes the mesh of untouched ground. Raises IcyMoonError if it cannot be dug, ValueError if a height is not
+    finite.
     """
     if not sites.is_dug(settings):
-        return mesh_ground(make(settings), settings)
+        return mesh(make(settings), settings)
     if reasons := sites.find_refusals(settings):
         raise IcyMoonError(" ".join(reasons))
     with _PreparedGroundCache.lock:
-        prepared = _prepare_ground(make, settings)
+        prepared = _prepare_ground(make, settings, mesh)
         return _dig_state(prepared, int(settings.excavation.state))
 
 
-def _make_ground_key(settings: Settings) -> str:
+def _make_ground_key(settings: Settings, fine: bool = True) -> str:
     scene = {topic: dict(values) for topic, values in rebuilt_parts.select_scene(settings).items()}
     scene["excavation"]["state"] = 0
-    return json.dumps([scene, sites.gravity_m_s2(settings), hash_content(settings)], sort_keys=True)
+    return json.dumps([scene, sites.gravity_m_s2(settings), hash_content(settings), fine], sort_keys=True)
 
 
-def _prepare_ground(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepared:
+def _prepare_ground(
+    make: Callable[[Settings], Terrain], settings: Settings, mesh: Callable[[Terrain, Settings], MeshedGround]
+) -> _Prepared:
     settings = make_paths_absolute(settings)
-    key = _make_ground_key(settings)
+    key = _make_ground_key(settings, mesh is mesh_ground)
     if _PreparedGroundCache.prepared is None or _PreparedGroundCache.prepared.key != key:
         _PreparedGroundCache.prepared = None  # its memory is needed
-        made = mesh_ground(make(settings), settings)
+        made = mesh(make(settings), settings)
         site = sites.make_site(settings)
         x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
         before = np.asarray(made.surface.heights(x, y, 2 * site.grid.cell_m), np.float64)
@@ -153,7 +160,17 @@ def _dig_state(prepared: _Prepared, state: int) -> DugGround:
     )
     flat = moved[ground.faces].any(axis=1)
     fine = flat if ground.fine is None else flat | ground.fine
-    return DugGround(ground.surface, positions, ground.faces, ground.sharp, ground.spacing_m, fine, series, state)
+    return DugGround(
+        ground.surface,
+        positions,
+        ground.faces,
+        ground.sharp,
+        ground.spacing_m,
+        fine,
+        ground.most_rocks,
+        series=series,
+        state=state,
+    )
 
 
 def join_patch(ground: MeshedGround, grid: ExcavationGrid, heights_m: Array) -> MeshedGround:

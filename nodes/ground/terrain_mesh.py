@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ...physics.mesh.finer_in_view import is_carried_by_grid
+from ...physics.mesh.finer_in_view import is_carried_by_grid, is_relief_geometry
 from ...physics.mesh.graded_mesh import GradedGround, grade_ground
 from ...physics.mesh.ground_interface import Surface
+from ...physics.mesh.preview_ground import make_preview_ground
 from ...physics.terrain.roughness.roughness import list_asked_statistics
 from ...physics.terrain.roughness.statistics import Roughness, measure_roughness, power_spectrum
 from ...physics.terrain.terrain import Terrain, law_range_m
@@ -51,7 +52,7 @@ def site_wavelength_m(terrain: TerrainSettings, ground: Surface) -> float:
 @dataclass(frozen=True)
 class MeshedGround:
     """Procedural ground as numbers: its heights, and the positions (n, 3), faces (m, corners per face) and sharp edges
-    (k, 2) of its mesh."""
+    (k, 2) of its mesh. On coarse ground lie at most ``most_rocks``, which look largest from the site."""
 
     surface: Terrain | GradedGround
     positions: Array
@@ -59,6 +60,7 @@ class MeshedGround:
     sharp: Array
     spacing_m: Array | None = None
     fine: Array | None = None
+    most_rocks: int | None = None
 
     def read_grid_heights(self, terrain: TerrainSettings) -> Array | None:
         """Heights (n, n) in metres of the vertices, as a mesh has them, of a grid; None for another mesh."""
@@ -85,6 +87,15 @@ class MeshedGround:
             mesh.polygons.foreach_set("use_smooth", ~flat)
         return mesh
 
+    def show_in_mesh(self, mesh: bpy.types.Mesh) -> None:
+        """Replace the geometry of a built mesh by coarse ground. The material of the mesh may move its vertices."""
+        moved = SPACING in mesh.attributes
+        fill_mesh(mesh, self.positions, self.faces)
+        if moved:
+            _mark_spacing(mesh, np.full(len(self.positions), np.inf) if self.spacing_m is None else self.spacing_m)
+        if self.fine is not None:
+            mesh.polygons.foreach_set("use_smooth", ~self.fine)
+
 
 def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
     """Procedural ground with its mesh, without Blender, so any thread may call it.
@@ -97,6 +108,22 @@ def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
         positions, faces = make_grid(settings.terrain, surface)
         spacing = np.full(len(positions), step) if is_carried_by_grid(settings) else None
         return MeshedGround(surface, positions, faces, np.empty((0, 2), np.int64), spacing)
+    return _mesh_graded(surface)
+
+
+def mesh_coarsely(ground: Terrain, settings: Settings, most: int, most_rocks: int) -> MeshedGround:
+    """Procedural ground with a mesh of about ``most`` vertices for a preview, most of them where the cameras look.
+
+    Raises ValueError if a height is not finite.
+    """
+    if settings.mesh.kind == "GRID" and settings.terrain.resolution**2 <= most:
+        return replace(mesh_ground(ground, settings), most_rocks=most_rocks)
+    made = _mesh_graded(make_preview_ground(ground, settings, most))
+    relief = is_relief_geometry(settings)
+    return replace(made, spacing_m=made.spacing_m if relief else None, most_rocks=most_rocks)
+
+
+def _mesh_graded(surface: GradedGround) -> MeshedGround:
     made = surface.mesh_with_relief()
     _check_finite(made.positions[:, 2])
     return MeshedGround(surface, made.positions, made.faces, made.sharp, made.spacing_m, made.fine)
@@ -240,7 +267,7 @@ def _mark_sharp(mesh: bpy.types.Mesh, edges: Array) -> None:
 
 def fill_mesh(mesh: bpy.types.Mesh, positions: Array, faces: Array) -> None:
     """Replace the geometry of a mesh, see ``build_mesh_from_arrays``. If only positions differ, faces are kept."""
-    if (len(mesh.vertices), len(mesh.polygons)) == (len(positions), len(faces)):
+    if (len(mesh.vertices), len(mesh.polygons)) == (len(positions), len(faces)) and _has_faces(mesh, faces):
         mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(positions, np.float32).ravel())
         mesh.update()
         return
@@ -254,3 +281,12 @@ def fill_mesh(mesh: bpy.types.Mesh, positions: Array, faces: Array) -> None:
     mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, faces.shape[1], dtype=np.int32))
     mesh.update(calc_edges=True)
     mesh.shade_smooth()
+
+
+def _has_faces(mesh: bpy.types.Mesh, faces: Array) -> bool:
+    """Whether a mesh has these faces (m, corners per face)."""
+    if len(mesh.loops) != faces.size:
+        return False
+    corners = np.empty(faces.size, np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", corners)
+    return bool(np.array_equal(corners, faces.ravel()))

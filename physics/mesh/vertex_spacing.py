@@ -141,7 +141,7 @@ def find_fine_relief(settings: Settings) -> FineRelief | None:
     return find_relief_in_mesh(settings, make_grading_view(settings.rig).pixels_per_radian)
 
 
-def _count_cut(grading: VertexSpacing, rig: RigSettings, most: int) -> int:
+def count_cut(grading: VertexSpacing, rig: RigSettings, most: float = math.inf) -> int:
     """Number of vertices that fine relief adds on level ground; 0 if there are more than ``most`` without them. They
     are counted before they are made, because narrow images can ask for more vertices than any memory holds."""
     relief, at = grading.relief, grading.view
@@ -167,9 +167,14 @@ def _spread_points_evenly(count: int, dimensions: int) -> Array:
     return (0.5 + steps[:, None] * np.arange(count)) % 1.0
 
 
-def _farthest_ground_m(ground: Terrain, at: GradingView, ground_m: float, body_radius_m: float) -> float:
-    """Distance in metres beyond which no ground is visible, because even the highest relief is under the horizon."""
-    outward, turn = _spread_points_evenly(4 * _TRIANGLES_MEASURED, 2)
+def find_farthest_ground_m(
+    ground: Terrain, at: GradingView, ground_m: float, body_radius_m: float, points: int = 4 * _TRIANGLES_MEASURED
+) -> float:
+    """Distance in metres beyond which no ground is visible, because even the highest relief is under the horizon.
+
+    The relief is measured at a number of ``points``.
+    """
+    outward, turn = _spread_points_evenly(points, 2)
     radius = at.height_m * (2.0 * horizon_m(at.height_m, body_radius_m) / at.height_m) ** outward
     z = ground.heights(at.x_m + radius * np.cos(2 * np.pi * turn), at.y_m + radius * np.sin(2 * np.pi * turn))
     lowest, highest = float(min(z.min(), ground_m)), float(max(z.max(), ground_m))
@@ -267,7 +272,7 @@ def choose_vertex_spacing(ground: Terrain, settings: Settings) -> VertexSpacing:
     are needed, the spacing of fine relief grows first, then all spacings; ``error_px`` is the remaining error."""
     mesh, at, body = settings.mesh, make_grading_view(settings.rig), float(settings.terrain.body_radius_m)
     ground_m = float(ground.heights(at.x_m, at.y_m))
-    farthest = max(min(_farthest_ground_m(ground, at, ground_m, body), float(mesh.farthest_m)), 2.0 * at.height_m)
+    farthest = max(min(find_farthest_ground_m(ground, at, ground_m, body), float(mesh.farthest_m)), 2.0 * at.height_m)
     last = float(at.nearest_m(farthest))
     nearest = np.geomspace(at.height_m, last, 1 + max(2, math.ceil(math.log2(last / at.height_m))))
     probes = _make_probes(ground, at, ground_m, nearest)
@@ -283,10 +288,10 @@ def choose_vertex_spacing(ground: Terrain, settings: Settings) -> VertexSpacing:
     relief = find_relief_in_mesh(settings, at.pixels_per_radian)
     error, wider, wanted = float(mesh.error_px), 1.0, 0.0
     grading = made(error)
-    wanted = _count_vertices(grading) + _count_cut(grading, settings.rig, mesh.most)
+    wanted = _count_vertices(grading) + count_cut(grading, settings.rig, mesh.most)
     if wanted <= mesh.most and grading.rings.vertices <= mesh.most:
         return made(error)  # with the final ``wanted``
-    while relief is not None and grading.rings.vertices + _count_cut(grading, settings.rig, mesh.most) > mesh.most:
+    while relief is not None and grading.rings.vertices + count_cut(grading, settings.rig, mesh.most) > mesh.most:
         coarser = relief.spacing_px * relief.parts / (relief.parts - 1) if relief.parts > 1 else math.inf
         relief = replace(relief, parts=relief.parts - 1, spacing_px=coarser) if relief.parts > 2 else None
         grading = made(error)

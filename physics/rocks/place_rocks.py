@@ -145,6 +145,7 @@ def scatter_rocks(
     shapes: Sequence[Sequence[RockShape]],
     clear_m: tuple[float, float, float],
     beyond: ViewBeyond | None = None,
+    most_seen: int | None = None,
 ) -> Rocks:
     """The rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
 
@@ -152,16 +153,22 @@ def scatter_rocks(
     radius). A rock lies along the slope under it. Its deepest vertex is at or under the deepest ground of its
     footprint, and at or under the ground beneath that vertex, so no rock floats. With a view ``beyond``, rocks also lie
     outside the patch, listed after those on it. With the law TABLE, places and diameters come from the file
-    ``rocks.file``, whose path is absolute, and no rocks lie outside. Raises IcyMoonError if the settings contradict
-    each other.
+    ``rocks.file``, whose path is absolute, and no rocks lie outside. Of ``most_seen`` rocks that look largest from the
+    centre of the circle, all is as it would be among all others, and the others are left out. Raises IcyMoonError if
+    the settings contradict each other.
     """
     xy, diameter, smallest = _read_places(rocks) if rocks.law == TABLE else _draw_places(rocks, size_m, seed)
     level = np.searchsorted(LEVEL_RANKS, np.arange(len(diameter)), side="right")
-    made = _lay_rocks(rocks, xy, diameter, level, make_generator(seed, "rocks", _POSES), surface, shapes, clear_m)
+    drawn = None
+    if beyond is not None and rocks.law != TABLE:
+        drawn = draw_beyond(rocks, size_m, beyond, make_generator(seed, "rocks", _BEYOND))
+    seen, seen_beyond = _choose_seen(
+        [(xy, diameter)] + ([(drawn.places_m, drawn.diameter_m)] if drawn else []), clear_m, most_seen
+    )
+    made = _lay_rocks(rocks, xy, diameter, level, make_generator(seed, "rocks", _POSES), surface, shapes, clear_m, seen)
     made = replace(made, smallest_m=smallest)
-    if beyond is None or rocks.law == TABLE:
+    if drawn is None:
         return made
-    drawn = draw_beyond(rocks, size_m, beyond, make_generator(seed, "rocks", _BEYOND))
     rank = np.argsort(np.argsort(-drawn.angle_rad, kind="stable"))
     level = np.searchsorted(LEVEL_RANKS, rank, side="right")
     far = _lay_rocks(
@@ -173,6 +180,7 @@ def scatter_rocks(
         surface,
         shapes,
         clear_m,
+        seen_beyond,
     )
     arrays = {
         f.name: np.concatenate([getattr(made, f.name), getattr(far, f.name)])
@@ -180,6 +188,18 @@ def scatter_rocks(
         if f.name not in ("smallest_m", "beyond_rad")
     }
     return Rocks(**arrays, smallest_m=smallest, beyond_rad=drawn.smallest_rad)
+
+
+def _choose_seen(
+    parts: list[tuple[Array, Array]], site_m: tuple[float, float, float], most: int | None
+) -> tuple[Array, Array]:
+    """Masks (n,) of the rocks on the patch and of those beyond it that look largest from a site, at most ``most`` of
+    both together. ``parts`` are the places (n, 2) and diameters (n,) in metres of each."""
+    looks = [d / np.hypot(xy[:, 0] - site_m[0], xy[:, 1] - site_m[1]) for xy, d in parts]
+    every = np.concatenate(looks)
+    least = 0.0 if most is None or len(every) <= most else float(np.partition(every, -most)[-most])
+    masks = [look >= least for look in looks]
+    return masks[0], masks[-1]
 
 
 def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[Array, Array, float]:
@@ -211,18 +231,23 @@ def _lay_rocks(
     surface: HeightAt,
     shapes: Sequence[Sequence[RockShape]],
     clear_m: tuple[float, float, float],
+    chosen: Array,
 ) -> Rocks:
-    """Rocks of given positions (n, 2), diameters and levels of detail in poses at rest on the ground."""
+    """The ``chosen`` (n,) rocks of given positions (n, 2), diameters and levels of detail, in poses at rest on the
+    ground. A rock's pose does not depend on which others are chosen."""
     n = len(diameter)
     shape = random.integers(0, len(shapes[0]), n)
     elongation = np.maximum(1.0, rocks.elongation * np.exp(random.normal(0, _VARIATION, n)))
     height = np.array([s.height for s in shapes[0]])[shape]
     height *= rocks.height_ratio * np.exp(random.normal(0, _VARIATION, n))
     scale = diameter[:, None] * np.stack([np.sqrt(elongation), 1.0 / np.sqrt(elongation), height], axis=1)
-    tilt = math.radians(rocks.tilt_deg)
-    loose = _rotation_about(0, random.normal(0, 1, n) * tilt) @ _rotation_about(1, random.normal(0, 1, n) * tilt)
-    loose = loose @ _rotation_about(2, random.uniform(0, 2 * np.pi, n))
+    tilts = random.normal(0, 1, n), random.normal(0, 1, n)
+    turn = random.uniform(0, 2 * np.pi, n)
     burial = np.clip(rocks.burial + random.normal(0, _BURIAL_VARIATION, n) * (rocks.burial > 0), 0.0, 0.95)
+    xy, diameter, level, shape, scale, burial = (a[chosen] for a in (xy, diameter, level, shape, scale, burial))
+    tilt = math.radians(rocks.tilt_deg)
+    loose = _rotation_about(0, tilts[0][chosen] * tilt) @ _rotation_about(1, tilts[1][chosen] * tilt)
+    loose = loose @ _rotation_about(2, turn[chosen])
 
     normal, ground = _measure_footprint_ground(xy, 0.45 * diameter, surface)
     rotation = _rotation_from_vertical(normal) @ loose

@@ -12,7 +12,7 @@ from built_scenes import everything, positions
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
 from icymoon.nodes.datablocks.fingerprint import TAG, make_fingerprint, read_parts
-from icymoon.operators import live_preview
+from icymoon.operators import build, live_preview
 from icymoon.operators.render import bring_up_to_date, plan_pairs
 from icymoon.operators.session import session
 from icymoon.panels import sidebar
@@ -74,23 +74,37 @@ def fresh(scene: bpy.types.Scene, settings: Settings) -> dict[str, str]:
     return state(scenes.build_scene(scene, settings))
 
 
-def test_a_terrain_slider_shows_the_height_function_on_a_coarse_grid(watched):
+def test_a_terrain_slider_shows_the_height_function_on_a_coarse_mesh(watched):
     mesh = scenes.find_built(watched).terrain.data
     built = change(watched, "terrain.rms_slope_deg", 25.0)
     assert built.terrain.data == mesh
-    assert len(mesh.vertices) == SIDE**2
-    grid = positions(built.terrain).reshape(SIDE, SIDE, 3)
+    assert 0.5 * SIDE**2 < len(mesh.vertices) < 2 * SIDE**2
+    grid = positions(built.terrain)
     settings = current(watched)
-    spacing = settings.terrain.size_m / (SIDE - 1)
-    expected = scenes.make_ground(settings).heights(grid[..., 0], grid[..., 1], 2 * spacing)
-    assert np.allclose(grid[..., 2], expected, atol=1e-5)  # metres: float32 coordinates move the points by 1e-6 m
+    half = settings.terrain.size_m / 2
+    assert np.array_equal(np.abs(grid[:, :2]).max(axis=0), [half, half])  # the patch, with straight sides
+    # Of the waves that this mesh carries, none is shorter than what the grid of Build Scene carries.
+    error = grid[:, 2] - scenes.make_ground(settings).heights(grid[:, 0], grid[:, 1], 2 * half / 32)
+    assert error.std() < 0.2 * grid[:, 2].std()
     assert built.preview.terrain.rms_slope_deg == 25.0
     assert built.settings.terrain.rms_slope_deg == 12.0
     assert not built.edited
-    faces = mesh.polygons[0].as_pointer()
     built = change(watched, "terrain.rms_slope_deg", 5.0)
-    assert mesh.polygons[0].as_pointer() == faces  # only the heights are new
-    assert np.ptp(positions(built.terrain)[:, 2]) < np.ptp(grid[..., 2]) / 2
+    assert np.ptp(positions(built.terrain)[:, 2]) < np.ptp(grid[:, 2]) / 2
+
+
+def test_coarse_ground_follows_the_cameras(watched):
+    """It is finest where they look; fine ground stays as it is."""
+    before = positions(scenes.find_built(watched).terrain)
+    built = change(watched, "rig.heading_deg", 90.0)
+    assert np.array_equal(positions(built.terrain), before)
+    change(watched, "terrain.rms_slope_deg", 25.0)
+    found = []
+    for heading, ahead in ((90.0, (1.0, 0.0)), (270.0, (-1.0, 0.0))):
+        built = change(watched, "rig.heading_deg", heading)
+        assert not built.edited
+        found.append(float(np.mean(positions(built.terrain)[:, :2] @ ahead > 0.0)))
+    assert min(found) > 0.7
 
 
 def test_the_previewed_blocks_lie_on_the_previewed_ground(watched):
@@ -265,7 +279,7 @@ def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
     assert any("inner_scale_m" in sentence for sentence in preview.read_notes(watched))
     built = change(watched, "terrain.inner_scale_m", 0.02)
     assert len(live_preview.list_lines(watched)) == 1
-    assert preview.read_notes(watched) == ["Preview: press Build Scene"]
+    assert preview.read_notes(watched) == [preview.COARSE_MESSAGE]
     with pytest.raises(IcyMoonError):
         bring_up_to_date(watched, description.merged(current(watched), {"rocks": {"smallest_m": 5.0}}))
 
@@ -408,12 +422,12 @@ def test_a_ground_in_sculpt_mode_waits(watched, monkeypatch):
     assert any("Sculpt Mode" in sentence for sentence in preview.read_notes(watched))
     bpy.ops.object.mode_set(mode="OBJECT")
     live_preview.update_scene(watched)
-    assert len(scenes.find_built(watched).terrain.data.vertices) == SIDE**2
+    assert len(scenes.find_built(watched).terrain.data.vertices) < len(before)
 
 
 def test_a_preview_tells_that_it_has_no_trench(watched):
     change(watched, "excavation.path", "LINE")
-    assert preview.read_notes(watched) == ["Preview without the trench: press Build Scene"]
+    assert preview.read_notes(watched) == ["Coarse ground without the trench: press Build Scene"]
     change(watched, "excavation.path", "NONE")
     assert "trench" not in " ".join(preview.read_notes(watched))
 
@@ -427,7 +441,7 @@ def test_a_preview_survives_saving_and_loading(watched, tmp_path):
     built = scenes.find_built(scene)
     assert state(built) == before
     assert not built.edited
-    assert preview.read_notes(scene) == ["Preview: press Build Scene"]
+    assert preview.read_notes(scene) == [preview.COARSE_MESSAGE]
     assert not bpy.app.timers.is_registered(live_preview.show_waiting)  # loading a file changes no setting
 
 
@@ -535,3 +549,15 @@ def test_turning_the_camera_away_from_real_relief_says_what_is_not_shown(watched
     (sentence,) = preview.read_notes(watched)
     assert "fine relief" in sentence
     assert "press Build Scene" in sentence
+
+
+def test_the_first_build_of_untouched_settings_is_lit(scene):
+    """The button of the window turns the Sun; scripts, plans and scenes with a setting of their own keep theirs."""
+    default = scene.icymoon.light.sun_azimuth_deg
+    scene.icymoon.rig.heading_deg = 10.0
+    assert not build.light_untouched_scene(scene)
+    scene.icymoon.rig.heading_deg = 0.0
+    assert scene.icymoon.light.sun_azimuth_deg == default
+    assert build.light_untouched_scene(scene)
+    assert scene.icymoon.light.sun_azimuth_deg == build.LIT_AZIMUTH_DEG
+    assert not build.light_untouched_scene(scene)

@@ -97,14 +97,17 @@ def test_faint_planetshine_is_in_no_view_of_it():
 
 def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watched):
     built = choose(ROCKS)
-    assert len(built.terrain.data.vertices) <= preview.MOST_VERTICES
+    assert len(built.terrain.data.vertices) <= 1.5 * preview.MOST_VERTICES
     assert built.rock_count == preview.MOST_ROCKS
     assert np.ptp(positions(built.terrain)[:, 0]) > 10 * settings().terrain.size_m  # out to the horizon
     assert built.settings.light == settings().light
     assert live_preview.list_lines(watched) == [refine_ground.NOTE]
+    assert preview.has_coarse_ground(watched)
     assert not built.edited
-    terrain = built.terrain
+    terrain, exposure = built.terrain, watched.view_settings.exposure
     built = look()
+    assert watched.view_settings.exposure == exposure
+    assert not preview.has_coarse_ground(watched)
     assert built.terrain == terrain  # what refers to it stays valid
     assert len(terrain.data.vertices) > 3 * preview.MOST_VERTICES
     assert " ".join(live_preview.list_lines(watched)).startswith("Rocks under 0.356 m are left out to keep to 60 rocks")
@@ -156,7 +159,7 @@ def test_the_ground_that_the_user_changes_meanwhile_is_theirs(watched):
     choose(RIDGES)
     watched.icymoon.terrain.rms_slope_deg += 5.0
     assert look().preview
-    assert live_preview.list_lines(watched) == ["Preview: press Build Scene"]
+    assert live_preview.list_lines(watched) == [preview.COARSE_MESSAGE]
     built = choose(ROCKS)
     built.terrain.data.vertices[7].co.z += 0.5
     before = positions(built.terrain)

@@ -44,3 +44,8 @@ def test_a_view_that_is_not_yet_as_the_pair_says_so():
     assert "picture" not in describe_view(view("SOLID"), "CYCLES", covered=True)  # there it is not drawn
     assert "planetshine" in describe_view(view("RENDERED"), "CYCLES", "", without_planetshine=True)
     assert "planetshine" not in describe_view(view("SOLID"), "CYCLES", "", without_planetshine=True)
+
+
+def test_the_line_names_coarse_ground():
+    assert "coarse ground" in describe_view(view("RENDERED"), "CYCLES", "", coarse_ground=True)
+    assert "coarse ground" not in describe_view(view("RENDERED"), "CYCLES", "")

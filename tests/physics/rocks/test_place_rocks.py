@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as budget
 from hypothesis import strategies as st
+from icymoon.physics.rocks.beyond_patch import ViewBeyond
 from icymoon.physics.rocks.place_rocks import draw_places, euler_xyz, scatter_rocks
 from icymoon.physics.rocks.rock_shapes import (
     FAMILIES,
@@ -402,3 +403,16 @@ def test_triangles_of_one_face_look_one_way_and_every_level_has_the_same_faces(f
 
 def test_worn_boulders_have_no_faces():
     assert all(not shape.face.any() for kind in make_rock_shapes("BOULDERS", 0.5, 3) for shape in kind)
+
+
+@pytest.mark.parametrize("beyond", [None, ViewBeyond(0.02, 1.6, 1000.0)], ids=["patch", "beyond"])
+def test_rocks_that_look_largest_are_the_same_as_among_all(beyond):
+    """A preview leaves rocks out, but moves, turns and reshapes none."""
+    settings = described(clustering=0.5, smallest_m=0.2, largest_m=1.0)
+    shapes, site = make_rock_shapes("FRAGMENTS", 0.7, 1), (2.0, -1.0, 0.5)
+    every, some = (scatter_rocks(settings, 20.0, 3, rough, shapes, site, beyond, most) for most in (None, 50))
+    looks = [rocks.diameter_m / np.hypot(*(rocks.position_m[:, :2] - site[:2]).T) for rocks in (every, some)]
+    kept = looks[0] >= looks[1].min()
+    assert 0 < len(looks[1]) <= 50 < len(looks[0])
+    for key in ("position_m", "rotation", "scale_m", "level", "shape", "diameter_m", "reach_m"):
+        np.testing.assert_array_equal(getattr(some, key), getattr(every, key)[kept], err_msg=key)
