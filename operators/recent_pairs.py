@@ -86,7 +86,7 @@ def find_icon(pair: RecentPair) -> int | None:
     shown = _pictures.collection.get(_make_key(pair))
     if shown is not None:
         return int(shown.icon_id)
-    if pair not in _Making.failed and pair not in _Making.waiting:
+    if pair not in _Making.failed and pair not in _Making.waiting and pair != _Making.pair:
         _Making.waiting = (*_Making.waiting, pair)
     if not bpy.app.background:
         call_later(make_next)

@@ -51,6 +51,16 @@ def test_the_newest_is_first_and_each_readable_pair_gets_a_picture(scene, datase
     assert max(side) <= recent_pairs.SIDE_PX
 
 
+def test_a_redraw_while_a_picture_is_made_asks_for_no_second_one(scene, dataset):
+    newest = recent_pairs.list_recent(scene)[0]
+    recent_pairs.find_icon(newest)
+    assert recent_pairs.make_next() is not None
+    assert recent_pairs.find_icon(newest) is None
+    assert recent_pairs._Making.waiting == ()
+    make_all()
+    assert recent_pairs.find_icon(newest) is not None
+
+
 def test_the_panel_has_a_button_for_each_and_a_click_shows_it(scene, dataset, monkeypatch):
     record = drawn(bpy.types.ICYMOON_PT_recent)
     assert len([entry for entry in record if entry[:2] == ("operator", "icymoon.show_pair")]) == len(NAMES)
