@@ -18,8 +18,6 @@ from .built_scene import (
     EXCAVATION,
     FINGERPRINT,
     GROUND,
-    PREVIOUS_CAMERA,
-    PREVIOUS_WORLD,
     SITE,
     STATISTICS,
     Built,
@@ -37,10 +35,7 @@ _RECORDED = (GROUND, SITE, CONTENT, EXCAVATION, STATISTICS, FINGERPRINT)
 
 
 def write_build(built: Built, path: Path) -> None:
-    """Write a scene that was just built, its world too, to a .blend file. The scene forgets its previous camera and
-    world, which would be written with it."""
-    for key in (PREVIOUS_CAMERA, PREVIOUS_WORLD):
-        built.collection.pop(key, None)
+    """Write a scene that was just built, its world too, to a .blend file."""
     built.collection[_WARNINGS] = json.dumps(built.warnings)
     bpy.data.libraries.write(str(path), {built.collection, built.scene.world})
 
