@@ -37,6 +37,8 @@ SIDE_PX, SAMPLES = (128, 96), (8, 48)
 _WALK_PX = 1.0
 #: Most scenes whose pictures of both ends are kept.
 _MOST_SCENES = 32
+#: Most vertices of the ground of a picture.
+_MOST_VERTICES = 20000
 _pictures = ButtonPictures()  # by the names in ``_made``
 _made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by the settings shown
 
@@ -58,8 +60,8 @@ def make_rough_settings(settings: Settings) -> Settings:
             "rig": smaller,
             "dataset": {"headings": 1},
             "hapke": {"backend": "NODES", "accuracy": "FAST"},
-            "terrain": {"resolution": min(settings.terrain.resolution, math.isqrt(preview.MOST_VERTICES))},
-            "mesh": {"most": min(mesh.most, preview.MOST_VERTICES)},
+            "terrain": {"resolution": min(settings.terrain.resolution, math.isqrt(_MOST_VERTICES))},
+            "mesh": {"most": min(mesh.most, _MOST_VERTICES)},
             "rocks": {"most": min(settings.rocks.most, preview.MOST_ROCKS), "beyond_px": 0.0},
             "quality": {
                 "samples": SAMPLES[size],

@@ -4,7 +4,7 @@ meanings of the names.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import bpy
@@ -13,7 +13,7 @@ from ..operators import results
 from ..stereo.inference.typical_scene import count_scenes_for_methods
 from ..stereo.matchers.methods import describe_method
 from ..stereo.report.table_columns import NO_RESULT, RANKING_METRIC, format_rank, is_best
-from .fields import draw_lines, draw_sentence
+from .fields import draw_lines, draw_sentence, draw_start
 
 #: Share of a line for the name of a metric.
 _NAME_SHARE = 0.62
@@ -96,11 +96,14 @@ def _draw_metric(column: bpy.types.UILayout, name: str, value: str) -> None:
 def _draw_buttons(column: bpy.types.UILayout, scene: bpy.types.Scene, method: str) -> None:
     """Draw a button for each way to see the errors of a matcher, grey where the evaluation kept nothing for it."""
     buttons = column.column(align=True)  # beside each other, words with a verb would be cut
-    for operator, text, kept in (
-        ("show_error", "Show Error Image", results.list_methods_with_error_images(scene)),
-        ("paint_errors", "Paint Errors on Ground", results.list_methods_with_disparities(scene)),
-        ("show_surface", "Show Surface", results.list_methods_with_points(scene)),
-    ):
+
+    def draw_part(methods: Collection[str]) -> bpy.types.UILayout:
         part = buttons.row(align=True)
-        part.enabled = method in kept
-        part.operator(f"icymoon.{operator}", text=text).method = method
+        part.enabled = method in methods
+        return part
+
+    images, disparities = results.list_methods_with_error_images(scene), results.list_methods_with_disparities(scene)
+    draw_part(images).operator("icymoon.show_error", text="Show Error Image").method = method
+    draw_start(draw_part(disparities), "icymoon.paint_errors", "Paint Errors on Ground", method=method)
+    surface = draw_part(results.list_methods_with_points(scene))
+    surface.operator("icymoon.show_surface", text="Show Surface").method = method
