@@ -335,9 +335,9 @@ def _describe_reference(found: Findings) -> str:
 def _describe_fix(found: Findings, removed: bool) -> str:
     """A clause on the fix for a data set with problems."""
     if not found.has_plan and found.complete == found.pairs:
-        return "do what each line asks for"
+        return "follow the fix in each line"
     if not found.has_plan:
-        return "render again what is broken"
+        return "render damaged pairs again"
     if not removed and any(problem.path for problem in found.problems):
         return "icymoon verify --remove removes damaged pairs, icymoon batch renders them again"
     return "follow the fix in each line, and run icymoon batch to make missing pairs"

@@ -110,8 +110,8 @@ def encode_attribute(name: str, kind: str, value: bytes) -> bytes:
 def join_layers(
     layers: Mapping[str, Sequence[Piece]], less: Callable[[Piece], Piece | None] = lambda piece: piece
 ) -> bytes:
-    """One EXR file with the parts of several files, by layer, each as ``less`` returns it (None drops it). If a layer
-    has one part without a name, that part gets the layer's name."""
+    """One EXR file with the parts of several files, by layer. ``less`` maps each part to the part to keep, or to None.
+    The only part of a layer, if it has no name, gets the layer's name."""
     return assemble(
         [
             strip_passing(left, name)

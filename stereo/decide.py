@@ -42,7 +42,7 @@ from .decisions.workspace import (
 )
 from .evaluate import list_method_inputs, make_json_digest
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
-from .evaluation_files import check_output_folder, do_named_files_exist, remove_leftovers
+from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
 from .images.image_files import write_png
 from .matchers import match_checked
 from .matchers.methods import Method, describe_method
@@ -187,15 +187,10 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
         for label, key in keys.items()
         if (row := log.find(source.name, label, key))
         and row["status"] != "failed"
-        and do_named_files_exist(row, run.out, source.name)
+        and has_named_files(row, run.out, source.name)
     }
     facts = _read_facts(run.out, source.name)
-    if (
-        len(there) == len(keys)
-        and facts
-        and facts["key"] == content
-        and do_named_files_exist(facts, run.out, source.name)
-    ):
+    if len(there) == len(keys) and facts and facts["key"] == content and has_named_files(facts, run.out, source.name):
         yield from there.values()
         return
     try:

@@ -22,18 +22,18 @@ from ..support.version import version
 from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
 from .environment import packages
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
-from .evaluation_files import check_output_folder, do_named_files_exist, remove_leftovers
+from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
 from .matchers import describe_plugin_release, list_option_files
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.plug_in import load_plugin_metrics
-from .measure.result_row import make_failed_row
 from .measure_pair import MeasureRun, MeasureTask, has_maps, measure_pair
 from .measuring_cluster import measure_on_cluster
 from .measuring_processes import MeasuringProcesses, choose_process_count
 from .report.row_log import Row, RowLog
 from .report.schema import ROW, Failure, Report
 from .report.write_results import find_facts, write_results
+from .result_row import make_failed_row
 
 Event = Callable[[dict[str, Any]], None]
 
@@ -185,7 +185,7 @@ class Evaluation:
 
     def _find_row(self, pair: str, label: str, key: str) -> Row | None:
         row = self.log.find(pair, label, key)
-        return row if row and row["status"] != "failed" and do_named_files_exist(row, self._run.out, pair) else None
+        return row if row and row["status"] != "failed" and has_named_files(row, self._run.out, pair) else None
 
     def log_results(self, events: Iterator[tuple[MeasureTask, dict[str, Any]]]) -> None:
         """Write the results of the tasks to the log, and report the progress."""
@@ -260,7 +260,7 @@ class Evaluation:
 def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
     """The facts of a pair from an earlier run, if its content is the same and its pictures exist."""
     facts = find_facts(out, pair)
-    return facts if facts and facts["key"] == content and do_named_files_exist(facts, out, pair) else None
+    return facts if facts and facts["key"] == content and has_named_files(facts, out, pair) else None
 
 
 def list_method_inputs(method: Method) -> list[Any]:

@@ -65,7 +65,7 @@ def remove_leftovers(out: Path) -> None:
         remove_leftover_parts(folder)
 
 
-def do_named_files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
+def has_named_files(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
     """Whether all files that a row or the facts of a pair name exist in the folder of the pair."""
     folder = out / "pairs" / pair
     return all((out / path).parent == folder and (out / path).is_file() for path in entry["images"].values())

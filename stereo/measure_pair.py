@@ -27,9 +27,9 @@ from .matchers.methods import Method, describe_method
 from .matchers.search_range import AUTO, SearchRange, find_known_ranges
 from .measure.common_pixels import measure_common_pixels
 from .measure.prepare_pair import PreparedPair
-from .measure.result_row import make_failed_row, make_result_row
 from .report.row_log import Row
 from .report.schema import Failure
+from .result_row import make_failed_row, make_result_row
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ def parse_commanded(own: UrdfArm, text: str) -> Array:
 
 
 def _file_state(path: Path) -> tuple[int, int]:
-    """Modification time and size of a file, by which a cache detects a change. Raises IcyMoonError if the file cannot
+    """Size and modification time of a file, by which a cache detects a change. Raises IcyMoonError if the file cannot
     be read.
     """
     try:

@@ -119,12 +119,12 @@ class VertexSpacing:
 
     @property
     def finest_m(self) -> float:
-        """Spacing at the site in metres."""
+        """Vertex spacing at the site, in metres."""
         return float(self.spacing_at(0.0))
 
     @functools.cached_property
     def rings(self) -> VertexRings:
-        """The rings on which the vertices stand."""
+        """The rings of vertices of the mesh."""
         radii, last = [self.finest_m], self.finest_m
         while last < self.farthest_m:
             last += RINGS_APART * float(self.spacing_at(last))

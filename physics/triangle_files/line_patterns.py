@@ -49,7 +49,7 @@ def read_whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
 
 
 class LineRows:
-    """The lines of a text from byte ``start`` on, taken in groups of as many rows as each table has."""
+    """The lines of a text from byte ``start`` on, in groups of the number of rows of each table."""
 
     def __init__(self, foreign: ForeignBytes, start: int) -> None:
         self._parts, self._rest = read_whole_lines(foreign, start), b""

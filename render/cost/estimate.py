@@ -458,7 +458,8 @@ def _processor_seconds(
 
 
 def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed: Speed | None) -> tuple[float, float]:
-    """Seconds on this machine and bytes of a number of ``pairs`` and ``grounds``, from the settings of ``some`` pairs.
+    """Estimate seconds on this machine and bytes of a number of ``pairs`` and ``grounds``, from the settings of
+    ``some`` pairs.
 
     Takes some milliseconds, because no triangles are counted and no pair of the data set is read.
     """

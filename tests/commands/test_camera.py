@@ -132,7 +132,7 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
         ("-0.3, 0.1,", "-0.3, nan,", "distortion_coefficients"),
         ("data: [-0.3", "data: [[-0.3", "a bracket is not closed"),
         ("camera_name", "camera_matrix", "again"),
-        ("image_width: 640", "!!python/object:os.system", "no key"),
+        ("image_width: 640", "!!python/object:os.system", "is not a key"),
         ("image_width: 640", "%YAML:1.0\n---\nimage_width: 640", "several kinds, ros, opencv"),
         ("500., 240.25, 0., 0., 0., 1., 0.]", "500., 240.25, 0.", "projection_matrix"),
         ("cols: 4\n  data: [500., 0.", "cols: 4\n  data: [0., 0.", "no focal length"),
@@ -153,7 +153,7 @@ def test_what_is_no_calibration_of_ros_is_a_sentence(tmp_path, capsys, before, a
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ("0., 500., 240.25", "0., 700., 240.25", "no squares, in projection_matrix too (fx 500, fy 700 px)"),
+        ("0., 500., 240.25", "0., 700., 240.25", "not square, in projection_matrix too (fx 500, fy 700 px)"),
         ("camera_name: narrow_stereo", "binning_x: 2\nbinning_y: 2", "write the same binning_x, binning_y and roi"),
     ],
 )
@@ -679,7 +679,7 @@ def test_names_choose_eyes_of_two_files(tmp_path):
     with pytest.raises(IcyMoonError, match=r"left stands .* add --cameras left,right"):
         read_rig(left, right, names="right,left")
     assert read_rig(right, left, names="left,right")[0].rig.baseline_m == pytest.approx(0.2)
-    with pytest.raises(IcyMoonError, match="'left' is there more than once"):
+    with pytest.raises(IcyMoonError, match="'left' occurs more than once"):
         read_rig(left, right, names="left,left")
 
 

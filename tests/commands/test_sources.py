@@ -59,5 +59,5 @@ def test_a_law_that_the_scene_does_not_use_has_no_source_in_its_presets():
 
 
 def test_an_unknown_name_is_refused():
-    with pytest.raises(IcyMoonError, match="no topic and no setting"):
+    with pytest.raises(IcyMoonError, match="neither a topic nor a setting"):
         list(find_origins(description.defaults(), ["albedo"]))

@@ -82,7 +82,7 @@ def test_pixels_in_no_known_unit_of_length_have_no_size(name):
 
 def test_what_is_assumed_or_followed_is_said():
     assert geotiff.read(DATA / "plain.tif").warnings == geotiff.read(DATA / "plain.tif").report == ()
-    assert "taken for metres" in " ".join(geotiff.read(DATA / "no_system.tif").warnings)
+    assert "read as metres" in " ".join(geotiff.read(DATA / "no_system.tif").warnings)
     assert "0.004 x value + -20" in " ".join(geotiff.read(DATA / "scaled.tif").report)
     assert "(ft)" in " ".join(geotiff.read(DATA / "unit_name.tif").report)
 
@@ -122,7 +122,7 @@ def test_a_mark_is_that_number_and_no_height_beside_it(tmp_path, sign):
     [
         ({"metadata": METADATA.format("0", "")}, "scale of 0"),
         ({"metadata": METADATA.format("one", "")}, "'one'"),
-        ({"metadata": METADATA.format("nan", "")}, "no number"),
+        ({"metadata": METADATA.format("nan", "")}, "not a number"),
         ({"metadata": "<GDALMetadata><Item"}, "not a whole TIFF"),
         (
             {

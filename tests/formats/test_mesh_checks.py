@@ -477,10 +477,10 @@ def test_what_a_mesh_names_is_never_a_pipe(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "a.mtl").write_text("newmtl a\nmap_bump -bm 2 pipe\n")
     (tmp_path / "b.mtl").write_text("newmtl a\nmap_Kd pipe\n")
-    assert "no regular file" in refused(tmp_path / "a.obj", OBJ)  # its library by its name
-    assert "no regular file" in refused(tmp_path / "c.obj", "mtllib b.mtl\n" + OBJ)
-    assert "no regular file" in refused(tmp_path / "c.obj", "mtllib pipe\n" + OBJ)
-    assert "no regular file" in refused(tmp_path / "c.usda", "#usda 1.0\ndef A (references = @./pipe@) {}\n")
+    assert "not a regular file" in refused(tmp_path / "a.obj", OBJ)  # its library by its name
+    assert "not a regular file" in refused(tmp_path / "c.obj", "mtllib b.mtl\n" + OBJ)
+    assert "not a regular file" in refused(tmp_path / "c.obj", "mtllib pipe\n" + OBJ)
+    assert "not a regular file" in refused(tmp_path / "c.usda", "#usda 1.0\ndef A (references = @./pipe@) {}\n")
     for path in (tmp_path / "pipe.ply", tmp_path / "folder.ply"):
         os.mkfifo(path) if path.stem == "pipe" else path.mkdir()
         for act in (mesh_file.detect_kind, mesh_file.estimate_cost, mesh_images.find_images):

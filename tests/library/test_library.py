@@ -120,7 +120,7 @@ def test_an_array_has_the_size_that_its_spacing_gives():
         (lambda x, y: x[:1], "shape"),
         (lambda x, y: float("1" if x > 0 else "2"), "numpy.vectorize"),
         (np.zeros((3, 3, 3)), "one height"),
-        ("flat", "no array of numbers"),
+        ("flat", "not an array of numbers"),
     ],
 )
 def test_heights_that_cannot_be_are_refused(heights, words):
@@ -145,7 +145,7 @@ def test_rocks_are_a_table(tmp_path):
     assert read_rock_table(Path(stored.rocks.file)).tolist() == [[1.0, 2.0, 0.5], [0.1, 0.2, 1 / 3]]
     assert stored.rocks.coverage > 0
     assert "2 own rocks" in repr(scene)
-    for rocks, words in (([1, 2, 3], "shape"), ([[1, 2, 0]], "above 0"), ("rocks", "no array")):
+    for rocks, words in (([1, 2, 3], "shape"), ([[1, 2, 0]], "above 0"), ("rocks", "not an array")):
         with pytest.raises(IcyMoonError, match=words):
             Scene().with_rocks(rocks)
 
@@ -230,7 +230,7 @@ def test_a_matcher_that_cannot_be_is_a_sentence(pair, tmp_path, matcher, words):
 
 
 def test_two_functions_of_one_name_are_refused(pair, tmp_path):
-    with pytest.raises(IcyMoonError, match="2 matchers are called <lambda>"):
+    with pytest.raises(IcyMoonError, match="2 matchers have the name <lambda>"):
         icymoon.evaluate(pair, [lambda left, right: 0.0 * left, lambda left, right: left], tmp_path / "evaluation")
 
 

@@ -283,7 +283,7 @@ def test_one_scene_tells_no_interval_and_that_is_told(tmp_path):
     workspaces.write(tmp_path / "pair")
     report = run([tmp_path / "pair"], tmp_path / "out")
     assert report["summary"][1]["intervals"]["sites.taken"] == [None, None]
-    assert any(note.startswith("One scene tells no interval") for note in report["notes"])
+    assert any(note.startswith("One scene gives no interval") for note in report["notes"])
 
 
 def test_pairs_without_their_true_heights_fail_in_a_sentence_and_stop_no_other(dataset, tmp_path):

@@ -50,7 +50,8 @@ _SHARP_UP_TO = 0.2
 
 
 def _random_along_row(place: Array, row: Array, key: int) -> Array:
-    """Random numbers in [0, 1] along each row, linear between whole places: ice breaks to points."""
+    """Random numbers in [0, 1] along each row, linear between integer positions, since broken ice has pointed
+    crests."""
     first = np.floor(place)
     index = first.astype(np.int64)
     low, high = (to_uniform(hash_lattice(index + k, row, key)) for k in (0, 1))

@@ -515,7 +515,7 @@ def test_four_coefficients_are_what_the_user_states(tmp_path):
         ("x.xml", "<opencv_storage><M1>", "not a calibration of OpenCV"),
         ("x.npz", b"PK\x03\x04" + bytes(40), "list of members"),
         ("x.yaml", "", "is empty; give a calibration"),
-        ("x.yaml", "- camera_matrix: 1\n- 2\n", "no mapping"),
+        ("x.yaml", "- camera_matrix: 1\n- 2\n", "not a mapping"),
         ("x.yaml", b"image_width: \xff\xfe", "no text"),
         ("x.cameramodel", MRCAL_FILES[0].replace("OPENCV4", "SPLINED_STEREOGRAPHIC"), "mrcal-convert-lensmodel"),
         ("x.cameramodel", MRCAL_FILES[0].replace("OPENCV4", "OPENCV8"), "has 8 intrinsics, not 12"),
@@ -548,7 +548,7 @@ def test_a_hostile_or_wrong_file_is_a_sentence(tmp_path, name, content, words):
         (CAMERAS.partition("\n2 ")[0], IMAGES, "'right.png' has the camera 2, which is not there"),
         (CAMERAS, IMAGES.replace("1 1.0 0.0", "1 0.0 0.0"), "quaternion has length 0"),
         (CAMERAS, IMAGES.replace("1 1.0 0.0", "1 nan 0.0"), "not finite"),
-        (CAMERAS, IMAGES[:-60], "line 4 is no image"),
+        (CAMERAS, IMAGES[:-60], "line 4 is not an image"),
         (CAMERAS, "", "at least one camera"),
     ],
 )

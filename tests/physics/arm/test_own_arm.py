@@ -137,9 +137,9 @@ RING = "".join(
         (BAD_JOINT.format('<origin xyz="1e9 0 0"/>' + LIMIT), ("base", "post"), "up to 1000"),
         (BAD_JOINT.format(""), ("base", "post"), "has no limit"),
         (BAD_JOINT.format('<limit lower="2" upper="1"/>'), ("base", "post"), "exchange them"),
-        (BAD_JOINT.format(LIMIT + '<mimic joint="j"/>'), ("base", "post"), "no joint that moves by itself"),
+        (BAD_JOINT.format(LIMIT + '<mimic joint="j"/>'), ("base", "post"), "not a joint that moves by itself"),
         (BAD_JOINT.format(LIMIT).replace("revolute", "floating"), ("base", "post"), "'floating'"),
-        (BAD_JOINT.format(LIMIT), ("base",), "'post', which is no link"),
+        (BAD_JOINT.format(LIMIT), ("base",), "'post', which is not a link"),
         (BAD_JOINT.format(LIMIT), ("base", "post", "loose"), "base and loose hang on no joint"),
         (RING, ("one", "two"), "make a ring"),
         (RING, ("base", "one", "two"), "is in a ring"),
@@ -179,7 +179,7 @@ def test_entities_that_grow_are_refused_before_they_do(tmp_path):
         ("../secret.stl", "outside"),
         ("package://robot/../secret.stl", "outside"),
         ("file:///etc/hostname", "outside"),
-        ("http://example.org/m.stl", "no file of the folder"),
+        ("http://example.org/m.stl", "not a file of the folder"),
         ("missing.stl", "is not in"),
         ("", "is not in"),
         ("package://robot/missing.stl", "is not in"),
@@ -435,7 +435,7 @@ def test_macros_that_are_not_expanded_are_told(tmp_path):
 def test_a_pipe_is_no_file_and_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "arm.urdf")
     (reason,) = find_lander_reasons(described(tmp_path / "arm.urdf"))
-    assert "is no file" in reason
+    assert "is not a file" in reason
 
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"

@@ -201,7 +201,7 @@ def test_what_is_no_camera_is_refused(changes, words):
     ("make", "words"),
     [
         (lambda: Brown((0.1, 0.2, 0.3, 0.4)), "5 or 8 or 12 coefficients, not 4"),
-        (lambda: Brown((math.nan, 0, 0, 0, 0)), "no finite number"),
+        (lambda: Brown((math.nan, 0, 0, 0, 0)), "not a finite number"),
         (lambda: Fisheye((0.1,) * 5), "4 coefficients, not 5"),
         (lambda: Cahvore((0.0, 0.0, -1.0), (0.0,) * 3), "point forward"),
         (lambda: Cahvore((0.0, 0.0, 1.0), (-1.5, 0, 0)), "mirrors"),

@@ -122,7 +122,7 @@ def test_an_entry_gives_the_same_camera_again(name):
 @pytest.mark.parametrize(
     ("change", "clause"),
     [
-        ({"pose_camera_to_world": (2 * np.eye(4)).tolist()}, "no rotation"),
+        ({"pose_camera_to_world": (2 * np.eye(4)).tolist()}, "not a rotation"),
         ({"K": [[1.0, 0.0]]}, "no K of 3 x 3"),
         ({"lens": {"model": "GLASS", "coefficients": []}}, "no lens"),
         ({"lens": {"model": "FISHEYE", "coefficients": "0"}}, "no lens"),

@@ -265,7 +265,7 @@ def test_a_gltf_holds_or_names_its_images(tmp_path):
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"texCoord": 1}, "UV coordinates of its own"),
+        ({"texCoord": 1}, "separate UV coordinates"),
         ({"extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}, "KHR_texture_transform"),
         ({"extensions": {"KHR_texture_transform": {"scale": [1.0, 1.0], "offset": [0, 0]}}}, ""),
     ],

@@ -167,7 +167,7 @@ def test_nothing_is_measured_or_exported_of_a_pair_that_contradicts_itself(old, 
     (line,) = said.out.splitlines()
     assert "poses_rectified_to_world.right[0][3] is " in line
     assert line.endswith("Its files are as they were rendered, so --remove leaves it.")
-    assert "--remove takes away" not in said.err
+    assert "--remove removes" not in said.err
     for verb in (["evaluate", "--methods", "bm"], ["export", "--format", "colmap"]):
         assert stereo([verb[0], str(folder), "--out", str(tmp_path / verb[0]), *verb[1:]]) == 1
     assert "poses_rectified_to_world" in capsys.readouterr().err

@@ -254,8 +254,8 @@ LIGHT_FAULTS: dict[str, tuple[Callable[[Path], object], set[tuple[str, str]], bo
         {("leftover", "left unfinished")},
         True,
     ),
-    "a folder": (lambda d: (d / "light" / f"{KEYS[0]}.npz").mkdir(), {("foreign", "no regular file")}, False),
-    "a pipe": (lambda d: os.mkfifo(d / "light" / f"{KEYS[0]}.npz"), {("foreign", "no regular file")}, False),
+    "a folder": (lambda d: (d / "light" / f"{KEYS[0]}.npz").mkdir(), {("foreign", "not a regular file")}, False),
+    "a pipe": (lambda d: os.mkfifo(d / "light" / f"{KEYS[0]}.npz"), {("foreign", "not a regular file")}, False),
 }
 
 
@@ -379,7 +379,7 @@ def test_a_link_is_reported_and_nothing_behind_it_changes(dataset, tmp_path, pla
         target.write_bytes(b"mine")
     before = everything(tmp_path)
     found = verify_data_set(dataset, remove_broken=True)
-    assert any("link" in problem.text or "no regular file" in problem.text for problem in found.problems)
+    assert any("link" in problem.text or "not a regular file" in problem.text for problem in found.problems)
     assert everything(tmp_path) == before
     assert path.is_symlink()
     if place.startswith("pairs"):
@@ -515,7 +515,7 @@ def test_a_pair_under_another_name_is_told_its_own(dataset, planned, capsys):
     assert problem.text == f"{copy} is pair {first.name} again, under another name; move it out of the data set."
     assert main(["verify", str(dataset)]) == 1
     if not planned:
-        assert "4 of 4 pairs whole and as stated; do what each line asks for." in capsys.readouterr().err
+        assert "4 of 4 pairs whole and as stated; follow the fix in each line." in capsys.readouterr().err
     shutil.rmtree(copy)
     renamed = second.rename(second.with_name("best one"))
     texts = [problem.text for problem in verify_data_set(dataset).problems]

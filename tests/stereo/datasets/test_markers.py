@@ -137,7 +137,7 @@ def test_a_marker_is_unknown_and_told(tmp_path, kind, marker, words):
     prepared = source.prepare({})
     assert np.isnan(prepared.truth[20:40, 30:50]).all()
     assert np.isfinite(prepared.truth[41:, 5:]).all()
-    (note,) = (note for note in prepared.facts["notes"] if "taken for unknown" in note)
+    (note,) = (note for note in prepared.facts["notes"] if "counts as unknown" in note)
     assert words in note
     assert prepared.facts["warnings"] == []
 

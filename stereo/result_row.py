@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ...support.arrays import Array
-from ..matchers.methods import Method
-from ..report.row_log import Row
-from .metrics import COSTS
-from .plug_in import measure_plugin_metrics
-from .prepare_pair import PreparedPair
-from .row_metrics import NUMBERS, measure_row_numbers
+from ..support.arrays import Array
+from .matchers.methods import Method
+from .measure.metrics import COSTS
+from .measure.plug_in import measure_plugin_metrics
+from .measure.prepare_pair import PreparedPair
+from .measure.row_metrics import NUMBERS, measure_row_numbers
+from .report.row_log import Row
 
 
 def make_result_row(prepared: PreparedPair, method: Method, key: str, disparity: Array, info: Mapping[str, Any]) -> Row:
