@@ -1,0 +1,42 @@
+"""A 3D View shows a built scene only while its window does, and looks as before in every other scene."""
+
+from __future__ import annotations
+
+import bpy
+from edits import TINY
+from icymoon.nodes import build_scene as scenes
+from icymoon.operators import build
+from icymoon.operators.session import session
+from rendering import complete
+
+
+def find_view():
+    window = bpy.context.window_manager.windows[0]
+    return window, next(area for area in window.screen.areas if area.type == "VIEW_3D")
+
+
+def look() -> tuple[str, bool]:
+    space = find_view()[1].spaces.active
+    return space.region_3d.view_perspective, space.overlay.show_overlays
+
+
+def test_another_scene_is_seen_as_before_and_the_built_one_again_as_it_was(scene):
+    window, area = find_view()
+    before = look()
+    built = scenes.build_scene(scene, complete(TINY))
+    with bpy.context.temp_override(window=window, area=area):
+        build.show_scene(bpy.context, built)
+    assert look() == ("CAMERA", False) != before
+    other = window.scene = bpy.data.scenes.new("Other")
+    build._follow_views()
+    assert look() == before
+    window.scene = scene
+    build._follow_views()
+    assert look() == ("CAMERA", False)
+    window.scene = other
+    build._follow_views()
+    scenes.clear_scene(scene)
+    window.scene = scene
+    build._follow_views()
+    assert look() == before
+    assert session.views_before == {}
