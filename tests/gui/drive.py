@@ -703,6 +703,7 @@ def slide_by_mouse() -> Waiting:
     live.update_scene = update
     dragged = heights()
     yield from screenshot("live_dragged")
+    x, y = yield from find_setting("terrain.rms_slope_deg")  # the note on coarse ground takes another line
     yield from to(region("UI").x + region("UI").width / 2, y)
     xdotool("click", "--repeat", 2, "--delay", 60, 1)
     yield 6 * TICK_S
