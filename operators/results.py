@@ -266,8 +266,8 @@ def _describe_pairs(pairs: Sequence[str], rendered_last: Sequence[str]) -> str:
     """Which pairs of a scene an evaluation is of, in words: the user knows no ids."""
     last, several = set(pairs) <= set(rendered_last), len(pairs) > 1
     if last:
-        return f"Of the {len(pairs)} pairs rendered last" if several else "Of the pair rendered last"
-    return f"Of {len(pairs)} earlier pairs" if several else "Of an earlier pair"
+        return f"Of the {format_count(len(pairs), 'pair')} rendered last" if several else "Of the pair rendered last"
+    return f"Of {format_count(len(pairs), 'earlier pair')}" if several else "Of an earlier pair"
 
 
 def _read_report(folder: Path) -> dict[str, Any]:

@@ -185,7 +185,7 @@ def test_choosing(tmp_path):
         choose_comparisons(["albdos"], [], False)
     file = tmp_path / "mine.py"
     file.write_text(OWN.replace('"mine"', '"codes"').format(ours=1), encoding="utf-8")
-    with pytest.raises(IcyMoonError, match="another name"):
+    with pytest.raises(IcyMoonError, match="rename yours"):
         choose_comparisons([], [file], False)
 
 
