@@ -20,6 +20,7 @@ def scene(monkeypatch):
     bpy.data.scenes.remove(scene)
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_a_folder_of_photographs_is_evaluated_and_its_report_is_known_as_ours(scene, tmp_path):
     root = foreign.plain(tmp_path, 'disparity = "truth/{pair}.npy"', file=foreign.constant())

@@ -167,6 +167,7 @@ def test_the_ground_that_the_user_changes_meanwhile_is_theirs(watched):
     assert any("edited" in line for line in live_preview.list_lines(watched))
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_a_light_that_changes_meanwhile_is_kept(watched):
     choose(RIDGES)
@@ -178,6 +179,7 @@ def test_a_light_that_changes_meanwhile_is_kept(watched):
     assert is_as_built_at_once(built)
 
 
+@pytest.mark.long
 def test_warnings_about_the_fine_ground_stay_in_the_panel_until_a_setting_changes(watched, monkeypatch):
     load = preset_files.load
     monkeypatch.setattr(preset_files, "load", lambda path: description.merged(load(path), {"mesh": {"most": 2000}}))
@@ -201,6 +203,7 @@ def test_without_a_window_a_choice_only_loads(watched, monkeypatch):
     assert watched.icymoon.preset == RIDGES
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 @pytest.mark.usefixtures("watched")
 def test_the_fine_ground_follows_again_after_redo():

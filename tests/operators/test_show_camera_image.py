@@ -65,6 +65,7 @@ def brightness(image) -> float:
     return float(np.mean(image.pixels[:][::4]))
 
 
+@pytest.mark.long
 def test_the_shown_camera_image_follows_the_response_once_the_hand_rests(small, shown):
     before = brightness(shown)
     for target in (0.6, 0.4, 0.2, 0.1):  # one drag

@@ -144,6 +144,7 @@ def test_reuse_changes_no_byte_of_an_image(kind, scene, tmp_path):
     assert images(tmp_path / "shared") == images(tmp_path / "alone")
 
 
+@pytest.mark.long
 def test_several_workers_make_what_one_makes(reference, tmp_path):
     dataset = freeze(tmp_path)
     done = run(dataset, "--workers", "2", "--scenes-per-worker", "1")

@@ -102,7 +102,7 @@ def test_in_a_browser(many):
     assert body.count("<button>pair0") == 25
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("count", [1, 2])
 def test_one_and_two_pairs(tmp_path, count):
     for k in range(count):

@@ -99,6 +99,7 @@ def test_a_chart_of_each_method_has_the_lines_and_the_caption_says_what_is_avera
     assert heading.caption == "Rig: Heading (°). Each point is the mean over 3 scenes, Sun (°) and Albedo."
 
 
+@pytest.mark.long
 def test_charts_of_one_metric_have_one_scale_for_all_methods():
     (_, sun, albedo), table = made()
     summary = [{"method": method} for method in METHODS]
