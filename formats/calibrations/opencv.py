@@ -8,6 +8,7 @@ the key ``unit``, and also the size of the images and the lens.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -94,14 +95,15 @@ def _of_element(element: Element) -> Any:
 
 
 def _array(value: Any, name: str) -> Array:
-    """The flat array of a FileStorage matrix, or of lists of numbers."""
+    """The flat array of a FileStorage matrix, or of lists of numbers. OpenCV 5 writes a vector with its ``sizes``."""
     if not isinstance(value, dict):
         return to_number_array(value, name)
     data = value.get("data")
     if isinstance(data, str):  # of XML
         data = data.split()
     found = to_number_array(data, name)
-    count = int(value["rows"]) * int(value["cols"])
+    sizes = value["sizes"] if "sizes" in value else [value["rows"], value["cols"]]
+    count = math.prod(map(int, sizes.split() if isinstance(sizes, str) else to_number_array(sizes, name)))
     if not 0 < len(found) == count:
         raise ValueError(f"{name} has {len(found)} numbers, not {count} as it states")
     return found

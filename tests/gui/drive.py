@@ -542,6 +542,7 @@ def calibration_by_mouse() -> Waiting:
     yield from choose_in_browser(FOLDER, "broken.yaml", "calibration_broken")
     yield 15 * TICK_S  # the sentence opens under the mouse
     yield from screenshot("calibration_refused")
+    yield from key("Escape")  # in 5.2 the sentence lies over the button until then
     check(rig() == before, "a file that is no calibration has changed the rig")
     yield from away()
     yield from press("icymoon.read_calibration")

@@ -358,7 +358,7 @@ def test_a_pair_of_ros_is_the_pair_that_it_rectifies(tmp_path):
     left, right = HEAD.cameras
     distortion = [np.array(coefficients_of(camera)) for camera in HEAD.cameras]
     turned = cv2.stereoRectify(
-        left.matrix, distortion[0], right.matrix, distortion[1], left.size_px, TURN, SHIFT, alpha=0
+        left.matrix, distortion[0], right.matrix, distortion[1], left.size_px, TURN, np.reshape(SHIFT, (3, 1)), alpha=0
     )
     files = {}
     for name, camera, rotation, projection in zip(("l", "r"), HEAD.cameras, turned[:2], turned[2:4], strict=True):
@@ -411,6 +411,32 @@ def test_opencv_reads_what_we_write_and_writes_what_we_read(tmp_path, suffix):
     storage.write("note", "measured: by hand # twice")
     storage.release()
     assert_same(read_calibration([theirs], Stated("mm")).rig, rig)
+
+
+#: A vector as OpenCV 5 writes it; OpenCV 4 writes a matrix of one column.
+VECTORS = {
+    ".yaml": ": !!opencv-nd-matrix\n   sizes: [ 5 ]\n   dt: d\n   data: [ 0.1, -0.2, 0., 0., 0.03 ]\n",
+    ".xml": ' type_id="opencv-nd-matrix"><sizes>5</sizes><dt>d</dt><data>0.1 -0.2 0. 0. 0.03</data></',
+    ".json": ': {"type_id": "opencv-nd-matrix", "sizes": [ 5 ], "dt": "d", "data": [0.1, -0.2, 0, 0, 0.03]}',
+}
+
+
+@pytest.mark.parametrize("suffix", VECTORS)
+def test_a_vector_of_opencv_5_is_read(tmp_path, suffix):
+    key, matrix = "distortion_coefficients", "400, 0, 320, 0, 400, 240, 0, 0, 1"
+    text = {
+        ".yaml": "%YAML 1.2\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+        f"   data: [ {matrix} ]\n{key}{VECTORS['.yaml']}image_size: [ 640, 480 ]\n",
+        ".xml": '<?xml version="1.0"?><opencv_storage><camera_matrix type_id="opencv-matrix"><rows>3</rows>'
+        f"<cols>3</cols><dt>d</dt><data>{matrix.replace(',', '')}</data></camera_matrix><{key}{VECTORS['.xml']}{key}>"
+        "<image_size>640 480</image_size></opencv_storage>",
+        ".json": '{"camera_matrix": {"type_id": "opencv-matrix", "rows": 3, "cols": 3, "dt": "d", '
+        f'"data": [{matrix}]}}, '
+        f'"{key}"{VECTORS[".json"]}, "image_size": [ 640, 480 ]}}',
+    }[suffix]
+    path = tmp_path / f"camera{suffix}"
+    path.write_text(text, encoding="utf-8")
+    assert coefficients_of(read_calibration([path]).rig.cameras[0]) == (0.1, -0.2, 0.0, 0.0, 0.03)
 
 
 def test_an_archive_of_numpy_is_read(tmp_path):
