@@ -562,6 +562,7 @@ def calibration_by_mouse() -> Waiting:
     yield from choose_in_browser(FOLDER, "mrcal", "calibration_write_mrcal", kind="mrcal")
     yield 15 * TICK_S  # the sentence opens under the mouse
     yield from screenshot("calibration_not_held")
+    yield from key("Escape")
     check(not list(FOLDER.glob("mrcal*")), "a fisheye was written as mrcal, which has none like it")
     yield from away()
     yield from key("ctrl+z")
