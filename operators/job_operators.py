@@ -19,8 +19,6 @@ class WatchingOperator(OperatorMixin):
     (``EXEC_DEFAULT``) the operator returns when the job has ended.
     """
 
-    #: Seconds between two looks at the job.
-    interval_s = jobs.INTERVAL_S
     _timer: bpy.types.Timer | None = None
     _job: jobs.Job | None = None
 
@@ -62,7 +60,7 @@ class WatchingOperator(OperatorMixin):
         except IcyMoonError as error:
             return self.fail(error)
         manager = context.window_manager
-        self._timer = manager.event_timer_add(self.interval_s, window=context.window)
+        self._timer = manager.event_timer_add(jobs.INTERVAL_S, window=context.window)
         manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

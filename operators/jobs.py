@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Self
 
 import bpy
 
@@ -17,7 +17,6 @@ from ..render.workers.detached_process import DetachedProcess
 from ..render.workers.process import Message, Process, clean_environment
 from ..render.workers.watched_thread import Calculation
 from ..support.errors import IcyMoonError
-from ..support.steps import Steps
 
 #: Seconds between two looks at a job.
 INTERVAL_S = 0.1
@@ -38,46 +37,12 @@ def find_this_blender() -> str:
     return str(bpy.app.binary_path or sys.executable)
 
 
-class StepsOfTurns:
-    """Work in steps, of which each look does one, with the interface of a process. Its only message is a ``result``
-    with its ``value``, or an ``error``."""
-
-    left, returncode, cause = False, 0, ""
-
-    def __init__(self, steps: Steps[Any]) -> None:
-        self.cancelled = False
-        self.running = True
-        self._steps = steps
-
-    def poll(self) -> list[Message]:
-        """Do the next step; the message after the last one."""
-        if not self.running:
-            return []
-        try:
-            next(self._steps)
-            return []
-        except StopIteration as end:
-            message = {"type": "result", "value": end.value}
-        except IcyMoonError as error:
-            message = {"type": "error", "message": str(error)}
-        self.running = False
-        return [message]
-
-    def cancel(self) -> None:
-        """Give the work up between two steps."""
-        self.cancelled = self.cancelled or self.running
-        self.running = False
-        self._steps.close()
-
-    stop = cancel
-
-
 @dataclass
 class Job:
     """One running process or thread and its reports so far, which the panel shows."""
 
     title: str
-    process: Process | DetachedProcess | Calculation | StepsOfTurns
+    process: Process | DetachedProcess | Calculation
     handle: Callable[[Message], object] = lambda message: None  # called with every message
     clean_up: Callable[[], object] = lambda: None  # called at the end, however it ends
     started: float = field(default_factory=time.monotonic)

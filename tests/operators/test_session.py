@@ -11,7 +11,6 @@ from icymoon.operators import jobs, window_events
 from icymoon.operators.session import Session, session
 from icymoon.render.workers.watched_thread import Calculation
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.steps import finish
 from stand_ins import stand_in
 
 
@@ -123,37 +122,3 @@ def test_a_module_follows_events_only_while_it_is_registered(scene):
     undo()
     change_setting()
     assert heard == [{"material"}, "undo", "end"]
-
-
-def count_steps(done: list[int], fails: bool = False):
-    for k in range(3):
-        done.append(k)
-        yield
-    if fails:
-        raise IcyMoonError("There is no ground.")
-    return "built"
-
-
-def test_each_look_does_one_step_of_work_in_steps():
-    done: list[int] = []
-    job = jobs.Job("Build", jobs.StepsOfTurns(count_steps(done)))
-    for k in range(3):
-        assert job.poll()
-        assert done == [*range(k + 1)]
-    assert job.poll()
-    assert not job.poll()
-    assert (job.result["value"], job.failure) == ("built", "")
-    failing = jobs.Job("Build", jobs.StepsOfTurns(count_steps([], fails=True)))
-    with pytest.raises(IcyMoonError, match="no ground"):
-        failing.run_to_end()
-
-
-def test_work_in_steps_is_given_up_between_two_steps():
-    done: list[int] = []
-    job = jobs.Job("Build", jobs.StepsOfTurns(count_steps(done)), if_stopped="the scene is as before")
-    job.poll()
-    job.cancel()
-    assert not job.poll()
-    assert done == [0]
-    assert job.failure == "Build was stopped; the scene is as before."
-    assert finish(count_steps([])) == "built"

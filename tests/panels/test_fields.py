@@ -20,7 +20,6 @@ from stand_ins import stand_in
 
 #: Operators that start a job from the sidebar, whatever was done before, but not while another job runs.
 STARTING = {cls.bl_idname for cls in operators.CLASSES if issubclass(cls, JobOperator)} - {
-    "icymoon.build_scene",
     "icymoon.paint_errors",
     "icymoon.watch_dataset",
     "icymoon.install_evaluator",

@@ -158,6 +158,8 @@ class Runner:
         for place, word in enumerate(sequence.words, 1):
             try:
                 if (state := STATES.get(word)) is not None:
+                    if word == "fine":  # the ground follows from another process, also after undo and redo
+                        yield from self.do_wait()
                     assert state(self), f"the scene is not {word}"
                 else:
                     yield from self.act(word)
