@@ -12,13 +12,11 @@ from typing import Any
 
 import bpy
 
-from ..physics import scene_checks
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.steps import Steps, finish
 from . import before_build, check_cycles, eyes_above_ground
 from .built_scene import (
     CONTENT,
@@ -57,6 +55,7 @@ from .datablocks.fingerprint import (
 from .datablocks.stored_json import read_stored
 from .ground.terrain_mesh import (
     MeshedGround,
+    describe_patch_statistics,
     read_grid_heights,
     sample_patch,
 )
@@ -67,9 +66,7 @@ from .lander.objects import ROLES as LANDER_ROLES
 from .light.scene_lights import ROLES
 from .remove_objects import find_materials, find_parts, free_names, remove_leftovers, remove_objects
 from .scene_objects import (
-    ComputedGround,
     MadeObjects,
-    compute_ground,
     find_site_ground_m,
     make_ground,
     make_objects,
@@ -328,19 +325,8 @@ def build_scene(
     *,
     take_over: Callable[[], MadeObjects] | None = None,
 ) -> Built:
-    """Build, or build again, the scene of complete ``settings`` at once, see ``build_in_steps``. ``meshed`` is its
-    ground, if it has been made already; ``take_over`` returns the objects that another process has made."""
-    computed = None if meshed is None else compute_ground(settings, meshed)
-    return finish(build_in_steps(scene, settings, computed, take_over))
-
-
-def build_in_steps(
-    scene: bpy.types.Scene,
-    settings: Settings,
-    computed: ComputedGround | None = None,
-    take_over: Callable[[], MadeObjects] | None = None,
-) -> Steps[Built]:
-    """Build, or build again, the scene of complete ``settings``. ``computed`` is its ground, if it is computed already.
+    """Build, or build again, the scene of complete ``settings``. ``meshed`` is its procedural ground, if it has been
+    made already; ``take_over`` returns the objects that another process has made.
 
     Sets the scene's camera and world to the built ones, unless the user has set others since the first build. Objects
     that were built before are kept and updated, so that references to them stay valid. Raises IcyMoonError, without
@@ -352,9 +338,7 @@ def build_in_steps(
     there = _find_built_blocks(scene, collection)
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
-    made = take_over() if take_over else (yield from _make_in_memory(settings, computed))
-    yield
-    # From here on in one step: a scene that is half in its place would be read by panels and timers.
+    made = take_over() if take_over else _make_in_memory(settings, meshed)
     first = collection is None
     left = _leave_shared(scene)
     if collection is None:
@@ -380,10 +364,10 @@ def build_in_steps(
     return built
 
 
-def _make_in_memory(settings: Settings, computed: ComputedGround | None) -> Steps[MadeObjects]:
+def _make_in_memory(settings: Settings, meshed: MeshedGround | None) -> MadeObjects:
     """The objects of the scene. Raises IcyMoonError also where there is not enough memory."""
     try:
-        return (yield from make_objects(settings, computed))
+        return make_objects(settings, meshed)
     except MemoryError:
         if is_mesh(settings):
             raise IcyMoonError("There is not enough memory for the mesh; make it coarser before the import.") from None
@@ -437,10 +421,9 @@ def _describe_ground(built: Built, made: MadeObjects) -> None:
     collection[SITE] = made.site_m
     collection[CONTENT] = hash_content(settings)
     collection[EXCAVATION] = json.dumps(made.excavation)
-    found = list(made.computed.reasons if made.computed else scene_checks.find_reasons(settings))
     if not made.coarse:  # otherwise the fine ground follows with its own warnings
-        built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built, found=found))
-    collection[STATISTICS] = json.dumps(made.computed.statistics if made.computed else {})
+        built.warnings += tuple(eyes_above_ground.find_reasons_when_built(built))
+    collection[STATISTICS] = json.dumps(describe_patch_statistics(measure_patch(built), settings.terrain))
 
 
 def _link_own_objects(scene: bpy.types.Scene, items: list[bpy.types.Object]) -> None:

@@ -23,17 +23,15 @@ _UP = Vector((0.0, 0.0, 1.0))
 _MOST_PASSED = 1000
 
 
-def find_reasons_when_built(
-    built: Built, scene: bpy.types.Scene | None = None, found: list[str] | None = None
-) -> list[str]:
+def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> list[str]:
     """``find_reasons`` for a scene that was just built.
 
-    For the eyes they follow from the settings if possible; ``found`` are those of ``scene_checks``, if known already.
-    The mesh is tested only if it may be coarser than the images under the camera, and for the cameras of a head.
+    For the eyes they follow from the settings if possible. The mesh is tested only if it may be coarser than the images
+    under the camera, and for the cameras of a head.
     """
     settings = built.settings
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
-    found = list(scene_checks.find_reasons(settings)) if found is None else found
+    found: list[str] = list(scene_checks.find_reasons(settings))
     if found or (graded and not settings.rig.head_file):
         return found
     return find_reasons(built, scene=scene, ask_eyes=not graded)

@@ -37,7 +37,6 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import TABLE, TEXT, Each
-from ..support.steps import Steps, finish
 from . import build_scene as scenes
 from . import painted_errors
 from .datablocks.blend_file_paths import make_paths_absolute
@@ -52,7 +51,6 @@ from .lander.objects import ROLES as LANDER_ROLES
 from .lander.objects import build_lander, place_lander
 from .light.scene_lights import ROLES, change_lights, compute_scene_sky, list_light_settings
 from .rig import place_rig
-from .scene_objects import ComputedGround, compute_ground
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.images import remove_unused_images
 from .surface.patches_and_grain import mark_elevation
@@ -105,33 +103,21 @@ def set_notes(built: scenes.Built, sentences: list[str]) -> None:
 
 
 def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
-    """Build the scene of complete ``settings`` coarsely and at once, see ``build_coarse_in_steps``. Ground from a file
-    is built at full resolution. Raises IcyMoonError as ``scenes.build_scene`` does.
+    """Build the scene of complete ``settings`` out to the horizon, but with a coarse ground and the largest rocks.
+
+    It is marked as a preview whose ground at full resolution will follow, see ``awaits_ground``. Ground from a file is
+    built at full resolution. Raises IcyMoonError as ``scenes.build_scene`` does.
     """
     if is_from_file(settings):
         return scenes.build_scene(scene, settings)
-    return finish(build_coarse_in_steps(scene, settings, compute_coarse_ground(settings)))
-
-
-def compute_coarse_ground(settings: Settings) -> ComputedGround:
-    """The coarse ground of complete ``settings``, for which any thread may ask. Raises IcyMoonError."""
-    return compute_ground(settings, mesh_whole_ground(scenes.make_ground, settings, _mesh_for_choice))
+    built = scenes.build_scene(scene, settings, mesh_whole_ground(scenes.make_ground, settings, _mesh_for_choice))
+    built.remember(settings, select_geometry(settings))
+    await_ground(built, settings)
+    return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it
 
 
 def _mesh_for_choice(ground: Terrain, settings: Settings) -> MeshedGround:
     return mesh_coarsely(ground, settings, MOST_VERTICES, MOST_ROCKS)
-
-
-def build_coarse_in_steps(scene: bpy.types.Scene, settings: Settings, ground: ComputedGround) -> Steps[scenes.Built]:
-    """Build the scene of complete ``settings`` out to the horizon, but with its coarse ground and the largest rocks.
-
-    It is marked as a preview whose ground at full resolution will follow, see ``awaits_ground``. Raises IcyMoonError as
-    ``scenes.build_scene`` does.
-    """
-    built = yield from scenes.build_in_steps(scene, settings, ground)
-    built.remember(settings, select_geometry(settings))
-    await_ground(built, settings)
-    return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it
 
 
 def await_ground(built: scenes.Built, settings: Settings) -> None:

@@ -30,7 +30,6 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.labels import TERRAIN_INSTANCE
 from ..support.number_text import format_count
-from ..support.steps import Steps
 from .datablocks.blend_file_paths import make_paths_absolute
 from .datablocks.fingerprint import NAME, TAG
 from .ground.dug_ground import DugGround, mesh_whole_ground
@@ -39,8 +38,6 @@ from .ground.rocks import build_rocks
 from .ground.terrain_mesh import (
     MeshedGround,
     compute_vertex_spacing_m,
-    describe_patch_statistics,
-    sample_patch,
     site_wavelength_m,
 )
 from .ground.user_ground import UserGround, is_from_file, load_ground
@@ -57,37 +54,6 @@ from .surface.ground_and_rock_materials import build_ground_material, build_rock
 from .surface.patches_and_grain import mark_elevation
 
 
-@dataclass(frozen=True)
-class ComputedGround:
-    """The procedural ground of a scene in numbers."""
-
-    meshed: MeshedGround
-    statistics: dict[str, Any]  # of its patch, see ``describe_patch_statistics``
-    reasons: tuple[str, ...]  # why the scene cannot be rendered
-
-
-def compute_ground(settings: Settings, meshed: MeshedGround | None = None) -> ComputedGround:
-    """Compute the procedural ground of complete settings, ``meshed`` already or not, and the shapes of its rocks, which
-    are kept for the build.
-
-    It is without Blender, so any thread may call it. Raises IcyMoonError for settings that cannot be built.
-    """
-    _refuse(settings)
-    meshed = meshed or mesh_whole_ground(make_ground, settings)
-    if settings.rocks.coverage > 0:
-        find_rock_shapes(settings.rocks, int(settings.dataset.seed))
-    graded = settings.mesh.kind == "GRADED"
-    heights = sample_patch(make_ground(settings)) if graded else meshed.read_grid_heights(settings.terrain)
-    statistics = describe_patch_statistics(heights, settings.terrain)
-    return ComputedGround(meshed, statistics, tuple(scene_checks.find_reasons(settings)))
-
-
-def _refuse(settings: Settings) -> None:
-    """Raise IcyMoonError for settings that cannot be built."""
-    if reasons := scene_checks.find_reasons_in_settings(settings):
-        raise IcyMoonError(" ".join(reasons))
-
-
 @dataclass
 class MadeObjects:
     """The parts of a scene, before they are in a collection."""
@@ -95,7 +61,6 @@ class MadeObjects:
     objects: list[bpy.types.Object]  # the terrain, the Sun, the camera, then others
     sky: bpy.types.World
     own: UserGround | None  # the user's own ground
-    computed: ComputedGround | None  # other ground
     site_m: float  # height of the ground under the camera
     warnings: list[str] = field(default_factory=list)
     excavation: dict[str, Any] = field(default_factory=dict)  # its report
@@ -131,24 +96,18 @@ def find_site_ground_m(settings: Settings, ground: Surface) -> float:
     return float(ground.heights(rig.x_m, rig.y_m, site_wavelength_m(settings.terrain, ground)))
 
 
-def make_objects(settings: Settings, computed: ComputedGround | None = None) -> Steps[MadeObjects]:
-    """Make all objects of the scene and its world; ``computed`` is its procedural ground, if it is computed already.
+def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects:
+    """Make all objects of the scene and its world. ``meshed`` is the procedural ground, if it has been made already.
 
     Raises IcyMoonError, before anything is made, for settings that cannot be built.
     """
-    _refuse(settings)
+    if reasons := scene_checks.find_reasons_in_settings(settings):
+        raise IcyMoonError(" ".join(reasons))
     hapke_warnings = reflectance_laws.advise_on_hapke(settings)
     sky = compute_scene_sky(settings)
     own = load_ground(settings, make_ground) if is_from_file(settings) else None
     ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
-    computed = computed or (compute_ground(settings) if own is None else None)
-    ground: UserGround | MeshedGround
-    if own is not None:
-        ground = own
-    else:
-        assert computed is not None
-        ground = computed.meshed
-    yield
+    ground = own or meshed or mesh_whole_ground(make_ground, settings)
     site_m, warnings = _find_site(settings, ground.surface, own)
     warnings += [
         *hapke_warnings,
@@ -157,18 +116,14 @@ def make_objects(settings: Settings, computed: ComputedGround | None = None) -> 
         *_advise_on_ground(settings, ground.surface, own),
     ]
     terrain = _make_terrain(settings, ground, warnings)
-    yield
     camera = tag_block(build_rig(f"{NAME} Camera", jitter_rig(settings), site_m), "camera")
     others = build_head_cameras(settings, camera, terrain)
     lights = build_lights(settings, sky, camera)
-    yield
     warnings += [*light_advice(sky, settings), *blur.advise_on_blur(settings)]
     space = tag_block(build_sky(f"{NAME} Sky"), "sky")
-    made = MadeObjects([terrain, lights[0], camera, *lights[1:]], space, own, computed, site_m, warnings)
+    made = MadeObjects([terrain, lights[0], camera, *lights[1:]], space, own, site_m, warnings)
     made.coarse = isinstance(ground, MeshedGround) and ground.most_rocks is not None
-    yield
-    yield from _add_rocks_and_lander(made, settings, ground)
-    yield
+    _add_rocks_and_lander(made, settings, ground)
     made.objects += others
     return made
 
@@ -206,7 +161,7 @@ def _make_terrain(settings: Settings, made: MeshedGround | UserGround, warnings:
     return terrain
 
 
-def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround) -> Steps[None]:
+def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround) -> None:
     """Add rocks, the lander and the report of the excavation."""
     dug, terrain = ground if isinstance(ground, DugGround) else None, made.objects[0]
     if dug is not None and dug.series is not None:
@@ -214,12 +169,11 @@ def _add_rocks_and_lander(made: MadeObjects, settings: Settings, ground: MeshedG
         made.warnings += made.excavation.get("advice", [])
     if settings.rocks.coverage > 0:
         most_seen = ground.most_rocks if isinstance(ground, MeshedGround) else None
-        rocks, warnings, moved = yield from _build_rocks(settings, terrain, ground.surface.size_m, dug, most_seen)
+        rocks, warnings, moved = _build_rocks(settings, terrain, ground.surface.size_m, dug, most_seen)
         made.objects.append(rocks)
         made.warnings += warnings
         made.excavation |= {"rocks_moved": moved} if dug is not None else {}
     if settings.lander.kind != "NONE":
-        yield
         made.objects += build_lander(settings, made.site_m, terrain)
         made.warnings += find_contact(settings, made.site_m, terrain).advice()
 
@@ -242,7 +196,7 @@ def _find_site(settings: Settings, ground: Surface, own: UserGround | None) -> t
 
 def _build_rocks(
     settings: Settings, terrain: bpy.types.Object, size_m: float, dug: DugGround | None, most_seen: int | None
-) -> Steps[tuple[bpy.types.Object, list[str], int]]:
+) -> tuple[bpy.types.Object, list[str], int]:
     """The object whose points are the rocks on the ground, ``dug`` or not, warnings, and how many lost support.
 
     With ``most_seen`` they are the rocks that look largest.
@@ -256,7 +210,6 @@ def _build_rocks(
         rocks = scatter_rocks(wanted, size_m, seed, before, shapes, clear, view, most_seen)
         if dug is not None:
             rocks, moved = settle_rocks(rocks, dug.change_m, height_at, shapes)
-    yield
     ice = build_rock_material(settings, terrain.data)
     item = tag_block(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks

@@ -53,7 +53,7 @@ def read_build(path: Path) -> MadeObjects:
     objects = [item for item in find_owned_blocks(collection).values() if isinstance(item, bpy.types.Object)]
     warnings: list[str] = read_stored(collection, _WARNINGS, Each(TEXT), "[]")
     record: dict[str, Any] = {key: collection[key] for key in _RECORDED}
-    made = MadeObjects(objects, wanted.worlds[0], None, None, float(collection[SITE]), warnings, record=record)
+    made = MadeObjects(objects, wanted.worlds[0], None, float(collection[SITE]), warnings, record=record)
     for each in (collection, *(child for child in collection.children_recursive if TAG in child)):
         bpy.data.collections.remove(each)
     return made

@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ..nodes import build_scene as scenes
+from ..nodes import preview
 from ..nodes.measured_surface import find_points
 from ..settings import description
 from ..settings.blender import scene_properties
@@ -166,48 +167,39 @@ def leave_edit_mode() -> None:
         bpy.ops.object.mode_set(mode="OBJECT")
 
 
-class BuildFrame:
-    """What a build finds in a window, and what it leaves there."""
+def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, coarse: bool = False) -> set[str]:
+    """Build the scene from its settings, show it and report it; the result of the operator.
 
-    def __init__(self, context: bpy.types.Context, scene: bpy.types.Scene) -> None:
-        """Note what there is; leaves Edit Mode."""
-        leave_edit_mode()
-        earlier = scenes.find_built(scene)
-        self._before = earlier.settings if earlier else None
-        self._views = find_views_through(context, earlier.camera if earlier else None)
-
-    def show(self, operator: bpy.types.Operator, context: bpy.types.Context, built: scenes.Built) -> None:
-        """Show the scene that was built, and report it."""
-        scene = built.scene
-        prepare_render(scene, built)
-        hide_errors(scene)  # they are of the previous scene
-        for warning in built.warnings:
-            operator.report({"WARNING"}, format_for_window(warning))
-        frame_and_expose(scene, built.settings, self._before)
-        view_resolution.begin_coarse(scene)
-        session.picture.remove()
-        if not bpy.app.background:
-            if self._before is None and context.scene == scene:
-                show_scene(context, built)
-            else:
-                look_through(self._views, built)
-        mesh = built.terrain.data
-        operator.report(
-            {"INFO"},
-            f"Built {format_count(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
-            f"and {format_count(built.rock_count, 'rock')}",
-        )
-
-
-def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
-    """Build the scene from its settings at once, show it and report it; the result of the operator."""
-    frame = BuildFrame(context, context.scene)
+    With ``coarse`` the ground is made coarsely, and marked for ``refine_ground`` to follow.
+    """
+    build, scene = preview.build_coarse if coarse else scenes.build_scene, context.scene
+    leave_edit_mode()
+    earlier = scenes.find_built(scene)
+    before = earlier.settings if earlier else None
+    views = find_views_through(context, earlier.camera if earlier else None)
     try:
-        built = scenes.build_scene(context.scene, scene_properties.read_settings(context.scene.icymoon))
+        built = build(scene, scene_properties.read_settings(scene.icymoon))
     except IcyMoonError as error:
         operator.report({"ERROR"}, format_for_window(error))
         return {"CANCELLED"}
-    frame.show(operator, context, built)
+    prepare_render(scene, built)
+    hide_errors(scene)  # they are of the previous scene
+    for warning in built.warnings:
+        operator.report({"WARNING"}, format_for_window(warning))
+    frame_and_expose(scene, built.settings, before)
+    view_resolution.begin_coarse(scene)
+    session.picture.remove()
+    if not bpy.app.background:
+        if before is None:
+            show_scene(context, built)
+        else:
+            look_through(views, built)
+    mesh = built.terrain.data
+    operator.report(
+        {"INFO"},
+        f"Built {format_count(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
+        f"and {format_count(built.rock_count, 'rock')}",
+    )
     return {"FINISHED"}
 
 

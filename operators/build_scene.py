@@ -8,14 +8,12 @@ from __future__ import annotations
 import bpy
 
 from ..nodes import build_scene as scenes
-from ..nodes import preview
-from ..nodes.ground.user_ground import is_from_file, warn_of_cost
+from ..nodes.ground.user_ground import warn_of_cost
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from . import refine_ground, view_resolution
-from .build import LIT_AZIMUTH_DEG, BuildFrame, build_and_report, light_untouched_scene, restore_views
+from .build import LIT_AZIMUTH_DEG, build_and_report, light_untouched_scene, restore_views
 from .coloured_views import hide_errors
-from .presets import find_picture, read_with_preset, write_preset
 from .session import session
 from .sidebar_text import format_for_window
 from .user_render import restore_render
@@ -26,54 +24,29 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
 
     bl_idname = "icymoon.build_scene"
     bl_label = "Build Scene"
-    bl_options = {"UNDO"}
-
-    # Loaded with the build, in the same step of undo; empty for the settings as they are.
-    preset: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})
+    bl_options = {"REGISTER", "UNDO"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
-            settings = read_with_preset(context.scene.icymoon, self.preset)
-            warnings = warn_of_cost(settings)
+            warnings = warn_of_cost(scene_properties.read_settings(context.scene.icymoon))
         except IcyMoonError as error:
-            return self._fail(error)
+            self.report({"ERROR"}, format_for_window(error))
+            return {"CANCELLED"}
         if warnings and not bpy.app.background:
             return set(
                 context.window_manager.invoke_confirm(
                     self, event, title="Load a Large Mesh?", message=warnings[0], confirm_text="Load"
                 )
             )
-        if not self.preset and light_untouched_scene(context.scene):
+        if light_untouched_scene(context.scene):
             self.report({"INFO"}, f"Sun Azimuth is {LIT_AZIMUTH_DEG:g}° now, because its default leaves this view dark")
-        if is_from_file(settings):
-            return self.execute(context)
-        return self._build_coarsely(context)
+        result = build_and_report(self, context, coarse=True)
+        refine_ground.begin_refining()
+        return result
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Build the scene in full, as scripts expect; of a preset that was chosen the window gets a coarse one."""
-        return self._build_coarsely(context) if self.preset else build_and_report(self, context)
-
-    def _build_coarsely(self, context: bpy.types.Context) -> set[str]:
-        """Build the scene coarsely, and let the ground at full resolution follow."""
-        scene = context.scene
-        frame = BuildFrame(context, scene)
-        try:
-            built = preview.build_coarse(scene, read_with_preset(scene.icymoon, self.preset))
-        except IcyMoonError as error:
-            return self._fail(error)
-        if self.preset:
-            write_preset(self, scene.icymoon, self.preset)
-        frame.show(self, context, built)
-        if self.preset:
-            session.picture.show(scene, find_picture(self.preset))
-            if preview.awaits_ground(scene, scene_properties.read_unchecked(scene.icymoon)) is None:
-                session.picture.count(scene)
-        refine_ground.begin_refining()
-        return {"FINISHED"}
-
-    def _fail(self, error: IcyMoonError) -> set[str]:
-        self.report({"ERROR"}, format_for_window(error))
-        return {"CANCELLED"}
+        """Build the scene in full, as scripts expect."""
+        return build_and_report(self, context)
 
 
 class ICYMOON_OT_clear_scene(bpy.types.Operator):

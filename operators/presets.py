@@ -24,6 +24,7 @@ from ..support.files import explain_disk_errors, write_bytes, write_text
 from ..support.printer import show_controls
 from ..support.system import find_name_fault, remove
 from . import dialogs, live_preview, refine_ground
+from .build import build_and_report
 from .evaluate import find_rendered_pairs
 from .preferences import find_extension_folder
 from .session import session
@@ -226,54 +227,35 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
         return "Load this preset into the settings of the scene" if given else str(cls.__doc__)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        scene = context.scene
+        group = context.scene.icymoon
         try:
-            first = scenes.find_collection(scene) is None and not is_from_file(
-                read_with_preset(scene.icymoon, self.preset)
-            )
-            if self.build and first and live_preview.has_window():
-                bpy.ops.icymoon.build_scene("INVOKE_DEFAULT", preset=self.preset)
-                return {"INTERFACE"}  # that operator makes the step of undo
-            write_preset(self, scene.icymoon, self.preset)
+            loaded = preset_files.load(find_preset(self.preset))
         except IcyMoonError as error:
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
+        if preset_files.is_whole_scene(self.preset):
+            loaded = description.merged(_make_fresh_settings(group), loaded)
+            group.preset = self.preset
+        scene_properties.write_settings(group, loaded)
+        if "quality" in loaded and (lack := find_lack(description.merged(description.defaults(), loaded))):
+            self.report({"WARNING"}, format_for_window(lack))
         if self.build and live_preview.has_window():
-            _show_coarse(scene, find_picture(self.preset))
+            _show_coarse(self, context, find_picture(self.preset))
         return {"FINISHED"}
 
 
-def read_preset(group: bpy.types.PropertyGroup, name: str) -> Settings:
-    """The settings that a preset gives a scene. Raises IcyMoonError if it cannot be read."""
-    loaded = preset_files.load(find_preset(name))
-    return description.merged(_make_fresh_settings(group), loaded) if preset_files.is_whole_scene(name) else loaded
-
-
-def read_with_preset(group: bpy.types.PropertyGroup, name: str) -> Settings:
-    """The complete settings of a scene, as a preset would make them unless its name is empty. Raises IcyMoonError."""
-    if not name:
-        return scene_properties.read_settings(group)
-    return description.merged(scene_properties.read_unchecked(group), read_preset(group, name))
-
-
-def write_preset(operator: bpy.types.Operator, group: bpy.types.PropertyGroup, name: str) -> None:
-    """Load a preset into the settings of a scene. Raises IcyMoonError if it cannot be read."""
-    loaded = read_preset(group, name)
-    if preset_files.is_whole_scene(name):
-        group.preset = name
-    scene_properties.write_settings(group, loaded)
-    if "quality" in loaded and (lack := find_lack(description.merged(description.defaults(), loaded))):
-        operator.report({"WARNING"}, format_for_window(lack))
-
-
-def _show_coarse(scene: bpy.types.Scene, picture: Path) -> None:
+def _show_coarse(operator: bpy.types.Operator, context: bpy.types.Context, picture: Path) -> None:
     """Show the settings of the scene at once and coarsely; the ground at full resolution follows.
 
     Until the view is clear, ``picture`` covers it.
     """
+    scene = context.scene
     settings = scene_properties.read_unchecked(scene.icymoon)
     if scenes.find_collection(scene) is None:
-        bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # on ground from a file: it asks before it loads a large mesh
+        if is_from_file(settings):
+            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")  # which asks before it loads a large mesh
+        else:
+            build_and_report(operator, context, coarse=True)
     else:
         live_preview.update_scene(scene)
         if scene.icymoon.live and (built := scenes.find_built(scene)):

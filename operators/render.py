@@ -26,7 +26,6 @@ from ..support.printer import show_controls
 from . import jobs
 from .build import find_views_through, frame_and_expose, leave_edit_mode, look_through
 from .job_operators import JobOperator
-from .live_preview import has_window
 from .refine_ground import begin_refining
 from .sidebar_text import format_for_window
 from .user_render import prepare_render
@@ -74,12 +73,9 @@ def show_rendered_scene(scene: bpy.types.Scene, settings: Settings) -> scenes.Bu
         return bring_up_to_date(scene, settings)
     shown = built is not None and not built.preview and not scenes.list_changed_settings(built, settings)
     if not shown and not is_from_file(settings):
-        if preview.awaits_ground(scene, settings):
-            begin_refining()
-        elif has_window():
-            bpy.ops.icymoon.build_scene("INVOKE_DEFAULT")
-        else:
+        if not preview.awaits_ground(scene, settings):
             _build_anew(scene, settings, preview.build_coarse)
+        begin_refining()
     return None
 
 

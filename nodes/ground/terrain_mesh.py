@@ -62,13 +62,6 @@ class MeshedGround:
     fine: Array | None = None
     most_rocks: int | None = None
 
-    def read_grid_heights(self, terrain: TerrainSettings) -> Array | None:
-        """Heights (n, n) in metres of the vertices, as a mesh has them, of a grid; None for another mesh."""
-        n = int(terrain.resolution)
-        if len(self.positions) != n * n:
-            return None
-        return np.asarray(self.positions, np.float32)[:, 2].reshape(n, n).astype(np.float64)
-
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """The smooth-shaded mesh. Where the mesh is as fine as the image, because of fine relief, the shading is flat,
         so that image and depth show the same shape.

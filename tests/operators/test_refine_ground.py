@@ -134,6 +134,13 @@ def test_a_render_before_it_is_refined_is_of_the_full_scene(watched):
     assert is_as_built_at_once(built)
 
 
+@pytest.mark.usefixtures("watched")
+def test_the_first_choice_is_a_step_of_undo():
+    """Blender makes none for an operator that ends otherwise, and none for those that it calls."""
+    assert bpy.ops.icymoon.load_preset(preset=RIDGES, build=True) == {"FINISHED"}
+    assert scenes.find_built(bpy.context.scene).preview
+
+
 def test_a_setting_that_is_typed_ends_the_process_that_builds(watched, monkeypatch, tmp_path):
     ended = []
 

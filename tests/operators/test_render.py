@@ -74,6 +74,14 @@ def test_the_window_shows_a_coarse_ground_and_the_fine_one_follows(small, starte
     job.clean_up()
 
 
+def test_the_scene_that_is_shown_has_the_settings_that_are_rendered(scene):
+    """Build Scene turns the Sun of untouched settings; the pair would have another one."""
+    settings = read_settings()
+    assert render.show_rendered_scene(scene, settings) is None
+    assert read_settings() == settings
+    assert scenes.find_built(scene).settings.light == settings.light
+
+
 def test_ground_from_a_file_is_not_read_while_the_window_waits(small, started, monkeypatch):
     small.icymoon.source.kind = "STAND_IN"
     monkeypatch.setattr(scenes, "build_scene", None)

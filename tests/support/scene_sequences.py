@@ -287,22 +287,13 @@ class Runner:
 
     def do_start_render(self) -> Waiting:
         self.operator("render_pair")
-        yield from self._wait_for_render()
+        assert self.until is not None
+        yield from self.until(lambda: self.session.job is not None, "Starting the render")
 
     def do_start_render_again(self) -> Waiting:
         self.operator("render_pair", again=True)
-        yield from self._wait_for_render()
-
-    def _wait_for_render(self) -> Waiting:
-        """Wait until the render has started, and the scene is built that the window shows meanwhile: until then its
-        objects are in no collection."""
         assert self.until is not None
         yield from self.until(lambda: self.session.job is not None, "Starting the render")
-        yield from self.until(lambda: not self._builds(), "Building the scene")
-
-    def _builds(self) -> bool:
-        windows = bpy.context.window_manager.windows
-        return any("build_scene" in operator.bl_idname for window in windows for operator in window.modal_operators)
 
     def do_render(self) -> Waiting:
         if self.windowed:
