@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +15,15 @@ from ..library.inputs import Input
 from ..nodes import build_scene as scenes
 from ..nodes.ground.object_mesh import find_metres_per_unit, read_object_mesh
 from ..settings.blender import scene_properties
+from ..support.arrays import Array
 from ..support.printer import show_controls
 from .build import leave_edit_mode
 from .import_ground import build_on_source
+from .operator_type import OperatorMixin
 from .render import find_dataset_folder
+
+#: The bytes of a file with vertices (n, 3) and triangles (m, 3).
+EncodeMesh = Callable[[Array, Array], bytes]
 
 
 def why_not_usable(context: bpy.types.Context) -> str:
@@ -38,12 +45,8 @@ def shorten_path(path: Path, dataset_folder: str) -> str:
     return f"//{os.path.relpath(path, bpy.path.abspath('//'))}" if beside else str(path)
 
 
-class ICYMOON_OT_object_as_ground(bpy.types.Operator):
-    """Build the scene on the active mesh object, with its modifiers, where it is. A copy is kept in the data set folder, so later changes of the object do not count"""  # noqa: E501
-
-    bl_idname = "icymoon.object_as_ground"
-    bl_label = "Use Selected Object as Ground"
-    bl_options = {"REGISTER", "UNDO"}
+class SelectedMeshOperator(OperatorMixin):
+    """Mix-in: an operator that keeps a copy of the active mesh object in the data set."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -52,21 +55,33 @@ class ICYMOON_OT_object_as_ground(bpy.types.Operator):
             cls.poll_message_set(reason)
         return not reason
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return build_on_source(self, context, lambda: self._write(context))
-
-    def _write(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Write the mesh into the data set, under a name that follows from its content; return the settings."""
+    def keep_mesh(self, context: bpy.types.Context, setting: str, suffix: str, encode: EncodeMesh, told: str) -> Path:
+        """Write the mesh, encoded for a ``setting``, into the data set under a name that follows from its content, and
+        report it with what else is ``told``; the path."""
         leave_edit_mode()  # or the mesh would lack the last edits
-        dataset = find_dataset_folder(scene_properties.read_settings(context.scene.icymoon))
         item, scene = context.active_object, context.scene
-        positions, triangles = read_object_mesh(item, scene, context.evaluated_depsgraph_get())
-        path = Input("source.file", encode_triangles(("x", "y", "z"), positions, triangles), ".ply", item.name).store(
-            dataset
-        )
+        dataset = find_dataset_folder(scene_properties.read_settings(scene.icymoon))
+        mesh = read_object_mesh(item, scene, context.evaluated_depsgraph_get())
+        path = Input(setting, encode(*mesh), suffix, item.name).store(dataset)
+        self.report({"INFO"}, show_controls(f"{item.name} is kept as {path}{told}"))
+        return path
+
+
+class ICYMOON_OT_object_as_ground(SelectedMeshOperator, bpy.types.Operator):
+    """Build the scene on the active mesh object, with its modifiers, where it is. A copy is kept in the data set folder, so later changes of the object do not count"""  # noqa: E501
+
+    bl_idname = "icymoon.object_as_ground"
+    bl_label = "Use Selected Object as Ground"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return build_on_source(self, context, lambda: self._make_settings(context))
+
+    def _make_settings(self, context: bpy.types.Context) -> dict[str, Any]:
+        scene = context.scene
         unit_m = find_metres_per_unit(scene)
         told = "" if unit_m == 1.0 else f"; a unit of this scene is {unit_m:g} m"
-        self.report({"INFO"}, show_controls(f"{item.name} is kept as {path}{told}"))
+        path = self.keep_mesh(context, "source.file", ".ply", partial(encode_triangles, ("x", "y", "z")), told)
         return {
             "kind": "MESH",
             "file": shorten_path(path, scene.icymoon.dataset.folder),
