@@ -151,13 +151,6 @@ def find_errors(meshes: MeshesToPaint, found: Sequence[DepthErrors]) -> FoundErr
     return FoundErrors(ground, rocks, {key: sum(count[key] for count in counts) for key in counts[0]})
 
 
-def paint_errors(
-    scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], title: str, full_m: float
-) -> bpy.types.Collection:
-    """Find the errors of pairs of a built scene and paint them, see ``find_errors`` and ``show_errors``."""
-    return show_errors(scene, built, find_errors(read_meshes(built), found), title, full_m)
-
-
 def show_errors(
     scene: bpy.types.Scene, built: Built, errors: FoundErrors, title: str, full_m: float
 ) -> bpy.types.Collection:

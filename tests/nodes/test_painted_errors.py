@@ -44,9 +44,10 @@ def shown(tmp_path_factory):
 
 def paint(shown, name="far", full_m=1.0):
     pair, built, files = shown
-    return painted_errors.paint_errors(
-        bpy.context.scene, built, [read_depth_errors(pair.folder, files[name])], name, full_m
+    errors = painted_errors.find_errors(
+        painted_errors.read_meshes(built), [read_depth_errors(pair.folder, files[name])]
     )
+    return painted_errors.show_errors(bpy.context.scene, built, errors, name, full_m)
 
 
 def read(mesh):
