@@ -10,14 +10,14 @@ from icymoon.support.version import ROOT
 pytestmark = pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
 
 
-def run(folder, make="true", beside=False):
-    """Exit status and output of ``.ci/run`` in a clone that has nothing else; ``make`` is the end of `make test-ci`."""
+def run(folder, fails="nothing", beside=False):
+    """Exit status and output of ``.ci/run`` in a clone that has nothing else; the target ``fails`` of make fails."""
     clone, programs = folder / "clone", folder / "programs"
     programs.mkdir()
     (clone / ".ci").mkdir(parents=True)
     shutil.copy(ROOT / ".ci" / "run", clone / ".ci" / "run")
     scripts = {
-        programs / "make": f'echo "make $*"; echo "== 3 passed in 1 s =="; [ "$1" != test-ci ] || {make}',
+        programs / "make": f'echo "make $*"; echo "== 3 passed in 1 s =="; [ "$1" != {fails} ]',
         programs / "dpkg": "true",
         programs / "apt-get": "true",
         clone / ".venv" / "bin" / "python": 'echo "python $*"',
@@ -40,7 +40,8 @@ def test_it_passes_with_nothing_beside_the_clone_and_says_what_it_left_out(tmp_p
     status, said = run(tmp_path)
     assert status == 0
     assert "make env zip" in said
-    assert "make test-ci" in said
+    assert "make test-ci TYPE_CHECK=true" in said
+    assert "make lint" in said  # with the types that the tests leave out
     assert "SKIPPED: no Blender is named by ICYMOON_BLENDER" in said
     assert said.endswith("== 3 passed in 1 s ==\n")
 
@@ -53,5 +54,7 @@ def test_it_tries_the_zip_in_a_blender_that_can_be_installed(tmp_path):
     assert "SKIPPED" not in said
 
 
-def test_it_fails_where_a_test_fails(tmp_path):
-    assert run(tmp_path, make="false")[0] != 0
+@pytest.mark.parametrize("beside", [False, True])
+@pytest.mark.parametrize("target", ["test-ci", "lint"])
+def test_it_fails_where_a_test_or_a_type_fails(tmp_path, target, beside):
+    assert run(tmp_path, fails=target, beside=beside)[0] != 0
