@@ -12,7 +12,7 @@ from ..formats.cahvor import FIT_LIMIT_PX, Lens, find_nearest_lens, read_model
 from ..formats.calibrations.colmap import COLMAP_FILES
 from ..formats.calibrations.options import LENSES, UNITS_M, Reading, Stated, as_brown
 from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
-from ..formats.calibrations.ros import make_ros_pair, place_of
+from ..formats.calibrations.ros import find_position_m, make_ros_pair
 from ..formats.ros_camera import RosCamera, read_ros_camera
 from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ..physics.camera.lens_distortion import COEFFICIENTS
@@ -440,7 +440,7 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     turned = _measure_angle_between(left.rectification, right.rectification)
     if turned > MOST_TURN_RAD:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
-    x, y, z = map(float, left.rectification.T @ (place_of(right) - place_of(left)))
+    x, y, z = map(float, left.rectification.T @ (find_position_m(right) - find_position_m(left)))
     if max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x):
         return (
             f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it, so "
@@ -466,7 +466,7 @@ def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
         path,
         lens,
         np.eye(3) if rectified else camera.rectification.T,
-        place_of(camera),
+        find_position_m(camera),
         (camera.width_px, camera.height_px),
     )
 

@@ -150,7 +150,7 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
     remove_leftovers()
     for scene in bpy.data.scenes:
         if find_collection(scene) == collection:
-            scene.cycles.shading_system = before_build.used_osl(scene) or bool(of_osl)
+            scene.cycles.shading_system = before_build.had_osl(scene) or bool(of_osl)
 
 
 def _list_light_groups(objects: list[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object, str]]:
