@@ -64,8 +64,8 @@ def _parse(foreign: ForeignBytes) -> Reading:
 def _camera(entry: dict[str, Any], name: str) -> CalibratedCamera:
     if entry.get("camera_model") != "pinhole":
         raise RefusedError(
-            f"{name} has the camera model {quote(entry.get('camera_model'))}, and pinhole alone is read; calibrate it "
-            "as pinhole-radtan or pinhole-equi."
+            f"{name} has the camera model {quote(entry.get('camera_model'))}, but only pinhole is supported; calibrate "
+            "it as pinhole-radtan or pinhole-equi."
         )
     fx, fy, cx, cy = to_number_array(entry["intrinsics"], "intrinsics", 4).tolist()
     width, height = map(int, to_number_array(entry["resolution"], "resolution", 2))
@@ -78,7 +78,7 @@ def _lens(entry: dict[str, Any], name: str) -> LensModel:
         return Brown()
     if model not in ("radtan", "equidistant"):
         raise RefusedError(
-            f"{name} has the distortion model {quote(model)}, and radtan, equidistant and none alone are read; "
+            f"{name} has the distortion model {quote(model)}, but only radtan, equidistant and none are supported; "
             "calibrate it as pinhole-radtan or pinhole-equi."
         )
     numbers = to_number_array(entry["distortion_coeffs"], "distortion_coeffs", 4).tolist()
