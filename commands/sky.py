@@ -47,8 +47,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_scene_options(parser)
     parser.add_argument(
         "--body",
-        help="light.body with its preset: ENCELADUS or EUROPA; or any that the kernels "
-        "cover, whose planet --set light.parent=NAME names",
+        help="light.body with its preset: ENCELADUS or EUROPA; with kernels any body, "
+        "with its planet as --set light.parent=NAME",
     )
     parser.add_argument("--latitude", type=float, metavar="DEG", help="light.latitude_deg, north")
     parser.add_argument("--longitude", type=float, metavar="DEG", help="light.longitude_deg, east")
