@@ -56,7 +56,7 @@ class ICYMOON_OT_read_calibration(dialogs.FileDialog, bpy.types.Operator):
     kind: bpy.props.EnumProperty(
         name="Format",
         description="Format of the files",
-        items=[(_FILE, "Told from the Files", "As the files seem to be"), *_FORMATS],
+        items=[(_FILE, "Detected from the Files", "The format is detected from the files"), *_FORMATS],
     )
     unit: bpy.props.EnumProperty(
         name="Unit",
@@ -143,7 +143,7 @@ def _write(settings: Settings, paths: Sequence[Path], kind: str) -> None:
     try:
         rig = make_calibrated_rig(settings)
     except ValueError as error:
-        raise IcyMoonError(f"The eyes are no cameras: {error}; correct the numbers of their lenses.") from None
+        raise IcyMoonError(f"The eyes do not form cameras: {error}; correct the numbers of their lenses.") from None
     write_calibration(rig, paths, kind)
 
 
