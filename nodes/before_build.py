@@ -22,7 +22,7 @@ WORLD, CAMERA, VIEW, OSL = _PROPERTIES = (
 
 
 def is_known(scene: bpy.types.Scene) -> bool:
-    """Whether the scene holds what it was before Build Scene."""
+    """Whether the scene stores its state from before Build Scene."""
     return VIEW in scene
 
 

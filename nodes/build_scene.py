@@ -282,7 +282,9 @@ def separate_copies(built: Built) -> None:
 
 
 def _leave_shared(scene: bpy.types.Scene) -> bpy.types.Collection | None:
-    """Take the built collection out of a scene that shares it with linked copies, which keep it; None without any.
+    """Take the built collection out of a scene that shares it with linked copies, which keep it, and return it.
+
+    Returns None if no other scene shares it.
 
     Raises IcyMoonError if the collection is in another one that both scenes share.
     """

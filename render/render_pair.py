@@ -438,7 +438,7 @@ def _open_ray_stage(rays: SceneRays, whose: str, fix: str) -> Stage:
         return rays.prepare()
     except CannotTrace as reason:
         raise IcyMoonError(
-            f"Rays find the truth {whose}, and here they cannot: {reason}; {fix}, or change that."
+            f"The truth {whose} comes from rays, which is not possible here: {reason}; {fix}, or change that."
         ) from None
 
 
