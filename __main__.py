@@ -49,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
     importlib.import_module("icymoon.support.printer").open_streams()
     importlib.import_module("icymoon.support.bundled_wheels").use_wheels()
     # These may be busy for minutes, and leave nothing unfinished.
-    system.obey_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"], ["build"]))
+    system.stop_with_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"], ["build"]))
     if arguments and arguments[0] in _PROGRAMS:
         with system.silence_interrupts():
             if arguments[0] in _IN_BLENDER and (fault := _find_blender_fault()):

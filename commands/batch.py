@@ -41,14 +41,12 @@ def add_batch_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--evaluate",
         metavar="METHODS",
-        help="match its pairs with these, separated by commas: each while others are rendered, and then the rest",
+        help="matchers for its pairs, separated by commas; they match finished pairs while others are rendered",
     )
     add_own_matchers(parser, "--evaluate")
     add_maps_option(parser)
     parser.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
-    add_list(
-        parser, "--set", "sensor.KEY=VALUE", "another camera response to match them with than they were rendered for"
-    )
+    add_list(parser, "--set", "sensor.KEY=VALUE", "camera response for matching, if it differs from the rendered one")
     parser.add_argument(
         "--dask",
         metavar="ADDRESS",

@@ -46,7 +46,7 @@ def make_rig_of_calibration(reading: Reading, where: str) -> CalibratedRig:
     count = len(reading.rig.cameras)
     if count != 2:
         raise IcyMoonError(
-            f"{where}: there {'is 1 camera' if count == 1 else f'are {count} cameras'}, and a rig here has two; "
+            f"{where}: there {'is 1 camera' if count == 1 else f'are {count} cameras'}, but a rig needs two; "
             + ("name two of them by --cameras." if count > 2 else "give the calibration of both.")
         )
     return reading.rig
@@ -70,7 +70,7 @@ def find_why_calibrated(rig: CalibratedRig) -> str:
     rotation, translation = rig.relative_pose()
     turned = float(np.linalg.norm(to_vector(rotation)))
     if turned > MOST_TURN_RAD:
-        return f"the eyes are turned against each other by {math.degrees(turned):.3g} degrees"
+        return f"the eyes are rotated relative to each other by {math.degrees(turned):.3g} degrees"
     x, y, z = (-rotation.T @ translation).tolist()
     if max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x):
         return f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it"

@@ -12,7 +12,7 @@ from ..formats.cahvor import FIT_LIMIT_PX, Lens, find_nearest_lens, read_model
 from ..formats.calibrations.colmap import COLMAP_FILES
 from ..formats.calibrations.options import LENSES, UNITS_M, Reading, Stated, as_brown
 from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
-from ..formats.calibrations.ros import make_ros_pair, place_of
+from ..formats.calibrations.ros import find_position_m, make_ros_pair
 from ..formats.ros_camera import RosCamera, read_ros_camera
 from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ..physics.camera.lens_distortion import COEFFICIENTS
@@ -182,7 +182,7 @@ def choose_cameras(reading: Reading, names: str | None) -> Reading:
             raise IcyMoonError(f"--cameras: {quote(name)} occurs more than once; give each camera a unique name.")
         if name not in known:
             guess = suggest_nearest(name, list(known), otherwise=f"the first ones are {', '.join(list(known)[:6])}.")
-            raise IcyMoonError(f"--cameras: {quote(name)} is not there; {guess}")
+            raise IcyMoonError(f"--cameras: {quote(name)} is not in the calibration; {guess}")
     return Reading(CalibratedRig(tuple(known[name] for name in wanted)), reading.notes)
 
 
@@ -326,7 +326,7 @@ def _check_one_size(first: _Eye, second: _Eye, where: str) -> None:
     if first.size_px != second.size_px:
         sizes = " and ".join(f"{eye.size_px[0]} x {eye.size_px[1]} px" for eye in (first, second))
         raise IcyMoonError(
-            f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their images first."
+            f"{where} have images of {sizes}, but both eyes of a rig need one size; rectify their images first."
         )
 
 
@@ -393,8 +393,8 @@ def _read_ros_eyes(
     of_left, of_right = (camera for _, camera in cameras)
     if (of_left.window, of_left.binning) != (of_right.window, of_right.binning):
         raise IcyMoonError(
-            f"{left} and {right} have another binning or roi each, and both eyes of a rig here read out "
-            "alike; write the same binning_x, binning_y and roi into both."
+            f"{left} and {right} have different binning or roi, but both eyes of a rig need the same; "
+            "write the same binning_x, binning_y and roi into both."
         )
     if of_left.window or of_left.binning != (1, 1):
         notes.append(
@@ -439,8 +439,8 @@ def _find_why_rectified(left: RosCamera, right: RosCamera) -> str | None:
         return f"the lenses differ by {differ}"
     turned = _measure_angle_between(left.rectification, right.rectification)
     if turned > MOST_TURN_RAD:
-        return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
-    x, y, z = map(float, left.rectification.T @ (place_of(right) - place_of(left)))
+        return f"the eyes are rotated relative to each other by {np.degrees(turned):.3g} degrees"
+    x, y, z = map(float, left.rectification.T @ (find_position_m(right) - find_position_m(left)))
     if max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x):
         return (
             f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it, so "
@@ -459,14 +459,14 @@ def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
         )
         raise IcyMoonError(
             f"{path}: its pixels are not square, in projection_matrix too "
-            f"({_describe_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; {fix}."
+            f"({_describe_focal_lengths(camera.projection)}), which Icy Moon's cameras do not support; {fix}."
         )
     lens = _make_ros_lens(camera, rectified)
     return _Eye(
         path,
         lens,
         np.eye(3) if rectified else camera.rectification.T,
-        place_of(camera),
+        find_position_m(camera),
         (camera.width_px, camera.height_px),
     )
 
@@ -502,7 +502,7 @@ def _average_lenses(left: Lens, right: Lens, width_px: int, where: str) -> tuple
     """
     if differ := _describe_unlike(left, right, width_px):
         raise IcyMoonError(
-            f"{where} differ by {differ}, and both eyes of a rig here have one lens; rectify their images first."
+            f"{where} differ by {differ}, but both eyes of a rig need one lens; rectify their images first."
         )
     focal, centre, bent = _measure_differences(left, right)
     if max(focal, centre, bent) <= ALIKE_PX:
@@ -565,7 +565,7 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))
     if turned > MOST_TURN_RAD:
         raise IcyMoonError(
-            f"{where}: the eyes are turned against each other by {np.degrees(turned):.3g} degrees; {fix}."
+            f"{where}: the eyes are rotated relative to each other by {np.degrees(turned):.3g} degrees; {fix}."
         )
     aside = max(abs(y), abs(z)) > MOST_OFFSET_SHARE * abs(x)
     if x < 0 and not aside:
@@ -574,7 +574,7 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
         )
     if abs(y) > abs(x):
         raise IcyMoonError(
-            f"{where}: one eye is {abs(y):.4g} m above the other, and a rig here has its eyes side by "
+            f"{where}: one eye is {abs(y):.4g} m above the other, but the eyes of a rig must be side by "
             "side; turn the images of both by 90 degrees and calibrate them again."
         )
     if aside:

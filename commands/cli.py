@@ -27,14 +27,14 @@ _MODULE_BY_VERB = {
     "render": ("build the described scene and render its stereo pairs", "render_scenes", "add_render_options"),
     "evaluate": ("match the pairs of a data set and write a report", "evaluate", "add_evaluate_options"),
     "decide": (
-        "measure what a lander would decide by each matcher, and write a report",
+        "measure the decisions of a lander by each matcher, and write a report",
         "evaluate",
         "add_decide_options",
     ),
     "stereo": (f"the evaluator by itself: {', '.join(STEREO_VERBS)}", "", ""),
     "settings": ("print the described scene as TOML, every setting stated", "print_settings", "add_settings_options"),
     "presets": ("list the shipped presets", "print_settings", "add_presets_options"),
-    "sources": ("print which preset and source each number of a pair is from", "print_settings", "add_sources_options"),
+    "sources": ("print the preset and the source of each number of a pair", "print_settings", "add_sources_options"),
     "quality": (
         "print what each quality costs on this machine and what error it leaves",
         "quality",
@@ -63,8 +63,8 @@ _MODULE_BY_VERB = {
         "add_options",
     ),
     "sky": ("print Sun, planet and eclipse over a site at a date, without a render", "sky", "add_options"),
-    "check": ("render and measure a small pair whose truth is known: does all work?", "check", "add_options"),
-    "plan": ("list the pairs that a plan of a data set asks for, or their cost", "plan", "add_options"),
+    "check": ("render and measure a small pair whose truth is known, to test the installation", "check", "add_options"),
+    "plan": ("list the pairs in the plan of a data set, or their cost", "plan", "add_options"),
     "batch": ("render the data set that a plan describes, and continue where it stopped", "batch", "add_batch_options"),
     "work": ("render a shard of a data set that icymoon batch or slurm has planned", "batch", "add_work_options"),
     "slurm": ("write the job script that renders a data set on a cluster with SLURM", "batch", "add_slurm_options"),
@@ -75,7 +75,7 @@ _MODULE_BY_VERB = {
         "add_verify_options",
     ),
     "reproduce": (
-        "make the tables and figures of the GUISS paper, from nothing, beside the printed ones",
+        "make the tables and figures of the GUISS paper beside the printed ones",
         "reproduce",
         "add_options",
     ),
@@ -90,8 +90,7 @@ _MODULE_BY_VERB = {
         "add_options",
     ),
     "validate": (
-        "compare the surfaces and the renders with measurements and with other programs, and print how far "
-        "off they are",
+        "compare surfaces and renders with measurements and other programs, and print the differences",
         "validate",
         "add_options",
     ),

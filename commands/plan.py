@@ -41,8 +41,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--blender",
-        help="Blender, or a Python with bpy, that is to render it: a dry run asks it "
-        "whether it can (this Python, if it has bpy)",
+        help="Blender, or a Python with bpy, that renders it; a dry run checks its "
+        "abilities (this Python, if it has bpy)",
     )
     parser.add_argument("--json", action="store_true", help="print JSON lines")
     parser.set_defaults(run=_run_plan)

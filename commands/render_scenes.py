@@ -64,8 +64,7 @@ def add_gallery_options(parser: argparse.ArgumentParser) -> None:
         "--stops",
         type=float,
         default=0.0,
-        help="expose pictures and sheet so many stops longer than "
-        "the camera does; files then end in the number (%(default)s)",
+        help="expose pictures and sheet longer by this many stops; file names then end in the number (%(default)s)",
     )
     parser.add_argument(
         "--out",
@@ -78,7 +77,7 @@ def add_gallery_options(parser: argparse.ArgumentParser) -> None:
 
 
 def render_settings(settings: Settings, dataset: Path, blender: str, *, again: bool = False) -> list[Path]:
-    """Render the pairs of a complete description in a worker, showing its progress; their folders.
+    """Render the pairs of a complete description in a worker, show its progress and return their folders.
 
     Raises IcyMoonError with the worker's own message if it fails.
     """

@@ -12,7 +12,7 @@ from ..formats.map_site import read_site_place
 from ..physics.light.ephemeris import format_date, parse_date
 from ..physics.light.scene_sun import sun_from_facts
 from ..physics.light.sky import SkyPlace, check_body, compute_sky, describe_sky
-from ..physics.light.sky_over_map import asks_sky_of_site, find_sky_place
+from ..physics.light.sky_over_map import find_sky_place, uses_sky_of_site
 from ..settings.description import check, merged
 from ..settings.preset_files import preset_names
 from ..settings.topics.scene import Settings
@@ -47,8 +47,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_scene_options(parser)
     parser.add_argument(
         "--body",
-        help="light.body with its preset: ENCELADUS or EUROPA; or any that the kernels "
-        "cover, whose planet --set light.parent=NAME names",
+        help="light.body with its preset: ENCELADUS or EUROPA; with kernels any body, "
+        "with its planet as --set light.parent=NAME",
     )
     parser.add_argument("--latitude", type=float, metavar="DEG", help="light.latitude_deg, north")
     parser.add_argument("--longitude", type=float, metavar="DEG", help="light.longitude_deg, east")
@@ -119,7 +119,7 @@ def _run_sky(options: argparse.Namespace) -> int:
 
 def _find_site(settings: Settings) -> SkyPlace | None:
     """The site of a map that the settings state by coordinates; azimuths then are from true north. None without one."""
-    if not asks_sky_of_site(settings):
+    if not uses_sky_of_site(settings):
         return None
     found = read_site_place(find_used_files(settings)["source.file"], settings)
     place = find_sky_place(settings, found.to_json() if found else None)

@@ -75,7 +75,7 @@ def _make_teller(show: Callable[[dict[str, Any]], None]) -> Say:
 
 
 def _measure_views(study: Study, out: Path, options: argparse.Namespace) -> Path:
-    """Measure the views that have new pairs, and write all tables; the path of the page."""
+    """Measure the views that have new pairs, write all tables, and return the path of the page."""
     from ..stereo.matchers.methods import parse_methods
     from ..stereo.study.conclusions import draw_conclusions
     from ..stereo.study.tables import put_between_marks, write_study

@@ -52,7 +52,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add_calibration_options(parser)
     parser.add_argument(
-        "--rectified", action="store_true", help="the images are rectified already, and the calibration is theirs"
+        "--rectified", action="store_true", help="the images are rectified, and the calibration is for rectified images"
     )
     parser.add_argument(
         "--depth",
@@ -164,7 +164,7 @@ def _measure(
     out: Path,
     options: argparse.Namespace,
 ) -> Path:
-    """Measure the pairs that are new, and write the page; its path."""
+    """Measure the new pairs, write the page and return its path."""
     from ..render.pairs.pair_folder import is_complete
     from ..stereo.twin.compare_twin import read_or_measure
     from ..stereo.twin.limits import list_limits

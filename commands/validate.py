@@ -33,7 +33,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--frost",
         type=as_path,
         metavar="FOLDER",
-        help="NASA's FROST scans of real ground as PLY or OBJ, held beside the terrain presets; see Validation",
+        help="NASA's FROST scans of real ground as PLY or OBJ, compared with the terrain presets; see Validation",
     )
     parser.add_argument(
         "--out",

@@ -88,7 +88,7 @@ class Cahvor:
             raise IcyMoonError("The camera model has no unit axis A, or H or V along it; check its file.")
         if abs(right @ down) > _MOST_SKEW * fx * fy:
             raise IcyMoonError(
-                "The pixels of the camera model are skewed, which Icy Moon's cameras cannot be; rectify "
+                "The pixels of the camera model are skewed, which Icy Moon's cameras do not support; rectify "
                 "its images first."
             )
         return np.array([[fx, 0, hc], [0, fy, vc], [0, 0, 1.0]]), np.stack([right / fx, down / fy, self.a])

@@ -88,7 +88,7 @@ def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
     return replace(piece, attributes=cut, chunks=chunks), rows.start - starts[first]
 
 
-def strip_passing(piece: Piece, name: str) -> Piece:
+def keep_part_attributes(piece: Piece, name: str) -> Piece:
     """A part without attributes about its render, with the name, type and number of chunks that a file of several parts
     needs. ``name`` is used for a part without a name."""
     kept = {
@@ -114,7 +114,7 @@ def join_layers(
     The only part of a layer, if it has no name, gets the layer's name."""
     return assemble(
         [
-            strip_passing(left, name)
+            keep_part_attributes(left, name)
             for name, pieces in layers.items()
             for piece in pieces
             if (left := less(piece)) is not None

@@ -287,7 +287,10 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
 
 
 def read_place(path: Path, site: Site) -> MapPlace | None:
-    """Where a site is on the map of a file, without its heights; None if the file has no map. Raises IcyMoonError."""
+    """The place of a site on the map of a file, without heights; None if the file has no map.
+
+    Raises IcyMoonError if the file is damaged or its map does not contain the site.
+    """
 
     def parse(foreign: ForeignBytes) -> MapPlace | None:
         grant_memory(foreign)
@@ -502,7 +505,7 @@ def _refuse_unknown_projection(map_of: _Map) -> None:
     degrees = f'"+proj=longlat +a={major!r} +b={minor!r} +no_defs"' if major else "EPSG:4326"
     kind = f"EPSG:{code}" if numbered else f"projection {keys[3075]} of GeoTIFF"
     raise UnreadError(
-        f"has a map ({kind}) whose scale is not known here; set source.metres_per_pixel if it is true to "
+        f"has a map ({kind}) whose scale Icy Moon cannot compute; set source.metres_per_pixel if it is true to "
         f"scale, else project it in its folder with: {gdal_lines.make_warp_command(map_of.name, f'-t_srs {degrees}')}"
     )
 
@@ -669,7 +672,7 @@ def read_metadata(image: Directory) -> dict[str, str]:
         )
     if len(text) > _MOST_METADATA_BYTES:
         raise UnreadError(
-            f"has {len(text) / 1e6:.1f} MB of metadata; drop what is no scale in its folder with: "
+            f"has {len(text) / 1e6:.1f} MB of metadata; drop everything except the scale in its folder with: "
             + gdal_lines.make_edit_command(image.name, "-unsetmd")
         )
     if not text:
@@ -717,7 +720,7 @@ def _find_height_unit(
     if named:
         if named.lower() not in _METRES_PER_NAMED_UNIT:
             raise UnreadError(
-                f"states its heights in {named[:40]!r}, a unit that is not known here; name the one that "
+                f"states its heights in {named[:40]!r}, an unknown unit; name the one that "
                 f"they are in, such as m or ft, in its folder with: {gdal_lines.make_edit_command(file, '-units m')}"
             )
         stated[named] = _METRES_PER_NAMED_UNIT[named.lower()]
@@ -741,7 +744,7 @@ def _find_height_unit(
         if code not in _METRES_PER_EPSG_UNIT:
             raise UnreadError(
                 f"states heights by the vertical system {system} in the unit {code or 'of that system'}, "
-                f"which are not known here; state it in its folder with: "
+                f"which are unknown; state it in its folder with: "
                 f"{gdal_lines.make_translate_command(file, _STATE_UNITS_OPTION)}"
             )
         stated[f"EPSG unit {code}"] = _METRES_PER_EPSG_UNIT[code]
@@ -779,7 +782,7 @@ def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: floa
             )
         return math.radians(read_angle_unit(keys)) * radius, ""
     if model not in (0, _PROJECTED, _USER_DEFINED):
-        return None, "has coordinates that are no map's"
+        return None, "has coordinates that do not belong to a map"
     if code == _USER_DEFINED:
         size = keys.get(3077, math.nan)
         if isinstance(size, float) and 0 < size < math.inf:
@@ -788,12 +791,12 @@ def find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: floa
     if code is not None and code in _METRES_PER_EPSG_UNIT:
         return _METRES_PER_EPSG_UNIT[code], ""
     if code:
-        return None, "has pixels of {size} in the EPSG unit " + str(code) + ", which is not known here"
+        return None, "has pixels of {size} in the EPSG unit " + str(code) + ", which is unknown"
     if system in _SYSTEMS_IN_METRES or system in KNOWN_SYSTEMS:
         return 1.0, ""
     if system not in (None, 0, _USER_DEFINED):
         return None, (
-            "has pixels of {size} in the unit of EPSG:" + str(system) + ", which is not known here; state it "
+            "has pixels of {size} in the unit of EPSG:" + str(system) + ", which is unknown; state it "
             "in its folder with: " + gdal_lines.make_translate_command(file, _STATE_UNITS_OPTION)
         )
     return 1.0, "it states no unit of length, so its coordinates were read as metres"

@@ -124,7 +124,7 @@ def _find_buffer_size(path: Path, stated: dict[str, Any], binary: int) -> int:
     else:
         file = _find_inside(path, uri)
         if not file.is_file():
-            raise ValueError(f"its buffer {shorten(uri)!r} is not there")
+            raise ValueError(f"its buffer {shorten(uri)!r} does not exist")
         there = file.stat().st_size
     if size > there:
         raise ValueError(f"a buffer states {size} bytes and has {there}")
@@ -179,11 +179,11 @@ def _check_scenes(document: dict[str, Any]) -> None:
     """Check that scenes have existing nodes, and that the default scene exists."""
     scenes, nodes = document.get("scenes", []), document.get("nodes", [])
     if scenes and _read_count(document, "scene", 0) >= len(scenes):
-        raise ValueError(f"its scene {document['scene']} is not there")
+        raise ValueError(f"its scene {document['scene']} does not exist")
     for scene in scenes:
         for node in scene.get("nodes", ()):
             if not COUNT.fits(node) or node >= len(nodes):
-                raise ValueError(f"the node {quote(node)} of a scene is not there")
+                raise ValueError(f"the node {quote(node)} of a scene does not exist")
 
 
 def _check_nodes(nodes: list[dict[str, Any]]) -> None:
@@ -194,7 +194,7 @@ def _check_nodes(nodes: list[dict[str, Any]]) -> None:
     for number, node in enumerate(nodes):
         for child in node.get("children", ()):
             if child in parents or not 0 <= child < len(nodes):
-                raise ValueError(f"the node {child} is not there, or within two others")
+                raise ValueError(f"the node {child} does not exist, or is within two others")
             parents[child] = number
     depths: dict[int, int] = {}
     for number in parents:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from .map_projection import MapSystem, conformal_cone, equal_area_cone, half_way_tangent
+from .map_projection import MapSystem, conformal_cone, equal_area_cone, half_polar_tangent
 
 
 def _mercator(s: MapSystem, longitude: float, latitude: float) -> tuple[float, float]:
@@ -66,7 +66,7 @@ def _orthographic_radius(_: MapSystem, angle: float) -> float:
 
 def _conic_conformal(s: MapSystem, longitude: float, latitude: float) -> tuple[float, float]:
     n, f, rho0 = conformal_cone(s)
-    rho = f / half_way_tangent(latitude) ** n
+    rho = f / half_polar_tangent(latitude) ** n
     return rho * math.sin(n * longitude), rho0 - rho * math.cos(n * longitude)
 
 

@@ -77,7 +77,7 @@ def find_point(
         )
     if system is None:
         raise UnreadError(
-            ("is in a projection whose longitudes are not known here" if keys.get(_MODEL_KEY) else _NO_SYSTEM)
+            ("is in an unsupported projection" if keys.get(_MODEL_KEY) else _NO_SYSTEM)
             + "; set source.site to MAP, with source.site_easting and source.site_northing."
         )
     where = show_place(point.y, point.x, ".9g")

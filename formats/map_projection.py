@@ -163,7 +163,7 @@ def _to_longitude_latitude(east: float, ahead: float, up: float) -> tuple[float,
     return math.atan2(east, ahead), math.atan2(up, math.hypot(east, ahead))
 
 
-def half_way_tangent(latitude: float) -> float:
+def half_polar_tangent(latitude: float) -> float:
     """The tangent of half the angle from the south pole, as conformal projections use it."""
     return math.tan(math.pi / 4 + latitude / 2)
 
@@ -174,10 +174,11 @@ def conformal_cone(s: MapSystem) -> tuple[float, float, float]:
     n = (
         math.sin(first)
         if abs(first - second) < 1e-9
-        else math.log(math.cos(first) / math.cos(second)) / math.log(half_way_tangent(second) / half_way_tangent(first))
+        else math.log(math.cos(first) / math.cos(second))
+        / math.log(half_polar_tangent(second) / half_polar_tangent(first))
     )
-    f = s.scale * math.cos(first) * half_way_tangent(first) ** n / n
-    return n, f, f / half_way_tangent(math.radians(s.latitude_deg)) ** n
+    f = s.scale * math.cos(first) * half_polar_tangent(first) ** n / n
+    return n, f, f / half_polar_tangent(math.radians(s.latitude_deg)) ** n
 
 
 def equal_area_cone(s: MapSystem) -> tuple[float, float, float]:

@@ -30,8 +30,8 @@ _ENDLESS_M = 1e9
 
 
 def plan_surroundings(settings: Settings, covers: Sequence[MapCover]) -> list[Level]:
-    """The levels of the ground of settings, by the covers of their maps: the fine one, then the coarser one if there is
-    one."""
+    """The levels of the ground of settings, by the covers of their maps: the fine map, then the
+    coarser one, if any."""
     terrain, fine, coarse = settings.terrain, covers[0], covers[-1]
 
     def pixel_at(distance_m: float) -> float:

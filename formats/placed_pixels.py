@@ -190,7 +190,7 @@ def _find_way(keys: Mapping[int, Any], system: MapSystem | None, frame: MapFrame
             + gdal_lines.make_edit_command(name, f'-a_srs "{target}"')
         )
     if system is None or ground is None:
-        raise UnreadError(f"has another map than the ground, and a projection that is not known here{with_fix}")
+        raise UnreadError(f"has another map than the ground, and an unsupported projection{with_fix}")
     if abs(system.radius_m / ground.radius_m - 1) > _SAME_BODY:
         raise UnreadError(
             f"is a map of a body with a radius of {system.radius_m / 1000:.6g} km, and the ground is of one with "

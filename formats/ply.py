@@ -164,13 +164,16 @@ def _parse_property(words: list[str], number: int) -> _Property:
 
 
 def count_triangles(path: Path) -> int | None:
-    """The number of faces in the header of a file, None without one. Raises IcyMoonError."""
+    """The number of faces in the header of a file, None without one. Raises IcyMoonError for a damaged header."""
     header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH_BYTES)
     return next((element.count for element in header.elements if element.name == "face"), None)
 
 
 def read_texture_files(path: Path) -> list[bytes]:
-    """The names of images in comments of the header, as VCGlib writes them. Raises IcyMoonError."""
+    """The names of images in comments of the header, as VCGlib writes them.
+
+    Raises IcyMoonError for a damaged header.
+    """
     header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH_BYTES)
     return [
         words[1] for text in header.comments if len(words := text.split(None, 1)) == 2 and words[0] == b"TextureFile"

@@ -82,7 +82,7 @@ def _parse_camera(foreign: ForeignBytes) -> RosCamera:
     model = str(stated.get("distortion_model", "plumb_bob"))
     if model not in _COEFFICIENT_COUNTS:
         raise RefusedError(
-            f"has the lens model {model[:40]!r}, and {', '.join(_COEFFICIENT_COUNTS)} alone are read; "
+            f"has the lens model {model[:40]!r}, but only {', '.join(_COEFFICIENT_COUNTS)} are supported; "
             "calibrate the camera with one of them."
         )
     k = _read_numbers(stated, "distortion_coefficients", *_COEFFICIENT_COUNTS[model])

@@ -144,7 +144,9 @@ def _sort_matchers(
 
 
 def _predict_all(name: str, function: Matcher, folders: Sequence[Path], response: Parts, scratch: Path) -> Path:
-    """Run a function on all pairs; the folder with a disparity map for each. Raises IcyMoonError."""
+    """Run a function on all pairs, and return the folder with a disparity map for each.
+
+    Raises IcyMoonError if the function returns no disparity map."""
     from ..stereo.images.image_files import write_npy
     from ..stereo.matchers.search_range import MOST_SEARCHED_PX, find_rig_range
     from ..stereo.measure.prepare_pair import list_distinct_pairs, prepare_pair

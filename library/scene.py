@@ -51,7 +51,7 @@ class Scene:
 
     @property
     def settings(self) -> Settings:
-        """Its complete settings, a copy: ``scene.settings.rig.width_px``."""
+        """A copy of the complete settings of the scene: ``scene.settings.rig.width_px``."""
         return description.merged(self._settings)
 
     @property

@@ -21,7 +21,7 @@ from .remove_objects import free_names
 from .scene_objects import tag_block
 
 
-def take_out_shapes(scene: bpy.types.Scene) -> None:
+def remove_shapes(scene: bpy.types.Scene) -> None:
     """Take the shapes of rocks, which are seen as instances only, out of a scene."""
     for parent in (scene.collection, *scene.collection.children_recursive):
         if parent.is_editable:

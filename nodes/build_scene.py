@@ -150,7 +150,7 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
     remove_leftovers()
     for scene in bpy.data.scenes:
         if find_collection(scene) == collection:
-            scene.cycles.shading_system = before_build.used_osl(scene) or bool(of_osl)
+            scene.cycles.shading_system = before_build.had_osl(scene) or bool(of_osl)
 
 
 def _list_light_groups(objects: list[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object, str]]:
@@ -282,7 +282,9 @@ def separate_copies(built: Built) -> None:
 
 
 def _leave_shared(scene: bpy.types.Scene) -> bpy.types.Collection | None:
-    """Take the built collection out of a scene that shares it with linked copies, which keep it; None without any.
+    """Take the built collection out of a scene that shares it with linked copies, which keep it, and return it.
+
+    Returns None if no other scene shares it.
 
     Raises IcyMoonError if the collection is in another one that both scenes share.
     """

@@ -11,7 +11,7 @@ import bpy
 from mathutils import Matrix, Vector
 
 from ..physics import scene_checks
-from ..physics.scene_checks import LEAST_EYE_HEIGHT_M, buried_sentence, in_rock_sentence
+from ..physics.scene_checks import LEAST_EYE_HEIGHT_M, describe_buried_eye, describe_eye_in_rock
 from ..support.arrays import Array
 from .built_scene import Built
 from .datablocks.fingerprint import TAG
@@ -91,7 +91,7 @@ def _find_eye_reason(
     rig, depth_m = built.settings.rig, _find_obstacle(scene, depsgraph, position)
     if depth_m is None:
         return ""
-    return in_rock_sentence(rig, eye) if math.isinf(depth_m) else buried_sentence(rig, eye, depth_m)
+    return describe_eye_in_rock(rig, eye) if math.isinf(depth_m) else describe_buried_eye(rig, eye, depth_m)
 
 
 def _find_obstacle(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, position: Vector) -> float | None:

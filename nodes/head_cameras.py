@@ -30,7 +30,7 @@ _SENSOR_MM = 36.0
 
 
 def read_head_cameras(settings: Settings) -> tuple[HeadCamera, ...]:
-    """The cameras of ``rig.head_file``; none without one. Raises IcyMoonError."""
+    """The cameras of ``rig.head_file``; empty without a file. Raises IcyMoonError for a faulty file."""
     file = str(make_paths_absolute(settings).rig.head_file)
     return read_head(Path(file)).cameras if file else ()
 

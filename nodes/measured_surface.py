@@ -187,7 +187,7 @@ def find_points(scene: bpy.types.Scene) -> bpy.types.Object | None:
 
 
 def clear_points(scene: bpy.types.Scene) -> bool:
-    """Remove everything that ``build_points`` made in this scene; whether there was anything."""
+    """Remove everything that ``build_points`` made in this scene, and return whether there was anything."""
     collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
     for collection in collections:
         items = [item for item in collection.objects if item.get(TAG) == ROLE]

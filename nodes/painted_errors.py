@@ -218,7 +218,7 @@ def find_painted(scene: bpy.types.Scene) -> bpy.types.Collection | None:
 
 
 def clear_painted(scene: bpy.types.Scene) -> bool:
-    """Remove everything that was painted in a scene, decisions too; whether there was anything."""
+    """Remove all paint of a scene, including decisions, and return whether there was any."""
     collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
     before: Sequence[str] | None = collections[0].get(_COLOURS_BEFORE_PROPERTY) if collections else None
     for mesh in _find_painted_meshes(scene):

@@ -246,7 +246,7 @@ def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
 
 
 def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) -> tuple[str, ...]:
-    """Replace the rocks in the scene by ``rocks``; the names of the changed parts."""
+    """Replace the rocks in the scene by ``rocks``, and return the names of the changed parts."""
     old = next((item for item in built.collection.all_objects if item.get(TAG) == "rock"), None)
     if rocks is None:
         scenes.remove_objects([old] if old else [])

@@ -21,7 +21,7 @@ def adopt_appended() -> None:
     """Make what was appended the built scene where there was none, and the user's own where there is one."""
     for scene in bpy.data.scenes:
         appended_scene.disown_others(scene)
-        appended_scene.take_out_shapes(scene)
+        appended_scene.remove_shapes(scene)
         if (built := appended_scene.adopt_appended(scene)) is not None:
             with suppress(IcyMoonError):  # a file of another version, which Build Scene reports
                 _show_settings(scene, built)
@@ -58,6 +58,6 @@ def _look_for_appended() -> None:
 
 register, unregister = (
     make_registration(blend_import_post=adopt_appended, load_post=_move_notes)
-    if compat.tells_of_append()
+    if compat.has_append_handler()
     else make_registration(timers=(adopt_appended,), depsgraph_update_post=_look_for_appended, load_post=_move_notes)
 )

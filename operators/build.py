@@ -168,7 +168,7 @@ def leave_edit_mode() -> None:
 
 
 def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, coarse: bool = False) -> set[str]:
-    """Build the scene from its settings, show it and report it; the result of the operator.
+    """Build the scene from its settings, show it, report it, and return the result of the operator.
 
     With ``coarse`` the ground is made coarsely, and marked for ``refine_ground`` to follow.
     """

@@ -50,7 +50,7 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
 
 
 class ICYMOON_OT_clear_scene(bpy.types.Operator):
-    """Remove what Build Scene made, and restore the earlier camera, world, render settings and view"""
+    """Remove everything that Build Scene made, and restore the earlier camera, world, render settings and view"""
 
     bl_idname = "icymoon.clear_scene"
     bl_label = "Clear Scene"

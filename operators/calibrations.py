@@ -13,7 +13,7 @@ from ..commands.calibrated_eyes import complete_eyes
 from ..commands.camera import parse_sizes, read_eyes, read_rig
 from ..formats.calibrations.options import UNITS_M, Stated
 from ..formats.calibrations.registry import FORMATS, write_calibration
-from ..physics.camera.rig_cameras import rig_of
+from ..physics.camera.rig_cameras import make_calibrated_rig
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -56,7 +56,7 @@ class ICYMOON_OT_read_calibration(dialogs.FileDialog, bpy.types.Operator):
     kind: bpy.props.EnumProperty(
         name="Format",
         description="Format of the files",
-        items=[(_FILE, "Told from the Files", "As the files seem to be"), *_FORMATS],
+        items=[(_FILE, "Detected from the Files", "The format is detected from the files"), *_FORMATS],
     )
     unit: bpy.props.EnumProperty(
         name="Unit",
@@ -141,9 +141,9 @@ class ICYMOON_OT_write_calibration(dialogs.FileDialog, bpy.types.Operator):
 
 def _write(settings: Settings, paths: Sequence[Path], kind: str) -> None:
     try:
-        rig = rig_of(settings)
+        rig = make_calibrated_rig(settings)
     except ValueError as error:
-        raise IcyMoonError(f"The eyes are no cameras: {error}; correct the numbers of their lenses.") from None
+        raise IcyMoonError(f"The eyes do not form cameras: {error}; correct the numbers of their lenses.") from None
     write_calibration(rig, paths, kind)
 
 

@@ -83,7 +83,7 @@ def _read_decisions(scene: bpy.types.Scene, method: str, kind: str) -> tuple[Bui
 
 
 class ICYMOON_OT_hide_decisions(bpy.types.Operator):
-    """Remove the map, the chosen site and the reach, and give the view back as it was before"""
+    """Remove the map, the chosen site and the reach, and restore the earlier view"""
 
     bl_idname = "icymoon.hide_decisions"
     bl_label = "Remove Decisions"

@@ -58,7 +58,7 @@ class SaveDialog(FileDialog, OperatorMixin):
         return {"FINISHED"}
 
     def save(self, context: bpy.types.Context, path: Path) -> None:
-        """Write the file. Raises IcyMoonError."""
+        """Write the file. Raises IcyMoonError if it cannot be written."""
         raise NotImplementedError
 
 

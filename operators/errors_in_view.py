@@ -165,7 +165,7 @@ def _find_same_views(built: scenes.Built, headings: int, folders: Sequence[Path]
 
 
 class ICYMOON_OT_hide_surface(bpy.types.Operator):
-    """Remove the measured surface and the painted errors, and give the view back as it was before"""
+    """Remove the measured surface and the painted errors, and restore the earlier view"""
 
     bl_idname = "icymoon.hide_surface"
     bl_label = "Remove Errors"
@@ -175,7 +175,7 @@ class ICYMOON_OT_hide_surface(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         found = is_shown(context.scene)
         if not found:
-            cls.poll_message_set("Neither a measured surface nor painted errors are shown")
+            cls.poll_message_set("No measured surface and no painted errors are shown")
         return found
 
     def execute(self, context: bpy.types.Context) -> set[str]:

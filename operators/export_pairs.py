@@ -30,7 +30,7 @@ from .sidebar_text import format_for_window
 _FOR_PREDICTION = "for-prediction"
 _FORMATS = [
     *((name, title, content[:1].upper() + content[1:]) for name, (title, content) in list_titles().items()),
-    (_FOR_PREDICTION, "For Prediction", "Only what a matcher on another machine needs: images and camera of each pair"),
+    (_FOR_PREDICTION, "For Prediction", "Only images and camera of each pair, for a matcher on another machine"),
 ]
 _SOURCES = (
     (

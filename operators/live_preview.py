@@ -37,7 +37,7 @@ def has_window() -> bool:
 
 
 def update_scene(scene: bpy.types.Scene) -> bool:
-    """Show the settings of a scene in its built objects, or note why not; whether anything has changed."""
+    """Show the settings of a scene in its built objects, or note why not. Returns whether anything has changed."""
     built = scenes.find_built(scene)
     if built is None:
         return False
@@ -78,7 +78,7 @@ def _has_changed(built: scenes.Built, settings: Settings) -> bool:
 
 
 def schedule_update(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
-    """Show a change of settings, or schedule it; a listener of ``scene_properties``."""
+    """Show a change of settings, or schedule it. ``scene_properties`` calls this as a listener."""
     if not has_window() or not effects & _SHOWN_EFFECTS or scene is None:
         return
     if bpy.app.timers.is_registered(show_waiting):

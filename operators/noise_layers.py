@@ -56,7 +56,7 @@ class ICYMOON_OT_layer_move(_LayerOperator, MoveEntry, bpy.types.Operator):
 
 
 class ICYMOON_OT_show_roughness(bpy.types.Operator):
-    """Show the measured RMS deviation and power spectrum of the built ground, and the values from the settings"""
+    """Show the measured RMS deviation and power spectrum of the built ground, and the values in the settings"""
 
     bl_idname = "icymoon.show_roughness"
     bl_label = "Measured Roughness"

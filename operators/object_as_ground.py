@@ -32,7 +32,7 @@ def why_not_usable(context: bpy.types.Context) -> str:
     if item is None or not item.select_get():
         return "Select a mesh object"
     if item.type != "MESH" and item.instance_collection is None:
-        return "The active object is no mesh"
+        return "The active object is not a mesh"
     collection = scenes.find_collection(context.scene)
     if collection is not None and item in set(collection.all_objects):
         return "The active object is part of the built scene; select one outside its collection"
@@ -56,8 +56,10 @@ class SelectedMeshOperator(OperatorMixin):
         return not reason
 
     def keep_mesh(self, context: bpy.types.Context, setting: str, suffix: str, encode: EncodeMesh, told: str) -> Path:
-        """Write the mesh, encoded for a ``setting``, into the data set under a name that follows from its content, and
-        report it with what else is ``told``; the path."""
+        """Write the mesh, encoded for a ``setting``, into the data set under a name that follows from its content.
+
+        Reports the path, followed by the text ``told``, and returns the path.
+        """
         leave_edit_mode()  # or the mesh would lack the last edits
         item, scene = context.active_object, context.scene
         dataset = find_dataset_folder(scene_properties.read_settings(scene.icymoon))

@@ -20,7 +20,7 @@ class _Tries:
 
 
 def open_tab() -> float | None:
-    """Open the sidebar of the largest 3D View at our tab; the seconds until the next try, None at the end."""
+    """Open the sidebar of the largest 3D View at our tab. Returns the seconds until the next try, None at the end."""
     _Tries.left -= 1
     areas = [area for _, area in list_areas("VIEW_3D")]
     if not areas:

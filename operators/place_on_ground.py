@@ -72,7 +72,7 @@ def _contains(region: bpy.types.Region, x: int, y: int) -> bool:
 
 
 def find_ground(context: bpy.types.Context, x: int, y: int) -> Vector | None:
-    """The point of the built ground under a place of the window, in metres; None if there is none."""
+    """The point of the built ground under a place of the window, in metres; None beside the ground."""
     found = find_view(context.screen, x, y)
     if found is None:
         return None

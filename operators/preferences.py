@@ -259,8 +259,8 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         name="SPICE Kernels",
         subtype="FILE_PATH",
         default="",
-        description="A meta-kernel, or a folder of kernels, for scenes whose sky positions are from SPICE kernels and "
-        "that name no kernels",
+        description="A meta-kernel, or a folder of kernels, for scenes that take their sky positions from SPICE "
+        "kernels and name no kernels",
     )
     cache: bpy.props.StringProperty(
         name="Cache",

@@ -68,7 +68,10 @@ def _is_busy() -> bool:
 
 
 def start_building(settings: Settings) -> jobs.Job:
-    """Let another Blender build the scene of complete settings; ``result`` names the file. Raises IcyMoonError."""
+    """Let another Blender build the scene of complete settings; ``result`` names the file.
+
+    Raises IcyMoonError if that Blender cannot be started.
+    """
     files = JobFiles(Path(tempfile.gettempdir()), make_paths_absolute(settings))  # it renders no pair into a folder
     command = blender_command(jobs.find_this_blender(), "build", str(files.file), str(files.blend))
     return jobs.Job.start("Fine Ground", command, clean_up=files.discard, clean=False)

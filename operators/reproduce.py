@@ -17,7 +17,7 @@ from .render import find_dataset_folder
 
 
 class ICYMOON_OT_reproduce(DialogJobOperator, bpy.types.Operator):
-    """Render and evaluate the data set of the GUISS paper into the folder guiss of the data set folder, and write its tables and figures beside the printed ones. Takes hours; started again, it goes on"""  # noqa: E501
+    """Render and evaluate the data set of the GUISS paper into the folder guiss of the data set folder, and write its tables and figures beside the printed ones. Takes hours; start it again to continue"""  # noqa: E501
 
     bl_idname = "icymoon.reproduce"
     bl_label = "Reproduce the GUISS Paper"

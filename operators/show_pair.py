@@ -86,7 +86,7 @@ def _find_pictures_folder() -> Path:
 
 
 def find_image() -> bpy.types.Image | None:
-    """The image that shows pairs, if there is one."""
+    """The image that shows pairs; None without one."""
     return next((image for image in bpy.data.images if image.get(TAG) == ROLE and image.library is None), None)
 
 

@@ -18,7 +18,7 @@ from ..physics.camera.depth_accuracy import GroundRow, depth_error_m, measure_gr
 from ..physics.camera.lens_distortion import find_overscan, read_coefficients
 from ..physics.light.scene_sun import sun_from_facts
 from ..physics.light.sky import compute_sky, describe_sky
-from ..physics.light.sky_over_map import asks_sky_of_site, find_sky_place
+from ..physics.light.sky_over_map import find_sky_place, uses_sky_of_site
 from ..physics.rig.focal_length import focal_px
 from ..physics.scene_requirements import find_left_out
 from ..render.cost.blender_abilities import Abilities
@@ -143,7 +143,7 @@ def list_omission_lines(settings: Settings) -> tuple[str, ...]:
 def find_light(settings: Settings) -> LightSettings:
     """The light settings over the site of a map where the settings ask for its sky, azimuths then being from true
     north; those of the settings where they do not, or if the map cannot be read."""
-    if not asks_sky_of_site(settings):
+    if not uses_sky_of_site(settings):
         return settings.light
     found = _find_sky_place(tuple(settings.source.items()), settings.terrain.body_radius_m, bpy.data.filepath)
     return settings.light | found if found else settings.light

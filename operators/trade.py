@@ -111,7 +111,7 @@ class ICYMOON_OT_trade(_MeasureDialog, bpy.types.Operator):
 
 
 def find_chart(scene: bpy.types.Scene) -> Path | None:
-    """The chart of the last comparison in a scene's data set folder; None if there is none."""
+    """The chart of the last comparison in a scene's data set folder; None without a comparison."""
     try:
         path = _find_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}})) / "trade.png"
     except IcyMoonError:

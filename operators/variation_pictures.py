@@ -114,7 +114,7 @@ class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         variations = scene_properties.read_variations(context.scene.icymoon)
         if not variations.varied and variations.seeds == 1:
-            cls.poll_message_set("Nothing varies yet; press + above, or raise Variations by Seed")
+            cls.poll_message_set("No setting varies yet; press + above, or raise Variations by Seed")
             return False
         return super().poll(context)
 

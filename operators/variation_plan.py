@@ -61,7 +61,7 @@ def make_scene_plan_text(scene: bpy.types.Scene, settings: Settings) -> str:
         raise IcyMoonError(why)
     variations = scene_properties.read_variations(scene.icymoon)
     if not variations.varied and variations.seeds == 1:
-        raise IcyMoonError("Nothing varies yet; press + under Vary This Scene, or raise Variations by Seed.")
+        raise IcyMoonError("No setting varies yet; press + under Vary This Scene, or raise Variations by Seed.")
     return make_plan_text(make_paths_absolute(settings), variations)
 
 

@@ -158,7 +158,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
 
 
 def draw_values(layout: bpy.types.UILayout, fields: bpy.types.bpy_struct, name: str) -> None:
-    """Draw the ends, the number and the spacing of a number that varies; a sentence for a tick."""
+    """Draw the ends, the number and the spacing of a varied number, or a sentence for a tick."""
     setting, unit = _find_setting(name), find_unit(name)
     if setting.kind == "bool":
         layout.label(text="Off and on", icon="CHECKBOX_HLT")

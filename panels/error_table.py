@@ -48,8 +48,8 @@ def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Seq
     if any(row["ranks"] for row in rows):
         draw_sentence(
             layout,
-            "Rank: by wrong pixels in the typical scene, a range where the scenes leave it open. "
-            "Star: no matcher is better beyond doubt, and at least one is worse.",
+            "Rank: by wrong pixels in the typical scene; a range if the scenes leave it open. "
+            "Star: no matcher is significantly better, and at least one is significantly worse.",
         )
     elif (count := sum(bool(row["n"]) for row in rows)) > 1:
         draw_sentence(layout, f"No ranks: these take {count_scenes_for_methods(count)} scenes.")

@@ -145,7 +145,7 @@ class ICYMOON_MT_results(bpy.types.Menu):
 
 
 class ICYMOON_MT_set_up(bpy.types.Menu):
-    """Install and check what Icy Moon works with"""
+    """Install and check the programs that Icy Moon works with"""
 
     bl_idname = "ICYMOON_MT_set_up"
     bl_label = "Set Up"

@@ -293,7 +293,7 @@ def find_eye_reasons(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[R
     aside = [rig.baseline_m * camera_axes(rig.heading_deg, rig.pitch_deg, rig.roll_deg)[:, 0] for rig in rigs]
     eyes = ground.eyes(x, y, height, np.array(aside))
     return [
-        Reason(buried_sentence(rig, "left", -float(left)), "rig.z_m", *_POSE_SETTINGS)
+        Reason(describe_buried_eye(rig, "left", -float(left)), "rig.z_m", *_POSE_SETTINGS)
         if left < LEAST_EYE_HEIGHT_M
         else _find_eye_reason(rig, float(above), bool(inside))
         for rig, left, above, inside in zip(rigs, height, eyes.above_m, eyes.in_rock, strict=True)
@@ -307,15 +307,15 @@ def _find_eye_reason(rig: RigSettings, above_m: float, in_rock: bool) -> Reason 
             *OUTSIDE_SETTINGS,
         )
     if above_m < LEAST_EYE_HEIGHT_M:
-        return Reason(buried_sentence(rig, "right", -above_m), *_POSE_SETTINGS)
-    return Reason(in_rock_sentence(rig, "right"), *_POSE_SETTINGS) if in_rock else None
+        return Reason(describe_buried_eye(rig, "right", -above_m), *_POSE_SETTINGS)
+    return Reason(describe_eye_in_rock(rig, "right"), *_POSE_SETTINGS) if in_rock else None
 
 
 def _find_camera_place(rig: RigSettings) -> str:
     return f"The camera at east {rig.x_m:g} m, north {rig.y_m:g} m, heading {rig.heading_deg:g}°"
 
 
-def buried_sentence(rig: RigSettings, eye: str, depth_m: float) -> str:
+def describe_buried_eye(rig: RigSettings, eye: str, depth_m: float) -> str:
     """The sentence about an eye ``depth_m`` under the ground, or (negative) less than
     ``LEAST_EYE_HEIGHT_M`` above it."""
     height = "rig.z_m" if rig.height_from == "ZERO" else "rig.height_m"
@@ -332,6 +332,6 @@ def describe_depth(depth_m: float) -> str:
     return f"{-depth_m:.2g} m above the ground, less than {LEAST_EYE_HEIGHT_M:g} m"
 
 
-def in_rock_sentence(rig: RigSettings, eye: str) -> str:
+def describe_eye_in_rock(rig: RigSettings, eye: str) -> str:
     """The sentence about an eye in a rock."""
     return f"{_find_camera_place(rig)}, has its {eye} eye in a rock; change the site or raise rocks.clear_radius_m."

@@ -191,7 +191,7 @@ def read_fact(plugin: Plugin, name: str) -> Any:
 
 @lru_cache(maxsize=256)
 def _read_literal(source: Path, name: str) -> object:
-    """The last literal that a file assigns to ``name`` at its top; None if there is none."""
+    """The last literal that a file assigns to ``name`` at its top; None without one."""
     text, found = source.read_text(encoding="utf-8"), None
     if f"\n{name} = " in text:  # as parsing takes a hundred times as long
         for line in ast.parse(text).body:

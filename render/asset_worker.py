@@ -21,7 +21,7 @@ def make_library(folder: Path, names: Sequence[str], send: Callable[..., None] =
     """Make the assets of shipped presets and install them as a library in ``folder``.
 
     The assets are made in a temporary folder, so an earlier library stays whole until the new one is complete.
-    ``send(type, **facts)`` receives ``progress`` and ``done`` messages. Raises IcyMoonError.
+    ``send(type, **facts)`` receives ``progress`` and ``done`` messages. Raises IcyMoonError if an asset cannot be made.
     """
     with open_scratch_folder() as made:
         for k, name in enumerate(names):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..formats.exr_parts import assemble, read_pieces, strip_passing
+from ..formats.exr_parts import assemble, keep_part_attributes, read_pieces
 from ..formats.exr_pixels import Pixels
 from ..physics.camera.occlusion import find_hidden
 from ..physics.camera.stereo_camera import StereoCamera
@@ -31,7 +31,7 @@ def add_hidden_pass(truth: Mapping[str, Path], between: Mapping[str, Sequence[Ar
     for eye, other in zip(EYES, reversed(EYES), strict=True):
         rays = np.stack([disparity[other], *between[other]], axis=-1)
         hidden = find_hidden(disparity[eye], rays.reshape(len(rays), -1), eye)
-        pieces = [strip_passing(piece, TRUTH) for piece in read_pieces(data[eye])]
+        pieces = [keep_part_attributes(piece, TRUTH) for piece in read_pieces(data[eye])]
         hidden_piece = Pixels(pieces[0]).replace_channels(f"{TRUTH}.{HIDDEN}", ("X",), hidden[:, None])
         truth[eye].write_bytes(assemble([*pieces, hidden_piece]))
 

@@ -57,7 +57,7 @@ def _make_grey_material() -> bpy.types.Material:
 
 
 @contextmanager
-def lend_labels(scene: bpy.types.Scene) -> Iterator[None]:
+def label_temporarily(scene: bpy.types.Scene) -> Iterator[None]:
     """Give each surface in the scene a semantic label, and each object an instance label, until the end of the ``with``
     block.
 

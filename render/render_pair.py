@@ -24,7 +24,7 @@ from ..nodes.datablocks.fingerprint import find_built_objects
 from ..nodes.head_cameras import read_head_cameras
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
-from ..nodes.light.veil import veil_in
+from ..nodes.light.veil import add_veil_temporarily
 from ..nodes.rig import find_eye_poses, list_lens_values, turn_about_eye
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
@@ -48,7 +48,7 @@ from .baked_light import IndirectLight
 from .cost.estimate import count_bytes_left, count_pixels
 from .ground_maps import make_heights, make_materials
 from .lander_record import make_lander_json
-from .object_labels import lend_labels
+from .object_labels import label_temporarily
 from .pair_record import make_light_json, make_pair_json
 from .pairs.baked_file import LIGHT
 from .pairs.dataset_file_names import check_no_link, pairs_folder
@@ -90,7 +90,7 @@ def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         scene.world = sky
         scene.frame_set(frame)
         passes.prepare_scene(scene, built.several_lights, can_be_baked(built.settings))
-        with add_render_camera(scene, built.camera), lend_labels(scene):
+        with add_render_camera(scene, built.camera), label_temporarily(scene):
             yield scene
     finally:
         scene.render.use_persistent_data = False  # frees the data that Cycles keeps
@@ -438,7 +438,7 @@ def _open_ray_stage(rays: SceneRays, whose: str, fix: str) -> Stage:
         return rays.prepare()
     except CannotTrace as reason:
         raise IcyMoonError(
-            f"Rays find the truth {whose}, and here they cannot: {reason}; {fix}, or change that."
+            f"The truth {whose} comes from rays, which is not possible here: {reason}; {fix}, or change that."
         ) from None
 
 
@@ -474,7 +474,7 @@ def _render_light(
     files: dict[str, Path] = {}
     for number, light in enumerate(lights):
         made = passes.choose_layer(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), truth)
-        veiled = veil_in(scene, planned.settings.veil, int(planned.settings.quality.diffuse_bounces))
+        veiled = add_veil_temporarily(scene, planned.settings.veil, int(planned.settings.quality.diffuse_bounces))
         with separate_lights.use_light(built, light), veiled:
             _run_cycles(scene, made, planned)
         for eye, file in made.items():

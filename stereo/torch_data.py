@@ -238,7 +238,7 @@ def _to_tensors(found: Mapping[str, Any]) -> dict[str, Any]:
         import torch
     except ImportError:
         raise IcyMoonError(
-            'Training samples are tensors of PyTorch, which is not here; pip install "icymoon[networks]".'
+            'Training samples are tensors of PyTorch, which is not installed; run: pip install "icymoon[networks]".'
         ) from None
     return {
         key: torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value

@@ -208,7 +208,7 @@ def _parse_number_lines(
 
 def _refuse_nul(number: int, line: bytes) -> bytes:
     if b"\0" in line:
-        raise RefusedError(f"has a byte 0 in line {number}, which no text has; save it as UTF-8.")
+        raise RefusedError(f"has a byte 0 in line {number}, which is not text; save it as UTF-8.")
     return line
 
 

@@ -279,7 +279,7 @@ def explain_errors(where: object, kind: str, fix: str) -> Iterator[None]:
     except OverBudgetError as error:
         raise IcyMoonError(f"{where}: {error}; {fix}.") from None
     except MemoryError:
-        raise IcyMoonError(f"{where}: needs more memory than there is; {fix}.") from None
+        raise IcyMoonError(f"{where}: needs more memory than this machine has; {fix}.") from None
     except Exception as error:
         raise IcyMoonError(f"{where}: is not {kind} that can be read ({describe_reason(error)}); {fix}.") from None
 
@@ -334,7 +334,7 @@ def decode_text(data: bytes) -> str:
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
-        raise ValueError(f"byte {error.start} is no text; save it as UTF-8") from None
+        raise ValueError(f"byte {error.start} is not text; save it as UTF-8") from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -474,7 +474,7 @@ def parse_whole_numbers(text: bytes) -> Array:
     import numpy as np
 
     if text.translate(None, b"0123456789 \t\r\n"):
-        raise ValueError("it has something else than whole numbers")
+        raise ValueError("it has values other than whole numbers")
     return np.fromstring(text, np.int64, sep=" ") if text.strip() else np.empty(0, np.int64)
 
 
@@ -513,7 +513,7 @@ def _read_array(cursor: Cursor, kinds: str) -> Array:
     try:
         shape, by_columns, dtype = np.lib.format.read_array_header_2_0(stated)
     except Exception:
-        raise ValueError("its header is none of an array") from None
+        raise ValueError("its header does not describe an array") from None
     if dtype.kind not in kinds or dtype.hasobject:
         raise ValueError(f"values of type {str(dtype)[:40]}")
     if len(shape) > 8 or any(type(each) is not int or each < 0 for each in shape):

@@ -445,8 +445,10 @@ def start(
 
 
 def start_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
-    """As ``start``, for a program that calls ``obey_starter`` and so ends when this process does. Its errors go to its
-    output."""
+    """Start a program as ``start`` does. The program calls ``stop_with_starter`` and so ends when this process ends.
+
+    Its errors go to its output.
+    """
     return start(
         command,
         _stop_environment(environment, "-"),
@@ -467,7 +469,7 @@ def start_detached(
 
 
 def call_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> int:
-    """Run a program that calls ``obey_starter`` to its end, with our own output, and return its exit status."""
+    """Run a program that calls ``stop_with_starter`` to its end, with our own output, and return its exit status."""
     with subprocess.Popen(list(command), stdin=subprocess.PIPE, env=_stop_environment(environment, "-")) as process:
         try:
             return process.wait()
@@ -537,7 +539,7 @@ def lower_priority() -> None:
         os.nice(_NICENESS_STEP)
 
 
-def obey_starter(at_once: bool = False) -> None:
+def stop_with_starter(at_once: bool = False) -> None:
     """Stop when the process that started this one by ``start_ours`` ends or requests it: as by Ctrl-C, and 3 s later in
     any case; immediately with ``at_once``."""
     how = os.environ.pop(_STOP_VARIABLE, "")

@@ -23,7 +23,10 @@ _OWNER_SHAPE = {"pid": PROCESS, "place": TEXT, "computer": TEXT}
 
 
 def make_scratch_folder() -> Path:
-    """A new temporary folder, after sweeping what killed processes of ours have left. Raises IcyMoonError."""
+    """Make a temporary folder, after removing the folders of killed processes of ours.
+
+    Raises IcyMoonError if the disk is full or may not be written to.
+    """
     _remove_abandoned()
     with explain_disk_errors("write to", Path(tempfile.gettempdir())):
         folder = Path(tempfile.mkdtemp(prefix=_FOLDER_PREFIX))

@@ -69,7 +69,7 @@ def add_maps_option(command: argparse.ArgumentParser) -> None:
         const=0.0,
         type=float,
         metavar="CELL_M",
-        help="also write height, height error and what is missing as GeoTIFF in the coordinate system of the ground's "
+        help="also write height, height error and missing areas as GeoTIFF in the coordinate system of the ground's "
         "file, in cells of this size in metres (three pixels or more)",
     )
 

@@ -131,7 +131,7 @@ class OwnError(Exception):
         (ValueError("it is torn.\nmore"), "is not a thing that can be read (it is torn); make it again."),
         (RefusedError("has two of them; take one."), "has two of them; take one."),
         (OverBudgetError("asks for more"), "asks for more; make it again."),
-        (MemoryError(), "needs more memory than there is; make it again."),
+        (MemoryError(), "needs more memory than this machine has; make it again."),
         (RecursionError("maximum recursion depth exceeded"), "is nested too deeply"),
         (OwnError(), "OwnError"),
         (KeyError("name"), "'name' is missing"),
@@ -333,7 +333,7 @@ def test_no_word_of_python_is_in_a_sentence(parse):
     with pytest.raises((IcyMoonError, ValueError)) as caught:
         parse()
     assert not [word for word in ("sys.", "EOF", "<", "object at", "integer string") if word in str(caught.value)]
-    assert re.search("number of more than 308 digits|its header is none of an array", str(caught.value))
+    assert re.search("number of more than 308 digits|its header does not describe an array", str(caught.value))
 
 
 def test_a_whole_number_that_a_float_holds_is_read():

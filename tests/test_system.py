@@ -181,7 +181,7 @@ def test_nobody_obeys_who_did_not_start_it(monkeypatch):
     monkeypatch.delenv("ICYMOON_STOP", raising=False)
     code = (
         "import sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon.support import system\nimport time\n"
-        "system.obey_starter()\ntime.sleep(0.5)\nprint('there')"
+        "system.stop_with_starter()\ntime.sleep(0.5)\nprint('there')"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False, input="")
     assert done.stdout == "there\n"

@@ -222,7 +222,7 @@ TALKS = (
     "from icymoon.support import system\n"
     "from icymoon.render.workers.process import emit\n"
     "import time\n"
-    "system.obey_starter({at_once})\n"
+    "system.stop_with_starter({at_once})\n"
     "emit('progress', fraction=0)\n"
     "try:\n    time.sleep(600)\n"
     "except KeyboardInterrupt:\n    emit('said', what='stopped')\n"
@@ -326,7 +326,7 @@ def test_who_is_stopped_while_a_program_runs_ends_it_and_tidies_up(drive, gone):
     child = "import os, time; open(" + repr(str(drive / "pid")) + ", 'w').write(str(os.getpid())); time.sleep(600)"
     code = (
         f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.support import system\n"
-        f"system.obey_starter()\ntry:\n    system.run([sys.executable, '-c', {child!r}])\n"
+        f"system.stop_with_starter()\ntry:\n    system.run([sys.executable, '-c', {child!r}])\n"
         f"finally:\n    open({str(drive / 'tidy')!r}, 'w').close()"
     )
     process = Process([sys.executable, "-c", code])

@@ -211,7 +211,7 @@ def load_own_comparison(path: Path) -> Comparison:
         raise IcyMoonError(f"There is no comparison {path}; give the path of a Python file.")
     spec = importlib.util.spec_from_file_location(f"icymoon_own_comparison_{path.stem}", path)
     if spec is None or spec.loader is None:
-        raise IcyMoonError(f"{path} is no Python file; its name must end in .py.")
+        raise IcyMoonError(f"{path} is not a Python file; its name must end in .py.")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses of the file look for their module there
     try:

@@ -49,7 +49,7 @@ def why_not_cahv(camera: CalibratedCamera) -> str:
 def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     """Write a file for each camera; a suffix .lbl makes a PDS3 label."""
     for camera, path in zip(rig.cameras, paths, strict=True):
-        model = model_of(camera)
+        model = to_cahv_model(camera)
         write_text(
             path, make_pds_text(model, _FRAME_NAME) if path.suffix.lower() == ".lbl" else make_cahvor_text(model)
         )
@@ -65,10 +65,10 @@ def find_nearest_model(camera: CalibratedCamera) -> Cahvor:
         )
     if lacks := why_not_cahv(camera):
         raise IcyMoonError(f"CAHVORE has {lacks} (camera {camera.name}); export raw, which has all lenses.")
-    return model_of(camera)
+    return to_cahv_model(camera)
 
 
-def model_of(camera: CalibratedCamera) -> Cahvor:
+def to_cahv_model(camera: CalibratedCamera) -> Cahvor:
     """The CAHV, CAHVOR or CAHVORE model of a camera with such a lens, see ``why_not_cahv``."""
     camera = as_cahvore(camera) or camera
     right, down, a = camera.rotation

@@ -53,7 +53,7 @@ def read_colmap(paths: Sequence[Path], stated: Stated) -> Reading:
     with explain_errors(folder / f"images{kind}", _KIND, _FIX):
         for _, placed, number, name in sorted(images, key=lambda image: image[0]):
             if number not in cameras:
-                raise ValueError(f"{quote(name)} has the camera {number}, which is not there")
+                raise ValueError(f"{quote(name)} has the camera {number}, which is not in the file")
             rotation = from_quaternion(np.array(placed[:4]))
             found.append(
                 replace(cameras[number], rotation=rotation, translation_m=np.array(placed[4:]) * unit_m, name=name)

@@ -20,10 +20,10 @@ from .options import (
     Reading,
     Stated,
     find_why_no_opencv_lens,
+    format_numbers,
     split_pose,
     to_number_array,
     to_opencv_lens,
-    words_of,
 )
 
 _KIND = "a camchain of Kalibr"
@@ -64,8 +64,8 @@ def _parse(foreign: ForeignBytes) -> Reading:
 def _camera(entry: dict[str, Any], name: str) -> CalibratedCamera:
     if entry.get("camera_model") != "pinhole":
         raise RefusedError(
-            f"{name} has the camera model {quote(entry.get('camera_model'))}, and pinhole alone is read; calibrate it "
-            "as pinhole-radtan or pinhole-equi."
+            f"{name} has the camera model {quote(entry.get('camera_model'))}, but only pinhole is supported; calibrate "
+            "it as pinhole-radtan or pinhole-equi."
         )
     fx, fy, cx, cy = to_number_array(entry["intrinsics"], "intrinsics", 4).tolist()
     width, height = map(int, to_number_array(entry["resolution"], "resolution", 2))
@@ -78,7 +78,7 @@ def _lens(entry: dict[str, Any], name: str) -> LensModel:
         return Brown()
     if model not in ("radtan", "equidistant"):
         raise RefusedError(
-            f"{name} has the distortion model {quote(model)}, and radtan, equidistant and none alone are read; "
+            f"{name} has the distortion model {quote(model)}, but only radtan, equidistant and none are supported; "
             "calibrate it as pinhole-radtan or pinhole-equi."
         )
     numbers = to_number_array(entry["distortion_coeffs"], "distortion_coeffs", 4).tolist()
@@ -101,13 +101,13 @@ def write_kalibr(rig: CalibratedRig, paths: Sequence[Path]) -> None:
         lines.append(f"cam{number}:")
         if number:
             lines.append("  T_cn_cnm1:")
-            lines += [f"  - [{words_of(row)}]" for row in pose @ np.linalg.inv(before)]
+            lines += [f"  - [{format_numbers(row)}]" for row in pose @ np.linalg.inv(before)]
         before = pose
         lines += [
             "  camera_model: pinhole",
-            f"  distortion_coeffs: [{words_of(lens.coefficients[:4])}]",
+            f"  distortion_coeffs: [{format_numbers(lens.coefficients[:4])}]",
             f"  distortion_model: {'radtan' if isinstance(lens, Brown) else 'equidistant'}",
-            f"  intrinsics: [{words_of([same.fx_px, same.fy_px, same.cx_px, same.cy_px])}]",
+            f"  intrinsics: [{format_numbers([same.fx_px, same.fy_px, same.cx_px, same.cy_px])}]",
             f"  resolution: [{same.width_px}, {same.height_px}]",
         ]
     with explain_errors(path, _KIND, "write to another folder"):

@@ -24,9 +24,9 @@ from .options import (
     as_brown,
     as_cahvore,
     describe_skew,
+    format_numbers,
     make_brown,
     to_number_array,
-    words_of,
 )
 
 _KIND = "a camera model of mrcal"
@@ -126,8 +126,8 @@ def _text(camera: CalibratedCamera) -> str:
         assert isinstance(lens, Brown)
         numbers = list(lens.shortened())
         name = f"LENSMODEL_OPENCV{len(numbers)}" if numbers else "LENSMODEL_PINHOLE"
-    intrinsics = words_of([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *numbers])
-    pose = words_of(np.concatenate([to_vector(camera.rotation), camera.translation_m]))
+    intrinsics = format_numbers([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *numbers])
+    pose = format_numbers(np.concatenate([to_vector(camera.rotation), camera.translation_m]))
     return (
         "{\n"
         f"    'lensmodel':  '{name}',\n\n"

@@ -192,7 +192,8 @@ def _lens(found: Mapping[str, Any], side: int | None, stated: Stated) -> LensMod
         )
     if kind not in (None, *_LENS_MODELS):
         raise RefusedError(
-            f"has the lens model {quote(kind)}, and {' and '.join(_LENS_MODELS)} alone are read; calibrate with one."
+            f"has the lens model {quote(kind)}, but only {' and '.join(_LENS_MODELS)} are supported; "
+            "calibrate with one of these."
         )
     if stated.lens not in (None, kind):
         raise RefusedError(f"states the lens {kind}; leave out --lens {stated.lens}.")

@@ -160,6 +160,6 @@ def split_pose(matrix: Array) -> tuple[Array, Array]:
     return matrix[:3, :3], matrix[:3, 3]
 
 
-def words_of(numbers: Any) -> str:
+def format_numbers(numbers: Any) -> str:
     """A text of numbers with all digits, separated by commas."""
     return ", ".join(map(write_number, np.ravel(numbers)))

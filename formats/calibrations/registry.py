@@ -96,7 +96,10 @@ def _head(foreign: ForeignBytes) -> str:
 
 def read_calibration(paths: Sequence[Path], stated: Stated = Stated(), name: str | None = None) -> Reading:  # noqa: B008
     """The cameras of a calibration, from one file or several of one format, and sentences on assumptions. ``name`` is a
-    format's name; without it the format is detected. Raises IcyMoonError."""
+    format's name; without it the format is detected.
+
+    Raises IcyMoonError for a file that is damaged, incomplete or in an unsupported format.
+    """
     kinds = [name or format_of(path) for path in paths]
     where = " and ".join(map(str, paths))
     if len(set(kinds)) > 1:

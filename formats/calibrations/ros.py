@@ -18,7 +18,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import write_text
 from ...support.foreign_bytes import explain_errors
 from ..ros_camera import RosCamera, read_ros_camera
-from .options import Reading, Stated, as_brown, as_fisheye, find_why_no_opencv_lens, make_brown, words_of
+from .options import Reading, Stated, as_brown, as_fisheye, find_why_no_opencv_lens, format_numbers, make_brown
 
 _KIND = "a calibration of ROS"
 #: Largest deviation of R times its transpose from 1 without a note; camera_calibration writes five digits.
@@ -39,7 +39,7 @@ def read_ros(paths: Sequence[Path], _: Stated) -> Reading:
                 f"{path.name}: rectification_matrix was rounded, off by {off:.2g}; the nearest rotation is taken."
             )
         with explain_errors(path, _KIND, "calibrate both eyes as a stereo pair"):
-            camera, place = _camera(ros, path.stem), place_of(ros)
+            camera, place = _camera(ros, path.stem), find_position_m(ros)
             # From the rectified axes, whose origin is the left eye, to the camera's.
             cameras.append(camera.placed(turn.T, -turn.T @ place) if len(found) > 1 else camera)
     if len(found) == 2 and not np.linalg.norm(cameras[1].centre_m - cameras[0].centre_m) > 0:
@@ -52,7 +52,7 @@ def read_ros(paths: Sequence[Path], _: Stated) -> Reading:
     )
 
 
-def place_of(camera: RosCamera) -> Array:
+def find_position_m(camera: RosCamera) -> Array:
     """Position (3,) of a camera in the axes of the rectified pair, in metres."""
     return np.array([*(-camera.projection[row, 3] / camera.projection[row, row] for row in range(2)), 0.0])
 
@@ -128,4 +128,4 @@ def _text(ros: RosCamera, name: str) -> str:
 
 def _matrix(name: str, values: Array) -> list[str]:
     rows, cols = values.shape
-    return [f"{name}:", f"  rows: {rows}", f"  cols: {cols}", f"  data: [{words_of(values)}]"]
+    return [f"{name}:", f"  rows: {rows}", f"  cols: {cols}", f"  data: [{format_numbers(values)}]"]

@@ -52,7 +52,7 @@ def _camera(frame: dict[str, Any], unit_m: float) -> CalibratedCamera:
     model = frame.get("camera_model", "OPENCV")
     if model not in _MODELS:
         raise RefusedError(
-            f"has the camera model {quote(model)}, and {', '.join(_MODELS)} alone are read; undistort it."
+            f"has the camera model {quote(model)}, but only {', '.join(_MODELS)} are supported; undistort the images."
         )
     fx, fy, cx, cy, width, height = (
         float(to_number_array(frame[key], key, 1)[0]) for key in ("fl_x", "fl_y", "cx", "cy", "w", "h")

@@ -25,7 +25,7 @@ def parse_stored(text: object, where: str, shape: Shape) -> Any:
     """The content of a text of this shape; ``where`` names it. Raises IcyMoonError for anything else."""
     try:
         if not isinstance(text, str) or len(text) > MOST_TEXT_BYTES:
-            raise ValueError("it is no text, or too long")
+            raise ValueError("it is not a text, or too long")
         data = parse_json(text)
     except ValueError as error:
         raise IcyMoonError(f"{where} is damaged ({error}); {_BUILD_AGAIN}.") from None

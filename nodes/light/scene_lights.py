@@ -13,7 +13,7 @@ from ...physics.light.planet_face import face_tint
 from ...physics.light.saturn_rings import make_ring_mesh
 from ...physics.light.sky import Sky, check_body, describe_sky
 from ...physics.light.sky import compute_sky as sky_of
-from ...physics.light.sky_over_map import asks_sky_of_site, find_sky_place
+from ...physics.light.sky_over_map import find_sky_place, uses_sky_of_site
 from ...physics.light.stars import stars_above_horizon
 from ...physics.light.sunlight import sun_colour
 from ...physics.mesh.horizon import dip_deg
@@ -38,7 +38,7 @@ def compute_scene_sky(settings: Settings) -> Sky:
     check_body(settings)
     folder = str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None
     place = None
-    if asks_sky_of_site(settings):
+    if uses_sky_of_site(settings):
         found = read_site_place(find_used_files(settings)["source.file"], settings)
         place = find_sky_place(settings, found.to_json() if found else None)
     return sky_of(settings.light, folder, place)
@@ -46,7 +46,7 @@ def compute_scene_sky(settings: Settings) -> Sky:
 
 def list_light_settings(settings: Settings) -> list[Any]:
     """The settings on which the lights depend."""
-    of_site = [settings.source] if asks_sky_of_site(settings) else []
+    of_site = [settings.source] if uses_sky_of_site(settings) else []
     of_stars = [focal_px(settings.rig), settings.dataset.seed] if settings.light.stars else []
     of_planet = [settings.rig.height_m, settings.terrain.body_radius_m] if settings.light.planet else []
     return [settings.light, *of_stars, *of_planet, *of_site]

@@ -29,7 +29,7 @@ def extinction_1_m(veil: VeilSettings) -> float:
 
 
 @contextmanager
-def veil_in(scene: bpy.types.Scene, veil: VeilSettings, bounces: int) -> Iterator[None]:
+def add_veil_temporarily(scene: bpy.types.Scene, veil: VeilSettings, bounces: int) -> Iterator[None]:
     """``scene`` has the veil, from below its ground on, and light scatters up to 1 + ``bounces`` times in it.
 
     Nothing is added without an optical depth.

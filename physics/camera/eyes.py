@@ -50,7 +50,7 @@ _GRID_PX = 65, 49
 
 
 def is_calibrated(rig: RigSettings) -> bool:
-    """Whether each eye is calibrated by itself."""
+    """Whether each eye has its own calibration."""
     return bool(rig.eyes == "CALIBRATED")
 
 

@@ -13,7 +13,7 @@ from .lens_models import Brown
 from .stereo_camera import StereoCamera
 
 
-def rig_of(settings: Settings) -> CalibratedRig:
+def make_calibrated_rig(settings: Settings) -> CalibratedRig:
     """Both eyes of complete settings as calibrated cameras, in the axes of the left one.
 
     Raises ValueError for numbers that no lens has.

@@ -163,7 +163,7 @@ def _resolve_named_kernels(meta: Path, named: tuple[str, ...], folder: Path | No
             )
         if not is_there:
             raise IcyMoonError(
-                f"{meta} names {shorten(name)!r}, which is not there{note_on_backslashes(name)}; copy it there."
+                f"{meta} names {shorten(name)!r}, which does not exist{note_on_backslashes(name)}; copy it there."
             )
         if _inspect_kernel(file) != ():
             raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is not a kernel with data; leave it out.")
@@ -186,7 +186,7 @@ def _check_binary(foreign: ForeignBytes, head: bytes) -> None:
     seen: set[int] = set()
     while record:
         if record in seen or not 1 < record <= foreign.size // _RECORD_BYTES:
-            raise ValueError(f"its record {record} is not there, or follows itself")
+            raise ValueError(f"its record {record} does not exist, or follows itself")
         seen.add(record)
         content = foreign.part((record - 1) * _RECORD_BYTES, _RECORD_BYTES)
         following, _, count = struct.unpack_from(f"{order}3d", content)

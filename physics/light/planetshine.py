@@ -138,13 +138,13 @@ class VisibleCap:
         self.y = np.cross(self.axis, self.x)
 
     def sphere(self, angle: Array, around: Array) -> Array:
-        """Unit vectors of the stretched space."""
+        """Unit vectors (..., 3) of the stretched space, at an ``angle`` from the axis and ``around`` it, in radians."""
         return np.cos(angle)[..., None] * self.axis + np.sin(angle)[..., None] * (
             np.cos(around)[..., None] * self.x + np.sin(around)[..., None] * self.y
         )
 
     def position(self, sphere: Array) -> Array:
-        """Relative to the observer."""
+        """Positions of unit vectors on the ellipsoid, relative to the observer."""
         return self.planet.direction + self.shape.radius * sphere @ self.shrink
 
     def normal(self, sphere: Array) -> Array:

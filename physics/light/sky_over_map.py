@@ -18,7 +18,7 @@ _SAME_SITE_DEG = 0.1
 _LEAST_TURN_DEG = 1.0
 
 
-def asks_sky_of_site(settings: Settings) -> bool:
+def uses_sky_of_site(settings: Settings) -> bool:
     """Whether the settings ask for the sky over the site of a map, which its coordinates state."""
     light, source = settings.light, settings.source
     stated = source.kind == "HEIGHT_MAP" and source.site != "OFFSET"
@@ -28,7 +28,7 @@ def asks_sky_of_site(settings: Settings) -> bool:
 def find_sky_place(settings: Settings, place: Mapping[str, Any] | None) -> SkyPlace | None:
     """The place on a map (``geotiff.MapPlace.to_json``) whose sky the settings ask for; None if they ask for the sky at
     the place of the ``light`` settings, or if the map states no longitude and latitude."""
-    if not asks_sky_of_site(settings) or place is None or place["latitude_deg"] is None:
+    if not uses_sky_of_site(settings) or place is None or place["latitude_deg"] is None:
         return None
     source = settings.source
     latitude, longitude = float(place["latitude_deg"]), float(place["longitude_deg"])

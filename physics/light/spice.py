@@ -41,7 +41,7 @@ def find_positions(
         )
     if not kernels.exists():
         raise IcyMoonError(
-            f"light.kernels names {kernels}, which is not there{note_on_backslashes(kernels)}; give a "
+            f"light.kernels names {kernels}, which does not exist{note_on_backslashes(kernels)}; give a "
             "meta-kernel or a folder of kernels."
         )
     date_utc = format_date(parse_date(date_utc))  # SPICE reads other texts too, and some of them as other dates

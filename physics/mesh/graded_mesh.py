@@ -203,7 +203,7 @@ def _round_to_single(values: Array) -> Array:
 
 
 def grade_ground(ground: Terrain, settings: Settings) -> GradedGround:
-    """The graded ground that complete ``settings`` ask for."""
+    """The graded ground of complete ``settings``."""
     cuts_crests = settings.mesh.crests == "CUT" and any(each.crests for each in ground.landforms)
     broken, most = breaks_walls(settings), int(settings.mesh.most)
     # Spacings follow from the rounded crests, so that cutting along crests changes no spacing.

@@ -79,7 +79,7 @@ class Pair:
         """Path of ``left.exr`` or ``right.exr``, the light. Raises IcyMoonError if it has no eyes."""
         if not self.has_eyes:
             raise IcyMoonError(
-                f"{self.folder} has no stereo pair, but cameras of a head (rig.images is HEAD); export it as head, "
+                f"{self.folder} has no stereo pair, only cameras of a head (rig.images is HEAD); export it as head, "
                 "or render it with rig.images PAIR."
             )
         return self.folder / f"{eye}.exr"

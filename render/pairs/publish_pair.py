@@ -84,7 +84,9 @@ def discard_unfinished(part: Path) -> None:
 def check_place(folder: Path) -> None:
     """Raise IcyMoonError if a file or folder of others takes the place of a pair."""
     if why := find_reason_to_keep(folder, folder.parent.parent):
-        raise IcyMoonError(f"{folder} is in the way and stays unchanged: {why}; move it, or choose another folder.")
+        raise IcyMoonError(
+            f"{folder} takes the place of the pair and is kept: {why}; move it, or choose another folder."
+        )
 
 
 def _try_rename(source: Path, target: Path) -> bool:

@@ -157,18 +157,18 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
 
 
 class CalibrationErrorSettings(Table, label="Calibration Error", inside="rig", since="0.4"):
-    """Assumed calibration minus the true one, for rectified images and measured depth. The truth stays true."""
+    """Assumed calibration minus the true one, for rectified images and measured depth. The truth does not change."""
 
     __slots__ = ()
     right_yaw_deg: float = degrees(
-        "Right Eye's Yaw", 0.0, -10.0, 10.0, "How much farther to the right the right eye is assumed to look than it "
-        "does. Measured disparities fall by about f times the angle", "response", (-1.0, 1.0), 4)
+        "Right Eye's Yaw", 0.0, -10.0, 10.0, "Assumed minus true yaw of the right eye, positive to the right. "
+        "Measured disparities fall by about f times the angle", "response", (-1.0, 1.0), 4)
     right_pitch_deg: float = degrees(
-        "Right Eye's Pitch", 0.0, -10.0, 10.0, "How much farther down the right eye is assumed to look than it does. "
+        "Right Eye's Pitch", 0.0, -10.0, 10.0, "Assumed minus true pitch of the right eye, positive down. "
         "Its rectified image sinks by about f times the angle", "response", (-1.0, 1.0), 4)
     right_roll_deg: float = degrees(
-        "Right Eye's Roll", 0.0, -10.0, 10.0, "How much farther clockwise about its axis the right eye is assumed to "
-        "be turned than it is. Its rectified image is turned clockwise by the angle", "response", (-1.0, 1.0), 4)
+        "Right Eye's Roll", 0.0, -10.0, 10.0, "Assumed minus true roll of the right eye, positive clockwise. "
+        "Its rectified image is turned clockwise by the angle", "response", (-1.0, 1.0), 4)
     right_column_px: float = number(
         "Right Principal Column", 0.0, -1000.0, 1000.0, (-5.0, 5.0), "Assumed minus true column of the right eye's "
         "principal point. Measured disparities rise by it", "response", "px", precision=4)

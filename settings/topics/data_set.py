@@ -41,7 +41,7 @@ class DatasetSettings(Table, label="Data Set"):
         "igev, dsmnet. Options are written as in sgbm:window=7; own:NAME is a matcher that you set up in the "
         "preferences", "run", "matchers", section=ELSEWHERE)
     maps: bool = tick(
-        "Write Maps (GeoTIFF)", False, "Evaluate also writes height, height error and what is missing as GeoTIFF, in "
+        "Write Maps (GeoTIFF)", False, "Evaluate also writes height, height error and missing areas as GeoTIFF, in "
         "the coordinate system of the ground's file", "run", section=ELSEWHERE, active=FROM_MAP, since="0.4")
     map_cell_m: float = metres(
         "Map Cell", 0.0, 0.0, 1000.0, (0.0, 1.0), "Width of a cell of these maps on the ground; 0 for three pixels or "

@@ -248,13 +248,13 @@ class MeshSettings(Table, label="Mesh", inside="terrain", shown=chosen("source.k
          "long there, in images and truth. Each heading has a mesh of its own"),
         shown=chosen("kind", "GRADED"), since="0.3")
     crests: Literal["ROUNDED", "CUT"] = choice(
-        "Crests", "ROUNDED", "What a graded mesh does with crests of penitentes and ridges and rims of pits",
+        "Crests", "ROUNDED", "Treatment of crests of penitentes and ridges, and of rims of pits, in a graded mesh",
         "geometry",
         ("ROUNDED", "Rounded", "Crests are as round as the mesh is coarse, and show small teeth"),
         ("CUT", "Cut", "Triangles are cut along the crests, which are then as sharp as the law"),
         shown=chosen("kind", "GRADED"), since="0.3")
     walls: Literal["FLUTED", "BROKEN"] = choice(
-        "Walls", "FLUTED", "What a graded mesh does with walls of pits and of broken plates and cracks", "geometry",
+        "Walls", "FLUTED", "Treatment of walls of pits, broken plates and cracks in a graded mesh", "geometry",
         ("FLUTED", "Fluted", "Walls have one shape from rim to foot, as a height field has"),
         ("BROKEN", "Broken", "Where cameras see walls, their triangles are cut smaller, and chips that differ from "
          "top to bottom are broken out of them"),

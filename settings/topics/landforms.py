@@ -70,7 +70,7 @@ class ChaosSettings(Table, label="Chaos", parent=LANDFORMS, turned_on_by="relief
     matrix_m: float = metres(
         "Matrix Relief", 0.0, 0.0, 1000.0, (0.0, 2.0), "RMS height of the lumps between the plates", "geometry")
     edges: Literal["ROUNDED", "BROKEN"] = choice(
-        "Edges", "ROUNDED", "Shape of the edges of plates, and what lies between them", "geometry",
+        "Edges", "ROUNDED", "Shape of the edges of plates, and the ice between them", "geometry",
         ("ROUNDED", "Rounded", "Bent edges, scarps of 60 degrees with smooth rims, and lumps between"),
         ("BROKEN", "Broken", "Straight, chipped edges, scarps of 80 degrees with sharp rims, and tilted fragments of "
          "ice between"),
@@ -136,8 +136,8 @@ class PenitentesSettings(Table, label="Penitentes", parent=LANDFORMS, turned_on_
         "Variation", 0.6, "Variation of the heights of blades and of the saddles between them; 0 for unbroken rows of "
         "one height", "geometry")
     disorder: float = fraction(
-        "Disorder", 0.0, "How much groups of blades differ in height, and blades in spacing and lean; 0 for rows that "
-        "are alike everywhere", "geometry", since="0.3")
+        "Disorder", 0.0, "Variation of height between groups of blades, and of spacing and lean between blades; 0 for "
+        "rows that are alike everywhere", "geometry", since="0.3")
     noon_azimuth_deg: float = degrees(
         "Noon Sun", 0.0, -360.0, 360.0, "Azimuth of the noon Sun. Blades lean toward it, and rows run at right angles "
         "to it", "geometry")

@@ -100,7 +100,7 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
          "images are blurred or toed in"),
         section=ADVANCED)
     truth_by: Literal["RAYS", "CYCLES"] = choice(
-        "Truth Method", "RAYS", "How truth is computed that does not come with the images", "run",
+        "Truth Method", "RAYS", "Method for truth that does not come with the images", "run",
         ("RAYS", "Rays",
             "Rays through the triangles that are rendered. Cycles renders the truth of scenes that rays cannot "
             "reproduce, and the pair states why"),

@@ -41,7 +41,7 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         "Size Index", 3.0, 0.5, 6.0, (1.0, 5.0), "Exponent of the cumulative power law N(>D) ~ D^-index. A higher "
         "index gives more small rocks", "geometry", section=ADVANCED, shown=chosen("law", "POWER"))
     family: Literal["MIXED", "FRAGMENTS", "BOULDERS", "SLABS", "BROKEN_ICE", "OWN"] = choice(
-        "Shapes", "MIXED", "What the rocks look like", "geometry",
+        "Shapes", "MIXED", "Kind of shape of the rocks", "geometry",
         ("MIXED", "Mixed", "Fragments, boulders and slabs in equal numbers"),
         ("FRAGMENTS", "Fragments", "Broken polyhedra"),
         ("BOULDERS", "Boulders", "Worn and lumpy"),

@@ -134,7 +134,7 @@ class SurfaceSettings(Table, label="Ice"):
         "Subsurface Radius", 5.0e-3, 0.0, 10.0, (0.0, 0.1), "Mean free path of light in the snow", "material",
         section=ADVANCED, shown=PRINCIPLED, active=positive("subsurface_weight"))
     subsurface_method: Literal["RANDOM_WALK", "BURLEY"] = choice(
-        "Subsurface Law", "RANDOM_WALK", "How light that enters the snow is followed", "material",
+        "Subsurface Law", "RANDOM_WALK", "Model of the path of light in the snow", "material",
         ("RANDOM_WALK", "Random Walk", "From one scattering to the next, through the shape of the ground"),
         ("BURLEY", "Burley", "Uses a profile that was fitted to flat surfaces. It takes a third of the time, but "
          "matchers err on 4 % more pixels"),
@@ -143,7 +143,7 @@ class SurfaceSettings(Table, label="Ice"):
         "Transmission", 0.0, "Share of the light that enters clear ice, see Transmitted Light", "material",
         section=ADVANCED, shown=PRINCIPLED)
     transmitted: Literal["LOST", "THROUGH"] = choice(
-        "Transmitted Light", "LOST", "Where the light goes that enters clear ice", "material",
+        "Transmitted Light", "LOST", "Path of the light that enters clear ice", "material",
         ("LOST", "Lost", "Deep ice: light that enters it does not come back. The surface becomes darker"),
         ("THROUGH", "Through Rocks",
             "Passes straight through rocks, weakened by the absorption of pure ice, and lights objects behind "

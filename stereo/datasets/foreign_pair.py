@@ -293,7 +293,7 @@ class UnusablePair:
         return [self.fault]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
-        """Raises IcyMoonError."""
+        """Raises IcyMoonError with the fault of the pair."""
         raise IcyMoonError(self.fault)
 
 

@@ -211,7 +211,9 @@ def _list_instance_labels(pair: LoadedPair) -> Array:
     found = [np.unique(view.instance) for view in pair.views.values() if view.instance is not None]
     labels = np.unique(np.concatenate([[0], *found]))
     if len(labels) > 65536:
-        raise IcyMoonError(f"{pair.pair.folder} shows {len(labels)} instances, and 16-bit images hold 65536; use coco.")
+        raise IcyMoonError(
+            f"{pair.pair.folder} shows {len(labels)} instances, but 16-bit images hold at most 65536; use coco."
+        )
     return labels
 
 
@@ -310,7 +312,7 @@ def _write_coco(each: Each, out: Path) -> None:
 
 
 def _write_coco_images(each: Each, out: Path, annotations: TextIO) -> list[dict[str, Any]]:
-    """Write all images, and their annotations to a stream; the entries of the images."""
+    """Write all images, write their annotations to a stream, and return the entries of the images."""
     images: list[dict[str, Any]] = []
     numbers = itertools.count(1)
 

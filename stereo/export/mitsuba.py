@@ -89,13 +89,13 @@ def _refuse_unexportable(pair: Pair) -> None:
     refuse_rolling_shutter(pair, "this export has one pose for all rows", "render it with rig.readout_s 0")
     if pair.camera.looks_elsewhere or pair.camera.rendered_px != (pair.camera.width_px, pair.camera.height_px):
         raise IcyMoonError(
-            f"{pair.folder} has toe-in, calibrated eyes or overscan, which this export has not; render it "
-            "with rig.eyes ALIKE, and without rig.toe_in_deg and rig.overscan."
+            f"{pair.folder} has toe-in, calibrated eyes or overscan, which this export does not support; render "
+            "it with rig.eyes ALIKE, and without rig.toe_in_deg and rig.overscan."
         )
     if pair.settings.light.sun_distance_m:
         raise IcyMoonError(
-            f"{pair.folder} is lit by a lamp near the ground, which this export has not; render it "
-            "without light.sun_distance_m."
+            f"{pair.folder} is lit by a lamp near the ground, which this export does not support; render "
+            "it without light.sun_distance_m."
         )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 
-from ...formats.exr_parts import Piece, assemble, keep_rows, read_pieces, strip_passing
+from ...formats.exr_parts import Piece, assemble, keep_part_attributes, keep_rows, read_pieces
 from ...support.labels import GROUP_PASSES, IMAGE_PASS
 
 
@@ -58,4 +58,4 @@ def keep_row_chunks(data: bytes, rows: range) -> tuple[bytes, int]:
     cut = [keep_rows(part, rows) for part in read_pieces(data)]
     if len({before for _, before in cut}) != 1:
         raise ValueError("its parts are compressed in unequal chunks")
-    return assemble([strip_passing(part, part.name or "image") for part, _ in cut]), cut[0][1]
+    return assemble([keep_part_attributes(part, part.name or "image") for part, _ in cut]), cut[0][1]

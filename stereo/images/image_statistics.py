@@ -55,7 +55,7 @@ def measure_spectrum(light: Array) -> tuple[Array, Array]:
     """
     n = light.shape[0]
     if light.shape != (n, n):
-        raise ValueError(f"an image of {light.shape} is no square")
+        raise ValueError(f"an image of {light.shape} is not a square")
     if n < LEAST_SIDE_PX or not light.std() > 0:
         return np.empty(0), np.empty(0)
     window = np.hanning(n)

@@ -66,7 +66,9 @@ def find_mean_intervals(values: Array, scenes: Array, shares: Array) -> Array:
 
 def find_simultaneous_intervals(values: Array, seed: int) -> Array:
     """Bounds (K, 2) of the means over scenes of the columns of ``values`` (scenes, K), by the largest |t| of a
-    resample. All of them hold at once in about 95 % of data sets. NaN for columns with fewer than ``FEWEST_FOR_MEAN``
+    resample.
+
+    All of them hold simultaneously in about 95 % of data sets. NaN for columns with fewer than ``FEWEST_FOR_MEAN``
     scenes.
     """
     known = ~np.isnan(values)

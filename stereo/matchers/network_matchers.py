@@ -177,7 +177,7 @@ def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method
     ]
     if wrong:
         raise IcyMoonError(
-            f"{path} is no checkpoint of {get_matcher_title(method)}: {len(wrong)} of its parameters do not fit, "
+            f"{path} is not a checkpoint of {get_matcher_title(method)}: {len(wrong)} of its parameters do not fit, "
             f"{min(wrong)}."
         )
     model.load_state_dict(given, strict=True)

@@ -143,7 +143,7 @@ def check(options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless the file and ONNX Runtime exist."""
     path = _find_model_path(options)
     if not path.is_file():
-        raise IcyMoonError(f"onnx.model names {path}, which is no file; correct it.")
+        raise IcyMoonError(f"onnx.model names {path}, which is not a file; correct it.")
     if importlib.util.find_spec("onnxruntime") is None:
         raise IcyMoonError(f'onnx needs ONNX Runtime, which this Python lacks; run: pip install "{REQUIREMENT}"')
 
@@ -238,7 +238,7 @@ def _read_input(path: Path, declared: onnxruntime.NodeArg, place: int, count: in
     channels = (shape[3] if last else shape[1]) if known else None
     if channels not in allowed:
         raise IcyMoonError(
-            f"{path} has the input {_describe_declared([declared])}, which is no batch of one image or of both; "
+            f"{path} has the input {_describe_declared([declared])}, which is not a batch of one image or of both; "
             "export it with inputs of 1 or 3 channels each."
         )
     height, width = shape[1:3] if last else shape[2:]
@@ -248,8 +248,8 @@ def _read_input(path: Path, declared: onnxruntime.NodeArg, place: int, count: in
         )
     if (height or 1) * (width or 1) > _MOST_INPUT_PIXELS:
         raise IcyMoonError(
-            f"{path} has the input {_describe_declared([declared])}, and {_MOST_INPUT_PIXELS} pixels are the most that "
-            "is computed; export it with smaller ones."
+            f"{path} has the input {_describe_declared([declared])}, but at most {_MOST_INPUT_PIXELS} pixels are "
+            "supported; export it with smaller inputs."
         )
     name = declared.name.lower()
     eye = next((eye for eye in ("left", "right") if eye in name), ("left", "right")[place % 2])

@@ -145,7 +145,7 @@ def read_presets(plugin: Plugin, options: Sequence[Option], stated: object) -> d
     """The named sets of options that a plug-in declares. Raises IcyMoonError for an invalid set."""
     if not isinstance(stated, Mapping) or not all(isinstance(chosen, Mapping) for chosen in stated.values()):
         raise IcyMoonError(
-            f'{plugin.title} has PRESETS that are no dictionaries; write PRESETS = {{"fine": {{"window": 3}}}}.'
+            f'{plugin.title} has PRESETS that are not dictionaries; write PRESETS = {{"fine": {{"window": 3}}}}.'
         )
     presets = {}
     for name, chosen in stated.items():
@@ -185,11 +185,11 @@ def _read_option(plugin: Plugin, key: object, facts: object) -> Option:
         if numeric and not all(math.isfinite(float(facts.get(name, 0))) for name in ("default", "minimum", "maximum")):
             raise ValueError("a number is not finite")
         if not (type(facts.get("step", 1)) is int and facts.get("step", 1) >= 1):
-            raise ValueError(f"step is {facts['step']!r}, no whole number from 1 on")
+            raise ValueError(f"step is {facts['step']!r}, not a whole number from 1 up")
         if numeric and not facts["minimum"] <= default <= facts["maximum"]:
             raise ValueError(f"the default {default} is not between minimum and maximum")
         if facts.get("choices") and default not in facts["choices"]:
-            raise ValueError(f"the default {default!r} is none of the choices")
+            raise ValueError(f"the default {default!r} is not one of the choices")
         return Option(
             key,
             default,

@@ -49,7 +49,7 @@ def check(options: dict[str, Any]) -> None:
     require_program("stereo_matching.python", options["python"])
     if options["checkpoint"] and not _checkpoint_path(options).is_file():
         raise IcyMoonError(
-            f"stereo_matching.checkpoint names {_checkpoint_path(options)}, which is no file; correct it."
+            f"stereo_matching.checkpoint names {_checkpoint_path(options)}, which is not a file; correct it."
         )
 
 

@@ -102,7 +102,7 @@ def _read_bm_min_disparity(path: Path) -> int | None:
         if stored is None:
             return None
         if stored.shape != () or not abs(float(stored)) <= _MOST_DISPARITY_PX:
-            raise RefusedError(f"{BM_MIN_DISPARITY} is no disparity; give --bm-min-disparity.")
+            raise RefusedError(f"{BM_MIN_DISPARITY} is not a disparity; give --bm-min-disparity.")
         return int(stored)
 
     return read(path, parse, "an npz file", "match the images again", memory=_MOST_UNPACKED_BYTES)

@@ -50,7 +50,7 @@ def write_paper(
     scale: float,
     planned: int,
 ) -> Path:
-    """Write all tables and figures to ``out``; the path of the page.
+    """Write all tables and figures to ``out``, and return the path of the page.
 
     ``measured`` are the evaluations of ``parts.EVALUATIONS``, ``missing`` is why a matcher could not
     run, ``scale`` the size of the images over the paper's, ``planned`` the number of pairs of the table.

@@ -92,7 +92,9 @@ def draw_sweeps(summary: Summary, table: ResultTable, sweeps: Sequence[VariedSet
 
 
 def write_curves(summary: Summary, table: ResultTable, sweeps: Sequence[VariedSetting], out: Path) -> dict[str, str]:
-    """Write a picture of the mean error against each setting that varies; their paths relative to ``out`` by setting.
+    """Write a picture of the mean error against each varied setting.
+
+    Returns the paths of the pictures relative to ``out``, by setting.
 
     They are for programs that show no HTML, such as Blender.
     """

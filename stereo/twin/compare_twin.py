@@ -266,9 +266,10 @@ def choose_search_range(settings: Settings, truths: Sequence[Array | None]) -> S
 
 
 def measure_image(grey: Array, white: float, seen: Array) -> tuple[dict[str, float], dict[str, list[float]]]:
-    """The STATISTICS of an image (H, W) of levels from 0 to 255, where it is ``seen``, stretched so that ``white`` is
-    255, and its curves: shares of pixels by LEVELS and by GRADIENTS, and cycles per pixel and power of the rings of its
-    spectrum.
+    """The STATISTICS and the curves of the ``seen`` pixels of an image (H, W) of levels from 0 to 255.
+
+    The image is stretched so that ``white`` is 255. The curves are shares of pixels by LEVELS and by GRADIENTS, and
+    cycles per pixel and power of the rings of the spectrum.
     """
     # Gradients reach a pixel farther than the window that they are averaged over.
     inner = erode(seen, TEXTURE_WINDOW_PX // 2 + 1)

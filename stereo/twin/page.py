@@ -38,7 +38,7 @@ def write_page(
     limits: Sequence[str],
     notes: Sequence[str],
 ) -> Path:
-    """Write ``twin.html`` and ``twin.csv`` into ``out``; the path of the page.
+    """Write ``twin.html`` and ``twin.csv`` into ``out``, and return the path of the page.
 
     ``pictures`` is the folder with the pictures of ``measured``, ``limits`` and ``notes`` are sentences.
     """

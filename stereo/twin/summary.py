@@ -59,7 +59,7 @@ class SummaryRow:
 
 
 def format_number(quantity: Quantity, value: float, sign: str = "") -> str:
-    """A number of a quantity with its digits, shares in per cent."""
+    """Text of a ``value`` with the digits of its quantity; shares are in per cent."""
     if not math.isfinite(value):
         return _NO_NUMBER
     return f"{value * (100 if quantity.share else 1):{sign}.{quantity.digits}f}"

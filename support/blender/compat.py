@@ -38,7 +38,7 @@ def find_series() -> str:
     return f"{bpy.app.version[0]}.{bpy.app.version[1]}"
 
 
-def tells_of_append() -> bool:
+def has_append_handler() -> bool:
     """Whether Blender tells add-ons that data-blocks were appended or linked (from 4.3 on)."""
     return hasattr(bpy.app.handlers, "blend_import_post")
 

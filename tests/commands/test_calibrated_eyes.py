@@ -198,7 +198,7 @@ def test_the_reason_for_two_cameras_is_stated(name, words):
         ({"fx_px": 97.0}, "pixels are not square"),
         ({"skew_px": 0.1}, "pixels are not square"),
         ({"lens": (0.1,) * 8}, "the lens is Brown-Conrady, 8 coefficients"),
-        ({"turn": (0.0, 0.01, 0.0)}, "turned against each other by 0.573 degrees"),
+        ({"turn": (0.0, 0.01, 0.0)}, "rotated relative to each other by 0.573 degrees"),
         ({"aside": 0.01}, "0.01 m below"),
     ],
 )

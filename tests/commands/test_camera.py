@@ -124,7 +124,7 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ("plumb_bob", "double_sphere", "rational_polynomial, equidistant alone are read"),
+        ("plumb_bob", "double_sphere", "rational_polynomial, equidistant are supported"),
         ("-100.0", "0.0", "no baseline"),
         ("image_width: 640", "image_width: -640", "image_width"),
         ("image_width: 640", f"image_width: {'9' * 5000}", "image_width"),
@@ -313,8 +313,8 @@ def turn(path, degrees, axis=1):
 @pytest.mark.parametrize(
     ("degrees", "axis", "eyes", "words"),
     [
-        (0.01, 1, ["right"], "the eyes are turned against each other by 0.01 degrees."),
-        (15.0, 1, ["left"], "the eyes are turned against each other by 15 degrees."),
+        (0.01, 1, ["right"], "the eyes are rotated relative to each other by 0.01 degrees."),
+        (15.0, 1, ["left"], "the eyes are rotated relative to each other by 15 degrees."),
         (2.0, 2, ["left", "right"], "0.007271 m below and 0 m before it, so they are not side by side."),
         (2.0, 1, ["left", "right"], "0 m below and 0.007271 m before it, so they are not side by side."),
     ],
@@ -510,7 +510,7 @@ def test_a_parallel_pair_of_another_format_is_a_rig(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"turn": 0.02}, "the eyes are turned against each other by 1.15 degrees"),
+        ({"turn": 0.02}, "the eyes are rotated relative to each other by 1.15 degrees"),
         ({"model": "equidistant"}, "the lens model is equidistant"),
     ],
 )
@@ -569,7 +569,7 @@ def test_two_of_many_cameras_are_chosen(tmp_path, capsys):
     with pytest.raises(IcyMoonError, match=r"there are 3 cameras, .* name two of them by --cameras"):
         read_rig(path)
     assert read_rig(path, names="cam0, cam2")[0].rig.baseline_m == pytest.approx(0.4)
-    with pytest.raises(IcyMoonError, match="--cameras: 'cam7' is not there; did you mean 'cam"):
+    with pytest.raises(IcyMoonError, match="--cameras: 'cam7' is not in the calibration; did you mean 'cam"):
         read_rig(path, names="cam0,cam7")
 
 
@@ -709,7 +709,7 @@ def test_a_baseline_that_is_too_long_has_a_fix_that_works(tmp_path, t, unit, fix
 
 
 def test_one_camera_is_no_rig(tmp_path):
-    with pytest.raises(IcyMoonError, match="there is 1 camera, and a rig here has two"):
+    with pytest.raises(IcyMoonError, match="there is 1 camera, but a rig needs two"):
         read_rig(camchain(tmp_path), names="cam0")
 
 

@@ -9,7 +9,7 @@ import OpenEXR
 import pytest
 from icymoon.formats.exr_add import add_baked, add_planet, is_sum_of_lights, measure_baked_noise
 from icymoon.formats.exr_layout import is_whole
-from icymoon.formats.exr_parts import Piece, assemble, join_layers, read_pieces, strip_passing
+from icymoon.formats.exr_parts import Piece, assemble, join_layers, keep_part_attributes, read_pieces
 from icymoon.formats.exr_pixels import Pixels, compress, drop_passes, encode_part
 from icymoon.stereo.images.exr import read_light
 from icymoon.support.arrays import Array
@@ -161,7 +161,7 @@ def test_a_pass_is_added_beside_others(tmp_path, several, compression, height):
     random = np.random.default_rng(height)
     normal, hidden = (random.random((height, 31, count)).astype(np.float32) for count in (3, 1))
     write(tmp_path / "truth.exr", {"Truth.Normal": normal}, several, compression)
-    pieces = [strip_passing(piece, "Truth") for piece in read_pieces((tmp_path / "truth.exr").read_bytes())]
+    pieces = [keep_part_attributes(piece, "Truth") for piece in read_pieces((tmp_path / "truth.exr").read_bytes())]
     added = Pixels(pieces[0]).replace_channels("Truth.Hidden", ("X",), hidden.transpose(0, 2, 1))
     (tmp_path / "both.exr").write_bytes(assemble([*pieces, added]))
     assert is_whole(tmp_path / "both.exr")

@@ -13,7 +13,7 @@ import pytest
 from bounded import run_bounded
 from exr_files import attribute, channel, exr, one_chunk_named_often, window
 from icymoon.formats.exr_layout import check_decodable, is_whole, read_layout
-from icymoon.formats.exr_parts import assemble, read_pieces, strip_passing
+from icymoon.formats.exr_parts import assemble, keep_part_attributes, read_pieces
 from icymoon.formats.exr_pixels import Pixels, decode_parts
 from icymoon.stereo.images.exr import read_depth, read_light, read_view
 from icymoon.support.errors import IcyMoonError
@@ -165,7 +165,7 @@ def test_parts_of_unequal_size_are_a_sentence(tmp_path):
                 chunks=[(line, len(data), data) for line in range(4)],
             )
         )
-        pieces.append(strip_passing(piece, name.decode()))
+        pieces.append(keep_part_attributes(piece, name.decode()))
     (tmp_path / "left.exr").write_bytes(assemble(pieces))
     assert is_whole(tmp_path / "left.exr")
     with pytest.raises(IcyMoonError, match="unequal size"):
@@ -309,7 +309,7 @@ def test_random_damage_is_a_sentence_or_an_image(tmp_path, seed):
         path.write_bytes(data)
         is_whole(path)
         with suppress(*REFUSED):
-            assembled = assemble([strip_passing(piece, "p") for piece in read_pieces(bytes(data))])
+            assembled = assemble([keep_part_attributes(piece, "p") for piece in read_pieces(bytes(data))])
             list(decode_parts(assembled))
             Pixels(read_pieces(assembled)[0]).decode()
         with suppress(IcyMoonError):

@@ -168,7 +168,7 @@ def test_images_that_cannot_be_placed_are_sentences(tmp_path):
 def test_a_projection_that_is_not_known_is_answered_with_a_command_that_works(tmp_path):
     """gdalwarp's own engine, which rasterio has, makes the file that is then read."""
     text = f"+proj=moll +R={EUROPA_M} +units=m +no_defs"
-    told = refuse(tmp_path, "not known here; project it", text=text)
+    told = refuse(tmp_path, "unsupported projection; project it", text=text)
     target = told.split('-t_srs "')[1].split('"')[0]
     with rasterio.open(tmp_path / "a.tif") as source:
         transform, width, height = warp.calculate_default_transform(

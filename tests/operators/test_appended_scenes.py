@@ -91,4 +91,4 @@ def test_older_blenders_look_for_what_was_appended(monkeypatch, tmp_path):
     del scene[before_build.VIEW]
     appended_scenes._look_for_appended()
     assert asked == [appended_scenes.adopt_appended]
-    assert compat.tells_of_append() == (bpy.app.version >= (4, 3, 0))
+    assert compat.has_append_handler() == (bpy.app.version >= (4, 3, 0))

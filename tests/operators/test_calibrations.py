@@ -15,7 +15,7 @@ from icymoon.operators import calibrations
 from icymoon.physics.camera.calibrated_camera import CalibratedRig
 from icymoon.physics.camera.eyes import EYE_TOPICS, make_camera_with_eyes
 from icymoon.physics.camera.lens_models import Brown
-from icymoon.physics.camera.rig_cameras import rig_of
+from icymoon.physics.camera.rig_cameras import make_calibrated_rig
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.description import defaults, merged
 from rendering import empty_scene
@@ -116,11 +116,11 @@ def test_what_is_written_is_the_rig_of_the_scene(scene, tmp_path, kind):
     assert bpy.ops.icymoon.write_calibration(filepath=str(tmp_path / "rig.x"), kind=kind) == {"FINISHED"}
     paths = calibrations.list_calibration_files(tmp_path / "rig.x", kind)
     assert all(path.exists() for path in paths)
-    there, wanted = read_calibration(paths).rig, rig_of(settings_of(scene))
+    there, wanted = read_calibration(paths).rig, make_calibrated_rig(settings_of(scene))
     rays = np.array([[0.1, -0.2, 1.0], [-0.3, 0.2, 1.0], [0.0, 0.0, 1.0]]) * 4
     for found, own in zip(there.from_first().cameras, wanted.cameras, strict=True):
         np.testing.assert_allclose(found.project(rays), own.project(rays), atol=1e-6)
-    assert rig_of(settings_of(scene)).cameras[1].centre_m[0] > 0.9 * settings_of(scene).rig.baseline_m
+    assert make_calibrated_rig(settings_of(scene)).cameras[1].centre_m[0] > 0.9 * settings_of(scene).rig.baseline_m
 
 
 def test_calibrated_eyes_are_written_and_read_again(scene, tmp_path):

@@ -155,7 +155,7 @@ def test_parts_of_the_built_scene_are_refused_with_the_reason(scene):
 def test_without_a_mesh_the_button_is_grey(scene):
     assert object_as_ground.why_not_usable(bpy.context) == "Select a mesh object"
     lamp = select(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "SUN")))
-    assert object_as_ground.why_not_usable(bpy.context) == "The active object is no mesh"
+    assert object_as_ground.why_not_usable(bpy.context) == "The active object is not a mesh"
     lamp.select_set(False)
     assert object_as_ground.why_not_usable(bpy.context) == "Select a mesh object"
 

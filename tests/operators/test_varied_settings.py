@@ -193,7 +193,7 @@ def test_undo_brings_the_lines_back(tiny):
 
 
 def test_the_saved_plan_makes_the_scenes_pairs(tiny, tmp_path):
-    with pytest.raises(RuntimeError, match="Nothing varies yet"):
+    with pytest.raises(RuntimeError, match="No setting varies yet"):
         bpy.ops.icymoon.save_plan(filepath=str(tmp_path / "mine.toml"))
     bpy.ops.icymoon.vary(setting=ELEVATION, first=10, last=50, count=3)
     tiny.icymoon.terrain.layers.add().amplitude_m = 0.2

@@ -243,7 +243,7 @@ def test_write_folders_is_given_the_folders_and_leaves_nothing_half_written(tmp_
 @pytest.mark.parametrize(
     ("stated", "said"),
     [
-        ("PRESETS = 3", "PRESETS that are no dictionaries"),
+        ("PRESETS = 3", "PRESETS that are not dictionaries"),
         ("PRESETS = {'fine': {'w': 99}}", "outside 1 to 9"),
         ("PRESETS = {'fine': {'x': 1}}", "Unknown option"),
         ("def load(options): raise KeyError('no')", "failed (KeyError"),

@@ -190,7 +190,7 @@ def test_a_set_of_the_head_alone_has_no_eyes_and_is_refused_as_a_pair(with_ball)
     pair, _ = with_ball
     assert not pair.has_eyes
     assert all(name.startswith("camera_") for name in pair.data["files"])
-    with pytest.raises(IcyMoonError, match="has no stereo pair, but cameras of a head"):
+    with pytest.raises(IcyMoonError, match="has no stereo pair, only cameras of a head"):
         pair.image("left")
 
 

@@ -33,7 +33,7 @@ def test_big_endian_text_is_read_too(tmp_path):
 def test_a_file_that_is_not_text_shows_how_to_save_it(tmp_path, content):
     file = tmp_path / "scene.toml"
     file.write_bytes(content)
-    with pytest.raises(IcyMoonError, match=r"scene\.toml: is not valid TOML \(byte \d+ is no text; save it as UTF-8"):
+    with pytest.raises(IcyMoonError, match=r"scene\.toml: is not valid TOML \(byte \d+ is not text; save it as UTF-8"):
         preset_files.load(file)
 
 

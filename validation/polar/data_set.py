@@ -211,12 +211,12 @@ def _parse_polygons(path: Path, content: str) -> tuple[Polygon, ...]:
                 raise ValueError
         except (ValueError, IndexError):
             raise IcyMoonError(
-                f"{path}, line {line}: is no polygon (a class from 0 to 3, then at least three pairs "
+                f"{path}, line {line}: is not a polygon (a class from 0 to 3, then at least three pairs "
                 "of x and y); get the file again."
             ) from None
         if numbers.min() < -_MOST_OUTSIDE_SHARE or numbers.max() > 1 + _MOST_OUTSIDE_SHARE:
             raise IcyMoonError(
-                f"{path}, line {line}: has a corner at {max(numbers, key=abs):g}, which is no share of "
+                f"{path}, line {line}: has a corner at {max(numbers, key=abs):g}, which is not a share of "
                 f"an image from 0 to 1; divide x and y by its {WIDTH_PX} columns and {HEIGHT_PX} rows."
             )
         found.append(Polygon(kind, numbers.reshape(-1, 2) * [WIDTH_PX, HEIGHT_PX]))
@@ -237,7 +237,7 @@ def read_rock(path: Path, number: int) -> Rock:
         ),
     )
     if not len(rock.faces) or not np.isfinite(rock.vertices).all():
-        raise IcyMoonError(f"{path}: is no mesh of triangles in OBJ; get the file again.")
+        raise IcyMoonError(f"{path}: is not a mesh of triangles in OBJ; get the file again.")
     size = float(np.ptp(rock.vertices, axis=0).max())
     if not _LEAST_ROCK_M <= size <= _MOST_ROCK_M:
         raise IcyMoonError(

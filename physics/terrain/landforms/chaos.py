@@ -26,8 +26,8 @@ from .landform import (
     evaluate_where,
     facet_heights,
     rotate_coordinates,
+    sample_shifted_noise,
     smooth_step,
-    wander,
 )
 
 #: Slope of the plates' scarps by kind of edge; debris at the foot keeps rounded scarps from being steeper.
@@ -60,7 +60,7 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
             cells = find_voronoi_cells(u, v, keys[2])
             inside = broken_step(cells.edge_distance(), u, v, gap / 2 / plate, scarp / plate, _CHIP_WIDTHS, keys[13:])
         else:
-            bend_u, bend_v = (0.08 * wander(1.7 * u, 1.7 * v, k) for k in keys[:2])
+            bend_u, bend_v = (0.08 * sample_shifted_noise(1.7 * u, 1.7 * v, k) for k in keys[:2])
             cells = find_voronoi_cells(u + bend_u, v + bend_v, keys[2])
             inside = smooth_step((plate * cells.edge_distance() - gap / 2) / scarp)
         # Random direction of the tilt from a point in the square: no sines needed.
@@ -81,7 +81,7 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
 def _lump_heights(u: Array, v: Array, keys: Sequence[int]) -> Array:
     """Three octaves of gradient noise."""
     return sum(
-        (0.5**k * wander(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, key) for k, key in enumerate(keys)),
+        (0.5**k * sample_shifted_noise(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, key) for k, key in enumerate(keys)),
         start=np.zeros(()),
     )
 

@@ -25,8 +25,8 @@ from .landform import (
     evaluate_where,
     facet_heights,
     rotate_coordinates,
+    sample_shifted_noise,
     smooth_step,
-    wander,
 )
 
 #: Sideways bending of the cracks, in plates.
@@ -56,7 +56,9 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         along, across = rotate_coordinates(x_m, y_m, settings.azimuth_deg)
         u, v = along / long, across / broad
-        bend_u, bend_v = (_BEND_SIZE * wander(u / _BEND_WAVELENGTH, v / _BEND_WAVELENGTH, k) for k in keys[1:3])
+        bend_u, bend_v = (
+            _BEND_SIZE * sample_shifted_noise(u / _BEND_WAVELENGTH, v / _BEND_WAVELENGTH, k) for k in keys[1:3]
+        )
         distance = find_voronoi_cells(u + bend_u, v + bend_v, keys[0]).edge_distance(long, broad) / half
         # Over a crack's width the rim falls smoothly to 0.
         outer = np.clip((3.0 - distance) / 2.0, 0.0, 1.0)

@@ -12,7 +12,7 @@ import numpy as np
 from ....settings.topics.landforms import HollowsSettings
 from ....support.arrays import Array, Numbers
 from ..noise.voronoi import find_voronoi_cells
-from .landform import Landform, draw_key, rotate_coordinates, wander
+from .landform import Landform, draw_key, rotate_coordinates, sample_shifted_noise
 
 #: Sideways bending of the rims, in hollows.
 _BEND_SIZE = 0.15
@@ -36,7 +36,9 @@ def make(settings: HollowsSettings, random: np.random.Generator, size_m: float) 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         along, across = rotate_coordinates(x_m, y_m, settings.azimuth_deg)
         u, v = along / (diameter * settings.elongation), across / diameter
-        bend_u, bend_v = (_BEND_SIZE * wander(u / _BEND_WAVELENGTH, v / _BEND_WAVELENGTH, k) for k in keys[2:])
+        bend_u, bend_v = (
+            _BEND_SIZE * sample_shifted_noise(u / _BEND_WAVELENGTH, v / _BEND_WAVELENGTH, k) for k in keys[2:]
+        )
         cells = find_voronoi_cells(u + bend_u, v + bend_v, keys[0])
         deep = depth * (_SHALLOWEST + (1.0 - _SHALLOWEST) * cells.random(keys[1]))
         # The square of F1 / F2 is 0 at a cell's point and 1 on all its edges.

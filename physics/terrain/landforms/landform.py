@@ -79,8 +79,8 @@ def smooth_step(t: Array) -> Array:
     return t * t * (3.0 - 2.0 * t)
 
 
-def wander(u: Array, v: Array, key: int) -> Array:
-    """Gradient noise of full arrays, shifted by a fraction so that a feature's origin is no lattice point."""
+def sample_shifted_noise(u: Array, v: Array, key: int) -> Array:
+    """Gradient noise of full arrays, shifted by a fraction so that a feature's origin is not a lattice point."""
     return gradient_noise(u + 0.37, v + 0.61, key)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from ....settings.topics.landforms import PenitentesSettings
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .landform import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
+from .landform import Crests, Landform, draw_key, rotate_coordinates, sample_shifted_noise, smooth_step
 
 #: Sideways wandering of the rows, in spacings.
 _WANDER = 0.5
@@ -77,7 +77,7 @@ def _group_height(x: Array, y: Array, disorder: float, key: int) -> Numbers:
     if not disorder:
         return 1.0
     u, v = np.broadcast_arrays(x, y)
-    field = wander(u, v, key) + 0.5 * wander(2.7 * u, 2.7 * v, key ^ 1)  # rarely beyond 0.6
+    field = sample_shifted_noise(u, v, key) + 0.5 * sample_shifted_noise(2.7 * u, 2.7 * v, key ^ 1)  # rarely beyond 0.6
     return 1.0 - disorder * _GROUP_HEIGHT_LOSS * smooth_step(0.5 + 0.8 * field)
 
 
@@ -105,15 +105,19 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         along it."""
         across, along = rotate_coordinates(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_WAVELENGTH * length), across / (_WANDER_WAVELENGTH * length)
-        place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(2.3 * u, 2.3 * v, keys[5])
+        place = (
+            across / spacing
+            + _WANDER * sample_shifted_noise(u, v, keys[4])
+            + 0.5 * _WANDER * sample_shifted_noise(2.3 * u, 2.3 * v, keys[5])
+        )
         if disorder:
             over = _ROW_SHIFT_WAVELENGTH * spacing
-            place = place + disorder * _ROW_SHIFT * wander(along / over, across / over, more[0])
+            place = place + disorder * _ROW_SHIFT * sample_shifted_noise(along / over, across / over, more[0])
         row = np.floor(place + 0.5)
         index = row.astype(np.int64)
         middle = lean + _CREST_OFFSET * (2.0 * to_uniform(hash_lattice(index, np.int64(0) * index, keys[6])) - 1.0)
         if disorder:
-            leans = disorder * _LEAN_VARIATION * wander(along / length, 1.7 * row, more[1])
+            leans = disorder * _LEAN_VARIATION * sample_shifted_noise(along / length, 1.7 * row, more[1])
             middle = np.clip(middle + leans, -_MOST_LEAN, _MOST_LEAN)
         return place - row - middle, middle, index, along
 

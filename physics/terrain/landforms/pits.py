@@ -22,7 +22,7 @@ import numpy as np
 from ....settings.topics.landforms import PitsSettings
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .landform import Crests, Landform, Walls, draw_key, evaluate_where, facet_heights, wander
+from .landform import Crests, Landform, Walls, draw_key, evaluate_where, facet_heights, sample_shifted_noise
 
 #: Smallest radius over the mean radius.
 _SMALLEST_RADIUS = 0.5
@@ -87,7 +87,8 @@ def _talus_height(
     """Height of the talus at a place, as a share of the depth; ``from_wall`` is the distance from
     the foot of the wall."""
     uneven = sum(
-        wander(x / (length * depth), y / (length * depth), keys[5] ^ k) for k, length in enumerate(_APRON_WAVELENGTHS)
+        sample_shifted_noise(x / (length * depth), y / (length * depth), keys[5] ^ k)
+        for k, length in enumerate(_APRON_WAVELENGTHS)
     )
     # Height of an apron over the floor at the foot of the wall.
     high = amount * depth * np.maximum(1.0 + _TALUS_VARIATION * uneven, 0.0)
@@ -126,7 +127,10 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
                 x / (length * radius),
                 y / (length * radius),
             )
-            x, y = x + amount * wander(u, v, keys[0] ^ k), y + amount * wander(u, v, keys[1] ^ k)
+            x, y = (
+                x + amount * sample_shifted_noise(u, v, keys[0] ^ k),
+                y + amount * sample_shifted_noise(u, v, keys[1] ^ k),
+            )
         return _inside_round(x / square, y / square, square, radius, keys)
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:

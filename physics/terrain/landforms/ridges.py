@@ -14,7 +14,7 @@ import numpy as np
 from ....settings.topics.landforms import RidgesSettings
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .landform import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
+from .landform import Crests, Landform, draw_key, rotate_coordinates, sample_shifted_noise, smooth_step
 
 #: Distance of the crests from the middle, in half widths.
 _CREST_PLACE = 0.4
@@ -54,7 +54,7 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
     def one_set(k: int, x_m: Array, y_m: Array) -> Array:
         """Distance to the ridge of the set's strip, in half widths."""
         along, across = rotate_coordinates(x_m, y_m, settings.azimuth_deg + turns[k] * settings.spread_deg)
-        place = across / spacing + _RIDGE_WANDER * wander(
+        place = across / spacing + _RIDGE_WANDER * sample_shifted_noise(
             along / (_WANDER_WAVELENGTH * spacing), across / (4 * spacing), keys[2 * k]
         )
         strip = np.floor(place)

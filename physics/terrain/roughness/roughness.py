@@ -123,9 +123,9 @@ def _fit_cached_amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensi
 
 
 def list_asked_statistics(terrain: TerrainSettings) -> dict[str, float | None]:
-    """The statistics that ``terrain`` settings request of the random surface, with the keys of ``Roughness.numbers``.
+    """The statistics that ``terrain`` settings state for the random surface, with the keys of ``Roughness.numbers``.
 
-    The RMS height is for endless ground with these octaves. Raises IcyMoonError where the cut-offs make no sense.
+    The RMS height is for endless ground with these octaves. Raises IcyMoonError if the cut-offs contradict each other.
     """
     wavelength = octave_wavelengths_m(terrain)
     squares = _compute_stated_amplitudes(terrain, wavelength) ** 2
@@ -228,7 +228,7 @@ def _round_digits(values: Array) -> Array:
 def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.random.Generator) -> RoughSurface:
     """The random surface that ``terrain`` settings state, on a patch of side ``size_m``.
 
-    Raises IcyMoonError where the cut-offs make no sense.
+    Raises IcyMoonError if the cut-offs contradict each other.
     """
     wavelength = octave_wavelengths_m(terrain)
     n = len(wavelength)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from icymoon.benchmarks.light import furnace
 from icymoon.formats.exr_pixels import decode_parts
-from icymoon.nodes.light.veil import veil_in
+from icymoon.nodes.light.veil import add_veil_temporarily
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.physics.scene_checks import find_reasons_in_settings
@@ -68,7 +68,7 @@ def seen(scene: bpy.types.Scene, of: VeilSettings, bounces: int, height_m: float
     scene.camera = camera
     image = render.image_settings
     image.file_format, image.color_depth, scene.view_settings.view_transform = "OPEN_EXR", "32", "Raw"
-    with tempfile.TemporaryDirectory() as folder, veil_in(scene, of, bounces):
+    with tempfile.TemporaryDirectory() as folder, add_veil_temporarily(scene, of, bounces):
         render.filepath = str(Path(folder) / "seen.exr")
         bpy.ops.render.render(write_still=True)
         channels = dict(item for _, each in decode_parts(Path(render.filepath).read_bytes()) for item in each.items())
@@ -122,10 +122,10 @@ def test_nothing_is_added_without_a_veil_and_nothing_stays_of_one():
         return len(bpy.data.objects), len(bpy.data.meshes), len(bpy.data.materials), len(scene.objects)
 
     before = there()
-    with veil_in(scene, veil(), 4):
+    with add_veil_temporarily(scene, veil(), 4):
         assert there() == before
         assert scene.cycles.volume_bounces == empty_volume_bounces(scene)
-    with veil_in(scene, veil(optical_depth=0.1), 4):
+    with add_veil_temporarily(scene, veil(optical_depth=0.1), 4):
         assert there() == tuple(count + 1 for count in before)
     assert there() == before
 

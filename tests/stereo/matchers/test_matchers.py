@@ -11,6 +11,7 @@ RIG = pairs.camera()
 ANYWHERE = ("bm", "sgbm", "sgbm_wls", "jplv")  # what runs without a checkpoint or another program
 #: For images as small as these, where four per cent of the image is a large patch.
 SMALL = {"jplv": {"blob_size": 50}}
+#: The options of the GUISS paper, written a second time, so that a changed preset fails.
 GUISS = {
     "disparities": 96,
     "min_disparity": 4,

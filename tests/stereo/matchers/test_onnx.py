@@ -135,7 +135,7 @@ def test_networks_with_other_signs_units_and_outputs_are_understood(tmp_path):
         ({"second": True}, {}, "outputs are confidence 1x1x1x1, disparity 1x1xohxow; choose the one"),
         ({}, {"output": 3}, "onnx.output is 3, and the network's outputs are disparity"),
         ({"half": True}, {}, "of the whole image, 384 x 256 px"),
-        ({"channels": 2}, {}, "input left 1x2xhxw, which is no batch of one image or of both"),
+        ({"channels": 2}, {}, "input left 1x2xhxw, which is not a batch of one image or of both"),
         ({"names": ("a", "b", "c", "d")}, {}, "4 inputs without a size"),
         ({"names": ("a", "b", "c")}, {}, "has 3 inputs .*a stereo network has 1, 2 or 4"),
     ],
@@ -157,7 +157,7 @@ def test_a_file_that_is_no_network_is_one_sentence(tmp_path):
     (tmp_path / "net.onnx").write_bytes(b"no network")
     with pytest.raises(IcyMoonError, match=r"net.onnx cannot be read as an ONNX network \(Load model.*\); export it"):
         found(tmp_path / "net.onnx")
-    with pytest.raises(IcyMoonError, match=r"names .*none.onnx, which is no file"):
+    with pytest.raises(IcyMoonError, match=r"names .*none.onnx, which is not a file"):
         check_options("onnx", {"model": str(tmp_path / "none.onnx")})
     with pytest.raises(IcyMoonError, match=r"onnx.model is empty"):
         check_options("onnx", {})

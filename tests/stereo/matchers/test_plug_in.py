@@ -101,7 +101,7 @@ def test_what_it_does_wrong_is_one_sentence(add, body, said):
         ("{'a': {'default': 3, 'doc': '', 'minimum': 0, 'maximum': 2}}", "not between minimum and maximum"),
         ("{'a': {'default': 3, 'doc': '', 'min': 0}}", "has 'min'; an option has default, doc"),
         ("{'a': {'default': 'x', 'doc': ''}}", "is a text; state its choices. Only command, checkpoint"),
-        ("{'a': {'default': 'x', 'doc': '', 'choices': ['y']}}", "none of the choices"),
+        ("{'a': {'default': 'x', 'doc': '', 'choices': ['y']}}", "not one of the choices"),
         ("{'a': {'default': 3, 'doc': '', 'minimum': 'x', 'maximum': 9}}", "cannot be used"),
         ("{'a': {'default': None, 'doc': ''}}", "the default None; give a number"),
     ],

@@ -119,7 +119,7 @@ def test_what_the_package_cannot_load_is_its_own_sentence():
         ({}, "stereo_matching.python is empty"),
         ({"python": sys.executable}, "stereo_matching.model is empty"),
         ({"python": "/no/python", "model": "s2m2"}, "starts with /no/python, which is not a program"),
-        ({"python": sys.executable, "model": "s2m2", "checkpoint": "/no/file"}, "names /no/file, which is no file"),
+        ({"python": sys.executable, "model": "s2m2", "checkpoint": "/no/file"}, "names /no/file, which is not a file"),
     ],
 )
 def test_what_is_missing_is_refused_before_anything_else(options, reason):

@@ -89,9 +89,9 @@ def test_random_damage_is_a_sentence_or_a_map(tmp_path):
     [
         (np.float64(0), ""),
         (np.int64(-16), ""),
-        (np.float64(np.nan), "is no disparity"),
-        (np.float64(1e300), "is no disparity"),
-        (np.zeros(2), "is no disparity"),
+        (np.float64(np.nan), "is not a disparity"),
+        (np.float64(1e300), "is not a disparity"),
+        (np.zeros(2), "is not a disparity"),
         (np.array("x"), "of type"),
         (b"\x93NUMPY", "npz file"),
     ],
