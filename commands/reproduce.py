@@ -20,6 +20,7 @@ from ..stereo.environment import packages
 from ..stereo.paper import OUTPUT_FILES
 from ..support import printer
 from ..support.errors import IcyMoonError
+from ..support.files import refuse_file_as_folder
 from ..support.number_text import format_count
 from ..support.terminal import as_path, check_least, show_progress
 from .batch import add_worker_options, parse_workers, render_missing
@@ -119,11 +120,13 @@ def _run_reproduce(options: argparse.Namespace) -> int:
 
 
 def _check_options(options: argparse.Namespace) -> None:
-    """Raise IcyMoonError for an impossible scale or folder of files, and for an output folder with other tables."""
+    """Raise IcyMoonError for an impossible scale or folder of files, and for an output folder that is a file or has
+    other tables."""
     if not _LEAST_SCALE <= options.scale <= 1:  # not so for NaN either
         raise IcyMoonError(f"--scale is {options.scale:g}; give {_LEAST_SCALE:g} to 1.")
     if options.files and not options.files.is_dir():
         raise IcyMoonError(f"--files: {options.files} is not a folder; give the folder with your textures and meshes.")
+    refuse_file_as_folder(options.out, "--out")
     if not (options.out / "data" / PLAN).exists():
         for name in OUTPUT_FILES:
             if (options.out / name).exists():

@@ -10,7 +10,7 @@ from typing import Any
 from ..stereo.environment import packages
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.files import to_json_text, write_text
+from ..support.files import refuse_file_as_folder, to_json_text, write_text
 from ..support.foreign_bytes import MOST_TEXT_BYTES, read
 from ..support.suggestions import suggest_nearest
 from ..support.terminal import list_named, show_progress
@@ -52,6 +52,7 @@ def run_validate(options: argparse.Namespace) -> int:
     if options.page and not options.page.is_file():
         raise IcyMoonError(f"--page: there is no page {options.page}; give one that exists.")
     out = options.out.absolute()
+    refuse_file_as_folder(out, "--out")
     results = [_run_one(each, out, options) for each in chosen]
     out.mkdir(parents=True, exist_ok=True)
     report = {

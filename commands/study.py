@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..render.cost.blender_abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
@@ -17,9 +17,12 @@ from ..render.workers.process import report_errors
 from ..stereo.study.design import Study, find_study, list_study_names, read_study
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.files import write_text
+from ..support.files import refuse_file_as_folder, write_text
 from ..support.terminal import as_path, show_count, show_progress
 from .batch import Say, add_worker_options, parse_workers, render_missing
+
+if TYPE_CHECKING:
+    from ..stereo.matchers.methods import Method
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -41,10 +44,14 @@ def _run_study(options: argparse.Namespace) -> int:
     from ..stereo.environment import packages
 
     packages.require_modules(*packages.PACKAGES)
+    from ..stereo.matchers.methods import parse_methods
+
     study, out = read_study(find_study(options.study)), options.out.absolute()
     with report_errors(options.json):
+        refuse_file_as_folder(out, "--out")
+        methods = parse_methods(options.methods or study.methods)  # before an hour of rendering
         status = 0 if options.measure else _render_missing(study, out, options)
-        page = _measure_views(study, out, options)
+        page = _measure_views(study, out, methods, options)
     if options.json:
         printer.emit("result", page=str(page))
     else:
@@ -74,14 +81,12 @@ def _make_teller(show: Callable[[dict[str, Any]], None]) -> Say:
     return lambda kind, **facts: show({"type": kind, **facts})
 
 
-def _measure_views(study: Study, out: Path, options: argparse.Namespace) -> Path:
+def _measure_views(study: Study, out: Path, methods: list[Method], options: argparse.Namespace) -> Path:
     """Measure the views that have new pairs, write all tables, and return the path of the page."""
-    from ..stereo.matchers.methods import parse_methods
     from ..stereo.study.conclusions import draw_conclusions
     from ..stereo.study.tables import put_between_marks, write_study
     from ..stereo.study.view_measurements import read_or_measure_cell
 
-    methods = parse_methods(options.methods or study.methods)
     cells = []
     with show_count("Measuring") as show:
         for k, view in enumerate(study.views):

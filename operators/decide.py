@@ -8,19 +8,21 @@ import bpy
 
 from ..render.workers.job_commands import python_command
 from ..settings.blender import scene_properties
+from ..support.files import absolute_path
 from ..support.printer import show_controls
-from . import jobs, trusted_reports
+from . import dialogs, jobs, trusted_reports
 from .evaluate import MeasuringJob, check_has_pairs, make_matcher_arguments, make_response_arguments
 from .job_operators import JobOperator
 from .preferences import find_evaluator_python
 from .render import find_dataset_folder
 
 
-class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
-    """Find where a lander would dig and stand by each chosen matcher, compare it with the truth and open a report"""
+class DecidingOperator(JobOperator):
+    """Mix-in: an operator that decides on the data set by the chosen matchers."""
 
-    bl_idname = "icymoon.decide"
-    bl_label = "Decide Where to Dig"
+    def make_rules_arguments(self) -> tuple[str, ...]:
+        """The arguments of the command that state the rules of sites; none for the shipped rules."""
+        return ()
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
@@ -35,6 +37,7 @@ class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
             str(dataset),
             *make_matcher_arguments(settings),
             *make_response_arguments(settings),
+            *self.make_rules_arguments(),
             "--out",
             str(self._page.parent),
             "--json-lines",
@@ -51,4 +54,29 @@ class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
     _page: Path
 
 
-CLASSES = (ICYMOON_OT_decide,)
+class ICYMOON_OT_decide(DecidingOperator, bpy.types.Operator):
+    """Find where a lander would dig and stand by each chosen matcher, compare it with the truth and open a report"""
+
+    bl_idname = "icymoon.decide"
+    bl_label = "Decide Where to Dig"
+
+
+class ICYMOON_OT_decide_by_rules(dialogs.TomlFileDialog, DecidingOperator, bpy.types.Operator):
+    """Decide Where to Dig by a TOML file with rules of your own, such as the slope, the albedo or the share of salt"""
+
+    bl_idname = "icymoon.decide_by_rules"
+    bl_label = "Decide by Own Rules"
+
+    filepath: dialogs.file_property("TOML file with rules of your own for sites and pads")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Called with the chosen file: starts the job."""
+        if bpy.app.background:
+            return DecidingOperator.execute(self, context)
+        return DecidingOperator.invoke(self, context, None)
+
+    def make_rules_arguments(self) -> tuple[str, ...]:
+        return "--rules", str(absolute_path(self.filepath, "the file of rules", bpy.path.abspath("//")))
+
+
+CLASSES = (ICYMOON_OT_decide, ICYMOON_OT_decide_by_rules)

@@ -267,6 +267,16 @@ def quote(value: object) -> str:
     return shorten(repr(value))
 
 
+def refuse_file_as_folder(path: Path, option: str) -> None:
+    """Raise IcyMoonError if ``path``, the value of ``option``, or a folder above it is a file.
+
+    Called before long work whose results go into that folder.
+    """
+    for part in (path, *path.absolute().parents):
+        if os.path.exists(part) and not os.path.isdir(part):  # unlike Path's, these never raise
+            raise IcyMoonError(f"{option}: {part} is a file, not a folder; give another folder.")
+
+
 def is_file(path: Path) -> bool:
     """Whether a file exists; False also for a path that is invalid on this system."""
     try:

@@ -16,12 +16,14 @@ _COLOURS_NM = (400.0, 460.0, 620.0, 700.0)
 _SNOW_TOLERANCE = 0.005
 #: Largest error of Enceladus' ratios that counts as agreement.
 _RATIO_TOLERANCE = 0.03
+# ``tests/validation/test_colours.py`` predicts the sizes of both causes.
 _WHY_COARSE_SNOW = (
-    "Likely cause: for grains of millimetres the closed form for snow leaves out the smooth surface of firn"
+    "Cause unknown: the closed form meets this firn to 0.011 with twice the radius. Its smooth surface, which the form "
+    "leaves out, would alone darken it by 1.6 to 1.7 times the difference"
 )
 _WHY_SULPHUR = (
-    "Likely cause: the ratios of the plains are assumed, and sulphur stains plains of the trailing side too "
-    "(Carlson et al. 1999, Science 286, 97)"
+    "Likely cause: sulphur stains plains of the trailing side too (Carlson et al. 1999, Science 286, 97). With 20 to "
+    "30 % `SULPHUR` all four ratios pass, with none of the salts or tholin; its colour is assumed"
 )
 
 

@@ -175,7 +175,9 @@ def _compare_scans(bench: Bench) -> list[Row]:
         raise IcyMoonError(
             f"No folder of the FROST scans is given; get them from {_DATA_PAGE}, and pass --frost FOLDER."
         )
-    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES) if folder.is_dir() else []
+    if not folder.is_dir():
+        raise IcyMoonError(f"--frost: {folder} is not a folder; give the folder of scans from {_DATA_PAGE}.")
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES)
     if not paths:
         raise IcyMoonError(
             f"--frost: {folder} has no scan ({' or '.join(_SUFFIXES)}); get them from {_DATA_PAGE}, "

@@ -79,7 +79,8 @@ def snow_reflectance(wavelength_nm: Numbers, grain_radius_m: float) -> Array:
     single-scattering co-albedo is 1 - ω = 2Bα / (917 · SSA) (Kokhanovsky and Zege 2004, Applied Optics 43, 1589; Libois
     et al. 2013, The Cryosphere 7, 1803). It is accurate while 1 - ω is small, as it is in the visible below a radius of
     some centimetres. Another program, with the same absorption, agrees within 0.005 for radii of 100 and 500 µm, and is
-    up to 0.059 darker at 700 nm for firn of 2.5 mm (`icymoon validate --only colours`).
+    up to 0.059 darker at 700 nm for firn of 2.5 mm, as this form is with twice the radius, to 0.011
+    (`icymoon validate --only colours`).
     """
     surface_per_mass = 3 / (ICE_KG_M3 * grain_radius_m)
     coalbedo = 2 * _ABSORPTION_ENHANCEMENT * ice_absorption_1_m(wavelength_nm) / (ICE_KG_M3 * surface_per_mass)

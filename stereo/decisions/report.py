@@ -287,7 +287,11 @@ def _make_head_sentence(entry: Mapping[str, Any], sun: str) -> str:
     if unsafe is None or entry["sites.taken"] < _LEAST_GROUND_SHARE:
         much = "no" if unsafe is None else "hardly any"
         there = (
-            "" if entry["base_rate"] is None else f", although {_format_percent(entry['base_rate'])} of 100 are safe"
+            ""
+            if entry["base_rate"] is None
+            else f", although {_format_percent(entry['base_rate'])} of 100 are safe"
+            if entry["base_rate"] > 0
+            else ", and no site is safe"
         )
         return f"With {name}{sun}, {much} site looks safe{there} ({scenes})."
     between = _format_interval(entry, "sites.false_safe")

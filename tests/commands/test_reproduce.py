@@ -1,4 +1,4 @@
-"""What ``reproduce`` refuses before anything is rendered."""
+"""What ``reproduce``, ``study`` and ``validate`` refuse before anything is rendered."""
 
 from __future__ import annotations
 
@@ -35,3 +35,26 @@ def test_tables_of_others_are_not_overwritten(tmp_path, capsys, name):
     assert main(["reproduce", "guiss", "--dry-run", "--out", str(tmp_path)]) == 1
     assert f"{name} is there already" in capsys.readouterr().err
     assert (tmp_path / name).read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["reproduce", "guiss"], ["study", "recipes"], ["validate", "--only", "colours"]],
+    ids=["reproduce", "study", "validate"],
+)
+@pytest.mark.parametrize("below", ["", "more/and/more"])
+def test_a_file_in_the_place_of_the_folder_is_refused_before_any_work(tmp_path, capsys, words, below):
+    """Without the check at the start, each verb fails only when it writes its plan or its tables."""
+    (tmp_path / "mine").write_text("mine")
+    assert main([*words, "--out", str(tmp_path / "mine" / below)]) == 1
+    told = capsys.readouterr()
+    assert f"--out: {tmp_path / 'mine'} is a file, not a folder" in told.err
+    assert told.err.count("\n") == 1
+    assert told.out == ""
+    assert (tmp_path / "mine").read_text() == "mine"
+
+
+def test_a_study_asks_for_its_matchers_before_it_renders(tmp_path, capsys):
+    assert main(["study", "size", "--methods", "bm,nonesuch", "--out", str(tmp_path / "out")]) == 1
+    assert "nonesuch" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -31,6 +31,7 @@ CHANGE_NOTHING = {
     "show_ends",
     "evaluate_folder",
     "decide",
+    "decide_by_rules",
     "reproduce",
     "export_pairs",
 }

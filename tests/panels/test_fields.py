@@ -30,6 +30,7 @@ OTHER_WORDS = {
     "icymoon.export_pairs",
     "icymoon.evaluate",
     "icymoon.evaluate_folder",
+    "icymoon.decide_by_rules",
     "icymoon.trade",
     "icymoon.auto_quality",
     "icymoon.reproduce",

@@ -29,6 +29,7 @@ SOUGHT = {
     "Icy Terrain": "icymoon.add_terrain",
     "Decisions on Ground": "icymoon.paint_decisions",
     "Where to Dig": "icymoon.decide",
+    "own rules": "icymoon.decide_by_rules",
     "Lander": "icymoon.load_preset",
     "dry run": "icymoon.plan_dry_run",
     "true depth": "icymoon.show_pair",

@@ -157,8 +157,18 @@ def test_a_scan_that_is_not_in_metres_is_refused(tmp_path):
         read_scan(path)
 
 
-@pytest.mark.parametrize(("options", "word"), [([], "pass --frost FOLDER"), (["--frost", "nowhere"], "has no scan")])
-def test_the_command_without_scans_names_where_they_are(tmp_path, capsys, options, word):
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ([], "pass --frost FOLDER"),
+        (["--frost", "nowhere"], "nowhere is not a folder"),
+        (["--frost", __file__], "is not a folder"),
+        (["--frost", "docs"], "has no scan"),
+    ],
+)
+def test_the_command_without_scans_names_where_they_are(tmp_path, monkeypatch, capsys, options, word):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "docs").mkdir()
     assert main(["validate", "--only", "frost", "--out", str(tmp_path), *options]) == 1
     printed = " ".join(capsys.readouterr().out.split())
     assert word in printed

@@ -122,3 +122,7 @@ def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
         assert [note.split(",")[0] for note in notes] == (
             ["The left image of 1 of 1 pair shows no cell in reach"] if completeness is None else []
         )
+    assert head[0].endswith("no site looks safe, although 90 of 100 are safe (1 scene).")
+    found[0]["numbers"]["sites"] |= {"base_rate": 0.0, "safe_lost": None, "no_site": None}
+    head = make_head_sentences(summarise(found, facts, ["true depth"]), facts)
+    assert head[0].endswith("no site looks safe, and no site is safe (1 scene).")

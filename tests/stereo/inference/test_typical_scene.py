@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,9 @@ from icymoon.stereo.inference.typical_scene import (
 )
 
 pytestmark = pytest.mark.filterwarnings("error")
+
+DOCS = Path(__file__).parents[3] / "docs"
+WORDS = {9: "nine", 10: "ten", 11: "eleven"}
 
 
 def differences_of(errors):
@@ -182,3 +186,13 @@ def test_ranks_are_bounded_by_the_verdicts():
     assert find_rank_ranges(better) == [(1, 4)] * 4
     better[0, 2] = better[0, 3] = better[1, 3] = True
     assert find_rank_ranges(better) == [(1, 2), (1, 3), (2, 4), (3, 4)]
+
+
+def test_the_manual_states_these_numbers_of_scenes():
+    needed = {methods: count_scenes_for_methods(methods) for methods in range(2, 9)}
+    assert needed[6] == needed[7] == needed[8]  # which share a column
+    metrics, tutorial = (
+        (DOCS / page).read_text(encoding="utf-8") for page in ("theory/metrics.md", "tutorial/decisions.md")
+    )
+    assert f"| scenes that a verdict takes | {' | '.join(str(needed[methods]) for methods in range(2, 7))} |" in metrics
+    assert f"no verdict on five matchers: it takes {WORDS[needed[5]]}." in " ".join(tutorial.split())
