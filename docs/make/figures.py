@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from cycler import cycler
 from icymoon.physics.camera import depth_accuracy, sensor
+from icymoon.physics.lidar import light_in_ice
 from icymoon.physics.light import ephemeris, photons, planetshine
 from icymoon.physics.light.sunlight import sun_diameter_deg, sun_irradiance_wm2
 from icymoon.physics.random_numbers.seeds import make_generator
@@ -338,6 +339,26 @@ def trade_front(figure: Figure) -> None:
     panels[0].legend(fontsize=8)
 
 
+def ice_waveforms(figure: Figure) -> None:
+    """Received power of a laser pulse on a hard surface, on snow and on bubbly ice."""
+    columns = figure.subplots(1, 2, sharey=True, sharex=True)
+    receiver = light_in_ice.Receiver(1e-9, gate_m=1.2)
+    for axes, wavelength in zip(columns, (532.0, 905.0), strict=True):
+        fine = light_in_ice.make_snow(50e-6, 200.0, wavelength)
+        for title, medium in (
+            ("hard surface", light_in_ice.Medium("hard", 0.0, 0.0, 0.0)),
+            ("plume snow, 50 µm", fine),
+            ("coarse snow, 1 mm", light_in_ice.make_snow(1e-3, 500.0, wavelength)),
+            ("bubbly ice, l* 5 cm", light_in_ice.make_bubbly_ice(5e-4, 0.063, wavelength)),
+        ):
+            wave = light_in_ice.make_waveform(medium, receiver)
+            axes.plot(wave.range_m[::8], wave.power[::8], label=title)
+        axes.axvline(0.0, color="#777777", ls=":", lw=1)
+        axes.set(xlabel="Apparent range behind the surface, m", title=f"{wavelength:g} nm", xlim=(-0.25, 1.0), ylim=0)
+    columns[0].set(ylabel="Received power, 1/m")
+    columns[0].legend(fontsize=8)
+
+
 FIGURES: dict[str, Callable[[Figure], None]] = {
     f.__name__: f
     for f in (
@@ -352,6 +373,7 @@ FIGURES: dict[str, Callable[[Figure], None]] = {
         planet_phase,
         photon_transfer,
         exposure_response,
+        ice_waveforms,
         depth_error,
         cautious_matcher,
         trade_front,

@@ -22,6 +22,7 @@ STREAMS = (
     "training",
     "bake",
     "pose",
+    "lidar",
 )
 
 

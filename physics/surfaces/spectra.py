@@ -58,10 +58,10 @@ _ICE_K = np.array(
 )
 
 #: Factor on the absorption by the shape of snow's grains, B = 1.6: Libois et al. 2014, Journal of Glaciology 60, 498.
-_ABSORPTION_ENHANCEMENT = 1.6
+ABSORPTION_ENHANCEMENT = 1.6
 #: Asymmetry g of scattering by snow's grains; 0.845 fits the absorption of real snow (the same source).
-_SNOW_ASYMMETRY = 0.845
-_BUBBLE_ASYMMETRY = 0.79
+SNOW_ASYMMETRY = 0.845
+BUBBLE_ASYMMETRY = 0.79
 
 
 def ice_absorption_1_m(wavelength_nm: Numbers) -> Array:
@@ -83,8 +83,8 @@ def snow_reflectance(wavelength_nm: Numbers, grain_radius_m: float) -> Array:
     (`icymoon validate --only colours`).
     """
     surface_per_mass = 3 / (ICE_KG_M3 * grain_radius_m)
-    coalbedo = 2 * _ABSORPTION_ENHANCEMENT * ice_absorption_1_m(wavelength_nm) / (ICE_KG_M3 * surface_per_mass)
-    return np.asarray(np.exp(-np.sqrt(16 / 3 * coalbedo / (1 - _SNOW_ASYMMETRY))))
+    coalbedo = 2 * ABSORPTION_ENHANCEMENT * ice_absorption_1_m(wavelength_nm) / (ICE_KG_M3 * surface_per_mass)
+    return np.asarray(np.exp(-np.sqrt(16 / 3 * coalbedo / (1 - SNOW_ASYMMETRY))))
 
 
 def bubbly_ice_reflectance(wavelength_nm: Numbers, bubble_radius_m: float, bubble_share: float) -> Array:
@@ -96,7 +96,7 @@ def bubbly_ice_reflectance(wavelength_nm: Numbers, bubble_radius_m: float, bubbl
     the further light travels in ice between them, and the bluer the ice is.
     """
     absorbed = ice_absorption_1_m(wavelength_nm) * (1 - bubble_share)
-    scattered = 3 * bubble_share * (1 - _BUBBLE_ASYMMETRY) / (4 / 3 * bubble_radius_m)
+    scattered = 3 * bubble_share * (1 - BUBBLE_ASYMMETRY) / (4 / 3 * bubble_radius_m)
     return np.asarray(np.exp(-4 * np.sqrt(absorbed / scattered)))
 
 

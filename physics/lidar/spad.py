@@ -1,0 +1,105 @@
+"""A single-photon detector: pile-up of its histogram, dead time, and their inverse.
+
+Time is in bins. A bin with N expected photons fires with 1 - exp(-N) if the detector is awake. It then is dead for a
+number of bins, and light in them does not prolong this.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...support.arrays import Array
+from ...support.errors import IcyMoonError
+from ..random_numbers.seeds import make_generator
+from .noise_streams import ARRIVALS, JITTER
+
+#: Random numbers that are drawn at once.
+_AT_ONCE = 4_000_000
+
+
+def detection_probability(photons: Array, dead_bins: int | None = None) -> Array:
+    """Probability (..., bins) of a count in each bin of a shot, from expected photons (..., bins).
+
+    P_i = (1 - exp(-N_i)) (1 - Σ P_j over the bins j < i that leave the detector dead). With ``dead_bins`` None one
+    photon a shot is counted, and P_i is (1 - exp(-N_i)) exp(-Σ_{j<i} N_j).
+    """
+    rate = _check(photons)
+    fires = -np.expm1(-rate)
+    if dead_bins is None:
+        before = np.cumsum(rate, axis=-1) - rate
+        return np.asarray(fires * np.exp(-before))
+    found = np.zeros_like(fires)
+    dead = np.zeros(fires.shape[:-1])
+    for i in range(fires.shape[-1]):
+        if i > dead_bins:
+            dead = dead - found[..., i - dead_bins - 1]
+        found[..., i] = fires[..., i] * (1.0 - dead)
+        dead = dead + found[..., i]
+    return found
+
+
+def count_photons(photons: Array, shots: int, seed: int, scan: int = 0, dead_bins: int | None = None) -> Array:
+    """Counts (bins,) of a histogram over shots, each with expected photons (bins,); same seed and scan, same bits."""
+    rate = _check(photons)
+    if rate.ndim != 1 or shots < 0:
+        raise IcyMoonError("A histogram needs a list of expected photons by bin and 0 shots or more.")
+    random = make_generator(seed, "lidar", scan, ARRIVALS)
+    counts = np.zeros(len(rate), np.int64)
+    total = np.concatenate([[0.0], np.cumsum(rate)])
+    for start in range(0, shots, _AT_ONCE):
+        awake = np.zeros(min(_AT_ONCE, shots - start), np.int64)
+        while len(awake):
+            # The next count is where an exponential variate of expected photons has been received.
+            at = np.searchsorted(total, total[awake] + random.standard_exponential(len(awake)), side="left") - 1
+            at = at[at < len(rate)]
+            counts += np.bincount(at, minlength=len(rate))
+            awake = at[:0] if dead_bins is None else at + dead_bins + 1
+            awake = awake[awake < len(rate)]
+    return counts
+
+
+def draw_first_counts(photons: Array, seed: int, scan: int = 0) -> Array:
+    """The bin (beams,) of the first count of one shot a beam with expected photons (beams, bins); -1 without one."""
+    rate = np.atleast_2d(_check(photons))
+    drawn = make_generator(seed, "lidar", scan, ARRIVALS).standard_exponential(len(rate))
+    reached = np.cumsum(rate, axis=1) >= drawn[:, None]
+    return np.where(reached.any(axis=1), reached.argmax(axis=1), -1)
+
+
+def correct_pile_up(counts: Array, shots: int, dead_bins: int | None = None) -> Array:
+    """Expected photons (bins,) that a histogram means: -ln(1 - h_i over the shots in which the detector was awake), by
+    Coates 1968, Journal of Physics E 1, 878. NaN where it was never awake, infinite where it always fired."""
+    counted = np.asarray(counts, np.float64)
+    before = np.concatenate([[0.0], np.cumsum(counted)])
+    bins = np.arange(len(counted))
+    first = np.zeros(len(counted), np.int64) if dead_bins is None else np.maximum(bins - dead_bins, 0)
+    awake = shots - (before[bins] - before[first])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(awake > 0.0, -np.log1p(-counted / awake), np.nan))
+
+
+def expect_pulse(
+    time_s: float, photons: float, background_1_s: float, bins: int, bin_s: float, pulse_fwhm_s: float
+) -> Array:
+    """Expected photons (bins,) of a Gaussian pulse that arrives at a time, and of an even background."""
+    if not pulse_fwhm_s > 0.0 or not bin_s > 0.0:
+        raise IcyMoonError(f"The pulse is {pulse_fwhm_s:g} s and a bin {bin_s:g} s long; give more than 0 s.")
+    deviation = pulse_fwhm_s / (2.0 * math.sqrt(2.0 * math.log(2.0)))
+    edge = (np.arange(bins + 1) * bin_s - time_s) / (deviation * math.sqrt(2.0))
+    below = np.array([math.erf(one) for one in edge.tolist()]) / 2.0
+    return np.asarray(photons * np.diff(below) + background_1_s * bin_s)
+
+
+def add_jitter(bins: Array, deviation_bins: float, seed: int, scan: int = 0) -> Array:
+    """Counts' bins (n,), moved by the detector's Gaussian jitter; those without a count (-1) stay."""
+    moved = bins + deviation_bins * make_generator(seed, "lidar", scan, JITTER).standard_normal(np.shape(bins))
+    return np.where(np.asarray(bins) < 0, -1.0, moved)
+
+
+def _check(photons: Array) -> Array:
+    rate = np.asarray(photons, np.float64)
+    if not (rate >= 0.0).all():
+        raise IcyMoonError("The expected photons of a bin are negative or unknown; give 0 or more.")
+    return rate
