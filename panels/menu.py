@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..operators.painted_masks import KINDS
 from ..operators.preferences import can_install_evaluator
 from ..operators.presets import list_preset_items
 from ..operators.session import session
@@ -12,6 +13,7 @@ from ..settings.preset_files import PRESET_KINDS
 #: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
 _BAR_UNITS = 15
 _ORIGINAL_DRAW = "_draw_orig"
+_MASK_OPERATORS = {"Paint": "icymoon.paint_mask", "Use": "icymoon.use_painted_mask", "Clear": "icymoon.clear_mask"}
 
 
 _KIND_TITLES = {"own": "Yours", **PRESET_KINDS}
@@ -161,6 +163,23 @@ class ICYMOON_MT_set_up(bpy.types.Menu):
         layout.operator("icymoon.remove_asset_library")
 
 
+class ICYMOON_MT_masks(bpy.types.Menu):
+    """Paint where rocks, dirt and frost lie"""
+
+    bl_idname = "ICYMOON_MT_masks"
+    bl_label = "Masks"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        for action in ("Paint Where {} Lie{s}", "Use Painted Mask of {}", "Clear Mask of {}"):
+            for kind, label, _ in KINDS:
+                name = _MASK_OPERATORS[action.split()[0]]
+                text = action.format(label, s="" if kind == "ROCKS" else "s")
+                layout.operator(name, text=text).kind = kind
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("icymoon.use_image_as_mask", text="Use Image as Mask…")
+
+
 class ICYMOON_MT_icymoon(bpy.types.Menu):
     """All commands of Icy Moon"""
 
@@ -177,6 +196,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.import_ground", text="Import Ground…")
         layout.operator("icymoon.object_as_ground")
         layout.operator("icymoon.object_as_rock")
+        layout.menu(ICYMOON_MT_masks.bl_idname)
         layout.operator_menu_enum("icymoon.place_on_ground", "target")
         layout.operator("icymoon.read_calibration", text="Read Calibration…")
         layout.operator("icymoon.write_calibration", text="Write Calibration…")
@@ -253,6 +273,7 @@ CLASSES = (
     ICYMOON_MT_dataset,
     ICYMOON_MT_results,
     ICYMOON_MT_set_up,
+    ICYMOON_MT_masks,
     ICYMOON_MT_icymoon,
 )
 
