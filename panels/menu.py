@@ -1,14 +1,18 @@
-"""The menus Render ▸ Icy Moon and Add ▸ Mesh, and the status bar. F3 finds only operators that are in a menu."""
+"""The menus Render ▸ Icy Moon and Add ▸ Mesh, the Asset Browser's menus, and the status bar.
+
+F3 finds only operators that are in a menu.
+"""
 
 from __future__ import annotations
 
 import bpy
 
 from ..operators.painted_masks import KINDS
-from ..operators.preferences import can_install_evaluator
+from ..operators.preferences import can_install_evaluator, find_asset_libraries
 from ..operators.presets import list_preset_items
 from ..operators.session import session
 from ..settings.preset_files import PRESET_KINDS
+from .fields import draw_start
 
 #: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
 _BAR_UNITS = 15
@@ -64,6 +68,9 @@ class ICYMOON_MT_presets(bpy.types.Menu):
         for name, title in _MENU_TITLES.items():
             if title in there:
                 self.layout.menu(name)
+        if not find_asset_libraries():
+            self.layout.separator()
+            draw_start(self.layout, "icymoon.make_asset_library", "Make Asset Library of Presets", "ASSET_MANAGER")
 
 
 class ICYMOON_MT_settings_files(bpy.types.Menu):
@@ -222,6 +229,12 @@ def _draw_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     self.layout.menu(ICYMOON_MT_icymoon.bl_idname, icon="WORLD")
 
 
+def _draw_assets(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """Beside the menus of the Asset Browser, until there is our library."""
+    if not find_asset_libraries():
+        draw_start(self.layout, "icymoon.make_asset_library", "Make Asset Library of Icy Moon")
+
+
 def _draw_meshes(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     self.layout.separator()
     self.layout.operator("icymoon.add_terrain", icon="RNDCURVE")
@@ -279,14 +292,17 @@ CLASSES = (
 
 
 def register() -> None:
-    """Add the menu to Render in the top bar, the meshes to Add ▸ Mesh, and the running job to the status bar."""
+    """Add the menu to Render in the top bar, the meshes to Add ▸ Mesh, the assets to the Asset Browser, and the running
+    job to the status bar."""
     bpy.types.TOPBAR_MT_render.append(_draw_menu)
     bpy.types.VIEW3D_MT_mesh_add.append(_draw_meshes)
+    bpy.types.ASSETBROWSER_MT_editor_menus.append(_draw_assets)
     _append_to_status_bar()
 
 
 def unregister() -> None:
     """Remove the menus and the status bar."""
     _remove_from_status_bar()
+    bpy.types.ASSETBROWSER_MT_editor_menus.remove(_draw_assets)
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw_meshes)
     bpy.types.TOPBAR_MT_render.remove(_draw_menu)
