@@ -15,7 +15,7 @@ from ..settings import description, user_files
 from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
-from .inputs import Field, Input, make_albedo_input, make_heights_input, make_rocks_input
+from .inputs import Field, Input, make_albedo_input, make_heights_input, make_mask_input, make_rocks_input
 from .rendered_pair import RenderedPair, read_settings
 from .renderers import MessageReceiver, Renderer, default_renderer, ignore_message, issue_warnings
 
@@ -67,7 +67,7 @@ class Scene:
 
     def to_toml(self) -> str:
         """The text of a TOML file with its settings, for ``icymoon render --settings``. It lacks the arrays of
-        ``with_heights``, ``with_albedo`` and ``with_rocks``.
+        ``with_heights``, ``with_albedo``, ``with_rocks`` and ``with_mask``.
         """
         return to_toml(self._settings)
 
@@ -121,6 +121,17 @@ class Scene:
         """
         given, stated = make_rocks_input(rocks, self._settings.terrain.size_m)
         return self._make_changed(description.check(stated, "rocks"), {given.setting: given})
+
+    def with_mask(self, of: str, mask: Field, *, resolution: int = 512) -> Scene:
+        """A copy of this scene whose rocks, dirt or frost lie where your mask states; ``of`` is ``rocks``, ``dirt`` or
+        ``frost``.
+
+        ``mask`` is a function f(x_m, y_m) of arrays, sampled at ``resolution`` x ``resolution`` places of the patch, or
+        an array (rows, columns), north first: 0 is nowhere, 1 as much as without it. A rock stays with that chance, and
+        where it was. Beyond the patch the outermost values are repeated. Raises IcyMoonError for values outside 0 to 1.
+        """
+        given = make_mask_input(of, mask, self._settings.terrain.size_m, resolution)
+        return self._make_changed(description.check({}, "mask"), {given.setting: given})
 
     def stored(self, dataset: str | Path) -> Settings:
         """The complete settings. Writes arrays of the program to files in the folder ``inputs`` of the data set."""

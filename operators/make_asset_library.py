@@ -11,18 +11,25 @@ from ..support.number_text import format_count
 from ..support.printer import show_controls
 from . import jobs
 from .job_operators import JobOperator
-from .preferences import find_asset_folder, find_asset_libraries, has_assets
+from .preferences import (
+    find_asset_folder,
+    find_asset_libraries,
+    has_assets,
+    list_asset_library,
+    unlist_asset_library,
+)
 from .session import session
 from .sidebar_text import format_for_window
 from .window_areas import list_areas, override_area
 
-_LIBRARY_NAME = "Icy Moon"
 
-
-def _show_in_browsers() -> None:
-    """Let open Asset Browsers read their libraries again."""
+def _show_in_browsers(library: str = "") -> None:
+    """Let open Asset Browsers read their libraries again, and show a library, unless they show all."""
     for window, area in list_areas("FILE_BROWSER"):
         if area.ui_type == "ASSETS":
+            shown = area.spaces.active.params
+            if library and shown is not None and shown.asset_library_reference != "ALL":
+                shown.asset_library_reference = library
             with override_area(window, area):
                 if bpy.ops.asset.library_refresh.poll():
                     bpy.ops.asset.library_refresh()
@@ -40,14 +47,11 @@ class ICYMOON_OT_make_asset_library(JobOperator, bpy.types.Operator):
         return jobs.Job.start(self.bl_label, command, clean=False, if_stopped=kept)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        if not find_asset_libraries():
-            library = context.preferences.filepaths.asset_libraries.new(
-                name=_LIBRARY_NAME, directory=str(find_asset_folder())
-            )
-            library.import_method = "APPEND"  # dropped assets can be edited; Blender 5 would pack them otherwise
-        _show_in_browsers()
+        list_asset_library()
+        name = find_asset_libraries()[0].name
+        _show_in_browsers(name)
         made = format_count(int(self._job.result["assets"]), "asset")
-        self.report({"INFO"}, f"Made {made}; choose the library {_LIBRARY_NAME} in the Asset Browser")
+        self.report({"INFO"}, f"Made {made}, the library {name} of the Asset Browser")
 
 
 class ICYMOON_OT_remove_asset_library(bpy.types.Operator):
@@ -86,8 +90,7 @@ class ICYMOON_OT_remove_asset_library(bpy.types.Operator):
             )
             _show_in_browsers()
             return {"FINISHED"}
-        for library in find_asset_libraries():
-            context.preferences.filepaths.asset_libraries.remove(library)
+        unlist_asset_library()
         _show_in_browsers()
         self.report({"INFO"}, "Removed the asset library")
         return {"FINISHED"}

@@ -26,6 +26,8 @@ _NEEDED_PACKAGES = ", ".join(name for name, *_ in PACKAGES.values())
 
 #: The name by which Blender knows the add-on: its package, which the room is in.
 ADD_ON = __package__.rpartition(".")[0]
+#: The name of our asset library in the Asset Browser, until the user renames it.
+ASSET_LIBRARY = "Icy Moon"
 
 
 def find_extension_folder() -> Path:
@@ -86,8 +88,24 @@ def find_asset_libraries() -> list[Any]:
     return [
         each
         for each in bpy.context.preferences.filepaths.asset_libraries
-        if each.path and Path(bpy.path.abspath(each.path)) == folder
+        if each.path and not each.path.startswith("//") and Path(each.path) == folder
     ]
+
+
+def list_asset_library() -> None:
+    """Enter our asset library in Blender's preferences, unless it is there."""
+    if find_asset_libraries():
+        return
+    library = bpy.context.preferences.filepaths.asset_libraries.new(
+        name=ASSET_LIBRARY, directory=str(find_asset_folder())
+    )
+    library.import_method = "APPEND"  # dropped assets can be edited; Blender 5 would pack them otherwise
+
+
+def unlist_asset_library() -> None:
+    """Remove our asset library from Blender's preferences; its files stay."""
+    for library in find_asset_libraries():
+        bpy.context.preferences.filepaths.asset_libraries.remove(library)
 
 
 def get_preferences() -> bpy.types.AddonPreferences:
@@ -370,11 +388,14 @@ def show_findings(found: list[Finding]) -> None:
 
 
 def register() -> None:
-    """Register the preferences. From now on, scenes that need kernels and name none get the preferred ones."""
+    """Register the preferences, and list the asset library. From now on, scenes that need kernels and name none get the
+    preferred ones."""
     bundled_wheels.announce_folder(Path(bpy.utils.user_resource("EXTENSIONS")))
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
     change_announcements.listeners.append(_give_kernels)
+    if has_assets():  # made before the extension was disabled or updated
+        list_asset_library()
     _choose_cache(get_preferences(), bpy.context)
 
 
@@ -385,8 +406,9 @@ def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 
 
 def unregister() -> None:
-    """Unregister the preferences."""
+    """Unregister the preferences, and take the asset library off Blender's list."""
     change_announcements.listeners.remove(_give_kernels)
+    unlist_asset_library()  # Blender deletes its folder with the extension
     cache_folder.choose_folder("")
     findings.clear()
     _found_matchers.clear()

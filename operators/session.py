@@ -63,6 +63,8 @@ class Session:
     #: The views that show colours no more because undo or a button took the errors away; whether they were in Solid
     #: shading.
     colours_left: dict[int, bool] = field(default_factory=dict)
+    #: The shading and the overlays of 3D Views before a mask was painted in them.
+    before_painting: dict[int, tuple[str, bool]] = field(default_factory=dict)
     picture: FirstPicture = field(default_factory=FirstPicture)
 
     def reset(self) -> None:

@@ -1,17 +1,23 @@
-"""The menus Render ▸ Icy Moon and Add ▸ Mesh, and the status bar. F3 finds only operators that are in a menu."""
+"""The menus Render ▸ Icy Moon and Add ▸ Mesh, the Asset Browser's menus, and the status bar.
+
+F3 finds only operators that are in a menu.
+"""
 
 from __future__ import annotations
 
 import bpy
 
-from ..operators.preferences import can_install_evaluator
+from ..operators.painted_masks import KINDS
+from ..operators.preferences import can_install_evaluator, find_asset_libraries
 from ..operators.presets import list_preset_items
 from ..operators.session import session
 from ..settings.preset_files import PRESET_KINDS
+from .fields import draw_start
 
 #: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
 _BAR_UNITS = 15
 _ORIGINAL_DRAW = "_draw_orig"
+_MASK_OPERATORS = {"Paint": "icymoon.paint_mask", "Use": "icymoon.use_painted_mask", "Clear": "icymoon.clear_mask"}
 
 
 _KIND_TITLES = {"own": "Yours", **PRESET_KINDS}
@@ -62,6 +68,9 @@ class ICYMOON_MT_presets(bpy.types.Menu):
         for name, title in _MENU_TITLES.items():
             if title in there:
                 self.layout.menu(name)
+        if not find_asset_libraries():
+            self.layout.separator()
+            draw_start(self.layout, "icymoon.make_asset_library", "Make Asset Library of Presets", "ASSET_MANAGER")
 
 
 class ICYMOON_MT_settings_files(bpy.types.Menu):
@@ -162,6 +171,23 @@ class ICYMOON_MT_set_up(bpy.types.Menu):
         layout.operator("icymoon.remove_asset_library")
 
 
+class ICYMOON_MT_masks(bpy.types.Menu):
+    """Paint where rocks, dirt and frost lie"""
+
+    bl_idname = "ICYMOON_MT_masks"
+    bl_label = "Masks"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        for action in ("Paint Where {} Lie{s}", "Use Painted Mask of {}", "Clear Mask of {}"):
+            for kind, label, _ in KINDS:
+                name = _MASK_OPERATORS[action.split()[0]]
+                text = action.format(label, s="" if kind == "ROCKS" else "s")
+                layout.operator(name, text=text).kind = kind
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("icymoon.use_image_as_mask", text="Use Image as Mask…")
+
+
 class ICYMOON_MT_icymoon(bpy.types.Menu):
     """All commands of Icy Moon"""
 
@@ -178,6 +204,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.import_ground", text="Import Ground…")
         layout.operator("icymoon.object_as_ground")
         layout.operator("icymoon.object_as_rock")
+        layout.menu(ICYMOON_MT_masks.bl_idname)
         layout.operator_menu_enum("icymoon.place_on_ground", "target")
         layout.operator("icymoon.read_calibration", text="Read Calibration…")
         layout.operator("icymoon.write_calibration", text="Write Calibration…")
@@ -201,6 +228,12 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
 def _draw_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     self.layout.separator()
     self.layout.menu(ICYMOON_MT_icymoon.bl_idname, icon="WORLD")
+
+
+def _draw_assets(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """Beside the menus of the Asset Browser, until there is our library."""
+    if not find_asset_libraries():
+        draw_start(self.layout, "icymoon.make_asset_library", "Make Asset Library of Icy Moon")
 
 
 def _draw_meshes(self: bpy.types.Menu, context: bpy.types.Context) -> None:
@@ -254,19 +287,23 @@ CLASSES = (
     ICYMOON_MT_dataset,
     ICYMOON_MT_results,
     ICYMOON_MT_set_up,
+    ICYMOON_MT_masks,
     ICYMOON_MT_icymoon,
 )
 
 
 def register() -> None:
-    """Add the menu to Render in the top bar, the meshes to Add ▸ Mesh, and the running job to the status bar."""
+    """Add the menu to Render in the top bar, the meshes to Add ▸ Mesh, the assets to the Asset Browser, and the running
+    job to the status bar."""
     bpy.types.TOPBAR_MT_render.append(_draw_menu)
     bpy.types.VIEW3D_MT_mesh_add.append(_draw_meshes)
+    bpy.types.ASSETBROWSER_MT_editor_menus.append(_draw_assets)
     _append_to_status_bar()
 
 
 def unregister() -> None:
     """Remove the menus and the status bar."""
     _remove_from_status_bar()
+    bpy.types.ASSETBROWSER_MT_editor_menus.remove(_draw_assets)
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw_meshes)
     bpy.types.TOPBAR_MT_render.remove(_draw_menu)

@@ -11,14 +11,16 @@ import bpy
 from ..nodes import build_scene as scenes
 from ..nodes import preview
 from ..operators import live_exposure, sidebar_text
+from ..operators.painted_masks import can_use, has_mask
 from ..operators.sidebar_text import remember_answers
 from ..paper_stand_ins.shown_items import describe_item, list_items
 from ..physics.surfaces import principled, surface_law
 from ..settings.blender import scene_properties
 from ..settings.preset_files import find_preset, load, preset_names, read_preset_header
 from ..settings.table import TOPICS
+from ..settings.topics.rocks import PLACE
 from ..settings.topics.stand_ins import MeshItem, TextureItem
-from ..settings.topics.surfaces import HapkeSettings, SurfaceSettings
+from ..settings.topics.surfaces import COVER, DIRT, HapkeSettings, SurfaceSettings
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 
 _albedo_advice, _albedos = remember_answers(principled.advise_on_albedo), remember_answers(surface_law.find_albedos)
@@ -200,6 +202,30 @@ def _draw_albedos(layout: bpy.types.UILayout, surface: SurfaceSettings, hapke: H
         draw_lines(layout, tuple(f"{label} albedo {value:.3f}" for label, value in values))
 
 
+def _make_painting(kind: str) -> Extra:
+    """Buttons that paint a mask of a kind, use what was painted, and clear it."""
+    text = f"Paint Where {kind.title()} {'Lie' if kind == 'ROCKS' else 'Lies'}"
+
+    def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        column = layout.column(align=True)
+        column.operator("icymoon.paint_mask", text=text, icon="BRUSH_DATA").kind = kind
+        painted = can_use(context.scene, kind)
+        if not painted and not has_mask(context.scene, kind):
+            return
+        row = column.row(align=True)
+        if painted:
+            row.operator("icymoon.use_painted_mask").kind = kind
+        row.operator("icymoon.clear_mask", text="" if painted else "Clear Mask", icon="X").kind = kind
+
+    return draw
+
+
+#: Functions that draw above the settings of a sub-panel, by topic and section.
+IN_SECTION: dict[tuple[str, str], Extra] = {
+    ("rocks", PLACE.key): _make_painting("ROCKS"),
+    ("surface", DIRT.key): _make_painting("DIRT"),
+    ("surface", COVER.key): _make_painting("FROST"),
+}
 #: Functions that draw above and below the settings, by topic.
 BEFORE: dict[str, Extra] = {
     "source": _draw_import,

@@ -10,7 +10,7 @@ from ..settings.topics.declaration import ADVANCED, LANDFORMS, Section, Topic
 from ..settings.topics.ground import ABOVE_A_MAP
 from .fields import draw_sentence, draw_settings, find_fields
 from .sidebar import FIRST, LAST, Sidebar
-from .topic_extras import AFTER, BEFORE
+from .topic_extras import AFTER, BEFORE, IN_SECTION
 
 #: Kinds of presets that set a topic, for the menu in the header of its panel.
 _PRESETS = {
@@ -63,6 +63,8 @@ class _SectionPanel(Sidebar):
     def draw(self, context: bpy.types.Context) -> None:
         root = context.scene.icymoon
         self.layout.active = self.topic.key != "rock_surface" or root.rocks.own_surface
+        if extra := IN_SECTION.get((self.topic.key, self.section.key)):
+            extra(self.layout, context)
         draw_settings(self.layout, root, self.topic.key, self.topic.keys_in(self.section))
 
 

@@ -13,6 +13,7 @@ from ..formats.calibrations.head_file import list_head_files
 from ..paper_stand_ins.shown_items import RECIPE_NUMBER, list_items
 from ..physics.arm.own_arm import list_arm_files
 from ..physics.light.kernels import list_kernel_files
+from ..physics.scene_requirements import surface_topics
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path, hash_file_once
 from ..support.foreign_bytes import describe_reason
@@ -41,6 +42,7 @@ def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict
         named["rocks.file"] = str(settings.rocks.file)
     if settings.rocks.family == "OWN" and settings.rocks.coverage > 0:
         named["rocks.shape_file"] = str(settings.rocks.shape_file)
+    named |= {f"{topic}.{key}": str(settings[topic][key]) for topic, key in _list_masks(settings)}
     if settings.excavation.path in ("RECORDED", "JOINTS"):
         named["excavation.file"] = str(settings.excavation.file)
     if settings.lander.kind == "OWN":
@@ -50,6 +52,19 @@ def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict
     if settings.light.directions_from == "KERNELS":
         named["light.kernels"] = str(settings.light.kernels)
     return {name: absolute_path(text, name, blend_folder) for name, text in named.items()}
+
+
+def _list_masks(settings: Settings) -> list[tuple[str, str]]:
+    """The topics and keys of the painted masks that have an effect."""
+    return [
+        (topic, s.key)
+        for topic in ("rocks", *surface_topics(settings))
+        for s in TOPICS[topic].settings
+        if s.key.endswith("mask_file")
+        and settings[topic][s.key]
+        and TOPICS[topic].is_shown(s.key, settings)
+        and TOPICS[topic].has_effect(s.key, settings)
+    ]
 
 
 def has_surroundings(settings: Settings) -> bool:

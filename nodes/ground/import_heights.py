@@ -20,11 +20,11 @@ from ...formats.exr_layout import read_layout
 from ...formats.geotiff import MapPlace, Site
 from ...formats.image_size import check_pixels
 from ...formats.map_site import TIFF_SUFFIXES, read_start
-from ...formats.png import check_png
 from ...physics.mesh.height_map import NO_HEIGHT, clear_stated_mark
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, explain_errors, parse_npy, read
+from ...support.png_pixels import check_png
 from .import_mesh import open_scratch_scene
 
 _PNG_START, _EXR_START = b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01"

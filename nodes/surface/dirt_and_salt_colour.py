@@ -29,7 +29,13 @@ def is_grey(surface: SurfaceSettings) -> bool:
 
 
 def add_salt_share(
-    tree: Tree, surface: SurfaceSettings, geometry: Node, salt_at: float, elevated: bool, frosted: Socket | None
+    tree: Tree,
+    surface: SurfaceSettings,
+    geometry: Node,
+    salt_at: float,
+    elevated: bool,
+    frosted: Socket | None,
+    dirt_mask: Value = 1.0,
 ) -> Value:
     """The share of salt in the visible surface of a place: an output socket, or 0.0 without salts.
 
@@ -41,7 +47,7 @@ def add_salt_share(
     share = Number(tree, add_stained_share(tree, surface, geometry, salt_at))
     clean: Any = 1.0
     if surface.dirt != "BLACK":
-        clean = add_clean_share(tree, surface, geometry, salt_at + _BESIDE_SALT, elevated)
+        clean = add_clean_share(tree, surface, geometry, salt_at + _BESIDE_SALT, elevated, dirt_mask)
     if clean != 1.0:
         share = share * Number(tree, clean)
     return (share if frosted is None else share * (1.0 - Number(tree, frosted))).value
@@ -55,12 +61,14 @@ def add_ground_colour(
     elevated: bool,
     settings: Settings | None,
     ice: Socket | None = None,
+    dirt_mask: Value = 1.0,
 ) -> Socket | None:
     """Output socket of the colour of the ground; None for grey, clean ice.
 
     ``salt_at`` selects the fields of salt and of patches of dirt, ``elevated`` is whether the mesh has the attribute
     ``ELEVATION``. Hapke's law needs the ``settings`` of the whole scene. ``ice`` is an output socket of the reflectance
-    of clean ice by band, if that varies from place to place; then the colour is a reflectance too.
+    of clean ice by band, if that varies from place to place; then the colour is a reflectance too. ``dirt_mask``
+    multiplies the dirt.
     """
     if is_grey(surface):
         return ice
@@ -75,7 +83,7 @@ def add_ground_colour(
         colour = _add_mix(tree, "Salt Colour", stained, tint, salt)
     clean: Value = 1.0
     if surface.dirt != "BLACK":
-        clean = add_clean_share(tree, surface, geometry, salt_at + _BESIDE_SALT, elevated)
+        clean = add_clean_share(tree, surface, geometry, salt_at + _BESIDE_SALT, elevated, dirt_mask)
     if clean != 1.0:
         dirt = _divide_by_albedo(material_bands(surface.dirt), albedo)
         return _add_mix(tree, "Dirt Colour", clean, dirt, tint if colour is None else colour)

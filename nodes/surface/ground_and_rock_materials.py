@@ -30,8 +30,8 @@ from ..ground.rocks import add_instance_label_pass
 from ..ground.terrain_mesh import SPACING
 from ..ground.user_ground import find_ground_file, is_mesh
 from .ice_material import build_material
-from .images import Map, load_maps, load_placed_map, measure_brightness_percentiles, measure_means
-from .textures import Textured
+from .images import Map, load_maps, load_mask_image, load_placed_map, measure_brightness_percentiles, measure_means
+from .textures import Painted, Textured
 
 #: Share of an image that may reflect more light than it receives without a warning, since single pixels are noise.
 _TOO_BRIGHT = 0.005
@@ -188,6 +188,14 @@ def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | 
     )
 
 
+def _load_painted(settings: Settings, topic: str) -> Painted | None:
+    """The painted masks of a surface that have an effect; None without any."""
+    used = find_used_files(settings)
+    names = {kind: f"{topic}.{kind}_mask_file" for kind in ("dirt", "frost")}
+    masks = {kind: load_mask_image(used[name]) for kind, name in names.items() if name in used}
+    return Painted(masks, float(settings.terrain.size_m)) if masks else None
+
+
 def _build_named_material(
     name: str,
     settings: Settings,
@@ -208,6 +216,7 @@ def _build_named_material(
         by_fineness,
         albedo_pass,
         dug,
+        _load_painted(settings, topic),
     )
     material[TAG] = "material"
     return material

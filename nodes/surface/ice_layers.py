@@ -15,7 +15,7 @@ from typing import Any
 from ...physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m
 from ...physics.surfaces.principled import diffuse_fresnel_reflectance
 from ...settings.topics.surfaces import SurfaceSettings
-from ..tree.builder import WHITE, Node, Socket, Tree
+from ..tree.builder import WHITE, Node, Socket, Tree, Value
 from ..tree.formula import Number
 from .patches_and_grain import (
     NOISE_DEVIATION,
@@ -110,15 +110,16 @@ def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Socket | None) -
     return shader, volume
 
 
-def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float) -> Socket:
+def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, mask: Value = 1.0) -> Socket:
     """Output socket of the share of a place that is frost: much on level ground and on top of rocks, none on steep
-    faces."""
+    faces. ``mask`` multiplies it."""
     field = add_patch_noise(tree, surface, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth)
     upright = tree.separated("Up", geometry.outputs["True Normal"])[2]
     rise = _NO_FROST_DEVIATIONS * NOISE_DEVIATION / (_FULL_FROST_COSINE - _NO_FROST_COSINE)
     steep = (_FULL_FROST_COSINE - Number(tree, upright)).at_least(0.0) * rise
     limit, edge = find_threshold(surface.frost_share), _FROST_EDGE * NOISE_DEVIATION
-    return tree.ramp("Frosted", (Number(tree, field) - steep).value, limit - edge, limit + edge, smooth=True)
+    frosted = tree.ramp("Frosted", (Number(tree, field) - steep).value, limit - edge, limit + edge, smooth=True)
+    return frosted if isinstance(mask, float) else tree.math("MULTIPLY", "Painted Frost", frosted, mask)
 
 
 def add_crust_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float) -> Socket:

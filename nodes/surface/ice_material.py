@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import bpy
@@ -38,7 +39,7 @@ from .patches_and_grain import (
 )
 from .shown_albedo import add_albedo_pass
 from .sun_inputs import Sun
-from .textures import Sampler, Textured
+from .textures import Painted, Sampler, Textured
 
 #: Blender's level of the specular reflection of a crust: pores take half of what a sheet of ice would reflect.
 _CRUST_SPECULAR = 0.25
@@ -181,6 +182,7 @@ class _Ice:
     geometry: Node
     pixel_rad: float
     at: _Places
+    frost_mask: Value = 1.0
 
     def add(self, label: str, surface: SurfaceSettings, glints: bool = False) -> Socket:
         """Shader socket of ice with ``surface`` settings, but for their albedo."""
@@ -227,7 +229,7 @@ def _add_layers(ice: _Ice, crusted: Socket | None, of_rocks: bool) -> tuple[Any,
         shader = tree.over("Crust on Snow", crusted, shader, ice.add("Crust", crust))
     if surface.frost_share > 0.0:
         frost = surface | {"roughness": 1.0, "specular": 0.0, "transmission": 0.0, "subsurface_weight": 0.0}
-        frosted = ice_layers.add_frost_share(tree, surface, ice.geometry, ice.at.frost)
+        frosted = ice_layers.add_frost_share(tree, surface, ice.geometry, ice.at.frost, ice.frost_mask)
         over = replace(ice, wanted=surface.frost_albedo, varied={}).add("Frost", frost, glints=True)
         shader = tree.over("Frost on Ice", frosted, shader, over)
     return shader, volume
@@ -304,6 +306,7 @@ class _Material:
         semantic: int,
         textured: Textured | None,
         settings: Settings | None,
+        painted: Painted | None,
     ) -> None:
         self.material = bpy.data.materials.new(name)
         self.material.pass_index = semantic
@@ -319,6 +322,7 @@ class _Material:
             if textured is not None and self._maps
             else None
         )
+        self._painted = painted.make_sampler(self.tree, self._geometry) if painted is not None else None
         self._varied: dict[str, Any] = {}  # sockets of the law's inputs that vary over the ground, by their names
         self._normal: Socket | None = None  # the socket of the normal with relief, if there is relief
         self._displacement: Socket | None = None  # the socket of moved vertices, if vertices are moved
@@ -328,6 +332,14 @@ class _Material:
     @property
     def _is_principled(self) -> bool:
         return self._surface.model == "PRINCIPLED"
+
+    @cached_property
+    def _dirt_mask(self) -> Value:
+        return self._painted.sample_share("dirt") if self._painted is not None else 1.0
+
+    @cached_property
+    def _frost_mask(self) -> Value:
+        return self._painted.sample_share("frost") if self._painted is not None else 1.0
 
     def vary_inputs(self) -> None:
         """Let images vary the inputs of the reflectance law."""
@@ -341,7 +353,7 @@ class _Material:
     def add_brightness(self, dug: bool) -> None:
         """Multiply the albedo by patches, by ground that was dug open, and by the faces of rocks."""
         tree, surface = self.tree, self._surface
-        self._grey = add_brightness(tree, surface, self._geometry, self._at.patches, elevated=self._of_terrain)
+        self._grey = add_brightness(tree, surface, self._geometry, self._at.patches, self._of_terrain, self._dirt_mask)
         self._least = find_darkest_factor(surface)
         if dug and self._settings is not None and dug_layers.is_shown(self._settings.excavation):
             opened = dug_layers.add_dug_brightness(tree, self._settings.excavation)
@@ -363,7 +375,14 @@ class _Material:
             else None
         )
         self._colour = add_ground_colour(
-            tree, surface, self._geometry, self._at.salt, self._of_terrain, self._settings, self._bubbly
+            tree,
+            surface,
+            self._geometry,
+            self._at.salt,
+            self._of_terrain,
+            self._settings,
+            self._bubbly,
+            self._dirt_mask,
         )
         if self._pieces is not None and "albedo" in self._maps:
             image = self._maps["albedo"]
@@ -435,6 +454,7 @@ class _Material:
             self._geometry,
             1.0 / focal_px(settings.rig) if settings is not None else 0.0,
             self._at,
+            self._frost_mask,
         )
         shader, self._volume = _add_layers(ice, self._crusted, self._of_rocks)
         return shader
@@ -466,12 +486,14 @@ class _Material:
                 self._colour,
             )
             frosted = (
-                ice_layers.add_frost_share(tree, surface, self._geometry, self._at.frost)
+                ice_layers.add_frost_share(tree, surface, self._geometry, self._at.frost, self._frost_mask)
                 if self._is_principled and surface.frost_share > 0.0
                 else None
             )
             add_albedo_pass(tree, surface, settings, self._grey, reflectance, self._least, frosted)
-            salt = add_salt_share(tree, surface, self._geometry, self._at.salt, self._of_terrain, frosted)
+            salt = add_salt_share(
+                tree, surface, self._geometry, self._at.salt, self._of_terrain, frosted, self._dirt_mask
+            )
             tree.value_pass("Salt", SALT_AOV, value=salt)
         if settings is not None and settings.quality.indirect != "TRACED" and surface.model == "LAMBERT":
             add_baked_passes(tree, _add_reflectance(tree, surface, self._grey, self._colour), self._of_rocks)
@@ -487,6 +509,7 @@ def build_material(
     by_fineness: bool = False,
     albedo_pass: bool = False,
     dug: bool = False,
+    painted: Painted | None = None,
 ) -> bpy.types.Material:
     """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
@@ -495,9 +518,9 @@ def build_material(
     vertices. REAL is both if ``by_fineness``, when the mesh has the attribute ``SPACING``, and otherwise bump.
     The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump. With
     ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``, and the share of salt to ``SALT_AOV``. ``dug`` is whether the
-    mesh has the attributes of an excavation.
+    mesh has the attributes of an excavation. ``painted`` are masks of dirt and frost.
     """
-    made = _Material(name, surface, seed, semantic, textured, settings)
+    made = _Material(name, surface, seed, semantic, textured, settings, painted)
     made.vary_inputs()
     made.add_brightness(dug)
     made.add_colour()

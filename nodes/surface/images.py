@@ -20,7 +20,8 @@ from ...formats.map_image import read_map_image
 from ...formats.mesh_images import MeshImage
 from ...formats.tiff import stores_floats
 from ...physics.mesh import texture_coordinates
-from ...physics.surfaces.textures import MAP_SIDE_PX, make_maps
+from ...physics.rocks.painted_mask import read_mask
+from ...physics.surfaces.textures import make_maps
 from ...settings.topics.surfaces import TexturesSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -96,14 +97,30 @@ def load_placed_map(
         return there, (placed[0], placed[1], placed[2], placed[3]), sentences
     found = read_map_image(path, frame, size_m, seen_m)
     rows, columns = found.values.shape
-    image = bpy.data.images.new(path.name, columns, rows, float_buffer=True, is_data=True)
-    pixels = np.ones((rows, columns, 4), np.float32)
-    pixels[..., :3] = np.maximum(found.values[::-1], 0.0)[..., None]
-    image.pixels.foreach_set(pixels.ravel())
-    image.pack()  # otherwise it would not be saved with the file
+    image = _pack_grey(path.name, np.maximum(found.values[::-1], 0.0))
     placed = (found.west_m, found.south_m, columns * found.pixel_m[0], rows * found.pixel_m[1])
     image[_PLACED_PROPERTY], image[_LACKS_PROPERTY] = placed, json.dumps(found.warnings)
     return _remember_map(key, image, np.full(3, found.mean)), placed, list(found.warnings)
+
+
+def load_mask_image(path: Path) -> Map:
+    """A painted mask as an image of its exact values. Raises IcyMoonError if it cannot be read."""
+    values = read_mask(path)
+    key = f"mask {hashlib.sha256(values.tobytes()).hexdigest()} {values.shape}"
+    if (there := _find_map(key)) is not None:
+        return there
+    return _remember_map(key, _pack_grey(path.name, values[::-1]), np.full(3, values.mean(dtype=np.float64)))
+
+
+def _pack_grey(name: str, from_south: Array) -> bpy.types.Image:
+    """An image of floats (rows, columns) with these linear values, row 0 southernmost."""
+    rows, columns = from_south.shape
+    image = bpy.data.images.new(name, columns, rows, float_buffer=True, is_data=True)
+    pixels = np.ones((rows, columns, 4), np.float32)
+    pixels[..., :3] = from_south[..., None]
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()  # otherwise it would not be saved with the file
+    return image
 
 
 def remove_unused_images() -> None:
@@ -177,12 +194,9 @@ def _make_map(name: str, kind: str) -> Map:
     if found is not None:
         return found
     values = getattr(make_maps(name), kind)
-    image = bpy.data.images.new(f"Icy Moon {key.title()}", MAP_SIDE_PX, MAP_SIDE_PX, float_buffer=True, is_data=True)
-    pixels = np.ones((MAP_SIDE_PX, MAP_SIDE_PX, 4), np.float32)
-    pixels[..., :3] = values[..., None]
-    image.pixels.foreach_set(pixels.ravel())
-    image.pack()  # otherwise it would not be saved with the file
-    return _remember_map(key, image, pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64))
+    # Summed pixel by pixel: another order changes the last bit, and with it the id of edited scenes.
+    mean = np.repeat(values[..., None], 3, axis=-1).reshape(-1, 3).mean(axis=0, dtype=np.float64)
+    return _remember_map(key, _pack_grey(f"Icy Moon {key.title()}", values), mean)
 
 
 def _load_map(kind: str, source: MeshImage, name: str) -> Map:

@@ -160,17 +160,20 @@ def _add_undimmed_share(tree: Tree, label: str, share: Value, dirt: float) -> Va
     return tree.math("SUBTRACT", f"{label} Kept", 1.0, tree.math("MULTIPLY", f"{label} Darkening", share, dirt))
 
 
-def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, elevated: bool) -> Value:
+def add_brightness(
+    tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, elevated: bool, mask: Value = 1.0
+) -> Value:
     """Grey factor on the albedo of clean ice: an output socket, or 1.0 if nothing darkens it.
 
-    ``elevated`` is whether the mesh has the attribute ``ELEVATION``, which rocks do not have.
+    ``elevated`` is whether the mesh has the attribute ``ELEVATION``, which rocks do not have. ``mask`` multiplies the
+    dirt.
     """
     factors: list[Any] = []
     if surface.albedo_variation > 0.0:
         patches = add_noise(tree, "Patches", geometry.outputs["Position"], surface.albedo_patch_m, fourth, 4.0)
         factors.append(_add_undimmed_share(tree, "Patches", patches, surface.albedo_variation))
     if surface.dirt == "BLACK":
-        factors += _find_clean_shares(tree, surface, geometry, elevated)
+        factors += _find_clean_shares(tree, surface, geometry, elevated, mask)
     return _add_factors(tree, "Brightness", factors)
 
 
@@ -191,13 +194,15 @@ def add_patch_noise(
     return (both + NOISE_MEAN * (1.0 - long - short)).named(f"{label}, Both").value
 
 
-def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, elevated: bool) -> Value:
+def add_clean_share(
+    tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, elevated: bool, mask: Value = 1.0
+) -> Value:
     """Share of the area that dirt of a material leaves free: an output socket, or 1.0 if there is no dirt.
 
     With patches of dirt it is 0 in them and 1 between them, and they take up the dirt's share of the area. ``fourth``
-    selects their field.
+    selects their field, and ``mask`` multiplies the dirt.
     """
-    clean = _add_factors(tree, "Clean Share", _find_clean_shares(tree, surface, geometry, elevated))
+    clean = _add_factors(tree, "Clean Share", _find_clean_shares(tree, surface, geometry, elevated, mask))
     if clean == 1.0 or surface.dirt_patch_m == 0.0:
         return clean
     field = add_patch_noise(tree, surface, "Dirt Patches", geometry.outputs["Position"], surface.dirt_patch_m, fourth)
@@ -216,20 +221,25 @@ def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Value:
     return product
 
 
-def _find_clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Node, elevated: bool) -> list[Any]:
+def _find_clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Node, elevated: bool, mask: Value) -> list[Any]:
     """Output sockets of the shares of the area that dirt in troughs and dirt on slopes leave free."""
     factors: list[Any] = []
     if surface.trough_dirt != 0.0 and elevated:
         height = tree.attribute("Elevation", ELEVATION)
         clean = math.copysign(1.0, surface.trough_dirt)
-        troughs = tree.ramp("Trough Share", height, clean, -clean)
+        troughs = _add_masked(tree, "Troughs", tree.ramp("Trough Share", height, clean, -clean), mask)
         factors.append(_add_undimmed_share(tree, "Trough", troughs, abs(surface.trough_dirt)))
     if surface.slope_dirt != 0.0:
         upright = tree.separated("Upright", geometry.outputs["True Normal"])[2]
         ends = (1.0, 1.0 - _STEEP_SLOPE) if surface.slope_dirt > 0 else (1.0 - _STEEP_SLOPE, 1.0)
-        slopes = tree.ramp("Slope Share", upright, *ends)
+        slopes = _add_masked(tree, "Slopes", tree.ramp("Slope Share", upright, *ends), mask)
         factors.append(_add_undimmed_share(tree, "Slope", slopes, abs(surface.slope_dirt)))
     return factors
+
+
+def _add_masked(tree: Tree, label: str, share: Socket, mask: Value) -> Value:
+    """Output socket of a share times a painted mask; the share itself without a mask."""
+    return share if isinstance(mask, float) else tree.math("MULTIPLY", f"Painted {label}", share, mask)
 
 
 def add_face_variation(tree: Tree, surface: SurfaceSettings) -> tuple[Any, Any]:

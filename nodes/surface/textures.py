@@ -261,6 +261,35 @@ class OverPatch(Pieces):
         self.plane = tree.combined("From Above", x, y)
 
 
+@dataclass(frozen=True)
+class Painted:
+    """Painted masks by their kind, dirt or frost, over the patch of side ``patch_m``."""
+
+    masks: Mapping[str, Map]
+    patch_m: float
+
+    def make_sampler(self, tree: Tree, geometry: Node) -> PaintedSampler:
+        """The sampler of the masks in a tree."""
+        return PaintedSampler(self, tree, geometry)
+
+
+class PaintedSampler:
+    """Samples painted masks; a kind without a mask gets no nodes."""
+
+    def __init__(self, painted: Painted, tree: Tree, geometry: Node) -> None:
+        self._painted, self._tree = painted, tree
+        self._place = OverPatch(tree, TexturesSettings.from_values({"repeat": "PLAIN"}), geometry, painted.patch_m)
+
+    def sample_share(self, kind: str) -> Value:
+        """Output socket of the mask of this kind, from 0 to 1; 1.0 without one."""
+        of = self._painted.masks.get(kind)
+        return (
+            1.0
+            if of is None
+            else self._tree.separated(f"{kind.title()} Mask", self._place.sample(f"{kind} mask", of))[0]
+        )
+
+
 class OnMap(OverPatch):
     """One piece: an image that lies on the map of the ground, with its own width and height."""
 

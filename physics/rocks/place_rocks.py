@@ -17,6 +17,7 @@ from ...support.arrays import Array
 from ...support.files import absolute_path
 from ..random_numbers.seeds import make_generator
 from .beyond_patch import ViewBeyond, draw_beyond
+from .painted_mask import PaintedMask, read_mask
 from .rock_shapes import RockShape
 from .rock_table import TABLE, read_rock_table
 from .size_laws import draw_diameters, make_size_law
@@ -26,7 +27,7 @@ HeightAt = Callable[[Array, Array], Array]
 
 #: Ranks in size at which the level of detail changes: rocks before the first have the finest level.
 LEVEL_RANKS = (500, 5000)
-_SIZES, _PLACES, _POSES, _BEYOND = 1, 2, 3, 4  # children of the "rocks" stream; 0 is the shapes'
+_SIZES, _PLACES, _POSES, _BEYOND, _MASK = 1, 2, 3, 4, 5  # children of the "rocks" stream; 0 is the shapes'
 _VARIATION = 0.15  # standard deviation of ln(elongation) and ln(height), between rocks
 _BURIAL_VARIATION = 0.1
 
@@ -153,18 +154,19 @@ def scatter_rocks(
     radius). A rock lies along the slope under it. Its deepest vertex is at or under the deepest ground of its
     footprint, and at or under the ground beneath that vertex, so no rock floats. With a view ``beyond``, rocks also lie
     outside the patch, listed after those on it. With the law TABLE, places and diameters come from the file
-    ``rocks.file``, whose path is absolute, and no rocks lie outside. Of ``most_seen`` rocks that look largest from the
-    centre of the circle, all is as it would be among all others, and the others are left out. Raises IcyMoonError if
-    the settings contradict each other.
+    ``rocks.file``, whose path is absolute, and no rocks lie outside. A painted mask, ``rocks.mask_file``, leaves
+    each rock with the share of the mask at its place as chance, and moves no other. Of ``most_seen`` rocks that look
+    largest from the centre of the circle, all is as it would be among all others, and the others are left out. Raises
+    IcyMoonError if the settings contradict each other or the mask cannot be read.
     """
     xy, diameter, smallest = _read_places(rocks) if rocks.law == TABLE else _draw_places(rocks, size_m, seed)
     level = np.searchsorted(LEVEL_RANKS, np.arange(len(diameter)), side="right")
     drawn = None
     if beyond is not None and rocks.law != TABLE:
         drawn = draw_beyond(rocks, size_m, beyond, make_generator(seed, "rocks", _BEYOND))
-    seen, seen_beyond = _choose_seen(
-        [(xy, diameter)] + ([(drawn.places_m, drawn.diameter_m)] if drawn else []), clear_m, most_seen
-    )
+    parts = [(xy, diameter)] + ([(drawn.places_m, drawn.diameter_m)] if drawn else [])
+    kept = _list_kept(rocks, size_m, seed, [xy for xy, _ in parts])
+    seen, seen_beyond = _choose_seen(parts, kept, clear_m, most_seen)
     made = _lay_rocks(rocks, xy, diameter, level, make_generator(seed, "rocks", _POSES), surface, shapes, clear_m, seen)
     made = replace(made, smallest_m=smallest)
     if drawn is None:
@@ -190,14 +192,36 @@ def scatter_rocks(
     return Rocks(**arrays, smallest_m=smallest, beyond_rad=drawn.smallest_rad)
 
 
+def is_masked(rocks: RocksSettings) -> bool:
+    """Whether a painted mask thins the rocks. Rocks of a table have stated places."""
+    return bool(rocks.mask_file and rocks.law != TABLE)
+
+
+def _list_kept(rocks: RocksSettings, size_m: float, seed: int, parts: list[Array]) -> list[Array]:
+    """Whether the painted mask leaves each rock of the patch (n,), and each beyond it, at places (n, 2) in metres. Each
+    rock has a chance of its own, which does not depend on the mask."""
+    if not is_masked(rocks):
+        return [np.ones(len(xy), bool) for xy in parts]
+    mask = PaintedMask(read_mask(absolute_path(rocks.mask_file, "rocks.mask_file")), size_m)
+    chances = (make_generator(seed, "rocks", *part, _MASK) for part in ((), (_BEYOND,)))
+    return [
+        np.asarray(chance.random(len(xy)) < mask.shares(xy[:, 0], xy[:, 1]))
+        for xy, chance in zip(parts, chances, strict=False)
+    ]
+
+
 def _choose_seen(
-    parts: list[tuple[Array, Array]], site_m: tuple[float, float, float], most: int | None
+    parts: list[tuple[Array, Array]], kept: list[Array], site_m: tuple[float, float, float], most: int | None
 ) -> tuple[Array, Array]:
     """Masks (n,) of the rocks on the patch and of those beyond it that look largest from a site, at most ``most`` of
-    both together. ``parts`` are the places (n, 2) and diameters (n,) in metres of each."""
-    looks = [d / np.hypot(xy[:, 0] - site_m[0], xy[:, 1] - site_m[1]) for xy, d in parts]
+    both together. ``parts`` are the places (n, 2) and diameters (n,) in metres of each, ``kept`` (n,) whether they are
+    there."""
+    looks = [
+        np.where(there, d / np.hypot(xy[:, 0] - site_m[0], xy[:, 1] - site_m[1]), -1.0)
+        for (xy, d), there in zip(parts, kept, strict=True)
+    ]
     every = np.concatenate(looks)
-    least = 0.0 if most is None or len(every) <= most else float(np.partition(every, -most)[-most])
+    least = 0.0 if most is None or len(every) <= most else max(float(np.partition(every, -most)[-most]), 0.0)
     masks = [look >= least for look in looks]
     return masks[0], masks[-1]
 

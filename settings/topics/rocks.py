@@ -4,7 +4,20 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .declaration import ADVANCED, ELSEWHERE, Section, Table, choice, degrees, fraction, metres, number, text, tick
+from .declaration import (
+    ADVANCED,
+    ELSEWHERE,
+    Section,
+    Table,
+    choice,
+    degrees,
+    fraction,
+    mask_file,
+    metres,
+    number,
+    text,
+    tick,
+)
 from .ground import GRADED
 from .relevance import chosen, positive
 
@@ -88,6 +101,8 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         "wherever they are at least this wide in the image; 0 for none there. The maximum number of rocks holds there "
         "once more", "geometry", "px", subtype="PIXEL", section=PLACE, shown=GRADED & ~chosen("law", "TABLE"),
         since="0.3")
+    mask_file: str = mask_file(
+        "rocks lie", "geometry", section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"), since="0.4")
     own_surface: bool = tick(
         "Own Surface", False, "Make rocks from the settings of Rock Ice instead of the ground's", "material",
         section=ELSEWHERE)

@@ -14,6 +14,7 @@ from .declaration import (
     degrees,
     fraction,
     image_file,
+    mask_file,
     metres,
     number,
     signed,
@@ -99,6 +100,8 @@ class SurfaceSettings(Table, label="Ice"):
         "Dirt Patch", 0.0, 0.0, 1.0e4, (0.0, 5.0), "Wavelength of patches that dirt covers wholly, with clean ice "
         "between them; 0 for an even mixture. Black dirt is always even", "material", section=DIRT,
         active=SOILED & DIRTY, since="0.3")
+    dirt_mask_file: str = mask_file(
+        "dirt lies", "material", section=DIRT, active=SOILED, since="0.4")
     salt_share: float = fraction(
         "Salt Share", 0.0, "Share of the ground that is stained by salts", "material", section=SALTS)
     salt_patch_m: float = metres(
@@ -198,6 +201,9 @@ class SurfaceSettings(Table, label="Ice"):
     frost_albedo: float = fraction(
         "Frost Albedo", 0.9, "Albedo of the frost", "material", section=COVER, shown=PRINCIPLED,
         active=positive("frost_share"), since="0.3")
+    frost_mask_file: str = mask_file(
+        "frost lies", "material", section=COVER, shown=PRINCIPLED, active=positive("frost_share"),
+        since="0.4")
     crust_share: float = fraction(
         "Crust", 0.0, "Share of the snow with a crust: a smooth, slightly glossy skin, broken into patches", "material",
         section=COVER, shown=PRINCIPLED, since="0.3")

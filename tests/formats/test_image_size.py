@@ -12,9 +12,10 @@ import OpenEXR
 import pytest
 from exr_files import attribute, exr, window
 from icymoon.formats.image_size import check_pixels, count_pixels
-from icymoon.formats.png import check_png, encode_png
+from icymoon.formats.png import encode_png
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import Budget, ForeignBytes, OverBudgetError, RefusedError, parse_part
+from icymoon.support.png_pixels import check_png
 from tiffs import write_tiff
 
 PICTURE = np.random.default_rng(0).integers(0, 255, (37, 53, 3), np.uint8)

@@ -435,6 +435,46 @@ def ground_from_an_object() -> Waiting:
     yield from until(lambda: settings().source.kind == before, "Undoing the ground of an object")
 
 
+def rocks_where_painted() -> Waiting:
+    """The mouse paints where rocks lie, Use Painted Mask builds them there, and Ctrl Z takes it back."""
+
+    def rocks() -> int:
+        item = next((item for item in bpy.data.objects if item.get("icymoon") == "rock"), None)
+        return len(item.data.vertices) if item else 0
+
+    settings().rocks.coverage = 0.15
+    yield from until(lambda: rocks() > 10, "Rocks in the preview")
+    before = rocks()
+    with in_region("WINDOW"):
+        check(bpy.ops.icymoon.paint_mask("INVOKE_DEFAULT", kind="ROCKS") == {"FINISHED"}, "nothing to paint on")
+    yield from until(lambda: bpy.context.mode == "PAINT_WEIGHT", "Weight Paint mode")
+    x, y = middle("WINDOW")
+    for row in (-120, -60, 0):
+        yield from to(x - 250, y + row)
+        xdotool("mousedown", 1)
+        yield from to(x + 150, y + row - 20)
+        xdotool("mouseup", 1)
+        yield 5 * TICK_S
+    sheet = bpy.context.active_object
+    if bpy.context.tool_settings.weight_paint.brush is not None:  # Debian's 4.3 has no brushes
+        check(any(vertex.groups for vertex in sheet.data.vertices), "the mouse has painted nothing")
+    sheet.vertex_groups.active.add(range(256 * 128), 1.0, "REPLACE")  # the north too
+    yield from away()
+    yield from screenshot("paint_mask")
+    with in_region("WINDOW"):
+        check(bpy.ops.icymoon.use_painted_mask("INVOKE_DEFAULT", kind="ROCKS") == {"FINISHED"}, "the mask was refused")
+    yield from until(lambda: settings().rocks.mask_file, "Using the mask")
+    low = min(vertex.co.y for vertex in next(i for i in bpy.data.objects if i.get("icymoon") == "rock").data.vertices)
+    check(rocks() > 10 and low > -0.5, f"of {before} rocks {rocks()} are there, from {low} m north")
+    yield from away()
+    yield from screenshot("painted_rocks")
+    check(bpy.context.mode == "OBJECT", f"the mode is {bpy.context.mode}")
+    yield from key("ctrl+z")
+    yield from until(lambda: not settings().rocks.mask_file, "Undoing the mask")
+    yield from key("ctrl+z")
+    yield 10 * TICK_S
+
+
 def camera_by_click() -> Waiting:
     """The camera goes where the ground is clicked, Esc leaves it, and Ctrl Z takes it back."""
 
@@ -1512,6 +1552,7 @@ STEPS = (
     find_a_setting,
     export_a_pair,
     ground_from_an_object,
+    rocks_where_painted,
     search_and_clear,
     first_minute_by_keys,
     metrics_can_be_read,

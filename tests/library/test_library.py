@@ -22,6 +22,7 @@ from icymoon.library.inputs import make_albedo_input, make_heights_input
 from icymoon.library.renderers import MessageReceiver
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.mesh.height_map import place_map
+from icymoon.physics.rocks.painted_mask import read_mask
 from icymoon.physics.rocks.rock_table import read_rock_table
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.topics.scene import Settings
@@ -148,6 +149,16 @@ def test_rocks_are_a_table(tmp_path):
     for rocks, words in (([1, 2, 3], "shape"), ([[1, 2, 0]], "above 0"), ("rocks", "not an array")):
         with pytest.raises(IcyMoonError, match=words):
             Scene().with_rocks(rocks)
+
+
+def test_a_mask_is_sampled_at_the_middles_of_pixels(tmp_path):
+    scene = Scene(terrain={"size_m": 8.0}).with_mask("rocks", lambda x_m, y_m: (x_m + 4) / 8 * (y_m > 0), resolution=4)
+    stored = scene.stored(tmp_path)
+    assert read_mask(Path(stored.rocks.mask_file)).tolist() == [[0.125, 0.375, 0.625, 0.875]] * 2 + [[0.0] * 4] * 2
+    assert "own mask of rocks 4 x 4" in repr(scene)
+    for of, mask, words in (("sand", [[0, 0], [0, 0]], "no mask of"), ("frost", [[0, 0], [0, 2]], "0 to 1")):
+        with pytest.raises(IcyMoonError, match=words):
+            Scene().with_mask(of, mask)
 
 
 def test_a_file_that_is_stated_later_takes_the_place_of_an_array(tmp_path):

@@ -5,11 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import pytest
 from icymoon.formats import asset_library
+from icymoon.formats.asset_library import has_library
 from icymoon.operators import make_asset_library, preferences
+from icymoon.panels import menu
 
 #: Stands in for the Blender that makes the library: installs a file and reports it, as ``render.asset_worker`` does.
 WORKER = """
@@ -101,3 +104,27 @@ def test_a_record_that_is_not_ours_is_reported(folder):
 def test_without_an_extension_there_is_one_sentence(monkeypatch):
     with pytest.raises(RuntimeError, match="does not run as an installed extension"):
         bpy.ops.icymoon.make_asset_library()
+
+
+def test_the_library_is_listed_while_the_extension_is_enabled(folder):
+    before = libraries()
+    bpy.ops.icymoon.make_asset_library()
+    made = libraries()
+    preferences.unregister()
+    assert (libraries(), has_library(folder)) == (before, True)
+    preferences.register()
+    assert libraries() == made
+    bpy.ops.icymoon.remove_asset_library()
+    preferences.unregister()
+    preferences.register()
+    assert libraries() == before
+
+
+def test_the_asset_browser_offers_to_make_it_until_it_is_there(folder):
+    drawn: list[str] = []
+    layout = SimpleNamespace(operator=lambda name, **_: drawn.append(name))
+    menu._draw_assets(SimpleNamespace(layout=layout), bpy.context)
+    assert drawn == ["icymoon.make_asset_library"]
+    bpy.ops.icymoon.make_asset_library()
+    menu._draw_assets(SimpleNamespace(layout=layout), bpy.context)
+    assert len(drawn) == 1

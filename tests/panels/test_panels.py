@@ -546,6 +546,7 @@ def test_no_button_has_an_icon_without_words(small, measured, running, monkeypat
 
 #: Operators whose button shows what it chooses or what was measured, not what it does.
 OF_VALUES = {
+    "icymoon.paint_mask",
     "icymoon.load_preset",
     "icymoon.choose_plan",
     "icymoon.show_pair",

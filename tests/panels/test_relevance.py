@@ -192,6 +192,7 @@ IDLE = {
     "bubble_radius_m",
     "bubble_band_m",
     "fracture_spacing_m",
+    "frost_mask_file",
     "frost_patch_m",
     "patch_raggedness",
     "frost_albedo",
@@ -208,6 +209,7 @@ IDLE = {
     "glint_size_m",
     "snow_grain_m",
     "dirt",
+    "dirt_mask_file",
     "dirt_patch_m",
     "salt",
 }
@@ -316,6 +318,7 @@ CASES = [
             "lommel_seeliger_share",
             "snow_grain_m",
             "dirt",
+            "dirt_mask_file",
             "dirt_patch_m",
             "bubble_radius_m",
             "bubble_band_m",
@@ -334,13 +337,13 @@ CASES = [
         {"surface": {"slope_dirt": 0.1, "dirt": "THOLIN", "ice_colour": "SNOW", "salt": "SULPHUR", "salt_share": 0.1}},
         "but",
         {"lommel_seeliger_share", "salt_red", "salt_green", "salt_blue"}
-        | IDLE - {"snow_grain_m", "dirt", "dirt_patch_m", "salt", "salt_patch_m"},
+        | IDLE - {"snow_grain_m", "dirt", "dirt_mask_file", "dirt_patch_m", "salt", "salt_patch_m"},
     ),
     (
         "surface",
         {"surface": {"slope_dirt": 0.1, "dirt": "THOLIN", "dirt_patch_m": 0.1}},
         "but",
-        {"lommel_seeliger_share"} | IDLE - {"dirt", "dirt_patch_m", "patch_raggedness"},
+        {"lommel_seeliger_share"} | IDLE - {"dirt", "dirt_mask_file", "dirt_patch_m", "patch_raggedness"},
     ),
     (
         "surface",
@@ -378,6 +381,7 @@ CASES = [
         "but",
         {
             "shape_file",
+            "mask_file",
             "power_index",
             "smallest_m",
             "largest_m",

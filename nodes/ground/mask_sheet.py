@@ -1,0 +1,102 @@
+"""The sheet that a user paints masks on: a grid of vertices over the patch, with a vertex group for each mask.
+
+It lies on the built ground, but is not of it, so a build that makes the ground again leaves it and its weights alone.
+A vertex is the centre of a pixel, so the weights are the mask, without interpolation. It is the user's own object:
+not rendered, and in no pair.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ...physics.rocks.painted_mask import PaintedMask
+from ...support.arrays import Array
+from ..datablocks.fingerprint import NAME
+from .heights_under import probe_heights
+
+#: Vertices along a side.
+SIDE = 256
+#: Custom property of the sheet.
+_MARK = "icymoon_mask_sheet"
+#: Height above the highest ground around a vertex, in distances of vertices.
+_LIFT = 0.25
+
+
+def find_sheet(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The sheet of a scene; None without one, and for one whose vertices were changed by hand."""
+    items = (item for item in scene.objects if _MARK in item and item.type == "MESH")
+    return next((item for item in items if len(item.data.vertices) == SIDE**2), None)
+
+
+def lay_sheet(scene: bpy.types.Scene, ground: bpy.types.Object, size_m: float) -> bpy.types.Object:
+    """The sheet of a scene on a ground, over the square of ``size_m`` about the origin; its weights stay."""
+    sheet = find_sheet(scene)
+    if sheet is None:
+        sheet = bpy.data.objects.new(f"{NAME} Masks", _make_grid())
+        sheet[_MARK], sheet.hide_render = True, True
+        scene.collection.objects.link(sheet)
+    x_m, y_m = make_places(size_m)
+    with probe_heights(ground) as height_at:
+        heights = height_at(x_m, y_m)
+    heights = np.where(np.isnan(heights), np.nanmin(heights) if np.isfinite(heights).any() else 0.0, heights)
+    z_m = _find_highest(heights) + _LIFT * size_m / SIDE
+    places = np.stack([x_m, y_m, z_m], axis=-1).astype(np.float32)
+    sheet.data.vertices.foreach_set("co", places.ravel())
+    sheet.data.update()
+    return sheet
+
+
+def make_places(size_m: float) -> tuple[Array, Array]:
+    """Coordinates east and north (SIDE, SIDE) in metres of the vertices, north first."""
+    along = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * size_m
+    x_m, y_m = np.meshgrid(along, along[::-1])
+    return x_m, y_m
+
+
+def _make_grid() -> bpy.types.Mesh:
+    mesh = bpy.data.meshes.new(f"{NAME} Masks")
+    corner = (np.arange(SIDE - 1)[:, None] * SIDE + np.arange(SIDE - 1)).ravel()  # upper left ones
+    faces = np.stack([corner, corner + SIDE, corner + SIDE + 1, corner + 1], axis=1)
+    mesh.from_pydata(np.zeros((SIDE**2, 3)), [], faces)
+    return mesh
+
+
+def _find_highest(heights: Array) -> Array:
+    """The highest of each value (n, n) and its neighbours."""
+    padded = np.pad(heights, 1, mode="edge")
+    n = len(heights)
+    return np.max([padded[i : i + n, j : j + n] for i in range(3) for j in range(3)], axis=0)
+
+
+def read_shares(sheet: bpy.types.Object, group: str) -> Array:
+    """The weights (SIDE, SIDE) of a vertex group, north first; 0 where a vertex is not in it."""
+    index = sheet.vertex_groups[group].index
+    shares = np.zeros(SIDE**2)
+    for k, vertex in enumerate(sheet.data.vertices):
+        for each in vertex.groups:
+            if each.group == index:
+                shares[k] = each.weight
+    return shares.reshape(SIDE, SIDE)
+
+
+def make_group(sheet: bpy.types.Object, group: str, mask: Array | None) -> None:
+    """Make a vertex group the active one; a new group has the values of a mask (rows, columns), 0 without one."""
+    found = sheet.vertex_groups.get(group)
+    if found is None:
+        found = sheet.vertex_groups.new(name=group)
+        if mask is not None:
+            for k, share in enumerate(PaintedMask(mask, 1.0).shares(*make_places(1.0)).ravel()):
+                if share > 0:
+                    found.add([k], float(share), "REPLACE")
+    sheet.vertex_groups.active_index = found.index
+
+
+def remove_group(sheet: bpy.types.Object, group: str) -> None:
+    """Remove a vertex group, and the sheet with its last one."""
+    if found := sheet.vertex_groups.get(group):
+        sheet.vertex_groups.remove(found)
+    if not sheet.vertex_groups:
+        mesh = sheet.data
+        bpy.data.objects.remove(sheet)
+        bpy.data.meshes.remove(mesh)

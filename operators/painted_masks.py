@@ -1,0 +1,278 @@
+"""Paint where rocks, dirt and frost lie: in Blender's Weight Paint mode, or on an image."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..formats.png import encode_png
+from ..library.inputs import Input
+from ..nodes import build_scene as scenes
+from ..nodes.datablocks.blend_file_paths import find_used_files
+from ..nodes.ground import mask_sheet
+from ..physics.rocks.painted_mask import read_mask
+from ..settings.blender import scene_properties
+from ..settings.description import merged
+from ..settings.table import TOPICS
+from ..settings.topics.scene import Settings
+from ..support.arrays import Array
+from ..support.errors import IcyMoonError
+from . import refine_ground
+from .build import build_and_report, leave_edit_mode
+from .object_as_ground import shorten_path
+from .operator_type import OperatorMixin
+from .render import find_dataset_folder
+from .session import session
+from .sidebar_text import format_for_window
+
+KINDS = (
+    ("ROCKS", "Rocks", "Where rocks lie"),
+    ("DIRT", "Dirt", "Where dirt lies, of that on slopes and in troughs"),
+    ("FROST", "Frost", "Where frost lies"),
+)
+_SETTING_BY_KIND = {
+    "ROCKS": ("rocks", "mask_file"),
+    "DIRT": ("surface", "dirt_mask_file"),
+    "FROST": ("surface", "frost_mask_file"),
+}
+#: What a first mask turns on, where there was none.
+_FIRST_AMOUNTS = {"ROCKS": ("rocks", "coverage", 0.05), "FROST": ("surface", "frost_share", 0.5)}
+_MOST = 65535  # of a value in the file
+_NO_BRUSHES = (
+    "This Blender was built without brushes, so it paints nothing; choose an image as the mask, or use the Blender of "
+    "blender.org"
+)
+
+
+def name_group(kind: str) -> str:
+    """The vertex group of a kind of mask."""
+    return f"Icy Moon {kind.title()}"
+
+
+def can_use(scene: bpy.types.Scene, kind: str) -> bool:
+    """Whether a mask of a kind was painted in Weight Paint mode."""
+    sheet = mask_sheet.find_sheet(scene)
+    return sheet is not None and name_group(kind) in sheet.vertex_groups
+
+
+def has_mask(scene: bpy.types.Scene, kind: str) -> bool:
+    """Whether the settings of a scene name a mask of a kind."""
+    topic, key = _SETTING_BY_KIND[kind]
+    return bool(getattr(getattr(scene.icymoon, topic), key))
+
+
+class _MaskOperator(OperatorMixin):
+    """Mix-in: an operator on the mask of one kind."""
+
+    bl_options = {"REGISTER", "UNDO"}
+    kind: bpy.props.EnumProperty(name="Mask", description="What the mask is of", items=KINDS)
+
+    def _use(self, context: bpy.types.Context, shares: Array, text: str) -> set[str]:
+        """Keep a mask (rows, columns), north first, in the data set, and build the scene with it."""
+        group = context.scene.icymoon
+        try:
+            before = scene_properties.read_settings(group)
+            image = encode_png(np.rint(np.clip(shares, 0.0, 1.0) * _MOST).astype(np.uint16))
+            topic, key = _SETTING_BY_KIND[self.kind]
+            path = Input(f"{topic}.{key}", image, ".png", text).store(find_dataset_folder(before))
+            changes = self._make_changes(before, shorten_path(path, group.dataset.folder))
+            scene_properties.write_settings(group, changes)
+        except IcyMoonError as error:
+            self.report({"ERROR"}, format_for_window(error))
+            return {"CANCELLED"}
+        result = self._build(context)
+        if result == {"CANCELLED"}:
+            scene_properties.write_settings(group, {name: before[name] for name in changes})
+        else:
+            self._warn_if_idle(merged(before, changes))
+        return result
+
+    def _build(self, context: bpy.types.Context) -> set[str]:
+        """Build the scene; in a window coarsely, and its ground at full resolution follows."""
+        coarse = not bpy.app.background
+        result = build_and_report(self, context, coarse)
+        if coarse:
+            refine_ground.begin_refining()
+        return result
+
+    def _make_changes(self, settings: Settings, path: str) -> dict[str, dict[str, Any]]:
+        topic, key = _SETTING_BY_KIND[self.kind]
+        changes: dict[str, dict[str, Any]] = {topic: {key: path}}
+        if self.kind in _FIRST_AMOUNTS:
+            of, amount, first = _FIRST_AMOUNTS[self.kind]
+            changes[of][amount] = settings[of][amount] or first
+        return changes
+
+    def _warn_if_idle(self, settings: Settings) -> None:
+        topic, key = _SETTING_BY_KIND[self.kind]
+        if obstacles := TOPICS[topic].list_obstacles(key, settings):
+            self.report({"WARNING"}, format_for_window(f"The mask has no effect yet; set {' or '.join(obstacles)}."))
+
+
+class ICYMOON_OT_paint_mask(_MaskOperator, bpy.types.Operator):
+    """Paint in Weight Paint mode where rocks, dirt or frost lie: red is all of them, blue and black are none. Then press Use Painted Mask"""  # noqa: E501
+
+    bl_idname = "icymoon.paint_mask"
+    bl_label = "Paint Mask"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if scenes.find_built(context.scene) is None:
+            cls.poll_message_set("Build the scene first")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scene, built = context.scene, scenes.find_built(context.scene)
+        leave_edit_mode()
+        try:
+            sheet = mask_sheet.lay_sheet(scene, built.terrain, built.settings.terrain.size_m)
+            mask_sheet.make_group(sheet, name_group(self.kind), self._read_present(scene))
+        except IcyMoonError as error:
+            self.report({"ERROR"}, format_for_window(error))
+            return {"CANCELLED"}
+        _show_to_paint(context, sheet)
+        bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+        if not bpy.app.background and context.tool_settings.weight_paint.brush is None:
+            self.report({"WARNING"}, _NO_BRUSHES)
+        verb = "lie" if self.kind == "ROCKS" else "lies"
+        self.report({"INFO"}, f"Paint where {self.kind.lower()} {verb}, then press Use Painted Mask")
+        return {"FINISHED"}
+
+    def _read_present(self, scene: bpy.types.Scene) -> Array | None:
+        used = find_used_files(scene_properties.read_settings(scene.icymoon))
+        path = used.get(".".join(_SETTING_BY_KIND[self.kind]))
+        return None if path is None else read_mask(path)
+
+
+class ICYMOON_OT_use_painted_mask(_MaskOperator, bpy.types.Operator):
+    """Build the scene with what was painted in Weight Paint mode. The mask is kept as an image in the data set folder, and pairs depend on it"""  # noqa: E501
+
+    bl_idname = "icymoon.use_painted_mask"
+    bl_label = "Use Painted Mask"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if mask_sheet.find_sheet(context.scene) is None:
+            cls.poll_message_set("Press Paint Mask first")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        sheet = mask_sheet.find_sheet(context.scene)
+        if name_group(self.kind) not in sheet.vertex_groups:
+            self.report({"ERROR"}, f"Nothing is painted for {self.kind.lower()}; press Paint Mask first.")
+            return {"CANCELLED"}
+        leave_edit_mode()
+        shares = mask_sheet.read_shares(sheet, name_group(self.kind))
+        if not shares.any():
+            self.report({"WARNING"}, f"Nothing is painted, so {self.kind.lower()} will be nowhere")
+        result = self._use(context, shares, sheet.name)
+        if result != {"CANCELLED"}:
+            _hide(context, sheet)
+        return result
+
+
+class ICYMOON_OT_use_image_as_mask(_MaskOperator, bpy.types.Operator):
+    """Take an image of this file as the mask, such as one from Texture Paint: seen from above, north up, over the whole patch"""  # noqa: E501
+
+    bl_idname = "icymoon.use_image_as_mask"
+    bl_label = "Use Image as Mask"
+
+    image: bpy.props.StringProperty(name="Image", description="Image of this file")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not any(image.size[0] for image in bpy.data.images):
+            cls.poll_message_set("Open or paint an image first")
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        shown = getattr(context.space_data, "image", None)
+        self.image = shown.name if shown is not None else self.image
+        return set(context.window_manager.invoke_props_dialog(self))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.prop(self, "kind")
+        self.layout.prop_search(self, "image", bpy.data, "images")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        image = bpy.data.images.get(self.image)
+        if image is None or not image.size[0] or (not image.has_data and not image.pixels):
+            self.report({"ERROR"}, "The image has no pixels; choose another one.")
+            return {"CANCELLED"}
+        shares = _read_grey(image)
+        if not np.isfinite(shares).all() or shares.min() < 0 or shares.max() > 1:
+            self.report({"WARNING"}, "The image has values outside 0 to 1, which count as 0 or 1")
+        return self._use(context, np.nan_to_num(shares), image.name)
+
+
+class ICYMOON_OT_clear_mask(_MaskOperator, bpy.types.Operator):
+    """Let rocks, dirt or frost lie everywhere again, and remove what was painted. The image in the data set folder stays"""  # noqa: E501
+
+    bl_idname = "icymoon.clear_mask"
+    bl_label = "Clear Mask"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        kinds = [kind for kind, _, _ in KINDS]
+        if not any(has_mask(context.scene, kind) or can_use(context.scene, kind) for kind in kinds):
+            cls.poll_message_set("There is no mask")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        leave_edit_mode()
+        if sheet := mask_sheet.find_sheet(context.scene):
+            _hide(context, sheet)
+            mask_sheet.remove_group(sheet, name_group(self.kind))
+        if not has_mask(context.scene, self.kind):
+            return {"FINISHED"}
+        topic, key = _SETTING_BY_KIND[self.kind]
+        scene_properties.write_settings(context.scene.icymoon, {topic: {key: ""}})
+        return self._build(context)
+
+
+def _read_grey(image: bpy.types.Image) -> Array:
+    """The mean of the colour bands (rows, columns) of an image, as stored, north first."""
+    columns, rows = image.size
+    pixels = np.empty(columns * rows * image.channels, np.float32)
+    image.pixels.foreach_get(pixels)
+    colours = pixels.reshape(rows, columns, image.channels)[::-1, :, : 3 if image.channels >= 3 else 1]
+    return np.asarray(colours.mean(axis=2, dtype=np.float64))
+
+
+def _show_to_paint(context: bpy.types.Context, sheet: bpy.types.Object) -> None:
+    """Make the sheet the active object, and show its weights in the 3D View with the button."""
+    sheet.hide_set(False)
+    for item in context.selected_objects:
+        item.select_set(False)
+    sheet.select_set(True)
+    context.view_layer.objects.active = sheet
+    if context.area is None or context.area.type != "VIEW_3D":
+        return
+    space: bpy.types.Space = context.space_data
+    if space.local_view is not None:
+        sheet.local_view_set(space, True)
+    session.before_painting.setdefault(space.as_pointer(), (space.shading.type, space.overlay.show_overlays))
+    space.shading.type, space.overlay.show_overlays = "SOLID", True
+
+
+def _hide(context: bpy.types.Context, sheet: bpy.types.Object) -> None:
+    """Hide the sheet, and show in the 3D View with the button what it showed before the painting."""
+    sheet.hide_set(True)
+    space: Any = context.space_data
+    before = session.before_painting.pop(space.as_pointer(), None) if space is not None else None
+    if before is not None:
+        space.shading.type, space.overlay.show_overlays = before
+
+
+CLASSES = (
+    ICYMOON_OT_paint_mask,
+    ICYMOON_OT_use_painted_mask,
+    ICYMOON_OT_use_image_as_mask,
+    ICYMOON_OT_clear_mask,
+)
