@@ -19,6 +19,7 @@ import subprocess
 import sys
 import time
 import traceback
+import types
 import webbrowser
 from collections.abc import Callable
 from functools import partial
@@ -1347,6 +1348,40 @@ def decide_by_mouse() -> Waiting:
     check(not module("nodes.build_scene").find_built(window().scene).edited, "painting counts as an edit by hand")
 
 
+def jobs_end_in_any_case() -> Waiting:
+    """A render goes on when its operator gets no more events, and ends when its operator meets a fault."""
+    with in_region("WINDOW"):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    yield 5 * TICK_S
+    start_watching()
+    tiny = {**scene_sequences.TINY, "dataset": {"folder": str(FOLDER / "tiny"), "seed": 1}}
+    module("settings.blender.scene_properties").write_settings(settings(), tiny)
+    area().spaces.active.shading.type = "SOLID"
+    operators, unseen = module("operators.job_operators"), module("operators.unseen_jobs")
+    for kind in ("no events", "fault"):
+        yield from call(bpy.ops.icymoon.render_pair, again=True)
+        yield from until(lambda: session().job, "Starting the render")
+        (watch,) = unseen._watches
+        if kind == "fault":
+            watch.job.handle = {}.__getitem__
+            operators.traceback = types.SimpleNamespace(print_exc=lambda: None)  # the lane fails on printed tracebacks
+        else:
+            manager().event_timer_remove(watch.operator._timer)
+        yield from ended()
+        check(watch.ended, "the job has ended without its operator")
+        if kind == "fault":
+            operators.traceback = traceback
+        else:
+            check(not watch.is_seen, "the operator got events")
+            check(list((FOLDER / "tiny").glob("pairs/*/pair.json")), "the pair is not there")
+            for opened in list(manager().windows)[1:]:
+                with bpy.context.temp_override(window=opened):
+                    bpy.ops.wm.window_close()
+        yield from to(*middle("WINDOW"))  # an event, at which the operator leaves
+        left = [each.bl_idname for each in window().modal_operators]
+        check("ICYMOON_OT_render_pair" not in left, f"the window still has {left}")
+
+
 def scenes_files_and_undo() -> Waiting:
     """The forty sequences of ``scene_sequences``, in this window; a line for each, and none may fail.
 
@@ -1523,6 +1558,7 @@ STEPS = (
     turn_an_arm,
     dig_a_trench,
     decide_by_mouse,
+    jobs_end_in_any_case,
     scenes_files_and_undo,
     count_late_turns,
 )
