@@ -1396,6 +1396,8 @@ def scenes_files_and_undo() -> Waiting:
         until,
     )
     runner.folder.mkdir()
+    # Without a graphics card each redraw of the view takes a second, and with smooth edges there are 8 for each change.
+    bpy.context.preferences.system.viewport_aa = "OFF"
     build = module("operators.build")
     show = build.show_scene
 
@@ -1412,19 +1414,23 @@ def scenes_files_and_undo() -> Waiting:
     return f"{len(wanted)} sequences"
 
 
-#: Longest piece of the extension's own work by action, in seconds of the processor: three times what a busy machine
-#: measured (0.3 s for a build, which Blender takes to read it from its file), and far less than before.
+#: Longest piece of the extension's own work by action, in seconds of the processor: about one and a half times the
+#: most that a busy machine measured on the two scenes; other actions take less than 0.2 s.
 LONGEST_S = {
-    "preset": 1.0,
-    "build": 1.0,
-    "save": 0.1,
-    "render": 1.0,
-    "evaluate": 1.2,
-    "paint errors": 5.0,
-    "decide": 0.2,
-    "paint decisions": 2.7,
-    "render what was edited": 2.0,
+    "preset": 4.2,
+    "build": 3.0,
+    "slider of the ground": 0.9,
+    "slider of the Sun": 0.55,
+    "slider of the surface": 0.45,
+    "render": 0.5,
+    "evaluate": 0.5,
+    "paint errors": 2.5,
+    "paint decisions": 1.4,
+    "render what was edited": 0.9,
 }
+OTHERS_S = 0.2
+#: Scenes of ``count_late_turns``, unless ICYMOON_LATE_SCENES names them.
+LATE_SCENES = ("europa_rough_ice", "enceladus_block_field")
 
 
 def act(lateness: Lateness, action: str, do: Waiting) -> Waiting:
@@ -1481,14 +1487,15 @@ def drag(topic: str, key_: str, values: npt.NDArray[Any]) -> Waiting:
 
 
 def count_late_turns() -> Waiting:
-    """How long the extension holds the window for each action, on two scenes with their ground in full."""
+    """How long the extension holds the window for each action, on scenes with their ground in full."""
     lateness, operators, group = Lateness(), bpy.ops.icymoon, settings()
     lateness.start()
     patience, person.PATIENCE_S = person.PATIENCE_S, 900.0
     opened: list[str] = []
     webbrowser.open, open_page = opened.append, webbrowser.open  # type: ignore[assignment]
     bpy.context.preferences.view.render_display_type = "NONE"
-    for scene in ("europa_rough_ice", "enceladus_block_field"):
+    named = os.environ.get("ICYMOON_LATE_SCENES", "")
+    for scene in named.split(",") if named else LATE_SCENES:
         if built():
             with in_region("WINDOW"):
                 operators.clear_scene("EXEC_DEFAULT")
@@ -1516,9 +1523,9 @@ def count_late_turns() -> Waiting:
         bpy.data.objects["Icy Moon Camera"].location.z += 0.01
         yield from under("render what was edited", begin_and_escape(operators.render_pair))
     webbrowser.open, person.PATIENCE_S = open_page, patience
-    for action, row in lateness.rows.items():
-        bound_s = LONGEST_S.get(action.partition(": ")[2], 1.1)
-        check(row["longest_s"] < bound_s, f"{action} held the window for {row['longest_s']:.2f} s (bound {bound_s} s)")
+    bounds = {action: LONGEST_S.get(action.partition(": ")[2], OTHERS_S) for action in lateness.rows}
+    late = [action for action, row in lateness.rows.items() if row["longest_s"] > bounds[action]]
+    check(not late, f"{', '.join(late)} held the window for too long:\n{lateness.summarize()}")
     return lateness.summarize()
 
 
