@@ -1523,6 +1523,7 @@ def count_late_turns() -> Waiting:
         bpy.data.objects["Icy Moon Camera"].location.z += 0.01
         yield from under("render what was edited", begin_and_escape(operators.render_pair))
     webbrowser.open, person.PATIENCE_S = open_page, patience
+    lateness.leave_listeners()
     bounds = {action: LONGEST_S.get(action.partition(": ")[2], OTHERS_S) for action in lateness.rows}
     late = [action for action, row in lateness.rows.items() if row["longest_s"] > bounds[action]]
     check(not late, f"{', '.join(late)} held the window for too long:\n{lateness.summarize()}")
