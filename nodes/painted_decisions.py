@@ -17,7 +17,7 @@ from ..stereo.images.colours import SKY_GREY
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .built_scene import Built
-from .datablocks.fingerprint import TAG, find_instanced_objects
+from .datablocks.fingerprint import TAG
 from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import make_share_lines, set_colours
 from .painted_errors import (
@@ -27,6 +27,7 @@ from .painted_errors import (
     darken_meshes,
     find_other_meshes,
     find_painted,
+    find_rock_meshes,
     read_vertex_positions,
     to_world,
 )
@@ -79,7 +80,7 @@ def paint_decisions(scene: bpy.types.Scene, built: Built, stored: StoredMap, tit
     colours = np.full((len(cell), 3), SKY_GREY, np.uint8)
     colours[inside] = colour_cells(stored).reshape(-1, 3)[cell[inside]]
     set_colours(add_colours(mesh), colours)
-    darken_meshes({*_find_rock_meshes(built), *find_other_meshes(built)})  # the ground under them is unknown from above
+    darken_meshes({*find_rock_meshes(built), *find_other_meshes(built)})  # the ground under them is unknown from above
     if stored.chosen is not None:
         _link_mark(collection, _draw_site(stored, *stored.chosen))
     if stored.reach is not None and there[REACH]:
@@ -113,11 +114,6 @@ def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
         *((text, icon) for mark, (_, text, icon) in _MARKS.items() if stored.get(mark)),
         ("Dark: rocks, the lander, beyond the workspace", "BLANK1"),
     )
-
-
-def _find_rock_meshes(built: Built) -> set[bpy.types.Mesh]:
-    fields = [item for item in built.collection.all_objects if item.get(TAG) == "rock"]
-    return {shape.data for item in fields for shape in find_instanced_objects(item) if shape.type == "MESH"}
 
 
 def _link_mark(collection: bpy.types.Collection, item: bpy.types.Object) -> None:

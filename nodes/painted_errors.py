@@ -116,12 +116,18 @@ class MeshesToPaint:
 
 @dataclass(frozen=True)
 class FoundErrors:
-    """The errors of pairs on the meshes of a scene: of the ground's vertices, of copies of rocks, and how many pixels
-    have which."""
+    """The errors of pairs on the meshes of a scene, and how many pixels have which.
+
+    ``rocks`` are the positions (n, 3) and triangles (m, 3) of all copies of rocks, and the errors of their vertices;
+    ``colours`` are sRGB uint8 (n, 3) of the vertices of the ground and of the copies, where errors of ``full_m`` metres
+    and more have the full colour.
+    """
 
     ground: VertexErrors
-    rocks: list[tuple[Array, Array, VertexErrors]]
+    rocks: tuple[Array, Array, VertexErrors] | None
     counts: dict[str, int]
+    full_m: float
+    colours: tuple[Array, Array]
 
 
 def read_meshes(built: Built) -> MeshesToPaint:
@@ -136,19 +142,31 @@ def read_meshes(built: Built) -> MeshesToPaint:
     return MeshesToPaint(position, _read_edges(mesh), rocks)
 
 
-def find_errors(meshes: MeshesToPaint, found: Sequence[DepthErrors]) -> FoundErrors:
+def find_errors(meshes: MeshesToPaint, found: Sequence[DepthErrors], full_m: float) -> FoundErrors:
     """The errors of pairs on the meshes of their scene; any thread may ask. Where several pairs see a vertex, it shows
-    the error of the nearest. Raises IcyMoonError if no vertex shows an error."""
+    the error of the nearest. Errors of ``full_m`` metres and more get the full colour. Raises IcyMoonError if no vertex
+    shows an error."""
     places = [np.empty((0, 2))] * len(found)
     ground = _find_vertex_errors(found, meshes.position, meshes.edges, places)
-    rocks = list(_find_seen_rocks(meshes.rocks, found, places))
+    rocks = _join_copies(list(_find_seen_rocks(meshes.rocks, found, places)))
     if not sum(map(len, places)):
         raise IcyMoonError(
             "No vertex of the ground shows an error: its triangles are too wide, or it is not the "
             "ground of the pair; press Build Scene, or raise terrain.resolution."
         )
     counts = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
-    return FoundErrors(ground, rocks, {key: sum(count[key] for count in counts) for key in counts[0]})
+    total = {key: sum(count[key] for count in counts) for key in counts[0]}
+    return FoundErrors(ground, rocks, total, full_m, _colour_all(ground, rocks, full_m))
+
+
+def _colour_all(
+    ground: VertexErrors, rocks: tuple[Array, Array, VertexErrors] | None, full_m: float
+) -> tuple[Array, Array]:
+    return _colour(ground, full_m), _colour(rocks[2], full_m) if rocks else np.empty((0, 3), np.uint8)
+
+
+def _colour(shown: VertexErrors, full_m: float) -> Array:
+    return colour_errors(np.asarray(shown.error_m, np.float32), shown.kind.astype(np.int8), full_m)
 
 
 def show_errors(
@@ -156,21 +174,20 @@ def show_errors(
 ) -> bpy.types.Collection:
     """Paint errors on the ground and rocks of a built scene, in place of anything painted before. Errors of ``full_m``
     metres and more have the full colour. Raises IcyMoonError, before any change, if the ground is not theirs."""
-    mesh, rocks = built.terrain.data, errors.rocks
+    mesh = built.terrain.data
     if len(mesh.vertices) != len(errors.ground.error_m):
         raise IcyMoonError("The ground has changed while its errors were found; paint them again.")
     collection = begin_painting(scene, mesh, NAME)
     collection[_COUNTS_PROPERTY] = errors.counts | {"title": title}
-    _fill_attributes(mesh, errors.ground, full_m)
-    for shape in _find_rock_instances(built):  # dark, as if unseen; the copies hide them where an eye sees them
-        n = len(shape.data.vertices)
-        _fill_attributes(
-            shape.data,
-            VertexErrors(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf)),
-            full_m,
-        )
-    if rocks:
-        _link_rocks(collection, rocks, full_m)
+    same = full_m == errors.full_m  # else the user has changed it meanwhile
+    of_ground, of_rocks = errors.colours if same else _colour_all(errors.ground, errors.rocks, full_m)
+    _fill_attributes(mesh, errors.ground, of_ground)
+    for shape in find_rock_meshes(built):  # dark, as if unseen; the copies hide them where an eye sees them
+        n = len(shape.vertices)
+        unseen = VertexErrors(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf))
+        _fill_attributes(shape, unseen, _colour(unseen, full_m))
+    if errors.rocks:
+        _link_rocks(collection, errors.rocks, of_rocks)
     darken_meshes(find_other_meshes(built))
     return collection
 
@@ -296,6 +313,25 @@ def _find_rock_instances(built: Built) -> dict[bpy.types.Object, Array]:
     return {shape: np.array(found) for shape, found in matrices.items()}
 
 
+def find_rock_meshes(built: Built) -> set[bpy.types.Mesh]:
+    """The meshes of which the rocks are instances."""
+    fields = [item for item in built.collection.all_objects if item.get(TAG) == "rock"]
+    return {shape.data for item in fields for shape in find_instanced_objects(item) if shape.type == "MESH"}
+
+
+def _join_copies(rocks: Sequence[tuple[Array, Array, VertexErrors]]) -> tuple[Array, Array, VertexErrors] | None:
+    """Positions, triangles and errors of all copies as those of one mesh; None without any."""
+    if not rocks:
+        return None
+    starts = np.cumsum([0, *(len(position) for position, _, _ in rocks)])
+    names = ("error_m", "kind", "depth_m")
+    return (
+        np.concatenate([position for position, _, _ in rocks]),
+        np.concatenate([faces + start for (_, faces, _), start in zip(rocks, starts, strict=False)]),
+        VertexErrors(*(np.concatenate([getattr(shown, name) for _, _, shown in rocks]) for name in names)),
+    )
+
+
 def _find_seen_rocks(
     shapes: Sequence[tuple[Array, Array, Array]], found: Sequence[DepthErrors], places: list[Array]
 ) -> Iterator[tuple[Array, Array, VertexErrors]]:
@@ -359,26 +395,11 @@ def _repeat_indices(indices: Array, times: int, vertices: int) -> Array:
     return (indices[None] + (np.arange(times) * vertices)[:, None, None]).reshape(-1, indices.shape[1])
 
 
-def _link_rocks(
-    collection: bpy.types.Collection, rocks: Sequence[tuple[Array, Array, VertexErrors]], full_m: float
-) -> None:
+def _link_rocks(collection: bpy.types.Collection, rocks: tuple[Array, Array, VertexErrors], colours: Array) -> None:
     """Add the object of the copies of rocks."""
-    starts = np.cumsum([0, *(len(position) for position, _, _ in rocks)])
-    mesh = build_mesh_from_arrays(
-        NAME,
-        np.concatenate([position for position, _, _ in rocks]),
-        np.concatenate([faces + start for (_, faces, _), start in zip(rocks, starts, strict=False)]),
-    )
-    _fill_attributes(
-        mesh,
-        VertexErrors(
-            *(
-                np.concatenate([getattr(shown, name) for _, _, shown in rocks])
-                for name in ("error_m", "kind", "depth_m")
-            )
-        ),
-        full_m,
-    )
+    position, triangles, shown = rocks
+    mesh = build_mesh_from_arrays(NAME, position, triangles)
+    _fill_attributes(mesh, shown, colours)
     material = build_material(COLOUR)
     mesh.materials.append(material)
     item = bpy.data.objects.new(f"{NAME} on Rocks", mesh)
@@ -387,14 +408,14 @@ def _link_rocks(
     collection.objects.link(item)
 
 
-def _fill_attributes(mesh: bpy.types.Mesh, shown: VertexErrors, full_m: float) -> None:
-    """Add the attributes to a mesh, and show their colours. The attribute that renders use as the mesh's
-    colours stays.
+def _fill_attributes(mesh: bpy.types.Mesh, shown: VertexErrors, colours: Array) -> None:
+    """Add the attributes to a mesh, and show the colours, sRGB uint8 (n, 3). The attribute that renders use as the
+    mesh's colours stays.
     """
     mesh.attributes.new(ERROR_M, "FLOAT", "POINT").data.foreach_set("value", shown.error_m)
     mesh.attributes.new(KIND, "INT8", "POINT").data.foreach_set("value", shown.kind.astype(np.int8))
-    add_colours(mesh)
-    _colour_mesh(mesh, full_m)
+    set_colours(add_colours(mesh), colours)
+    mesh.update_tag()
 
 
 def add_colours(mesh: bpy.types.Mesh) -> bpy.types.Attribute:

@@ -46,6 +46,7 @@ from . import (
     show_pair,
     trade,
     trajectory,
+    unseen_jobs,
     variation_curves,
     variation_pictures,
     variation_plan,
@@ -102,6 +103,7 @@ _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 _EVENT_MODULES: tuple[Any, ...] = (
     window_events,
     session,
+    unseen_jobs,
     build,
     coloured_views,
     dataset,

@@ -41,6 +41,13 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Setting
 #: Azimuth of the Sun at which the default view is lit from the side.
 LIT_AZIMUTH_DEG = 300.0
 _SHADING_PROPERTIES = ("type", "use_scene_lights_render", "use_scene_world_render")
+#: What a view gets back that showed a built scene when its file was saved: it looks as Blender's own.
+_PLAIN_VIEW: dict[str, Any] = {
+    "shading": {"type": "SOLID", "use_scene_lights_render": True, "use_scene_world_render": True},
+    "overlays": True,
+    "perspective": "PERSP",
+    "local": False,
+}
 
 
 def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
@@ -102,6 +109,16 @@ def _restore_view(window: bpy.types.Window, area: bpy.types.Area) -> None:
     if space.local_view is not None and not before["local"]:
         with override_area(window, area):
             bpy.ops.view3d.localview(frame_selected=False)
+
+
+def _adopt_views() -> None:
+    """Learn which views of the opened file show a built scene, so that they are restored when it goes."""
+    for window, area in list_areas("VIEW_3D"):
+        space, built = area.spaces.active, scenes.find_built(window.scene)
+        through = space.camera if space.use_local_camera else window.scene.camera
+        is_ours = built is not None and through == built.camera and space.region_3d.view_perspective == "CAMERA"
+        if is_ours and not space.overlay.show_overlays:
+            session.views_before[space.as_pointer()] = {**_PLAIN_VIEW, "scene": window.scene.session_uid}
 
 
 def _find_turned_views() -> tuple[list[Any], list[Any]]:
@@ -223,4 +240,5 @@ register, unregister = make_registration(
     undo_post=_check_views,
     redo_post=_check_views,
     depsgraph_update_post=_check_views,  # Blender tells of no other scene in a window
+    load_post=_adopt_views,
 )

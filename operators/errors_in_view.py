@@ -88,7 +88,8 @@ class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
         self._method = self.method or next(iter(list_methods_with_disparities(scene)), "")
         leave_edit_mode()  # a mesh that is being edited has no attributes
         built, found = _read_errors(scene, self._method)
-        work = partial(painted_errors.find_errors, painted_errors.read_meshes(built), found)
+        meshes = painted_errors.read_meshes(built)
+        work = partial(painted_errors.find_errors, meshes, found, scene.icymoon.error_range_m)
         return Job(self.bl_label, Calculation(work, "the errors"), if_stopped="nothing is painted")
 
     def report_success(self, context: bpy.types.Context) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import traceback
+
 import bpy
 
 from ..support.errors import IcyMoonError
-from . import jobs
+from . import jobs, unseen_jobs
 from .operator_type import OperatorMixin
 from .session import session
 from .sidebar_text import format_for_window
@@ -16,11 +18,13 @@ class WatchingOperator(OperatorMixin):
     """Mix-in: an operator whose work is a job.
 
     ``start`` returns the job, and ``report_success`` is called after it has succeeded. From a script
-    (``EXEC_DEFAULT``) the operator returns when the job has ended.
+    (``EXEC_DEFAULT``) the operator returns when the job has ended. If Blender sends no more events, ``unseen_jobs``
+    looks at the job instead.
     """
 
     _timer: bpy.types.Timer | None = None
     _job: jobs.Job | None = None
+    _watch: unseen_jobs.Watch | None = None
 
     def start(self, context: bpy.types.Context) -> jobs.Job | None:
         """Start the job; None if it has nothing to wait for. Raises IcyMoonError if it cannot start."""
@@ -62,12 +66,42 @@ class WatchingOperator(OperatorMixin):
         manager = context.window_manager
         self._timer = manager.event_timer_add(jobs.INTERVAL_S, window=context.window)
         manager.modal_handler_add(self)
+        self._watch = unseen_jobs.watch(self, self._job)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type != "TIMER" or self.look(context):
+        assert self._watch is not None
+        if self._watch.ended:  # by ``unseen_jobs``
+            return {"FINISHED"}
+        if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        return self.end(context)
+        self._watch.turns = 0
+        return self.look_or_end(context) or {"PASS_THROUGH"}
+
+    def look_or_end(self, context: bpy.types.Context) -> set[str]:
+        """Look at the job, or end if it has ended: the result of the operator, empty while the job runs.
+
+        A defect of ours ends the job too. Otherwise each look would meet it again, and no other job could start.
+        """
+        try:
+            return set() if self.look(context) else self.end(context)
+        except Exception as error:
+            if unseen_jobs.is_freed(self):
+                raise
+            traceback.print_exc()
+            return self.give_up(context, error)
+
+    def give_up(self, context: bpy.types.Context, error: Exception) -> set[str]:
+        """End the job because of a defect, with a sentence."""
+        assert self._job is not None
+        self._leave_events(context)
+        unseen_jobs.close_job(self._job)
+        return self.fail(
+            IcyMoonError(
+                f"{self._job.title} was ended by a fault ({type(error).__name__}: {error}); start it again, and please "
+                "report this."
+            )
+        )
 
     def look(self, context: bpy.types.Context) -> bool:
         """Look at the job, which is done repeatedly; False when it has ended."""
@@ -77,12 +111,24 @@ class WatchingOperator(OperatorMixin):
     def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender when the window closes, another file is opened, or the user cancels the dialog."""
         if self._timer is not None:
-            self.end(context)
+            try:
+                self.end(context)
+            except Exception as error:
+                traceback.print_exc()
+                self.give_up(context, error)
+
+    def _leave_events(self, context: bpy.types.Context) -> None:
+        """Want no more events. A timer whose events have stopped may be freed, so it is left alone."""
+        if self._watch is not None:
+            if self._watch.is_seen and self._timer is not None:
+                context.window_manager.event_timer_remove(self._timer)
+            self._watch.ended = True
+        self._timer = None
 
     def end(self, context: bpy.types.Context) -> set[str]:
         """Stop the job if it has not ended, and report its success or failure."""
         assert self._job is not None
-        context.window_manager.event_timer_remove(self._timer)
+        self._leave_events(context)
         self._job.close()
         self.report_end(context)
         if self._job.process.left:

@@ -127,9 +127,10 @@ class Job:
         self.process.cancel()
 
     def close(self) -> None:
-        """Stop it at once if it has not ended, and clean up."""
+        """Stop it at once if it has not ended, and clean up. A second call does nothing."""
+        clean_up, self.clean_up = self.clean_up, lambda: None
         self.process.stop()
-        self.clean_up()
+        clean_up()
 
     def run_to_end(self) -> None:
         """Wait until it has ended. Raises IcyMoonError if it failed."""

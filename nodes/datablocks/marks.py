@@ -184,15 +184,6 @@ class BlockHasher:
         """The mark of a file that is packed into the .blend."""
         return hashlib.sha256(packed.data).hexdigest() if packed else ""
 
-    def random(self, tree: bpy.types.NodeTree) -> bool:
-        """Whether a node tree uses the random number of an object, which Cycles computes from the object's name."""
-        return tree is not None and any(
-            node.outputs["Random"].is_linked
-            if node.bl_idname == "ShaderNodeObjectInfo"
-            else self.random(getattr(node, "node_tree", None))
-            for node in tree.nodes
-        )
-
     # Content of data-blocks and structures that is not in their properties, by kind.
 
     def of_object(self, item: bpy.types.Object) -> list[Any]:
@@ -220,7 +211,7 @@ class BlockHasher:
         if item.mode == "SCULPT" and item.use_dynamic_topology_sculpting:
             self._refuse(item, "is being sculpted with dynamic topology; leave Sculpt Mode first.")
         slots = [slot.material for slot in item.material_slots if slot.material]
-        counts = item.type == "META" or any(self.random(material.node_tree) for material in slots)
+        counts = item.type == "META" or any(is_random_by_object(material.node_tree) for material in slots)
         key = [item.active_shape_key_index] if item.show_only_shape_key else []
         weights = (
             [[(g.group, g.weight) for g in vertex.groups] for vertex in item.data.vertices]
@@ -389,6 +380,16 @@ _HASHER_BY_STRUCT_TYPE: tuple[tuple[Any, Callable[[BlockHasher, Any], list[Any]]
 def hash_marks(content: object) -> str:
     """SHA-256 of the result of ``Walk.content``."""
     return hashlib.sha256(repr(content).encode()).hexdigest()
+
+
+def is_random_by_object(tree: bpy.types.NodeTree | None) -> bool:
+    """Whether a node tree uses the random number of an object, which Cycles computes from the object's name."""
+    return tree is not None and any(
+        node.outputs["Random"].is_linked
+        if node.bl_idname == "ShaderNodeObjectInfo"
+        else is_random_by_object(getattr(node, "node_tree", None))
+        for node in tree.nodes
+    )
 
 
 def is_aimed(node: bpy.types.Node, socket: str) -> bool:

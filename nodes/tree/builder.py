@@ -8,6 +8,7 @@ identifiers, which no version has renamed.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import bpy
@@ -296,14 +297,20 @@ class Tree:
 
 def _list_plain_properties(struct: bpy.types.bpy_struct) -> dict[str, Any]:
     """The plain properties of a node, without properties of the node editor."""
-    return {
-        p.identifier: getattr(struct, p.identifier)
-        for p in struct.bl_rna.properties
+    return {name: getattr(struct, name) for name in _list_plain_names(type(struct))}
+
+
+@lru_cache(maxsize=256)
+def _list_plain_names(kind: Any) -> tuple[str, ...]:
+    """Names of the plain properties of a kind of node, which are slow to find."""
+    return tuple(
+        p.identifier
+        for p in kind.bl_rna.properties
         if p.type in ("BOOLEAN", "INT", "FLOAT", "STRING", "ENUM")
         and not p.is_readonly
         and not getattr(p, "is_array", False)
         and p.identifier not in _EDITOR_PROPERTIES
-    }
+    )
 
 
 #: Properties of a node that affect only the node editor.
@@ -337,6 +344,14 @@ def copy_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
         return False
     for node in source.nodes:
         for old, new in zip(target.nodes[node.name].inputs, node.inputs, strict=True):
-            if hasattr(new, "default_value"):
+            # Blender updates the whole tree for each value that is set, even to itself.
+            if hasattr(new, "default_value") and _is_other(old.default_value, new.default_value):
                 old.default_value = new.default_value
     return True
+
+
+def _is_other(value: Any, other: Any) -> bool:
+    """Whether two values of sockets differ: numbers, texts, data-blocks or arrays."""
+    if isinstance(value, (str, bpy.types.ID)) or not hasattr(value, "__len__"):
+        return bool(value != other)
+    return tuple(value) != tuple(other)

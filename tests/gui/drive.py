@@ -19,6 +19,7 @@ import subprocess
 import sys
 import time
 import traceback
+import types
 import webbrowser
 from collections.abc import Callable
 from functools import partial
@@ -1387,6 +1388,40 @@ def decide_by_mouse() -> Waiting:
     check(not module("nodes.build_scene").find_built(window().scene).edited, "painting counts as an edit by hand")
 
 
+def jobs_end_in_any_case() -> Waiting:
+    """A render goes on when its operator gets no more events, and ends when its operator meets a fault."""
+    with in_region("WINDOW"):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    yield 5 * TICK_S
+    start_watching()
+    tiny = {**scene_sequences.TINY, "dataset": {"folder": str(FOLDER / "tiny"), "seed": 1}}
+    module("settings.blender.scene_properties").write_settings(settings(), tiny)
+    area().spaces.active.shading.type = "SOLID"
+    operators, unseen = module("operators.job_operators"), module("operators.unseen_jobs")
+    for kind in ("no events", "fault"):
+        yield from call(bpy.ops.icymoon.render_pair, again=True)
+        yield from until(lambda: session().job, "Starting the render")
+        (watch,) = unseen._watches
+        if kind == "fault":
+            watch.job.handle = {}.__getitem__
+            operators.traceback = types.SimpleNamespace(print_exc=lambda: None)  # the lane fails on printed tracebacks
+        else:
+            manager().event_timer_remove(watch.operator._timer)
+        yield from ended()
+        check(watch.ended, "the job has ended without its operator")
+        if kind == "fault":
+            operators.traceback = traceback
+        else:
+            check(not watch.is_seen, "the operator got events")
+            check(list((FOLDER / "tiny").glob("pairs/*/pair.json")), "the pair is not there")
+            for opened in list(manager().windows)[1:]:
+                with bpy.context.temp_override(window=opened):
+                    bpy.ops.wm.window_close()
+        yield from to(*middle("WINDOW"))  # an event, at which the operator leaves
+        left = [each.bl_idname for each in window().modal_operators]
+        check("ICYMOON_OT_render_pair" not in left, f"the window still has {left}")
+
+
 def scenes_files_and_undo() -> Waiting:
     """The forty sequences of ``scene_sequences``, in this window; a line for each, and none may fail.
 
@@ -1401,6 +1436,8 @@ def scenes_files_and_undo() -> Waiting:
         until,
     )
     runner.folder.mkdir()
+    # Without a graphics card each redraw of the view takes a second, and with smooth edges there are 8 for each change.
+    bpy.context.preferences.system.viewport_aa = "OFF"
     build = module("operators.build")
     show = build.show_scene
 
@@ -1417,19 +1454,23 @@ def scenes_files_and_undo() -> Waiting:
     return f"{len(wanted)} sequences"
 
 
-#: Longest piece of the extension's own work by action, in seconds of the processor: three times what a busy machine
-#: measured (0.3 s for a build, which Blender takes to read it from its file), and far less than before.
+#: Longest piece of the extension's own work by action, in seconds of the processor: about one and a half times the
+#: most that a busy machine measured on the two scenes; other actions take less than 0.2 s.
 LONGEST_S = {
-    "preset": 1.0,
-    "build": 1.0,
-    "save": 0.1,
-    "render": 1.0,
-    "evaluate": 1.2,
-    "paint errors": 5.0,
-    "decide": 0.2,
-    "paint decisions": 2.7,
-    "render what was edited": 2.0,
+    "preset": 4.2,
+    "build": 3.0,
+    "slider of the ground": 0.9,
+    "slider of the Sun": 0.55,
+    "slider of the surface": 0.45,
+    "render": 0.5,
+    "evaluate": 0.5,
+    "paint errors": 2.5,
+    "paint decisions": 1.4,
+    "render what was edited": 0.9,
 }
+OTHERS_S = 0.2
+#: Scenes of ``count_late_turns``, unless ICYMOON_LATE_SCENES names them.
+LATE_SCENES = ("europa_rough_ice", "enceladus_block_field")
 
 
 def act(lateness: Lateness, action: str, do: Waiting) -> Waiting:
@@ -1486,14 +1527,15 @@ def drag(topic: str, key_: str, values: npt.NDArray[Any]) -> Waiting:
 
 
 def count_late_turns() -> Waiting:
-    """How long the extension holds the window for each action, on two scenes with their ground in full."""
+    """How long the extension holds the window for each action, on scenes with their ground in full."""
     lateness, operators, group = Lateness(), bpy.ops.icymoon, settings()
     lateness.start()
     patience, person.PATIENCE_S = person.PATIENCE_S, 900.0
     opened: list[str] = []
     webbrowser.open, open_page = opened.append, webbrowser.open  # type: ignore[assignment]
     bpy.context.preferences.view.render_display_type = "NONE"
-    for scene in ("europa_rough_ice", "enceladus_block_field"):
+    named = os.environ.get("ICYMOON_LATE_SCENES", "")
+    for scene in named.split(",") if named else LATE_SCENES:
         if built():
             with in_region("WINDOW"):
                 operators.clear_scene("EXEC_DEFAULT")
@@ -1521,9 +1563,10 @@ def count_late_turns() -> Waiting:
         bpy.data.objects["Icy Moon Camera"].location.z += 0.01
         yield from under("render what was edited", begin_and_escape(operators.render_pair))
     webbrowser.open, person.PATIENCE_S = open_page, patience
-    for action, row in lateness.rows.items():
-        bound_s = LONGEST_S.get(action.partition(": ")[2], 1.1)
-        check(row["longest_s"] < bound_s, f"{action} held the window for {row['longest_s']:.2f} s (bound {bound_s} s)")
+    lateness.leave_listeners()
+    bounds = {action: LONGEST_S.get(action.partition(": ")[2], OTHERS_S) for action in lateness.rows}
+    late = [action for action, row in lateness.rows.items() if row["longest_s"] > bounds[action]]
+    check(not late, f"{', '.join(late)} held the window for too long:\n{lateness.summarize()}")
     return lateness.summarize()
 
 
@@ -1564,6 +1607,7 @@ STEPS = (
     turn_an_arm,
     dig_a_trench,
     decide_by_mouse,
+    jobs_end_in_any_case,
     scenes_files_and_undo,
     count_late_turns,
 )

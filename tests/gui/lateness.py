@@ -45,7 +45,7 @@ class Lateness:
         self._since_s = time.thread_time()
 
     def start(self) -> None:
-        """Watch the extension, and count until Blender ends."""
+        """Watch the extension, and count from now on."""
         for kind in _list_classes():
             for name in _METHODS:
                 if name in vars(kind) or (kind.__module__.startswith(ADD_ON) and hasattr(kind, name)):
@@ -53,9 +53,18 @@ class Lateness:
         for module, name in _TIMERS:
             found = sys.modules[f"{ADD_ON}.{module}"]
             setattr(found, name, self._watch(getattr(found, name), name))
-        listeners = sys.modules[f"{ADD_ON}.settings.change_announcements"].listeners
-        listeners[:] = [self._watch(each, each.__name__) for each in listeners]
+        self._listeners[:] = [self._watch(each, each.__name__) for each in self._listeners]
         bpy.app.timers.register(self._tick, first_interval=0.0)
+
+    @property
+    def _listeners(self) -> list[Callable[..., Any]]:
+        """The functions of the extension that learn of changed settings."""
+        found: list[Callable[..., Any]] = sys.modules[f"{ADD_ON}.settings.change_announcements"].listeners
+        return found
+
+    def leave_listeners(self) -> None:
+        """Give the extension its own listeners back, which it removes when it ends."""
+        self._listeners[:] = [getattr(each, "__wrapped__", each) for each in self._listeners]
 
     def count(self, action: str) -> None:
         """Count for another action from now on; for none if it is empty."""

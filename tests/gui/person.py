@@ -20,6 +20,8 @@ import bpy
 TICK_S = 0.1
 #: After which anything is taken for stuck. No measure of speed.
 PATIENCE_S = 150.0
+#: The most that one turn of the event loop counts for: without a graphics card a busy machine takes seconds for one.
+MOST_TURN_S = 1.0
 ADD_ON = "bl_ext.user_default.icymoon"
 F3 = "69"  # as a key code: given its name, xdotool may press Alt with it
 #: What takes a while: it yields how long to wait, and may return a note on what came of it.
@@ -99,10 +101,12 @@ def xdotool(*words: object) -> None:
 
 def until(done: Callable[[], object], what: str) -> Waiting:
     """Wait until something holds."""
-    end = time.monotonic() + PATIENCE_S
+    waited_s, since = 0.0, time.monotonic()
     while not done():
-        check(time.monotonic() < end, f"{what} took more than {PATIENCE_S:.0f} s")
+        check(waited_s < PATIENCE_S, f"{what} took more than {PATIENCE_S:.0f} s")
         yield TICK_S
+        now = time.monotonic()
+        waited_s, since = waited_s + min(now - since, MOST_TURN_S), now
 
 
 def point(x: float, y: float) -> None:

@@ -42,10 +42,10 @@ def shown(tmp_path_factory):
     return pair, built, {name: files / f"{name}.npz" for name in ("far", "near")}
 
 
-def paint(shown, name="far", full_m=1.0):
+def paint(shown, name="far", full_m=1.0, full_at_start_m=None):
     pair, built, files = shown
     errors = painted_errors.find_errors(
-        painted_errors.read_meshes(built), [read_depth_errors(pair.folder, files[name])]
+        painted_errors.read_meshes(built), [read_depth_errors(pair.folder, files[name])], full_at_start_m or full_m
     )
     return painted_errors.show_errors(bpy.context.scene, built, errors, name, full_m)
 
@@ -58,6 +58,16 @@ def read(mesh):
         read_property(mesh.attributes[painted_errors.KIND].data, "value", np.int8),
         np.rint(255 * colour),
     )
+
+
+def test_a_range_of_colours_that_changes_while_errors_are_found_holds(shown):
+    mesh = shown[1].terrain.data
+    found = [
+        (paint(shown, full_m=full_m, full_at_start_m=start_m), read(mesh)[2])[1]
+        for full_m, start_m in ((0.3, 0.3), (0.3, 5.0), (5.0, 5.0))
+    ]
+    assert (found[0] == found[1]).all()
+    assert (found[0] != found[2]).any()
 
 
 def test_vertices_that_rays_reach_have_the_error_of_their_depth(shown):

@@ -40,3 +40,17 @@ def test_another_scene_is_seen_as_before_and_the_built_one_again_as_it_was(scene
     build._follow_views()
     assert look() == before
     assert session.views_before == {}
+
+
+def test_a_view_that_a_file_brought_is_restored_when_its_scene_goes(scene, tmp_path):
+    window, area = find_view()
+    built = scenes.build_scene(scene, complete(TINY))
+    with bpy.context.temp_override(window=window, area=area):
+        build.show_scene(bpy.context, built)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "lit.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "lit.blend"))
+    assert look() == ("CAMERA", False)
+    bpy.ops.icymoon.clear_scene()
+    assert look() == ("PERSP", True)
+    space = find_view()[1].spaces.active
+    assert (space.shading.type, space.local_view, session.views_before) == ("SOLID", None, {})

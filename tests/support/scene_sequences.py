@@ -517,7 +517,7 @@ class Runner:
             for space in (area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D"):
                 shown = space.as_pointer() in self.session.views_before
                 through = space.camera if space.use_local_camera else window.scene.camera
-                if shown and (built is None or through != built.camera):
+                if shown and not self.deleted and (built is None or through != built.camera):
                     yield f"a view of {window.scene.name} shows {through and through.name}"
                 if not shown and built is None and (space.local_view or not space.overlay.show_overlays):
                     yield f"a view of {window.scene.name} is still as that of a built scene"

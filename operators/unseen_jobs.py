@@ -1,0 +1,116 @@
+"""Jobs whose operators get no more events from Blender: a timer looks at them instead, so that no job runs for ever.
+
+Blender drops a modal operator that raises an exception, without calling its ``cancel`` (seen in 4.3 and 5.2), so
+``WatchingOperator`` lets none out. The events of a timer continue through undo, redo, another workspace and a closed
+area, and Blender cancels the operators of a closed window or file. This is for faults that are not known yet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from .jobs import Job
+from .session import session
+from .sidebar_text import format_for_window
+from .window_areas import redraw_panels
+from .window_events import call_later, make_registration
+
+#: Seconds between two looks at all jobs.
+INTERVAL_S = 0.5
+#: Turns of the event loop without an event after which a job is unseen. A slow window has few turns, so its jobs
+#: are not taken for unseen.
+MOST_TURNS = 20
+
+
+@dataclass
+class Watch:
+    """A running operator and its job. ``turns`` counts the turns of the event loop since its last event."""
+
+    operator: Any
+    job: Job
+    turns: int = 0
+    ended: bool = False
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether the operator gets events."""
+        return self.turns < MOST_TURNS
+
+
+_watches: list[Watch] = []
+
+
+def watch(operator: Any, job: Job) -> Watch:
+    """Look after the job of an operator that has begun to wait for events."""
+    found = Watch(operator, job)
+    _watches.append(found)
+    call_later(_look_after_jobs, INTERVAL_S)
+    return found
+
+
+def close_job(job: Job) -> None:
+    """Stop a job, and let others start."""
+    for name in ("job", "reading", "developing", "meshing"):
+        if getattr(session, name) is job:
+            setattr(session, name, None)
+    redraw_panels()
+    job.close()
+
+
+def is_freed(operator: Any) -> bool:
+    """Whether Blender has freed an operator, of which no property can be read any more."""
+    try:
+        operator.bl_idname  # noqa: B018
+    except ReferenceError:
+        return True
+    except AttributeError:  # it is no operator of Blender
+        pass
+    return False
+
+
+def _look_after_jobs() -> float | None:
+    """Look at the jobs whose operators get no events. The timer stops when no job runs."""
+    _watches[:] = [each for each in _watches if not each.ended]
+    for each in _watches[:]:
+        each.turns += 1
+        if not each.is_seen:
+            _look_instead(each)
+    return INTERVAL_S if _watches else None
+
+
+def _look_instead(found: Watch) -> None:
+    """Look at a job as its operator would; close it with a sentence if the operator is gone."""
+    windows = bpy.context.window_manager.windows
+    if is_freed(found.operator) or not windows:
+        found.ended = True
+        close_job(found.job)
+        if windows:
+            with bpy.context.temp_override(window=windows[0]):
+                _tell(f"{found.job.title} was stopped, because its window is gone; {found.job.if_stopped}.")
+        return
+    with bpy.context.temp_override(window=windows[0]):
+        found.operator.look_or_end(bpy.context)
+
+
+def _tell(sentence: str) -> None:
+    """Show a sentence in a window that no operator can report in."""
+
+    def draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+        menu.layout.label(text=format_for_window(sentence))
+
+    bpy.context.window_manager.popup_menu(draw, title="Icy Moon", icon="ERROR")
+
+
+def _end_all() -> None:
+    """End the jobs, before Icy Moon is disabled or after another file was opened."""
+    for each in _watches:
+        if not each.ended:
+            each.ended = True
+            close_job(each.job)
+    _watches.clear()
+
+
+register, unregister = make_registration(timers=(_look_after_jobs,), end=_end_all, load_post=_end_all)

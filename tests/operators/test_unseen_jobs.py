@@ -1,0 +1,144 @@
+"""A job ends whatever happens to its operator: Blender drops one that raises, and may send it no more events."""
+
+from __future__ import annotations
+
+import pytest
+from icymoon.operators import unseen_jobs
+from icymoon.operators.job_operators import JobOperator
+from icymoon.operators.jobs import Job
+from icymoon.operators.session import session
+from icymoon.operators.window_events import cancel_call
+from icymoon.support.errors import IcyMoonError
+from stand_ins import stand_in
+
+TIMER = stand_in(type="TIMER", value="NOTHING")
+
+
+class Process:
+    """A process that has messages left for some looks."""
+
+    left, returncode, cause, cancelled, stops = False, 1, "it was killed", False, 0
+
+    def __init__(self, looks: int) -> None:
+        self.looks = looks
+
+    @property
+    def running(self) -> bool:
+        return self.looks > 0
+
+    def poll(self) -> list[dict[str, object]]:
+        self.looks -= 1
+        return [] if self.looks else [{"type": "result"}]
+
+    def stop(self) -> None:
+        self.stops += 1
+        self.cancelled = self.cancelled or self.running
+
+
+class Operator(JobOperator):
+    """An operator as Blender holds it while its job runs."""
+
+    bl_idname = "icymoon.test"
+    is_freed = False
+
+    def __init__(self, looks: int = 10**6) -> None:
+        self.said: list[str] = []
+        self.cleaned: list[bool] = []
+        self.succeeded = 0
+        self._timer, self._job = object(), Job("Try", Process(looks), clean_up=lambda: self.cleaned.append(True))
+        self._watch = unseen_jobs.watch(self, self._job)
+        session.job = self._job
+
+    def __getattribute__(self, name: str) -> object:
+        if name == "bl_idname" and self.is_freed:
+            raise ReferenceError("StructRNA of type Operator has been removed")
+        return super().__getattribute__(name)
+
+    def report(self, kind: set[str], message: str, /) -> None:
+        self.said.append(message)
+
+    def report_success(self, context: object) -> None:
+        self.succeeded += 1
+
+
+@pytest.fixture
+def told(scene, monkeypatch):
+    """What is shown where no operator can report."""
+    sentences: list[str] = []
+    monkeypatch.setattr(unseen_jobs, "_tell", sentences.append)
+    yield sentences
+    unseen_jobs._end_all()
+    cancel_call(unseen_jobs._look_after_jobs)
+
+
+@pytest.fixture
+def context():
+    removed: list[object] = []
+    manager = stand_in(
+        event_timer_remove=removed.append,
+        progress_end=lambda: None,
+        progress_update=lambda value: None,
+        removed=removed,
+    )
+    return stand_in(window_manager=manager)
+
+
+def let_turn(count: int) -> float | None:
+    return [unseen_jobs._look_after_jobs() for _ in range(count)][-1]
+
+
+def test_a_job_without_events_is_looked_at_by_a_timer_and_ends(told):
+    operator = Operator(looks=3)
+    assert let_turn(unseen_jobs.MOST_TURNS - 1) == unseen_jobs.INTERVAL_S
+    assert (operator._job.process.looks, session.job) == (3, operator._job)  # it may still be seen
+    assert let_turn(5) is None
+    assert (operator.succeeded, operator.cleaned, session.job, told) == (1, [True], None, [])
+    assert operator.modal(stand_in(), TIMER) == {"FINISHED"}  # should an event come after all
+
+
+def test_a_job_with_events_is_left_to_its_operator(told, context):
+    operator = Operator()
+    for _ in range(4):
+        let_turn(unseen_jobs.MOST_TURNS - 1)
+        assert operator.modal(context, TIMER) == {"PASS_THROUGH"}
+    assert operator._job.process.looks == 10**6 - 4  # those of its events
+
+
+def test_the_job_of_a_freed_operator_is_closed_with_a_sentence(told):
+    operator = Operator()
+    operator.is_freed = True
+    assert let_turn(unseen_jobs.MOST_TURNS) == unseen_jobs.INTERVAL_S
+    assert let_turn(1) is None
+    assert told == ["Try was stopped, because its window is gone; what was finished is kept."]
+    assert (operator.cleaned, operator._job.process.stops, session.job) == ([True], 1, None)
+
+
+@pytest.mark.parametrize("where", ["watch", "report_success"])
+def test_a_fault_ends_the_job_with_a_sentence(told, context, capsys, monkeypatch, where):
+    """Blender drops an operator that lets an exception out, and its job would run for ever."""
+    operator = Operator(looks=1)
+    monkeypatch.setattr(Operator, where, lambda *_: {}["mesh"])
+    operator.modal(context, TIMER)
+    operator.modal(context, TIMER)
+    assert operator.said == ["Try was ended by a fault (KeyError: 'mesh'); start it again, and please report this."]
+    assert (operator.cleaned, len(context.window_manager.removed), session.job) == ([True], 1, None)
+    assert "KeyError" in capsys.readouterr().err  # a defect keeps its traceback
+    assert operator.modal(context, TIMER) == {"FINISHED"}
+
+
+def test_a_fault_when_another_file_is_opened_ends_the_job_too(told, context, monkeypatch):
+    operator = Operator()
+    monkeypatch.setattr(Operator, "report_end", lambda *_: {}["mesh"])
+    operator.cancel(context)
+    assert (operator.cleaned, operator._job.process.stops, session.job) == ([True], 2, None)
+
+
+def test_an_error_for_the_user_is_no_fault(told, context, capsys, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise IcyMoonError("There is no ground.")
+
+    operator = Operator(looks=1)
+    monkeypatch.setattr(Operator, "report_success", refuse)
+    operator.modal(context, TIMER)
+    assert operator.modal(context, TIMER) == {"CANCELLED"}
+    assert (operator.said, capsys.readouterr().err) == (["There is no ground."], "")
