@@ -34,6 +34,7 @@ PURE = (
     "physics/surfaces",
     "physics/light",
     "physics/camera",
+    "physics/lidar",
     "physics",
     "rays",
     "formats",
