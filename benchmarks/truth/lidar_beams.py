@@ -1,9 +1,9 @@
-"""Rays a second of a LiDAR's scan among 16,381 blocks, its memory, and what beams of few rays miss.
+"""Rays a second of a LiDAR's scan among 16,381 rocks, its memory, and what beams of few rays miss.
 
     python benchmarks lidar_beams [--rays 10000000]
 
 The first part counts all work of a scan in processor seconds: directions, tracing, energies and returns. The second
-holds beams of few rays against beams of 2401 rays, among 1500 blocks from a mast of 2 m, with a half-angle of 5 mrad:
+holds beams of few rays against beams of 2401 rays, among 1500 rocks from a mast of 2 m, with a half-angle of 5 mrad:
 the RMS error of a beam's energy, the share of beams with two surfaces of 5 % of the pulse or more that have several
 returns, and the share of beams that have several where 2401 rays have one.
 """
@@ -20,7 +20,7 @@ from icymoon.rays.lidar import scan
 from lidar_beams import HALF_ANGLE_RAD, LAMBERT, MAST_M, compare_with_many_rays
 from ray_worlds import block_field
 
-_BLOCKS, _HALF_WIDTH_M = 16_381, 40.0
+_ROCKS, _HALF_WIDTH_M = 16_381, 40.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,10 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> None:
     """Print both tables."""
-    world = block_field(_BLOCKS, _HALF_WIDTH_M)
+    world = block_field(_ROCKS, _HALF_WIDTH_M)
     watch = Stopwatch()
     tracer = open_tracer(world)
-    print(f"tree of {_BLOCKS} blocks: {watch.lap():.2f} CPU s, {peak_mib():.0f} MiB")
+    print(f"tree of {_ROCKS} rocks: {watch.lap():.2f} CPU s, {peak_mib():.0f} MiB")
     for count in (1, 20, 60):
         each = 1 if count == 1 else count + 1
         side = int((options.rays / each) ** 0.5)

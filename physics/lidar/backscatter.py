@@ -6,12 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...settings.topics.scene import Settings
 from ...support.arrays import Array
-from ..surfaces.photometry import Law
+from ...support.labels import LANDER, ROCK, TERRAIN
+from ..surfaces.photometry import Law, lunar_lambert
+from ..surfaces.surface_law import make_law
 
 #: Number of steps of the cosine in a table. Linear interpolation between them is off by less than 1e-6 for our laws to
 #: an incidence of 85 degrees; a test measures it.
 _STEPS = 2**14
+#: Assumed albedos of a lander, and of objects of the user.
+_LANDER_ALBEDO, _OBJECT_ALBEDO = 0.3, 0.5
+#: Label of triangles whose material has none.
+_UNLABELLED = 0
 
 
 @dataclass(frozen=True)
@@ -35,3 +42,17 @@ def tabulate_backscatter(law: Law) -> Backscatter:
     """The table of a law of reflectance, see ``photometry``."""
     angle = np.arccos(np.linspace(0, 1, _STEPS + 1))
     return Backscatter(np.asarray(law(angle, angle, np.zeros(len(angle)))))
+
+
+def tabulate_scene(settings: Settings) -> dict[int, Backscatter]:
+    """The tables of a scene by semantic label. Principled snow has no closed form and counts as a Lambert surface of
+    its albedo; so do the lander and other objects, with an assumed albedo. Differences of albedo from place to place
+    are left out."""
+    rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
+    laws = {
+        TERRAIN: make_law(settings.surface, settings.hapke) or lunar_lambert(settings.surface.albedo, 0.0),
+        ROCK: make_law(rock, settings.hapke) or lunar_lambert(rock.albedo, 0.0),
+        LANDER: lunar_lambert(_LANDER_ALBEDO, 0.0),
+        _UNLABELLED: lunar_lambert(_OBJECT_ALBEDO, 0.0),
+    }
+    return {label: tabulate_backscatter(law) for label, law in laws.items()}

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
+from ..camera.pose_sequence import CAMERA_IN
 from ..camera.rotations import from_quaternion, rotation_error
 from .beam import compute_overlap
 from .returns import Reported
@@ -145,3 +146,13 @@ def make_pose(position_m: Sequence[float], wxyz: Sequence[float]) -> SensorPose:
     except ValueError:
         rotation = np.zeros(0)
     return SensorPose(np.asarray(position_m, np.float64), rotation)
+
+
+def mount_on_rig(left: Array, aim: str) -> SensorPose:
+    """The pose of a sensor at the left eye, whose pose (4, 4) is in OpenCV's axes: along the camera, or level (LEVEL)
+    along its heading."""
+    if aim == "LEVEL":
+        x, y = left[:2, 2]
+        heading = np.arctan2(y, x) if np.hypot(x, y) > 1e-9 else 0.0
+        return make_pose(left[:3, 3].tolist(), (np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)))
+    return SensorPose(left[:3, 3], left[:3, :3] @ CAMERA_IN["ROS"].T)

@@ -11,7 +11,7 @@ import numpy as np
 from ...support.arrays import Array
 from .beam import SubRays
 
-#: A beam of n rays has a gate that is longer by this over n. With it 20 and 60 rays divide blocks as 2401 rays do; the
+#: A beam of n rays has a gate that is longer by this over n. With it 20 and 60 rays divide rocks as 2401 rays do; the
 #: study ``lidar_beams`` in benchmarks/ measures it.
 _GATE_PER_RAY = 2.5
 #: The returns of a beam that an instrument reports.

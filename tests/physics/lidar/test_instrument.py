@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.physics.camera.rotations import from_vector, quaternion
-from icymoon.physics.lidar.instrument import Instrument, SensorPose, make_pose
+from icymoon.physics.lidar.instrument import Instrument, SensorPose, make_pose, mount_on_rig
 from icymoon.physics.lidar.scan_patterns import ScanPattern
 from icymoon.support.errors import IcyMoonError
 
@@ -70,3 +70,18 @@ def test_a_pose_without_place_or_with_a_mirror_is_refused():
         SensorPose(np.zeros(3), np.diag([1.0, 1, -1]))
     with pytest.raises(IcyMoonError, match="no rotation"):
         SensorPose(np.zeros(3), 1.01 * np.eye(3))
+
+
+def test_a_sensor_at_the_left_eye_looks_along_the_camera_or_level():
+    """A camera that looks east and 30 degrees down."""
+    down = np.radians(30)
+    left = np.eye(4)
+    left[:3, :3] = np.array(
+        [[0, -np.sin(down), np.cos(down)], [-1, 0, 0], [0, -np.cos(down), -np.sin(down)]]
+    )  # right, down and ahead as columns
+    left[:3, 3] = [3, 4, 5]
+    along, level = mount_on_rig(left, "CAMERA"), mount_on_rig(left, "LEVEL")
+    assert along.position_m.tolist() == level.position_m.tolist() == [3, 4, 5]
+    assert along.rotation[:, 0] == pytest.approx([np.cos(down), 0, -np.sin(down)])
+    assert along.rotation[:, 1] == pytest.approx([0, 1, 0])
+    assert level.rotation == pytest.approx(np.eye(3), abs=1e-15)
