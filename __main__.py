@@ -21,6 +21,7 @@ _PROGRAMS = {
     "assets": "render.asset_worker",
     "build": "render.build_worker",
     "geometry": "render.geometry_worker",
+    "scan": "render.lidar_worker",
     "probe": "render.probe_blender",
     "measure": "stereo.measuring_processes",
     "decode": "stereo.images.bounded_decoding",

@@ -62,6 +62,11 @@ _MODULE_BY_VERB = {
         "calibration",
         "add_options",
     ),
+    "lidar": (
+        "scan the described scene by a laser scanner, and write its returns with their truth",
+        "lidar",
+        "add_options",
+    ),
     "sky": ("print Sun, planet and eclipse over a site at a date, without a render", "sky", "add_options"),
     "check": ("render and measure a small pair whose truth is known, to test the installation", "check", "add_options"),
     "plan": ("list the pairs in the plan of a data set, or their cost", "plan", "add_options"),

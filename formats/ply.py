@@ -582,6 +582,25 @@ def encode_triangles(
     )
 
 
+def write_cloud(path: Path, names: tuple[str, ...], columns: Array, comments: tuple[str, ...] = ()) -> None:
+    """Write points, rows of ``columns`` (n, k) whose first three are x, y and z, as a binary PLY file of doubles."""
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        *(f"comment {each}" for each in comments),
+        f"element vertex {len(columns)}",
+        *(f"property double {name}" for name in names),
+        "end_header",
+        "",
+    ]
+    data = "\n".join(header).encode("ascii") + np.ascontiguousarray(columns, "<f8").tobytes()
+
+    def write(part: Path) -> None:
+        part.write_bytes(data)
+
+    write_atomically(path, write)
+
+
 def make_header(names: tuple[str, ...], vertices: int, triangles: int, comments: tuple[str, ...] = ()) -> bytes:
     """The header of a binary file; ``vertices`` and ``triangles`` are counts, ``names`` the vertices' properties in
     single precision."""

@@ -211,7 +211,7 @@ def _open_pair_folder(folder: Path) -> Iterator[Path]:
             folder.rmdir()
 
 
-def _lower_quality(planned: PlannedPair) -> PlannedPair:
+def lower_quality(planned: PlannedPair) -> PlannedPair:
     """The same ground at a quality that every Blender can make: without denoiser, graphics card and OSL.
 
     A pair whose files changed, so that its id no longer fits, stays as it is; the build refuses it as a render does.
@@ -237,7 +237,7 @@ def run_job(
     with ScenesFromSettings(lambda warning: send("warning", message=warning)) as source:
         for k, planned in enumerate(pairs):
             send("progress", fraction=k / len(pairs), message=f"Geometry {k + 1} of {len(pairs)}")
-            built, scene, _ = source.prepare(_lower_quality(planned))
+            built, scene, _ = source.prepare(lower_quality(planned))
             with _open_pair_folder(folder / planned.id) as own:
                 write_geometry(built, scene, own, kind, cell_m)
     send("done", folders=[str(folder / planned.id) for planned in pairs])

@@ -39,6 +39,8 @@ _HEADER_KEYS = ("title", "description", "include", "made_with")
 PLANS_FOLDER = PRESETS_FOLDER / "datasets"
 #: Shipped heads of cameras, which ``formats.calibrations.head_file`` reads.
 HEADS = PRESETS_FOLDER / "heads"
+#: Shipped laser scanners, which ``formats.lidar_file`` reads.
+LIDARS = PRESETS_FOLDER / "lidars"
 
 
 def load(path: Path) -> Settings:
@@ -110,7 +112,7 @@ def preset_names(kind: str = "") -> list[str]:
     return sorted(
         p.relative_to(PRESETS_FOLDER).with_suffix("").as_posix()
         for p in (PRESETS_FOLDER / kind).rglob("*.toml")
-        if p.parent not in (PLANS_FOLDER, HEADS)
+        if p.parent not in (PLANS_FOLDER, HEADS, LIDARS)
     )
 
 
@@ -122,6 +124,11 @@ def is_whole_scene(name: str) -> bool:
 def plan_names() -> list[str]:
     """Names of the shipped plans, such as ``datasets/guiss_rocks``."""
     return sorted(p.relative_to(PRESETS_FOLDER).with_suffix("").as_posix() for p in PLANS_FOLDER.glob("*.toml"))
+
+
+def lidar_names() -> list[str]:
+    """Names of the shipped laser scanners, such as ``ouster_os1``."""
+    return sorted(path.stem for path in LIDARS.glob("*.toml"))
 
 
 def find_preset(name: str) -> Path:

@@ -126,16 +126,18 @@ def refuse_edited(pair: Pair) -> None:
         )
 
 
-def build_geometry(planned: Sequence[PlannedPair], out: Path, blender: str, hear: Hear, *arguments: str) -> None:
+def build_geometry(
+    planned: Sequence[PlannedPair], out: Path, blender: str, hear: Hear, *arguments: str, program: str = "geometry"
+) -> None:
     """Let Blender write the ground of pairs to ``<out>/<pair>/``. Raises IcyMoonError with Blender's message.
 
-    ``arguments`` are the arguments of ``render.geometry_worker`` after the folder.
+    ``arguments`` are the arguments of ``render.geometry_worker`` after the folder, or of another ``program``.
     """
     failure = ""
     with open_scratch_folder() as scratch:
         job = Job(scratch, pairs=planned)
         try:
-            process = Process(blender_command(blender, "geometry", str(job.file), str(out.absolute()), *arguments))
+            process = Process(blender_command(blender, program, str(job.file), str(out.absolute()), *arguments))
             done = False
             try:
                 for message in process.wait_for_messages():

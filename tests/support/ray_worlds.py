@@ -101,3 +101,27 @@ def by_hand(world: World, origin: Array, direction: Array) -> tuple[Array, Array
                 along[first], number[first] = t[first], own
                 normal[first] = -n * np.sign(direction[first] @ n)[:, None]
     return along, number, normal
+
+
+def block_field(count: int, half_width_m: float, roughness_m: float = 0.005, seed: int = 3, side: int = 200) -> World:
+    """Rough ground of ``side``² vertices about z = 0 with ``count`` turned blocks of 0.03 to 0.6 m on it."""
+    random = np.random.default_rng(seed)
+    at = np.linspace(-half_width_m, half_width_m, side)
+    x, y = np.meshgrid(at, at)
+    corner = (np.arange(side - 1) + side * np.arange(side - 1)[:, None]).ravel()
+    ground = shape(
+        np.stack([x, y, roughness_m * random.normal(size=x.shape)], axis=-1).reshape(-1, 3),
+        np.concatenate(
+            [
+                np.stack([corner, corner + 1, corner + side], axis=1),
+                np.stack([corner + 1, corner + side + 1, corner + side], axis=1),
+            ]
+        ),
+    )
+    size = np.minimum(0.05 * random.pareto(1.8, count) + 0.03, 0.6)
+    places = np.tile(np.eye(4), (count, 1, 1))
+    turns = np.linalg.qr(random.normal(size=(count, 3, 3)))[0]
+    places[:, :3, :3] = turns * (size[:, None] * random.uniform(0.6, 1.4, (count, 3)))[:, None]
+    places[:, :2, 3] = random.uniform(-half_width_m, half_width_m, (count, 2))
+    places[:, 2, 3] = 0.4 * size
+    return World([Placed(ground, np.eye(4)[None], np.array([1])), Placed(BOX, places, 100_000 + np.arange(count))])

@@ -1,0 +1,47 @@
+"""A scan of a built scene meets the triangles that are exported of it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from icymoon.formats.lidar_file import change_lidar, read_lidar
+from icymoon.formats.ply import read_properties
+from icymoon.physics.lidar.instrument import SensorPose
+from icymoon.rays.embree import load_library
+from icymoon.rays.shapes import Placed, World
+from icymoon.render import geometry_worker, lidar_worker
+from icymoon.render.lidar_worker import ScanRequest
+from icymoon.settings.preset_files import LIDARS
+from ray_worlds import by_hand, shape
+from rendering import SMALL
+
+JOB = {"settings": {**SMALL, "terrain": {"resolution": 33, "size_m": 8.0, "rms_slope_deg": 8.0}}}
+
+
+@pytest.mark.long
+@pytest.mark.skipif(load_library() is None, reason="there is no Embree; pip install embreex")
+def test_ranges_are_those_of_the_exported_mesh(tmp_path):
+    lidar = change_lidar(read_lidar(LIDARS / "flash_like_alhat.toml"), 5, 6, None, None)
+    lidar_worker.run_job(JOB, tmp_path / "scan", ScanRequest(lidar, None, True), lambda *words, **facts: None)
+    geometry_worker.run_job(JOB, tmp_path / "mesh", lambda *words, **facts: None)
+    (scan,), (mesh,) = (list((tmp_path / name).iterdir()) for name in ("scan", "mesh"))
+    vertices = read_properties(mesh / "terrain.ply", "x", "y", "z")
+    data = (mesh / "terrain.ply").read_bytes()
+    count = int(data.split(b"element face ")[1].split(b"\n")[0])
+    faces = np.frombuffer(data[-13 * count :], np.dtype([("n", "u1"), ("v", "<i4", 3)]))["v"]
+    world = World([Placed(shape(vertices, faces), np.eye(4)[None], np.array([1]))])
+    facts = json.loads((scan / "lidar.json").read_text(encoding="utf-8"))
+    matrix = np.array(facts["sensor_to_world"])
+    pose = SensorPose(matrix[:3, 3], matrix[:3, :3])
+    with np.load(scan / "lidar.npz") as stored:
+        found = dict(stored)
+    axis = lidar.instrument.pattern.make_beams().direction @ pose.rotation.T
+    along, _, normal = by_hand(world, pose.position_m, axis)
+    first = found["on_axis"]
+    assert first.sum() == np.isfinite(along).sum() == facts["beams"] == 30
+    assert found["true_range_m"][first] == pytest.approx(along, rel=1e-5)
+    assert found["normal"][first] == pytest.approx(normal, abs=1e-4)
+    assert set(found["label"].tolist()) == {1}
+    assert (scan / "lidar.ply").is_file()
