@@ -36,7 +36,7 @@ def are_rocks_clear(settings: Settings) -> bool:
 
 
 def random_walk_px(settings: Settings, topic: str) -> float:
-    """Mean free path of subsurface light, in pixels of the nearest level ground; 0 if no light enters the surface."""
+    """Radius of subsurface scattering, in pixels of the nearest level ground; 0 if no light enters the surface."""
     surface = settings[topic]
     if surface["model"] != "PRINCIPLED" or surface["subsurface_weight"] <= 0:
         return 0.0
@@ -154,12 +154,15 @@ def _find_omissions_of(topic: str, settings: Settings) -> Iterator[str]:
     length = random_walk_px(settings, topic)
     if length > 0 and not traces_random_walk(settings, topic):
         yield (
-            f"{topic}: no subsurface scattering, because its mean free path of "
+            f"{topic}: no subsurface scattering, because its radius of "
             f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest "
             "pixel, which is below quality.walk_px."
         )
     if traces_random_walk(settings, topic) and settings[topic]["subsurface_method"] == "BURLEY":
-        yield (f"{topic}: no light under the surface through edges, because {topic}.subsurface_method is BURLEY.")
+        yield (
+            f"{topic}: light under edges and thin plates is that of flat ground, because "
+            f"{topic}.subsurface_method is BURLEY."
+        )
     if (
         topic == "surface"
         and settings.source.kind != "PROCEDURAL"

@@ -131,7 +131,9 @@ class SurfaceSettings(Table, label="Ice"):
         "Subsurface Weight", 0.0, "Share of the light that enters the snow and leaves it elsewhere (random walk). A "
         "render with 1 takes about five times as long as with 0", "material", shown=PRINCIPLED)
     subsurface_radius_m: float = metres(
-        "Subsurface Radius", 5.0e-3, 0.0, 10.0, (0.0, 0.1), "Mean free path of light in the snow", "material",
+        "Subsurface Radius", 5.0e-3, 0.0, 10.0, (0.0, 0.1),
+        "Radius of Blender's random walk. The mean free path of light in the snow is 0.08 of it; white snow dims by a "
+        "factor e in a depth of about the radius, darker snow in less", "material",
         section=ADVANCED, shown=PRINCIPLED, active=positive("subsurface_weight"))
     subsurface_method: Literal["RANDOM_WALK", "BURLEY"] = choice(
         "Subsurface Law", "RANDOM_WALK", "How light that enters the snow is followed", "material",
