@@ -77,6 +77,11 @@ def emits(surface: SurfaceSettings) -> bool:
     return surface.model in ("PRINCIPLED", "LAMBERT") and surface.emitted_w_m2_sr > 0.0
 
 
+def needs_elevation(surface: SurfaceSettings) -> bool:
+    """Whether the ground needs the heights of its vertices above its mean plane, for dirt or emitted light."""
+    return surface.trough_dirt != 0.0 or (emits(surface) and surface.emitted_from == "HOLLOWS")
+
+
 def find_why_not_baked(settings: Settings) -> str:
     """A clause on why indirect light cannot be baked to the ground; empty if it can. Baked light assumes a diffuse
     surface, which looks the same from all directions. Only the planet's lamp gives light; the visible planet, rings and
@@ -170,6 +175,8 @@ def _find_omissions_of(topic: str, settings: Settings) -> Iterator[str]:
         and (settings.surface.grain_amplitude_m > 0)
     ):
         yield "surface: fine relief is bump, because ground from a file keeps its own vertices."
+    if topic == "rock_surface" and emits(settings[topic]) and settings[topic]["emitted_from"] == "HOLLOWS":
+        yield "rock_surface: no emitted light, because rocks have no hollows (rock_surface.emitted_from)."
     if is_relief_for_camera_alone(settings, topic):
         yield f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA."
 

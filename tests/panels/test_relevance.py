@@ -210,6 +210,8 @@ IDLE = {
     "dirt",
     "dirt_patch_m",
     "salt",
+    "emitted_from",
+    "emitted_below",
 }
 #: What only baked light uses.
 _BAKING = {"direct_samples", "bake_area", "bake_samples", "bake_noise"}
@@ -309,6 +311,8 @@ CASES = [
                 "transmission": 0.1,
                 "frost_share": 0.1,
                 "crust_share": 0.1,
+                "emitted_w_m2_sr": 0.1,
+                "emitted_from": "HOLLOWS",
             }
         },
         "but",
