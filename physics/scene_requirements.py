@@ -188,6 +188,10 @@ def _find_omissions_of_veil(settings: Settings) -> Iterator[str]:
             "truth: no veil in depth, normals and hidden pixels, because they belong to the ground behind it "
             "(veil.optical_depth)."
         )
+        yield (
+            "light: irradiances are those above the veil, and I/F and albedos from images contain the light of its "
+            "grains (veil.optical_depth)."
+        )
     if depth > followed:
         yield (
             f"light: light that the veil scatters more than {followed} times is lost, and this optical depth scatters "
