@@ -36,7 +36,7 @@ def are_rocks_clear(settings: Settings) -> bool:
 
 
 def random_walk_px(settings: Settings, topic: str) -> float:
-    """Mean free path of subsurface light, in pixels of the nearest level ground; 0 if no light enters the surface."""
+    """Radius of subsurface scattering, in pixels of the nearest level ground; 0 if no light enters the surface."""
     surface = settings[topic]
     if surface["model"] != "PRINCIPLED" or surface["subsurface_weight"] <= 0:
         return 0.0
@@ -75,6 +75,11 @@ def is_relief_for_camera_alone(settings: Settings, topic: str) -> bool:
 def emits(surface: SurfaceSettings) -> bool:
     """Whether a surface emits light."""
     return surface.model in ("PRINCIPLED", "LAMBERT") and surface.emitted_w_m2_sr > 0.0
+
+
+def needs_elevation(surface: SurfaceSettings) -> bool:
+    """Whether the ground needs the heights of its vertices above its mean plane, for dirt or emitted light."""
+    return surface.trough_dirt != 0.0 or (emits(surface) and surface.emitted_from == "HOLLOWS")
 
 
 def find_why_not_baked(settings: Settings) -> str:
@@ -154,12 +159,15 @@ def _find_omissions_of(topic: str, settings: Settings) -> Iterator[str]:
     length = random_walk_px(settings, topic)
     if length > 0 and not traces_random_walk(settings, topic):
         yield (
-            f"{topic}: no subsurface scattering, because its mean free path of "
+            f"{topic}: no subsurface scattering, because its radius of "
             f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest "
             "pixel, which is below quality.walk_px."
         )
     if traces_random_walk(settings, topic) and settings[topic]["subsurface_method"] == "BURLEY":
-        yield (f"{topic}: no light under the surface through edges, because {topic}.subsurface_method is BURLEY.")
+        yield (
+            f"{topic}: light under edges and thin plates is that of flat ground, because "
+            f"{topic}.subsurface_method is BURLEY."
+        )
     if (
         topic == "surface"
         and settings.source.kind != "PROCEDURAL"
@@ -167,6 +175,8 @@ def _find_omissions_of(topic: str, settings: Settings) -> Iterator[str]:
         and (settings.surface.grain_amplitude_m > 0)
     ):
         yield "surface: fine relief is bump, because ground from a file keeps its own vertices."
+    if topic == "rock_surface" and emits(settings[topic]) and settings[topic]["emitted_from"] == "HOLLOWS":
+        yield "rock_surface: no emitted light, because rocks have no hollows (rock_surface.emitted_from)."
     if is_relief_for_camera_alone(settings, topic):
         yield f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA."
 
@@ -177,6 +187,10 @@ def _find_omissions_of_veil(settings: Settings) -> Iterator[str]:
         yield (
             "truth: no veil in depth, normals and hidden pixels, because they belong to the ground behind it "
             "(veil.optical_depth)."
+        )
+        yield (
+            "light: irradiances are those above the veil, and I/F and albedos from images contain the light of its "
+            "grains (veil.optical_depth)."
         )
     if depth > followed:
         yield (

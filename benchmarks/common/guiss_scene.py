@@ -17,7 +17,7 @@ from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.trade.measure_variants import scale_view
 
 PRESETS = ("rigs/guiss", "sensors/default", "qualities/guiss", "lights/guiss_enceladus")
-#: The paper's snow: lamp, ground and material of its public code. It states no mean free path: that of millimetre snow.
+#: The paper's snow: lamp, ground and material of its public code. It states no subsurface radius: chosen.
 SNOW: dict[str, Any] = {
     "light": {"sun_irradiance_wm2": 10.0, "sun_elevation_deg": 24.0, "sun_azimuth_deg": 0.0},
     "terrain": {

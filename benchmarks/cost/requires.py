@@ -68,8 +68,8 @@ FEATURES = {
     ),
     "walk": Feature(
         "Subsurface scattering",
-        "a mean free path of `quality.walk_px` pixels or more, where the ground is nearest",
-        "Blurs light over the mean free path, here 0.02 of a pixel. Without it the mean radiance is within 3 %; the "
+        "a radius of `quality.walk_px` pixels or more, where the ground is nearest",
+        "Blurs light over its radius, here 0.02 of a pixel. Without it the mean radiance is within 3 %; the "
         "truth is the same",
         {**_SNOW, "quality": {"walk_px": 0.0}},
         _SNOW,

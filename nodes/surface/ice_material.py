@@ -29,6 +29,7 @@ from .dirt_and_salt_colour import add_ground_colour, add_salt_share
 from .fractures import VEIL_ALBEDO, add_fracture_share
 from .glints import add_glints
 from .patches_and_grain import (
+    ELEVATION,
     GRAIN_FARTHEST,
     add_brightness,
     add_face_variation,
@@ -427,7 +428,7 @@ class _Material:
     def add_surface(self) -> None:
         """Add the reflectance law and connect it to the outputs of the renderers."""
         shaders = {"ALL": self._add_layers()} if self._is_principled else self._add_law()
-        if emits(self._surface):
+        if emits(self._surface) and (self._of_terrain or self._surface.emitted_from == "EVERYWHERE"):
             shaders = {target: self._add_emission(shader) for target, shader in shaders.items()}
         for target, shader in shaders.items():
             label = "Surface in EEVEE" if target == "EEVEE" else "Surface"
@@ -436,9 +437,18 @@ class _Material:
     def _add_emission(self, shader: Socket) -> Socket:
         """Shader socket of a surface that gives light too. Rays find it, and no lamp is looked for on the ground."""
         self.material.cycles.emission_sampling = "NONE"
-        light = self.tree.emission("Emitted Light", WHITE, self._surface.emitted_w_m2_sr)
+        light = self.tree.emission("Emitted Light", WHITE, self._find_emitted())
         both = {"Shader": shader, "Shader_001": light}
         return self.tree.node("ShaderNodeAddShader", "Reflected and Emitted", both).outputs[0]
+
+    def _find_emitted(self) -> Value:
+        """The emitted radiance: a number, or the output socket of what only hollows emit."""
+        everywhere = float(self._surface.emitted_w_m2_sr)
+        if self._surface.emitted_from == "EVERYWHERE":
+            return everywhere
+        height = self.tree.attribute("Elevation of Hollows", ELEVATION)
+        low = self.tree.math("LESS_THAN", "In a Hollow", height, float(self._surface.emitted_below))
+        return self.tree.math("MULTIPLY", "Emitted in Hollows", low, everywhere)
 
     def _add_layers(self) -> Socket:
         settings = self._settings

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 
 from ...physics.mesh.finer_in_view import CARRIED_SPACING, OCTAVES
+from ...physics.scene_requirements import needs_elevation
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE
@@ -138,7 +139,7 @@ def mark_elevation(
     curved ground drops at coordinates.
     """
     existing = mesh.attributes.get(ELEVATION)
-    if surface.trough_dirt == 0.0:
+    if not needs_elevation(surface):
         if existing is not None:
             mesh.attributes.remove(existing)
         return

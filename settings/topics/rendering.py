@@ -34,7 +34,7 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
         "Bounces", 4, 0, 128, (0, 16), "Maximum number of diffuse bounces. With 4, even ice of albedo 1 has more than "
         "99 % of its light", "sampling", "bounces", section=ADVANCED)
     walk_px: float = number(
-        "Subsurface Cutoff (px)", 0.1, 0.0, 100.0, (0.0, 1.0), "Mean free path of subsurface light, in pixels of the "
+        "Subsurface Cutoff (px)", 0.1, 0.0, 100.0, (0.0, 1.0), "Radius of subsurface scattering, in pixels of the "
         "nearest level ground, below which light leaves where it enters. This changes its amount by at most 3 %; 0 "
         "for no cutoff", "material", "px", zero="off", section=ADVANCED)
     fine_relief: Literal["ALL", "CAMERA"] = choice(

@@ -23,6 +23,7 @@ from .relevance import chosen, nonzero, of_topic, positive, ticked
 
 PRINCIPLED = chosen("model", "PRINCIPLED")
 DIRTY = ~chosen("dirt", "BLACK")
+EMITTING = PRINCIPLED | chosen("model", "LAMBERT")
 #: Dirt that follows the relief. Rocks have no troughs.
 SOILED = nonzero("slope_dirt") | (nonzero("trough_dirt") & of_topic("surface"))
 #: Images that lie on the ground by its UV coordinates; a mesh's own images always do.
@@ -134,7 +135,9 @@ class SurfaceSettings(Table, label="Ice"):
         "Subsurface Weight", 0.0, "Share of the light that enters the snow and leaves it elsewhere (random walk). A "
         "render with 1 takes about five times as long as with 0", "material", shown=PRINCIPLED)
     subsurface_radius_m: float = metres(
-        "Subsurface Radius", 5.0e-3, 0.0, 10.0, (0.0, 0.1), "Mean free path of light in the snow", "material",
+        "Subsurface Radius", 5.0e-3, 0.0, 10.0, (0.0, 0.1),
+        "Radius of Blender's random walk. The mean free path of light in the snow is 0.08 of it; white snow dims by a "
+        "factor e in a depth of about the radius, darker snow in less", "material",
         section=ADVANCED, shown=PRINCIPLED, active=positive("subsurface_weight"))
     subsurface_method: Literal["RANDOM_WALK", "BURLEY"] = choice(
         "Subsurface Law", "RANDOM_WALK", "Model of the path of light in the snow", "material",
@@ -165,7 +168,18 @@ class SurfaceSettings(Table, label="Ice"):
         "Radiance that the ice itself emits, equal in all directions and bands. The default is 0: warm ice "
         "emits no visible light, and the glow of irradiated ice was seen only in the laboratory (Gudipati et "
         "al. 2021)", "material", "W/m² sr", section=ADVANCED,
-        shown=PRINCIPLED | chosen("model", "LAMBERT"), since="0.3")
+        shown=EMITTING, since="0.3")
+    emitted_from: Literal["EVERYWHERE", "HOLLOWS"] = choice(
+        "Emitting Ice", "EVERYWHERE", "Where the ice emits light", "material",
+        ("EVERYWHERE", "Everywhere", "The ground and rocks of its ice"),
+        ("HOLLOWS", "Hollows", "Only low ground, such as the floors of fractures. Rocks emit none"),
+        section=ADVANCED, shown=EMITTING, active=of_topic("surface") & positive("emitted_w_m2_sr"), since="0.4")
+    emitted_below: float = number(
+        "Emitting Below (SD)", -1.0, -2.9, 2.9, (-2.5, 0.0),
+        "Height below which hollows emit, above the mean plane of the ground, in standard deviations of its heights; "
+        "-1 is a guess. What is more than 3 deviations high or deep counts as 3", "material", section=ADVANCED,
+        shown=EMITTING, active=of_topic("surface") & positive("emitted_w_m2_sr") & chosen("emitted_from", "HOLLOWS"),
+        since="0.4")
     bubble_share: float = fraction(
         "Bubbles", 0.0, "Share of the ice's volume that is air bubbles, which make it white: 0.05 is whitish, 0.001 "
         "deep blue. Its albedo in red, green and blue then follows from the bubbles; 0 for the albedo above",

@@ -212,6 +212,8 @@ IDLE = {
     "dirt_mask_file",
     "dirt_patch_m",
     "salt",
+    "emitted_from",
+    "emitted_below",
 }
 #: What only baked light uses.
 _BAKING = {"direct_samples", "bake_area", "bake_samples", "bake_noise"}
@@ -311,6 +313,8 @@ CASES = [
                 "transmission": 0.1,
                 "frost_share": 0.1,
                 "crust_share": 0.1,
+                "emitted_w_m2_sr": 0.1,
+                "emitted_from": "HOLLOWS",
             }
         },
         "but",

@@ -110,7 +110,7 @@ def test_without_the_walk_as_much_light_comes_back(tmp_path):
     for name, walk_px in (("without", 0.1), ("with", 0.0)):
         pair, _ = render(tmp_path / name, SNOW, noon, {"quality": {"walk_px": walk_px}})
         means.append(float(np.mean(read_view(pair.image("left")).radiance)))
-        assert [("mean free path of 0.4 mm" in line) for line in pair.data["left_out"]] == [True] * (name == "without")
+        assert [("radius of 0.4 mm" in line) for line in pair.data["left_out"]] == [True] * (name == "without")
     assert means[0] == pytest.approx(means[1], rel=0.01)
 
 

@@ -176,6 +176,7 @@ def test_what_cannot_have_a_veil_is_refused_or_said():
     lambert = {"surface": {"model": "LAMBERT"}, "quality": {"indirect": "BAKED"}}
     assert "veil.optical_depth" in find_why_not_baked(admitted(lambert))
     said = find_left_out(admitted(lambert), describe_sky(compute_sky(admitted().light)))
+    assert any("irradiances are those above the veil" in each for each in said)
     assert any("traced although" in each and "veil.optical_depth" in each for each in said)
 
 

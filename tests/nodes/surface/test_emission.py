@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from icymoon.benchmarks.light import furnace
 from icymoon.nodes.surface.ice_material import build_material
-from icymoon.physics.scene_requirements import find_why_not_baked
+from icymoon.physics.light.sky import compute_sky, describe_sky
+from icymoon.physics.scene_requirements import find_left_out, find_why_not_baked, needs_elevation
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.images.develop import scale_radiance
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.labels import TERRAIN
+from icymoon.support.labels import ROCK, TERRAIN
 from rendering import complete, empty_scene, render
 
 EMITTED = 2.5
@@ -71,3 +72,39 @@ def test_without_it_there_are_no_nodes():
 
     assert "Emitted Light" in names()
     assert "Emitted Light" not in names(emitted_w_m2_sr=0.0)
+
+
+@pytest.mark.heavy
+def test_in_hollows_alone_ground_below_the_height_emits_and_no_other(tmp_path):
+    """Ground without reflection is black at night, or has the radiance that is stated."""
+    rough = {"terrain": {"rms_slope_deg": 12.0, "regional_slope_deg": 10.0, "resolution": 129}}
+    low = shining("LAMBERT", albedo=0.0, emitted_from="HOLLOWS", emitted_below=-0.5)
+    pair, built = render(tmp_path, FLAT, rough, low, {"rig": {"height_m": 8.0}})
+    view = read_view(pair.image("left"))
+    places = built.camera.matrix_world.translation.z - view.depth  # of a camera that looks straight down
+    vertices = np.array([vertex.co for vertex in built.terrain.data.vertices])
+    plane = np.c_[vertices[:, :2], np.ones(len(vertices))]
+    slope = np.linalg.lstsq(plane, vertices[:, 2], rcond=None)[0]
+    deviation = (vertices[:, 2] - plane @ slope).std()
+    column, row = np.meshgrid(np.arange(48) + 0.5 - 24, 18 - np.arange(36) - 0.5)
+    away = (np.array(built.camera.matrix_world.to_3x3()) @ np.array([column.ravel(), row.ravel(), 0 * row.ravel()])).T
+    east, north = (away[:, :2] * view.depth.ravel()[:, None] / pair.camera.focal_px).T
+    height = (places.ravel() - np.c_[east, north, np.ones(len(east))] @ slope) / deviation
+    radiance = view.radiance.mean(axis=2).ravel()
+    assert 0.1 < (radiance > 0).mean() < 0.6
+    # Away from the edge, which a pixel blurs.
+    np.testing.assert_allclose(radiance[height < -0.8], EMITTED, rtol=1e-6)
+    np.testing.assert_array_equal(radiance[height > -0.2], 0.0)
+
+
+def test_rocks_have_no_hollows_and_ground_without_emission_no_heights():
+    surface = merged(defaults(), shining("LAMBERT", emitted_from="HOLLOWS")).surface
+    assert needs_elevation(surface)
+    assert not needs_elevation(surface | {"emitted_w_m2_sr": 0.0})
+    assert not needs_elevation(surface | {"emitted_from": "EVERYWHERE"})
+    labels = {node.label for node in build_material("Test", surface, 1, ROCK).node_tree.nodes}
+    assert "Emitted Light" not in labels
+    own = {"rocks": {"coverage": 0.1, "own_surface": True}, "rock_surface": shining("LAMBERT")["surface"]}
+    parts = complete(own, {"rock_surface": {"emitted_from": "HOLLOWS"}})
+    said = find_left_out(parts, describe_sky(compute_sky(parts.light)))
+    assert any("rocks have no hollows" in each for each in said)

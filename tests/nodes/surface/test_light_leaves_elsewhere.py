@@ -56,3 +56,41 @@ def test_without_it_the_shadow_is_black():
     bare = across()
     assert bare[:8].max() == 0.0
     np.testing.assert_allclose(bare[8:], 10.0 * 0.8 / math.pi, rtol=0.01)  # of the table of albedos
+
+
+def through(thickness_m: float, **surface: float | str) -> float:
+    """Radiance of a plate of snow of albedo 0.8 from its dark side, before ground that emits 1 W/(m² sr)."""
+    scene = empty_scene()
+    scene.render.engine, scene.cycles.samples = "CYCLES", 256
+    parts = {"surface": {"model": "PRINCIPLED", "albedo": 0.8, "grain_amplitude_m": 0.0, "specular": 0.0, **surface}}
+    bpy.ops.mesh.primitive_cube_add(size=1.0)
+    plate = bpy.context.object.data
+    for vertex in plate.vertices:
+        vertex.co = vertex.co.x * 4.0, vertex.co.y * 4.0, vertex.co.z * thickness_m
+    plate.materials.append(build_material("Snow", merged(defaults(), parts).surface, 1, TERRAIN))
+    lamp = merged(defaults(), {"surface": {"model": "LAMBERT", "albedo": 0.0, "emitted_w_m2_sr": 1.0}}).surface
+    furnace.plane(scene, "Lamp", -1.0, 400.0, build_material("Lamp", lamp, 1, TERRAIN))
+    return float(furnace.radiance(scene, 0.0, 0.2, 16).mean())
+
+
+def diffused(thicknesses: float, albedo: float) -> float:
+    """Share of even light that a plate lets through, by its thickness in mean free paths: that of two streams, with the
+    diffusion length of even scattering and van de Hulst's albedo of thick layers."""
+    similarity = np.linspace(0.0, 1.0, 100_001)
+    of_layer = (1 - similarity) * (1 - 0.139 * similarity) / (1 + 1.17 * similarity)
+    scattered = 1 - float(np.interp(-albedo, -of_layer, similarity)) ** 2
+    per_path = np.linspace(1e-3, 0.999, 100_001)
+    k = float(np.interp(1.0, scattered / (2 * per_path) * np.log((1 + per_path) / (1 - per_path)), per_path))
+    left = math.exp(-k * thicknesses)
+    return (1 - albedo**2) * left / (1 - albedo**2 * left**2)
+
+
+@pytest.mark.long
+def test_light_through_a_plate_dims_by_the_diffusion_of_a_mean_free_path_of_a_radius_over_4_pi():
+    walk = {"subsurface_weight": 1.0, "subsurface_radius_m": PATH_M}
+    thin, thick = (through(share * PATH_M, **walk) for share in (0.25, 0.75))
+    # The factor that both have in common is that of light that enters refracted, see docs/theory/surfaces.md.
+    expected = diffused(0.75 * 4 * math.pi, 0.8) / diffused(0.25 * 4 * math.pi, 0.8)
+    assert thick / thin == pytest.approx(expected, rel=0.06)  # 65536 paths of which 1 in 10 arrives: 1.5 %
+    assert 1.0 < thin / diffused(0.25 * 4 * math.pi, 0.8) < 1.4
+    assert through(0.25 * PATH_M) == 0.0
