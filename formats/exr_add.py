@@ -11,11 +11,10 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from ..support.arrays import Array
-from ..support.labels import BAKED_AOVS, BAKED_ERROR_PASSES, BEAUTY, GROUP_PASSES, IMAGE_PASS
+from ..support.labels import BAKED_AOVS, BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, LAMP_GROUPS, LIGHT_GROUPS
 from .exr_parts import Piece
 from .exr_pixels import Pixels
 
-_PLANET_PASS = f"{IMAGE_PASS}_Planet"
 #: Largest relative difference between an image and the sum of its lights: a few roundings in single precision.
 _SUM_ERROR = 2.0**-20
 
@@ -37,20 +36,20 @@ def _read_bands(parts: list[Pixels], wanted: str) -> dict[str, Array]:
     return {band: decoded[found[band][0]][:, found[band][1]] for band in "RGB"}
 
 
-def add_planet(image: Sequence[Piece], planet: Sequence[Piece]) -> list[Piece]:
-    """The parts of ``image`` with the planet's light of ``planet`` added to their image and to their planet's light
-    group.
+def add_group(image: Sequence[Piece], other: Sequence[Piece], group: str) -> list[Piece]:
+    """The parts of ``image`` with the light of a light group of ``other`` added to their image and to this light group.
 
     Raises ValueError or KeyError for parts that cannot be added.
     """
-    light = _read_bands([Pixels(piece) for piece in planet], _PLANET_PASS)
-    return _add_light(image, {IMAGE_PASS: light, _PLANET_PASS: light})[0]
+    name = f"{IMAGE_PASS}_{group}"
+    light = _read_bands([Pixels(piece) for piece in other], name)
+    return _add_light(image, {IMAGE_PASS: light, name: light})[0]
 
 
 def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
     """Add the passes of baked light to the image and to its light groups, if it has any. Returns the parts, and by
     light group the share of baked light in all light of the image. The share is nan if a pixel has negative light,
-    which marks ground without baked light. Raises as ``add_planet`` does."""
+    which marks ground without baked light. Raises as ``add_group`` does."""
     parts = [Pixels(piece) for piece in image]
     there = [group for group, name in BAKED_AOVS.items() if _find_bands(parts, f"{BEAUTY}.{name}")]
     light = {group: _read_bands(parts, f"{BEAUTY}.{BAKED_AOVS[group]}") for group in there or BAKED_AOVS}
@@ -71,7 +70,7 @@ def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
 
 def measure_baked_noise(image: Sequence[Piece]) -> float | None:
     """Noise of baked light over all light, in parts that ``add_baked`` returned: the root mean square of its error over
-    the mean radiance, both over pixels with baked light. None if no pixel has any. Raises as ``add_planet`` does."""
+    the mean radiance, both over pixels with baked light. None if no pixel has any. Raises as ``add_group`` does."""
     parts = [Pixels(piece) for piece in image]
 
     def total(wanted: Collection[str]) -> Array:
@@ -104,7 +103,9 @@ def is_sum_of_lights(image: Sequence[Piece]) -> bool:
     denoised, has no groups, or is of an unsupported kind."""
     try:
         parts = [Pixels(piece) for piece in image]
-        whole, *lights = (_read_bands(parts, name) for name in (IMAGE_PASS, *GROUP_PASSES))
+        lamps = [group for group in LAMP_GROUPS if _find_bands(parts, f"{IMAGE_PASS}_{group}")]
+        names = [f"{IMAGE_PASS}_{group}" for group in (*LIGHT_GROUPS, *lamps)]
+        whole, *lights = (_read_bands(parts, name) for name in (IMAGE_PASS, *names))
     except (KeyError, ValueError):
         return False
     sums = {band: np.sum([light[band] for light in lights], axis=0) for band in "RGB"}

@@ -22,6 +22,7 @@ from ..support.blender import compat
 from .build_scene import NAME
 from .change_scene import open_empty_scene
 from .datablocks.fingerprint import TAG
+from .light.lamps import find_lamp_matrix
 from .light.scene_lights import build_lights, compute_scene_sky
 from .light.sun_lamp import build_sky
 from .rig import build_rig
@@ -112,12 +113,15 @@ def _make_rig(settings: Settings) -> bpy.types.Object:
 
 
 def _make_light(settings: Settings) -> bpy.types.Collection:
-    """A collection of the Sun, the planet and the planet's light, about the origin."""
+    """A collection of the Sun, the planet, the planet's light and lamps, about the origin."""
     collection = bpy.data.collections.new(NAME)
     camera = build_rig(NAME, settings.rig, 0.0)
     for item in build_lights(settings, compute_scene_sky(settings), camera):
         for constraint in list(item.constraints):  # the planet follows the camera, which is not part of the asset
             item.constraints.remove(constraint)
+        if item.parent is not None:  # nor do lamps
+            world = find_lamp_matrix(item)
+            item.parent, item.matrix_basis = None, world
         collection.objects.link(item)
     bpy.data.objects.remove(camera)
     return collection
@@ -168,7 +172,7 @@ def _make_tags(kind: str, settings: Settings) -> list[str]:
     of_kind = {
         "surfaces": ["ice", law],
         "rigs": ["stereo", "camera"],
-        "lights": ["Sun"],
+        "lights": ["lamp"] if settings.light.lamps else ["Sun"],
         "bodies": ["Sun", "planet"],
         "skies": ["sky", "world", "black"],
     }

@@ -63,6 +63,7 @@ from .ground.user_ground import is_from_file, is_mesh
 from .head_cameras import ROLES as HEAD_ROLES
 from .keep_references import find_owned_blocks, is_owned_elsewhere, replace_block, set_owned_blocks, update_object
 from .lander.objects import ROLES as LANDER_ROLES
+from .light.lamps import ROLES as LAMP_ROLES
 from .light.scene_lights import ROLES
 from .remove_objects import find_materials, find_parts, free_names, remove_leftovers, remove_objects
 from .scene_objects import (
@@ -138,7 +139,8 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
     used = {item: find_materials(find_parts([item])[0]) for item in objects}
     every = set().union(*used.values())
     # From the lamp, in single precision, so that aiming again at render time changes nothing.
-    sun_inputs.aim_surfaces(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine)
+    lamps = [item for item in objects if item[TAG] in LAMP_ROLES]
+    sun_inputs.aim_surfaces(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine, lamps)
     of_osl = [item for item in objects if any(map(sun_inputs.is_osl, used[item]))]
     sun_inputs.exempt_from_lamp(
         f"{NAME} Traced Sun", lamp, [i for i in of_osl if any(map(sun_inputs.traces_sun, used[i]))]

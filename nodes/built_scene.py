@@ -30,6 +30,7 @@ from .datablocks.fingerprint import (
 )
 from .datablocks.marks import hash_marks
 from .datablocks.stored_json import parse_stored, read_stored
+from .light.lamps import find_lamps
 from .light.scene_lights import ROLES, SKY
 from .remove_objects import find_materials, find_parts
 from .surface import reflectance_laws
@@ -140,6 +141,11 @@ class Built:
     def planetshine(self) -> bpy.types.Object | None:
         """The planet's lamp, if the planet is up."""
         return next((item for item in self.collection.all_objects if item.get(TAG) == "planetshine"), None)
+
+    @property
+    def lamps(self) -> list[bpy.types.Object]:
+        """The lamps, in the order of ``light.lamps``."""
+        return find_lamps(self.collection)
 
     @property
     def rocks(self) -> bpy.types.Object | None:

@@ -134,7 +134,7 @@ def list_omission_lines(settings: Settings) -> tuple[str, ...]:
     computed.
     """
     try:
-        lights = _compute_sky_facts(tuple(find_light(settings).items()), bpy.data.filepath)
+        lights = _compute_sky_facts(_list_sky_items(find_light(settings)), bpy.data.filepath)
     except IcyMoonError:
         lights = {"planet": None}
     return tuple(find_left_out(settings, lights))
@@ -147,6 +147,11 @@ def find_light(settings: Settings) -> LightSettings:
         return settings.light
     found = _find_sky_place(tuple(settings.source.items()), settings.terrain.body_radius_m, bpy.data.filepath)
     return settings.light | found if found else settings.light
+
+
+def _list_sky_items(light: LightSettings) -> tuple[tuple[str, Any], ...]:
+    """The settings that the sky depends on, which can be the key of a cache: all but the list of lamps."""
+    return tuple((key, value) for key, value in light.items() if key != "lamps")
 
 
 @lru_cache(maxsize=8)
@@ -167,13 +172,13 @@ def _find_sky_place(source: tuple[tuple[str, Any], ...], radius_m: float, blend:
 
 def list_sky_lines(light: LightSettings) -> tuple[str, ...]:
     """Elevation, azimuth, apparent size and irradiance of Sun and planet; none if the sky cannot be computed."""
-    return _make_sky_lines(tuple(light.items()), bpy.data.filepath)
+    return _make_sky_lines(_list_sky_items(light), bpy.data.filepath)
 
 
 def find_sky_fault(light: LightSettings) -> str:
     """Why the sky cannot be computed, in a sentence; empty if it can."""
     try:
-        _compute_sky_facts(tuple(light.items()), bpy.data.filepath)
+        _compute_sky_facts(_list_sky_items(light), bpy.data.filepath)
     except IcyMoonError as error:
         return str(error)
     return ""
@@ -224,7 +229,7 @@ def compute_brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> floa
     """Irradiance from Sun and planet, in W/m², of ground that is tilted so far toward the Sun; 0 in the dark or if the
     sky cannot be computed."""
     try:
-        found = _compute_sky_facts(tuple(light.items()), bpy.data.filepath)
+        found = _compute_sky_facts(_list_sky_items(light), bpy.data.filepath)
     except IcyMoonError:
         return 0.0
     sun, planet = found["sun"], found["planet"] or {}
@@ -236,7 +241,7 @@ def compute_brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> floa
 def compute_planetshine_wm2(light: LightSettings) -> float:
     """Irradiance from the planet, in W/m², of ground that faces it; 0 without one or if the sky cannot be computed."""
     try:
-        planet = _compute_sky_facts(tuple(light.items()), bpy.data.filepath)["planet"]
+        planet = _compute_sky_facts(_list_sky_items(light), bpy.data.filepath)["planet"]
     except IcyMoonError:
         return 0.0
     return float(planet["irradiance_wm2"]) if planet else 0.0

@@ -17,6 +17,7 @@ import bpy
 from ..nodes import build_scene as scenes
 from ..nodes.datablocks.fingerprint import TAG
 from ..physics.camera.sensor import capacity_e
+from ..physics.light.lamps import estimate_irradiance_wm2
 from ..physics.light.photons import pixel_pitch_m
 from ..physics.surfaces import surface_law
 from ..render.pairs.pair_folder import read_pair
@@ -37,6 +38,8 @@ EXPOSED, MEASURED = "icymoon_view_exposure", "icymoon_measured_brightness"
 _STEEPEST_FACTOR = 2.0
 #: Landforms with walls, some of which face the Sun, by the setting that switches them on.
 _WITH_WALLS = (("chaos", "relief_m"), ("cracks", "depth_m"), ("pits", "depth_m"))
+#: Distance of the ground that lamps at the cameras make brightest, as a multiple of the height of the cameras.
+_GROUND_PER_HEIGHT = 1.5
 _MOST_EXPOSURE_STOPS = 10.0  # exposure of the view, up or down
 #: Light of ground that faces the planet, as a share of white, below which it is invisible: a step of 8 bits.
 _LEAST_VISIBLE_SHARE = 1 / 255
@@ -60,6 +63,7 @@ def _estimate_brightest(settings: Settings) -> float:
     wm2 = sidebar_text.compute_brightness_wm2(
         sidebar_text.find_light(settings), 90.0 if walls else _STEEPEST_FACTOR * settings.terrain.rms_slope_deg
     )
+    wm2 += estimate_irradiance_wm2(settings.light, _GROUND_PER_HEIGHT * settings.rig.height_m)
     return wm2 * _find_albedo(settings) / math.pi
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from types import SimpleNamespace
 from typing import ClassVar, NamedTuple
 
 import bpy
@@ -11,7 +12,7 @@ from ..operators.session import session
 from ..operators.sidebar_text import LINE, measure_line_length, replace_keys_by_labels, wrap_lines
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
-from ..settings.topics.declaration import Setting
+from ..settings.topics.declaration import Section, Setting
 from ..settings.topics.scene import Settings
 
 #: Choices that the panel explains, by the first sentence of their tooltip.
@@ -194,8 +195,21 @@ def draw_list(
 
 def _draw_list(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
     """Draw a list of tables with its buttons, and the settings of the selected table."""
-    name, active = setting.key, f"{setting.key}_active"
-    draw_list(layout, "ICYMOON_UL_layers", group, name, active, add="icymoon.layer_add", verb="icymoon.layer")
+    name, active, verb = setting.key, f"{setting.key}_active", f"icymoon.{setting.key.removesuffix('s')}"
+    draw_list(layout, f"ICYMOON_UL_{name}", group, name, active, add=f"{verb}_add", verb=verb)
     entries, index = getattr(group, name), getattr(group, active)
-    for each in setting.entries if index < len(entries) else ():
+    if index >= len(entries):
+        return
+    for each in list_entry_fields(setting, entries[index], None):
         draw_field(layout, entries[index], each)
+    for section in dict.fromkeys(each.section for each in setting.entries if each.section):
+        header, body = layout.panel(f"icymoon_{section.key}", default_closed=True)
+        header.label(text=section.label)
+        for each in list_entry_fields(setting, entries[index], section) if body else ():
+            draw_field(body, entries[index], each)
+
+
+def list_entry_fields(setting: Setting, entry: object, section: Section | None) -> list[Setting]:
+    """The settings of an entry of a list that its present choices use, in a section or outside of all."""
+    scope = SimpleNamespace(entry=entry)
+    return [each for each in setting.entries if each.section == section and each.shown(scope, "entry")]

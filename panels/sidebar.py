@@ -9,6 +9,7 @@ from ..operators import (
     dataset,
     evaluate,
     import_ground,
+    lamp_list,
     live_preview,
     manual,
     noise_layers,
@@ -272,6 +273,18 @@ class ICYMOON_UL_layers(RowsOfText, bpy.types.UIList):
         return noise_layers.describe_layer(item)
 
 
+class ICYMOON_UL_lamps(RowsOfText, bpy.types.UIList):
+    """List of the lamps"""
+
+    bl_idname = "ICYMOON_UL_lamps"
+
+    symbol = "LIGHT"
+
+    @staticmethod
+    def describe(item: bpy.types.PropertyGroup) -> str:
+        return lamp_list.describe_entry(item)
+
+
 class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
     """Choose a shipped plan or a file of your own, estimate its cost and render it"""
 
@@ -318,5 +331,5 @@ class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
         draw_lines(self.layout, import_ground.list_report_lines(context.scene), hang="   ")
 
 
-CLASSES = (ICYMOON_UL_layers, ICYMOON_PT_main, ICYMOON_PT_results, ICYMOON_PT_evaluation)
+CLASSES = (ICYMOON_UL_lamps, ICYMOON_UL_layers, ICYMOON_PT_main, ICYMOON_PT_results, ICYMOON_PT_evaluation)
 DETAILS = (ICYMOON_PT_plan, ICYMOON_PT_ground_report, ICYMOON_PT_sky, ICYMOON_PT_resolution, ICYMOON_PT_left_out)

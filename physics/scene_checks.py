@@ -18,6 +18,7 @@ from ..settings.topics.camera import RigSettings
 from ..settings.topics.rocks import RocksSettings
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
+from ..support.labels import LAMP_GROUPS
 from .arm.collisions import find_link_around
 from .arm.kinematics import Joint, find_joints_beyond_limits
 from .arm.lander_arm import is_users_arm, joint_values, make_arm
@@ -27,6 +28,7 @@ from .camera.eyes import advise_on_calibrated_eyes, find_calibrated_reasons
 from .excavation import arm_reach
 from .excavation import dig_site as excavation
 from .light.directions import camera_axes
+from .light.lamps import read_factors
 from .light.sky import check_body, compute_sky
 from .rocks.rock_table import TABLE
 from .rocks.size_laws import make_size_law
@@ -86,7 +88,8 @@ def find_reasons_in_settings(settings: Settings) -> list[Reason]:
         *_find_ice_reasons(settings),
         *_find_rock_reasons(settings),
         *_find_sky_reasons(settings),
-        *_find_lamp_reasons(settings),
+        *_find_near_sun_reasons(settings),
+        *_find_reasons_against_lamps(settings),
         *_find_veil_reasons(settings),
         *find_lander_reasons(settings),
         *(Reason(text, name) for text, name in find_calibrated_reasons(settings)),
@@ -195,7 +198,7 @@ def _find_sky_reasons(settings: Settings) -> Iterator[Reason]:
         yield Reason(str(error), "light.date_utc", "light.body", "terrain.body_radius_m")
 
 
-def _find_lamp_reasons(settings: Settings) -> Iterator[Reason]:
+def _find_near_sun_reasons(settings: Settings) -> Iterator[Reason]:
     """Reasons against a lamp near the ground: it has one place, and sends light in another direction to each point."""
     light, key = settings.light, "light.sun_distance_m"
     if light.sun_distance_m <= 0:
@@ -215,6 +218,23 @@ def _find_lamp_reasons(settings: Settings) -> Iterator[Reason]:
             key,
             "hapke.backend",
         )
+
+
+def _find_reasons_against_lamps(settings: Settings) -> Iterator[Reason]:
+    """Reasons against the lamps of ``light.lamps``."""
+    lamps, key = settings.light.lamps, "light.lamps"
+    if len(lamps) > len(LAMP_GROUPS):
+        yield Reason(f"{key} has {len(lamps)} lamps; {len(LAMP_GROUPS)} are the most.", key)
+    if lamps and _has_law_in_osl(settings):
+        yield Reason(
+            f"{key}: a law in OSL follows only the Sun and the planet; set hapke.backend to NODES.",
+            key,
+            "hapke.backend",
+        )
+    try:
+        read_factors(settings.light)
+    except IcyMoonError as error:
+        yield Reason(str(error), key, "light.lamp_scales")
 
 
 def _has_law_in_osl(settings: Settings) -> bool:

@@ -93,6 +93,8 @@ def find_why_not_baked(settings: Settings) -> str:
     for topic in surface_topics(settings):
         if emits(settings[topic]):
             return f"emitted light of the ground is not baked ({topic}.emitted_w_m2_sr)"
+    if settings.light.lamps:
+        return "light of lamps is not baked (light.lamps)"
     if settings.veil.optical_depth > 0:
         return "light that a veil scatters or absorbs is not baked (veil.optical_depth)"
     if settings.lander.kind != "NONE":
@@ -219,6 +221,12 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
                 if share > 0
                 else "the planet is below the horizon or unlit."
             )
+        )
+    laws = {settings[topic]["model"] for topic in surface_topics(settings)}
+    if settings.light.lamps and settings.quality.denoiser != "NONE" and not laws <= {"LAMBERT", "PRINCIPLED"}:
+        sentences.append(
+            "light: the reflectance law follows only one of the lights, because a denoised image is one render "
+            "(quality.denoiser)."
         )
     if settings.quality.indirect == "BAKED" and (why := find_why_not_baked(settings)):
         sentences.append(explain_traced_light(why))

@@ -206,7 +206,7 @@ def _disable_osl(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
     """Switch Open Shading Language off until the end of the ``with`` block, because Cycles writes no value passes with
     it.
     """
-    prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
+    prepare_for_cycles(scene, built.materials, built.sun, built.planetshine, built.lamps)
     with separate_lights.disable_osl(scene):
         yield
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..formats.map_frame import describe_cameras
 from ..nodes.build_scene import Built
+from ..nodes.light.lamps import describe_lamps
 from ..nodes.light.sun_lamp import read_scene_sun
 from ..nodes.surface.sun_inputs import describe_hapke
 from ..paper_stand_ins.shown_items import describe_item, list_items
@@ -43,6 +44,8 @@ def make_light_json(built: Built, source: str) -> dict[str, Any]:
             planet["irradiance_wm2"], planet["ground_irradiance_wm2"], sun.irradiance_wm2, sun.ground_irradiance_wm2
         )
         planet["over_sun"] = None if math.isinf(over_sun) else over_sun
+    if lamps := describe_lamps(built.collection, built.settings.light):
+        facts["lamps"] = lamps
     return facts
 
 
@@ -56,8 +59,8 @@ def _compute_eye_pose(pose: Array, rotation: Array) -> Array:
 #: The loss of precision in files with ``quality.files`` COMPACT, in words.
 _COMPACT_LOSS = (
     "radiance as 16-bit floats, off by at most 0.05 % or 3e-8, unless 16 bits cannot carry it; normals as "
-    "16-bit floats, off by at most 0.03°; no Beauty.Combined where it is the sum of Combined_Sun and "
-    "Combined_Planet; all else in 32 bits"
+    "16-bit floats, off by at most 0.03°; no Beauty.Combined where it is the sum of the light groups; "
+    "all else in 32 bits"
 )
 
 

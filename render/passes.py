@@ -7,12 +7,22 @@ tree of triangles for each layer.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 
 from ..support.blender import compat
-from ..support.labels import BAKED_AOVS, BAKED_ERROR_AOVS, BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
+from ..support.labels import (
+    BAKED_AOVS,
+    BAKED_ERROR_AOVS,
+    BEAUTY,
+    INSTANCE_AOV,
+    LAMP_GROUPS,
+    LIGHT_GROUPS,
+    NORMAL_AOV,
+    TRUTH,
+)
 
 _FILE_SUFFIX_BY_EYE = {"left": "_L", "right": "_R"}
 
@@ -25,10 +35,10 @@ def _enable_only(layer: bpy.types.ViewLayer, *passes: str) -> None:
                 setattr(settings, prop.identifier, prop.identifier in passes)
 
 
-def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = False) -> None:
+def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = False, lamps: Sequence[str] = ()) -> None:
     """Set up a new scene for all its renders: stereo views, file output (32-bit multilayer OpenEXR, a file for each
     eye), value passes, with ``baked`` also for baked light and its error and, with ``light_groups``, a pass for each
-    group.
+    group, also for the groups of ``lamps``.
 
     The passes must stay the same as long as Cycles keeps the scene, since its shaders go on writing them.
     """
@@ -48,7 +58,7 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
     for name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE"), *light):
         aov = layer.aovs.add()
         aov.name, aov.type = name, kind
-    for group in LIGHT_GROUPS if light_groups else ():
+    for group in (*LIGHT_GROUPS, *lamps) if light_groups else ():
         layer.lightgroups.add(name=group)
 
     render = scene.render
@@ -106,6 +116,6 @@ UNWANTED_PASSES = {
     f"{TRUTH}.Combined",
     *(f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in BAKED_AOVS.values()),
     *(f"{TRUTH}.{name}" for name in BAKED_ERROR_AOVS.values()),
-    *(f"{TRUTH}.Combined_{group}" for group in LIGHT_GROUPS),
+    *(f"{TRUTH}.Combined_{group}" for group in (*LIGHT_GROUPS, *LAMP_GROUPS)),
     f"{BEAUTY}.Noisy Image",
 }

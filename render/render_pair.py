@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights, measure_baked_noise
+from ..formats.exr_add import add_baked, add_group, is_sum_of_lights, measure_baked_noise
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, assemble, join_layers, read_pieces
 from ..formats.exr_pixels import compress, drop_passes, round_passes
@@ -89,7 +89,8 @@ def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         scene.collection.children.link(built.collection)
         scene.world = sky
         scene.frame_set(frame)
-        passes.prepare_scene(scene, built.several_lights, can_be_baked(built.settings))
+        groups = [lamp.lightgroup for lamp in built.lamps]
+        passes.prepare_scene(scene, built.several_lights, can_be_baked(built.settings), groups)
         with add_render_camera(scene, built.camera), label_temporarily(scene):
             yield scene
     finally:
@@ -349,7 +350,7 @@ def _prepare_cycles(
     cycles_settings.apply_quality(scene, quality, planned.render_seed, blurred, are_rocks_clear(planned.settings))
     if baked:
         scene.cycles.max_bounces = 0
-    prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
+    prepare_for_cycles(scene, built.materials, built.sun, built.planetshine, built.lamps)
     lights = separate_lights.list_light_passes(scene, built)
     # Objects that move during a render are not kept for the next one, nor are surfaces that change in between.
     scene.render.use_persistent_data = (
@@ -480,9 +481,8 @@ def _render_light(
         for eye, file in made.items():
             if eye in files:
                 with explain_disk_errors("write", file), _report_unreadable(planned):
-                    files[eye].write_bytes(
-                        assemble(add_planet(*(read_pieces(each.read_bytes()) for each in (files[eye], file))))
-                    )
+                    first, other = (read_pieces(each.read_bytes()) for each in (files[eye], file))
+                    files[eye].write_bytes(assemble(add_group(first, other, light.group or "")))
                     system.remove(file)
             files.setdefault(eye, file)
     return files

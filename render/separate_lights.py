@@ -1,7 +1,7 @@
 """The lights that are rendered one by one, and the scene for each of these renders.
 
 With Open Shading Language Cycles writes no value passes, so truth is rendered without it. A surface whose nodes use the
-direction of the light can follow only one source, and gives its own light to one light group. So by day Sun and planet
+direction of the light can follow only one source, and gives its own light to one light group. So Sun, planet and lamps
 are rendered one after the other, and the image is their sum.
 """
 
@@ -21,12 +21,13 @@ from ..nodes.surface import sun_inputs
 
 @dataclass(frozen=True)
 class LightPass:
-    """The light in one render of an image: the omitted roles, and the light group of the light that surfaces emit; None
-    keeps the group of the scene.
+    """The light in one render of an image: the omitted roles, the light group of the light that surfaces emit (None
+    keeps the group of the scene), and the lamp that surfaces follow if neither Sun nor planet shines.
     """
 
     dark: tuple[str, ...] = ()
     group: str | None = None
+    lamp: bpy.types.Object | None = None
 
 
 def _find_sun_materials(built: Built) -> list[bpy.types.Material]:
@@ -39,19 +40,23 @@ def list_light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
 
     A denoised image is one render, since its parts would be denoised one by one.
     """
+    lamps = {lamp[TAG]: lamp for lamp in built.lamps}
     if (
         not scene.view_layers[0].lightgroups
-        or built.planetshine is None
+        or (built.planetshine is None and not lamps)
         or scene.cycles.use_denoising
         or not _find_sun_materials(built)
     ):
         return [LightPass()]
-    if built.sun.data.energy > 0:
-        return [
-            LightPass(("planetshine",), "Sun"),
-            LightPass(("sun", *(role for role in ROLES if role != "planetshine")), "Planet"),
-        ]
-    return [LightPass((), "Planet")]
+    groups = {"sun": "Sun"} if built.sun.data.energy > 0 else {}
+    groups |= {"planetshine": "Planet"} if built.planetshine is not None else {}
+    groups |= {role: lamp.lightgroup for role, lamp in lamps.items()}
+    found: list[LightPass] = []
+    for role, group in groups.items():
+        # The first one has the visible planet, the rings and the stars too.
+        others = ("sun", *ROLES) if found else tuple(groups)
+        found.append(LightPass(tuple(each for each in others if each != role), group, lamps.get(role)))
+    return found
 
 
 @contextmanager
@@ -67,15 +72,18 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
             undo.callback(setattr, datablock, name, getattr(datablock, name))
             setattr(datablock, name, value)
 
-        undo.callback(lambda: sun_inputs.aim_surfaces(_find_sun_materials(built), sun, built.planetshine))
+        undo.callback(lambda: sun_inputs.aim_surfaces(_find_sun_materials(built), sun, built.planetshine, built.lamps))
         for item in list(built.collection.all_objects):
             if item.get(TAG) in light.dark:
                 set_value(item, "hide_render", True)
             for each in (item, *find_instanced_objects(item)) if item.get(TAG) in ("terrain", "rock") else ():
                 if each.lightgroup:
                     set_value(each, "lightgroup", light.group)
-        shining = replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun
-        sun_inputs.aim_surfaces(_find_sun_materials(built), shining, built.planetshine)
+        if light.lamp is not None:
+            sun_inputs.aim_surfaces(_find_sun_materials(built), sun_inputs.Sun.of_lamp(light.lamp), None)
+        else:
+            shining = replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun
+            sun_inputs.aim_surfaces(_find_sun_materials(built), shining, built.planetshine)
         yield
 
 

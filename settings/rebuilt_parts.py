@@ -113,13 +113,16 @@ def select_materials(settings: Settings) -> Parts:
 
 
 def select_look(settings: Settings) -> Parts:
-    """``select_materials``, with the distance of a nearby lamp and, for each surface, whether subsurface light is
-    traced.
+    """``select_materials``, with the distance of a lamp in place of the Sun, whether there are other lamps, and for
+    each surface whether subsurface light is traced.
     """
     return {
         **select_materials(settings),
         "walks": {topic: traces_random_walk(settings, topic) for topic in SURFACE_TOPICS},
-        "lamp": {"distance_m": settings.light.sun_distance_m},
+        "lamp": {
+            "distance_m": settings.light.sun_distance_m,
+            **({"near": True} if settings.light.lamps else {}),
+        },
     }
 
 

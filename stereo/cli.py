@@ -155,7 +155,7 @@ def _add_develop_arguments(command: argparse.ArgumentParser) -> None:
         command,
         "--set",
         "sensor.KEY=VALUE",
-        "one setting of the camera response, light.sun_scale or light.planet_scale; may repeat",
+        "one setting of the camera response, light.sun_scale, planet_scale or lamp_scales; may repeat",
     )
     command.add_argument("--out", required=True, type=as_path, help="folder for the images, a folder per pair in it")
     add_json_lines(command)
@@ -599,8 +599,8 @@ def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str
             if TOPICS[topic][key].effect != "response":
                 raise IcyMoonError(
                     f"{topic}.{key} needs a new render; only settings of the sensor, light.sun_scale, "
-                    "light.planet_scale, light.irradiance_band, rig.distortion_* and calibration_error.* "
-                    "can change here."
+                    "light.planet_scale, light.lamp_scales, light.irradiance_band, rig.distortion_* and "
+                    "calibration_error.* can change here."
                 )
     return settings
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from ..physics.camera.calibration_error import list_stated_errors
 from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
+from ..physics.light.lamps import is_light_scaled
 from ..render.pairs.pair_folder import EYES, Pair, read_unchanged_pair
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
-from ..support.labels import LIGHT_GROUPS
 from ..support.number_text import show_rounded
 from .images.colours import SKY_GREY, Scale, draw_colour_bar, draw_true_depth, make_depth_scale
 from .images.develop import DevelopedImages, develop, to_8_bit
@@ -151,7 +151,7 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
 
 def _develop(pair: Pair, settings: Settings) -> DevelopedImages:
     """Develop a pair without its lens, and without OpenCV."""
-    scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
+    scaled = is_light_scaled(settings)
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     linear = {"sensor": {"demosaicing": "MALVAR"}} if settings.sensor.demosaicing == "EDGE_AWARE" else {}
     undistorted = {"rig": {f"distortion_{name}": 0.0 for name in COEFFICIENTS}}

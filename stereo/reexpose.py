@@ -11,12 +11,12 @@ import numpy as np
 
 from ..physics.camera.eyes import eyes_json
 from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
+from ..physics.light.lamps import is_light_scaled
 from ..render.pairs.pair_folder import EYES, find_pair_folders, read_unchanged_pair
 from ..settings.description import merged
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError, describe_error
 from ..support.files import write_json
-from ..support.labels import LIGHT_GROUPS
 from ..support.number_text import format_count
 from ..support.system import remove
 from .evaluate import Event
@@ -82,7 +82,7 @@ def reexpose(
 def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> DevelopedImages:
     pair = read_unchanged_pair(folder)
     settings = merged(pair.settings, response)
-    scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
+    scaled = is_light_scaled(settings)
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
     images = develop(pair, left, right, settings)
     for stale in [path for path in out.glob("*") if _REMOVED_FILES.fullmatch(path.name)]:

@@ -21,8 +21,10 @@ NOT_BAKED = -1.0e30
 
 #: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.
 LIGHT_GROUPS = {"Sun": "sun_scale", "Planet": "planet_scale"}
+#: Light groups of lamps, in the order of ``light.lamps``; an image has as many as the scene has lamps.
+LAMP_GROUPS = tuple(f"Lamp{k + 1}" for k in range(8))
 IMAGE_PASS = f"{BEAUTY}.Combined"
-GROUP_PASSES = tuple(f"{IMAGE_PASS}_{group}" for group in LIGHT_GROUPS)
+GROUP_PASSES = tuple(f"{IMAGE_PASS}_{group}" for group in (*LIGHT_GROUPS, *LAMP_GROUPS))
 NORMAL_PASS = f"{TRUTH}.{NORMAL_AOV}"
 BAKED_ERROR_PASSES = {group: f"{BEAUTY}.{name}" for group, name in BAKED_ERROR_AOVS.items()}
 _RADIANCE = {IMAGE_PASS, *GROUP_PASSES, *BAKED_ERROR_PASSES.values()}

@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 
 from ...formats.map_site import read_site_place
+from ...physics.light.lamps import gives_light
 from ...physics.light.planet_face import face_tint
 from ...physics.light.saturn_rings import make_ring_mesh
 from ...physics.light.sky import Sky, check_body, describe_sky
@@ -24,12 +25,14 @@ from ...settings.topics.scene import Settings
 from ..datablocks.blend_file_paths import find_used_files
 from ..datablocks.fingerprint import NAME, TAG
 from .celestial_meshes import build_planet, build_rings, build_stars
+from .lamps import ROLES as LAMP_ROLES
+from .lamps import build_lamps
 from .planet_lamp import build_planet_light
 from .sun_lamp import build_sun, place_sun
 
 SKY = "icymoon_sky"  # property of the Sun: positions and brightness of the lights
 #: Roles of the objects that shine, without the Sun.
-ROLES = ("planet", "planetshine", "rings", "stars")
+ROLES = ("planet", "planetshine", "rings", "stars", *LAMP_ROLES)
 
 
 def compute_scene_sky(settings: Settings) -> Sky:
@@ -71,7 +74,11 @@ def advise_on_sky(sky: Sky, settings: Settings) -> list[str]:
             "Stars include all wavelengths, but the Sun only those of the camera; set "
             "light.irradiance_band to BOLOMETRIC for stars of the right brightness."
         )
-    if sum(sky.ground_irradiance_wm2) > 0 or (sky.sun_irradiance_wm2 > 0 and sky.sun_is_up and sky.eclipse < 1):
+    if (
+        gives_light(light)
+        or sum(sky.ground_irradiance_wm2) > 0
+        or (sky.sun_irradiance_wm2 > 0 and sky.sun_is_up and sky.eclipse < 1)
+    ):
         return sentences
     if sky.sun_is_up and sky.eclipse >= 1:
         fix = "move one of them" if light.directions_from == "ANGLES" else "choose another light.date_utc"
@@ -120,10 +127,11 @@ def _build_lights_but_sun(settings: Settings, sky: Sky, camera: bpy.types.Object
     if light.stars:
         stars = stars_above_horizon(float(light.stars_faintest_mag), int(settings.dataset.seed), sky.from_j2000)
         items["stars"] = build_stars(f"{NAME} Stars", stars, 1 / focal_px(settings.rig))
+    lamps = build_lamps(light, camera)
     for role, item in items.items():
         item[TAG] = role
         if role != "planetshine":
             item.data.materials[0][TAG] = "material"
             # The real body is so far away that it looks the same from everywhere on the ground.
             item.constraints.new("COPY_LOCATION").target = camera
-    return list(items.values())
+    return [*items.values(), *lamps]

@@ -39,7 +39,7 @@ from ..tree.builder import Socket, Tree, Triple, Value
 from ..tree.formula import Number, Vector
 from . import hapke_nodes
 from .hapke_osl import add_script_node
-from .sun_inputs import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, make_sun_inputs
+from .sun_inputs import BLUR, DIRECTION, LEVELS, NEARNESS, SCRIPT, Sun, make_sun_inputs
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,11 @@ def _add_sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
     tree = ground.tree
     geometry = tree.node("ShaderNodeNewGeometry", "Sight")
     toward_sun = tree.combined(DIRECTION, *sun.direction)
-    if sun.distance_m:
+    if sun.with_lamps:
+        near = tree.math("ADD", NEARNESS, float(sun.distance_m > 0), 0.0)
+        here = tree.scaled("Seen from Near", geometry.outputs["Position"], near)
+        toward_sun = tree.vector("NORMALIZE", "Toward the Source", tree.vector("SUBTRACT", "Way", toward_sun, here))
+    elif sun.distance_m:
         lamp = tree.scaled("Lamp", toward_sun, sun.distance_m)
         way = tree.vector("SUBTRACT", "Way to the Lamp", lamp, geometry.outputs["Position"])
         toward_sun = tree.vector("NORMALIZE", "Toward the Lamp", way)

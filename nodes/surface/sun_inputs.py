@@ -6,13 +6,13 @@ See ``reflectance_laws`` for the surfaces themselves.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from ...physics.light.directions import direction_toward
 from ...settings.topics.light import LightSettings
@@ -20,14 +20,17 @@ from ...support.arrays import Numbers
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ..datablocks.fingerprint import TAG
+from ..light.lamps import find_lamp_matrix
 from ..light.planet_lamp import MEAN, make_planet_inputs
 from ..light.sun_lamp import read_lamp_diameter_rad, read_lamp_irradiance_wm2
 from . import hapke_nodes
 
 LEVELS = ("FAST", "ACCURATE", "REFERENCE")
 SHARED = "traced sun"  # role of the collection of objects that a lamp does not light
-#: Names of the nodes with inputs that describe the Sun.
-DIRECTION, BLUR, SCRIPT = "Sun Direction", "Surge Blur", "Hapke"
+#: Names of the nodes with inputs that describe the Sun. DIRECTION is the place of a source whose NEARNESS is 1.
+DIRECTION, NEARNESS, BLUR, SCRIPT = "Sun Direction", "Source Nearness", "Surge Blur", "Hapke"
+#: Distance in metres of a lamp at the origin of the site from it, since 0 stands for the real Sun.
+_LEAST_DISTANCE_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,7 @@ class Sun:
     irradiance_wm2: tuple[float, float, float]
     angular_diameter: float  # radians
     distance_m: float = 0.0  # of a lamp near the ground from the origin of the site; 0 for the real Sun
+    with_lamps: bool = False  # whether the surface must follow near and far sources in turn
 
     @classmethod
     def from_settings(cls, light: LightSettings) -> Sun:
@@ -48,6 +52,7 @@ class Sun:
             (light.sun_irradiance_wm2,) * 3,
             math.radians(light.sun_angular_diameter_deg),
             light.sun_distance_m,
+            bool(light.lamps),
         )
 
     @classmethod
@@ -55,7 +60,8 @@ class Sun:
         """The Sun of a lamp. ``world`` is its present matrix, since the user may have rotated it."""
         x, y, z = world.to_3x3().col[2].normalized()
         red, green, blue = (read_lamp_irradiance_wm2(lamp) * band for band in lamp.data.color)
-        return cls((x, y, z), (red, green, blue), read_lamp_diameter_rad(lamp))
+        distance = 0.0 if lamp.data.type == "SUN" else world.translation.length
+        return cls((x, y, z), (red, green, blue), read_lamp_diameter_rad(lamp), distance)
 
     @classmethod
     def of_planet(cls, shine: bpy.types.Object) -> Sun:
@@ -63,6 +69,19 @@ class Sun:
         red, green, blue = (shine.data.energy * band for band in shine.data.color)
         x, y, z = shine[MEAN]
         return cls((x, y, z), (red, green, blue), shine.data.angle)
+
+    @classmethod
+    def of_lamp(cls, lamp: bpy.types.Object) -> Sun:
+        """A lamp at its place, as if all its light came from its middle."""
+        place = find_lamp_matrix(lamp).translation
+        x, y, z = place.normalized() if place.length > 0 else Vector((0.0, 0.0, 1.0))
+        return cls((x, y, z), (1.0, 1.0, 1.0), 0.0, max(place.length, _LEAST_DISTANCE_M))
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """The place of a near source in metres, the direction of a far one."""
+        x, y, z = (axis * (self.distance_m or 1.0) for axis in self.direction)
+        return x, y, z
 
     @property
     def radius(self) -> float:
@@ -101,15 +120,25 @@ def _set_input(socket: bpy.types.NodeSocket, value: Numbers) -> None:
         socket.default_value = value
 
 
-def aim_surfaces(materials: Iterable[bpy.types.Material], sun: Sun, shine: bpy.types.Object | None) -> None:
-    """Set the inputs of surfaces to the present Sun and planet, whose lamp is ``shine``.
+def aim_surfaces(
+    materials: Iterable[bpy.types.Material],
+    sun: Sun,
+    shine: bpy.types.Object | None,
+    lamps: Sequence[bpy.types.Object] = (),
+) -> None:
+    """Set the inputs of surfaces to the present Sun, the planet, whose lamp is ``shine``, and other ``lamps``.
 
-    A surface from nodes has its law for one source only: the Sun, or the planet if the Sun is dark.
+    A surface from nodes has its law for one source only: the Sun; if the Sun is dark the planet; else the first lamp.
     """
-    lit_by = Sun.of_planet(shine) if shine is not None and not any(sun.irradiance_wm2) else sun
+    lit_by = sun
+    if not any(sun.irradiance_wm2) and (shine is not None or lamps):
+        lit_by = Sun.of_planet(shine) if shine is not None else Sun.of_lamp(lamps[0])
     for material in materials:
+        near = _find_own_node(material, NEARNESS, "ShaderNodeMath")
+        if near:
+            _set_input(near.inputs[0], float(lit_by.distance_m > 0))
         if node := _find_own_node(material, DIRECTION, "ShaderNodeCombineXYZ"):
-            for axis, value in zip("XYZ", lit_by.direction, strict=True):
+            for axis, value in zip("XYZ", lit_by.place if near else lit_by.direction, strict=True):
                 _set_input(node.inputs[axis], value)
         if node := _find_own_node(material, BLUR, "ShaderNodeMath"):
             _set_input(node.inputs[0], lit_by.blur)
@@ -181,6 +210,7 @@ def prepare_for_cycles(
     materials: Iterable[bpy.types.Material],
     lamp: bpy.types.Object,
     shine: bpy.types.Object | None,
+    lamps: Sequence[bpy.types.Object] = (),
 ) -> None:
     """Prepare a scene for these materials, after its settings for Cycles are set and the lamp is in place.
 
@@ -189,7 +219,7 @@ def prepare_for_cycles(
     materials = list(materials)
     depsgraph = scene.view_layers[0].depsgraph
     depsgraph.update()  # otherwise a new or rotated lamp has no world matrix yet
-    aim_surfaces(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world), shine)
+    aim_surfaces(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world), shine, lamps)
     if any(map(is_osl, materials)):
         if not compat.has_osl() or scene.cycles.device == "GPU":
             raise IcyMoonError(

@@ -4,18 +4,84 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .declaration import ADVANCED, TOP, Section, Table, choice, degrees, fraction, metres, number, text, tick
+from .declaration import (
+    ADVANCED,
+    TOP,
+    Section,
+    Table,
+    choice,
+    degrees,
+    fraction,
+    metres,
+    number,
+    tables,
+    text,
+    tick,
+)
 from .ground import MAP
 from .relevance import chosen, ticked
 
 DATED = ~chosen("directions_from", "ANGLES")
 PLANET = Section("planet", "Planet", "The planet in the sky and its light", switch="planet")
 STARS = Section("stars", "Stars", "Stars in the sky, which do not light the ground", switch="stars")
+LAMPS = Section("lamps", "Lamps", "Lamps at the cameras or at places of their own, by night and in shadow")
 BALANCE = Section("balance", "Light at Evaluation", "Brightness of the light; changes need no new render")
 
 
+#: Of an entry of the list of lamps.
+LAMP_PLACE = Section("lamp_place", "Position and Aim", "Place of the lamp and the direction in which it shines")
+SPOT = chosen("kind", "SPOT")
+
+
+class Lamp(Table):
+    """An entry of ``light.lamps``."""
+
+    __slots__ = ()
+    kind: Literal["POINT", "SPOT", "AREA"] = choice(
+        "Kind", "SPOT", "How the lamp spreads its light", "light",
+        ("POINT", "Point", "A sphere that shines evenly in all directions, as a bare bulb"),
+        ("SPOT", "Spot", "A cone of even light with a soft edge, as a headlight"),
+        ("AREA", "Area", "A square that shines to one side by Lambert's law, as an LED panel"))
+    power_w: float = number(
+        "Power (W)", 20.0, 0.0, 1.0e5, (0.0, 100.0), "Electrical power of the lamp", "light", "W")
+    efficiency: float = fraction(
+        "Efficiency", 0.3, "Share of the power that leaves the lamp as light from 400 to 700 nm: about 0.3 for a white "
+        "LED, 0.05 for a halogen bulb. 1 if the power is that of the light", "light")
+    temperature_k: float = number(
+        "Colour (K)", 5000.0, 500.0, 5.0e4, (2000.0, 1.0e4), "Colour temperature. It sets the balance of R, G and B as "
+        "for the Sun", "light", "K", precision=0)
+    size_m: float = metres(
+        "Size", 0.05, 1.0e-4, 10.0, (0.005, 0.5), "Diameter of the shining sphere, or side of the square. It sets the "
+        "softness of shadows", "light")
+    cone_deg: float = degrees(
+        "Cone", 60.0, 1.0, 179.0, "Full angle of the cone of a spot", "light", (5.0, 120.0), shown=SPOT)
+    blend: float = fraction(
+        "Soft Edge", 0.3, "Share of the cone in which a spot fades toward its edge; 0 for a sharp edge", "light",
+        shown=SPOT)
+    place: Literal["CAMERA", "SITE"] = choice(
+        "Place", "CAMERA", "From where the position is measured", "light",
+        ("CAMERA", "Camera", "Right of, before and above the left camera, with which the lamp turns and tilts"),
+        ("SITE", "Site", "East, north and up from the origin of the site; the lamp stays there"),
+        section=LAMP_PLACE)
+    x_m: float = metres(
+        "Right or East", 0.0, -1.0e4, 1.0e4, (-10.0, 10.0), "Distance right of the left camera, or east of the origin",
+        "light", section=LAMP_PLACE)
+    y_m: float = metres(
+        "Ahead or North", 0.0, -1.0e4, 1.0e4, (-10.0, 10.0), "Distance before the left camera, or north of the origin",
+        "light", section=LAMP_PLACE)
+    z_m: float = metres(
+        "Up", 0.1, -1.0e4, 1.0e4, (-2.0, 10.0), "Distance above the left camera, or above height zero of the site",
+        "light", section=LAMP_PLACE)
+    azimuth_deg: float = degrees(
+        "Aim, Azimuth", 0.0, -360.0, 360.0, "Direction in which the lamp shines: clockwise from straight ahead, or "
+        "from north over east", "light", (-180.0, 180.0), section=LAMP_PLACE)
+    elevation_deg: float = degrees(
+        "Aim, Elevation", 0.0, -90.0, 90.0, "Angle by which the lamp shines above straight ahead, or above the horizon",
+        "light", section=LAMP_PLACE)
+
+
 class LightSettings(Table, label="Light"):
-    """The Sun and the planet, which are the only light on the ground."""
+    """The Sun, the planet and lamps, which are the only light on the ground."""
 
     __slots__ = ()
     directions_from: Literal["ANGLES", "DATE", "KERNELS"] = choice(
@@ -126,6 +192,12 @@ class LightSettings(Table, label="Light"):
     planet_spot_longitude_deg: float = degrees(
         "Red Spot Longitude", 0.0, -360.0, 360.0, "Longitude of Jupiter's Great Red Spot, east of the meridian that "
         "faces the moon", "light", section=PLANET, active=ticked("planet"), since="0.3")
+    lamps: list[Lamp] = tables(
+        "Lamps", Lamp, "Lamps beside the Sun, one table per lamp, at most eight", "light", section=LAMPS, since="0.4")
+    lamp_scales: str = text(
+        "Lamp Factors", "", "Factors on the light of the lamps when images are evaluated, in the order of their list, "
+        "such as 1, 0.5. If it is empty, all are 1", "response", "factors", section=BALANCE,
+        active=ticked("lamps"), since="0.4")
     stars: bool = tick(
         "Stars", False, "Show stars in the sky at their true brightness. They do not light the ground", "light",
         section=STARS)

@@ -21,6 +21,7 @@ from collections.abc import Iterable
 CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is read as data",
            "written": "A folder for results", "mark": "A number that marks missing values",
            "decimal": "A number with all of its digits", "coordinate": "A place with all of its digits",
+           "factors": "Numbers of at least 0, one for each lamp",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
 #: Options of matchers that name a program to run or a file to load; only the user gives them.
 LOADING_OPTIONS = ("command", "checkpoint", "python", "model")
@@ -30,6 +31,8 @@ NO_MARK = "none"
 DECIMAL_PATTERN = re.compile(r"-?[0-9]{1,12}(\.[0-9]{1,9})?")
 #: A number of up to 12 digits before the point and 20 after it: what Python and PROJ print of any place on a map.
 COORDINATE_PATTERN = re.compile(r"[+-]?[0-9]{1,12}(\.[0-9]{1,20})?")
+#: Numbers of at least 0 with up to 6 digits before the point and 9 after it, with commas between them.
+FACTORS_PATTERN = re.compile(r"[0-9]{1,6}(\.[0-9]{1,9})?(, ?[0-9]{1,6}(\.[0-9]{1,9})?)*")
 #: Prefix of a matcher that the user has set up, as in own:mine.
 OWN_PREFIX = "own"
 OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
@@ -65,6 +68,9 @@ def find_text_fault(kind: str, text: str) -> str:
     if kind == "coordinate" and text and not COORDINATE_PATTERN.fullmatch(text):
         return (f"is {text[:40]!r}, which is not a coordinate; write digits with a point, as in -145244.5798, without "
                 "a unit, an exponent or a letter of the compass.")
+    if kind == "factors" and text and not FACTORS_PATTERN.fullmatch(text):
+        return (f"is {text[:40]!r}, which is not a list of numbers of at least 0; write a number for each lamp, as in "
+                "1, 0.5.")
     if kind != "matchers":
         return ""
     loaded = next(iter(_list_loading_options(option for _, options in split_methods(text) for option in options)), "")

@@ -17,6 +17,7 @@ import numpy as np
 from ...formats.fits import Image, encode_fits
 from ...formats.tiff_write import encode_tiff
 from ...physics.camera.rolling_shutter import turn_to_world
+from ...physics.light.lamps import switch_lamps_off
 from ...physics.light.sunlight import sun_colour
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
@@ -83,7 +84,7 @@ def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
 
     none = np.full(depth.shape, np.nan)
     normal, toward = view.normal, np.asarray(sun.direction)
-    radiance = np.asarray(scale_radiance(view, pair.pair, pair.settings.light), np.float64)
+    radiance = np.asarray(scale_radiance(view, pair.pair, switch_lamps_off(pair.settings)), np.float64)
     return Photometry(
         irradiance,
         np.where(known[..., None], math.pi * radiance / by_band, np.nan),

@@ -10,6 +10,7 @@ import numpy as np
 from ...physics.camera.calibration_error import refuse_errors
 from ...physics.camera.sensor import expose_level_s, meter_level
 from ...physics.camera.stereo_camera import StereoCamera
+from ...physics.light.lamps import find_light_factors, is_light_scaled
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.topics.camera import SensorSettings
@@ -45,7 +46,7 @@ class Crops:
     """Reads windows of pairs, and keeps the auto-exposure level of each whole pair, one number."""
 
     def __init__(self) -> None:
-        self._levels: dict[tuple[str, float, float, float], float] = {}
+        self._levels: dict[tuple[str, tuple[float, ...], float], float] = {}
 
     def read(self, pair: Pair, settings: Settings, crop: Crop) -> dict[str, Array] | None:
         """The arrays of ``read_whole`` in a window; None if pixels depend on others, which requires the whole image.
@@ -55,7 +56,7 @@ class Crops:
         refuse_errors(settings.calibration_error, pair.folder)
         if not _depends_on_single_pixels(pair, settings):
             return None
-        rows, groups = range(crop.rows.start, crop.rows.stop), _needs_light_groups(settings)
+        rows, groups = range(crop.rows.start, crop.rows.stop), is_light_scaled(settings)
         left = read_view(pair.image("left"), "left", _list_unneeded_passes(groups), rows)
         light = {"left": left, "right": read_light(pair.image("right"), "right", groups, rows)}
         channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
@@ -77,11 +78,11 @@ class Crops:
 
     def _meter_level(self, pair: Pair, settings: Settings) -> float:
         """The level that auto exposure meters on the whole left image."""
-        scales = float(settings.light.sun_scale), float(settings.light.planet_scale)
-        key = (pair.id, *scales, float(settings.sensor.auto_percentile))
+        scales = tuple(find_light_factors(settings).values())
+        key = (pair.id, scales, float(settings.sensor.auto_percentile))
         if key not in self._levels:
-            light = read_light(pair.image("left"), "left", _needs_light_groups(settings))
-            radiance = average_bands(scale_radiance(light, pair, settings.light))
+            light = read_light(pair.image("left"), "left", is_light_scaled(settings))
+            radiance = average_bands(scale_radiance(light, pair, settings))
             self._levels[key] = meter_level(np.minimum(radiance, 1e30), settings.sensor)
         return self._levels[key]
 
@@ -91,7 +92,7 @@ def read_whole(pair: Pair, settings: Settings) -> dict[str, Array]:
     ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``."""
     refuse_errors(settings.calibration_error, pair.folder)
     light, views = zip(
-        *(read_eye(pair, eye, _list_unneeded_passes(_needs_light_groups(settings))) for eye in EYES), strict=True
+        *(read_eye(pair, eye, _list_unneeded_passes(is_light_scaled(settings))) for eye in EYES), strict=True
     )
     return _scale_images(develop(pair, light[0], light[1], settings)) | _make_truth_arrays(pair.camera, *views)
 
@@ -127,11 +128,6 @@ def _depends_on_single_pixels(pair: Pair, settings: Settings) -> bool:
 
 def _spreads_light(sensor: SensorSettings, key: str) -> bool:
     return float(sensor[key]) > 0
-
-
-def _needs_light_groups(settings: Settings) -> bool:
-    """Whether the light of the Sun or of the planet is scaled."""
-    return settings.light.sun_scale != 1 or settings.light.planet_scale != 1
 
 
 def _list_unneeded_passes(groups: bool) -> Collection[str]:

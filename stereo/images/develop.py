@@ -36,6 +36,7 @@ from ...physics.camera.sensor import (
     warn_on_exposure,
 )
 from ...physics.camera.stereo_camera import StereoCamera
+from ...physics.light.lamps import find_light_factors
 from ...physics.light.photons import electron_rate, pixel_pitch_m
 from ...physics.scene_requirements import emits, surface_topics
 from ...render.pairs.pair_folder import EYES, Pair
@@ -127,13 +128,13 @@ def average_bands(radiance: Array) -> Array:
     return (radiance[..., 0].astype(np.float64) + radiance[..., 1] + radiance[..., 2]) / 3
 
 
-def scale_radiance(view: Light, pair: Pair, light: LightSettings) -> Array:
-    """Radiance (H, W, 3) with the Sun and the planet scaled by ``sun_scale`` and ``planet_scale``.
+def scale_radiance(view: Light, pair: Pair, settings: Settings) -> Array:
+    """Radiance (H, W, 3) with Sun, planet and lamps scaled by ``sun_scale``, ``planet_scale`` and ``lamp_scales``.
 
     Light is linear, so a new render would give the same. A pair without light groups has one light, the Sun. Raises
     IcyMoonError if the image is not the sum of its groups, or has light of the ground itself and no groups.
     """
-    scales = {group: float(light[key]) for group, key in LIGHT_GROUPS.items()}
+    scales = find_light_factors(settings)
     if not view.groups:
         if scales["Sun"] != 1 and any(emits(pair.settings[topic]) for topic in surface_topics(pair.settings)):
             raise IcyMoonError(
@@ -145,7 +146,7 @@ def scale_radiance(view: Light, pair: Pair, light: LightSettings) -> Array:
     if changed and pair.settings.quality.denoiser != "NONE":
         raise IcyMoonError(
             f"{pair.folder} was denoised, but its light groups were not; render it with "
-            f"quality.denoiser NONE to change light.{LIGHT_GROUPS[next(iter(changed))]}."
+            f"quality.denoiser NONE to change light.{LIGHT_GROUPS.get(next(iter(changed)), 'lamp_scales')}."
         )
     radiance = view.radiance
     for group, scale in changed.items():
@@ -166,8 +167,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
     rate = channels.rate
     optics = {eye: _Optics.of(pair, settings, eye) for eye in EYES}
     planes = {
-        eye: channels.planes(scale_radiance(view, pair, settings.light))
-        for eye, view in (("left", left), ("right", right))
+        eye: channels.planes(scale_radiance(view, pair, settings)) for eye, view in (("left", left), ("right", right))
     }
     light = {eye: channels.at_pixels([optics[eye].on_sensor(plane) for plane in planes[eye]]) for eye in EYES}
     metered = choose_exposure_s(channels.balanced(light["left"]), rate, sensor)

@@ -35,6 +35,7 @@ from ...support.labels import (
     HIDDEN,
     IMAGE_PASS,
     INSTANCE_AOV,
+    LAMP_GROUPS,
     LIGHT_GROUPS,
     NORMAL_AOV,
     SKY_DEPTH_M,
@@ -154,10 +155,10 @@ def _make_light(channels: _Channels, path: Path, groups: bool) -> Light:
     """The light, with or without its ``groups``. Without a stored image it is the sum of the groups."""
     found = {
         group: _find_radiance(channels, f"Combined_{group}", path)
-        for group in LIGHT_GROUPS
+        for group in (*LIGHT_GROUPS, *LAMP_GROUPS)
         if (BEAUTY, f"Combined_{group}", "R") in channels
     }
-    is_sum = len(found) == len(LIGHT_GROUPS) and (BEAUTY, "Combined", "R") not in channels
+    is_sum = found.keys() >= LIGHT_GROUPS.keys() and (BEAUTY, "Combined", "R") not in channels
     radiance = np.sum(list(found.values()), axis=0) if is_sum else _find_radiance(channels, "Combined", path)
     return Light(radiance, found if groups else {})
 

@@ -121,7 +121,7 @@ def develop_head_view(pair: Pair, view: HeadView, settings: Settings) -> HeadIma
     blocked = compute_blocked_share(sensor, settings.rig, (rows, columns), seed, name)
     planes = [
         apply_point_spread(apply_deposits(plane, blocked, sensor), sensor)
-        for plane in channels.planes(scale_radiance(view.light, pair, settings.light))
+        for plane in channels.planes(scale_radiance(view.light, pair, settings))
     ]
     light = channels.at_pixels(planes)
     metered = choose_exposure_s(channels.balanced(light), channels.rate, sensor)

@@ -14,6 +14,7 @@ import numpy as np
 from ...formats.geotiff import describe_map_place
 from ...physics.camera.calibration_error import make_assumed_camera
 from ...physics.camera.stereo_camera import StereoCamera
+from ...physics.light.lamps import is_light_scaled
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair, read_unchanged_pair
 from ...settings.description import merged
@@ -223,7 +224,7 @@ def _list_unneeded_passes(eye: str, settings: Settings) -> tuple[str, ...]:
     """The passes of an eye that a measurement does not need, or that are read separately. Light groups are needed only
     to scale them.
     """
-    scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
+    scaled = is_light_scaled(settings)
     return (
         *OBJECT_PASSES,
         *BAKED_ERROR_PASSES.values(),
@@ -249,7 +250,7 @@ def compute_noise_free_level(loaded: LoadedPair, eye: str, more: Numbers = 0.0) 
     noise and rounding of the sensor."""
     settings = loaded.settings
     channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
-    radiance = scale_radiance(loaded.views[eye], loaded.pair, settings.light)
+    radiance = scale_radiance(loaded.views[eye], loaded.pair, settings)
     level = channels.matcher_level(
         radiance + np.asarray(more)[..., None] if np.ndim(more) else radiance, loaded.images.saturation_radiance
     )

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.formats.exr_add import add_baked, add_planet, is_sum_of_lights, measure_baked_noise
+from icymoon.formats.exr_add import add_baked, add_group, is_sum_of_lights, measure_baked_noise
 from icymoon.formats.exr_layout import is_whole
 from icymoon.formats.exr_parts import Piece, assemble, join_layers, keep_part_attributes, read_pieces
 from icymoon.formats.exr_pixels import Pixels, compress, drop_passes, encode_part
@@ -64,7 +64,7 @@ def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, hei
     write(tmp_path / "planet.exr", {"Beauty.Combined": ice, "Beauty.Combined_Planet": ice}, several, compression)
     write(tmp_path / "truth.exr", {"Truth.Normal": normal}, several, compression)
     view, light, truth = (pieces_of(tmp_path / f"{name}.exr") for name in ("view", "planet", "truth"))
-    (tmp_path / "view.exr").write_bytes(join_layers({"Beauty": add_planet(view, light), "Truth": truth}))
+    (tmp_path / "view.exr").write_bytes(join_layers({"Beauty": add_group(view, light, "Planet"), "Truth": truth}))
     assert is_whole(tmp_path / "view.exr")
     found = read(tmp_path / "view.exr")
     for k, band in enumerate("RGB"):
@@ -151,7 +151,7 @@ def test_what_cannot_be_added_is_refused(tmp_path):
     write(tmp_path / "planet.exr", {"Beauty.Combined_Planet": values}, True, OpenEXR.ZIP_COMPRESSION)
     view, planet = (pieces_of(tmp_path / f"{name}.exr") for name in ("view", "planet"))
     with pytest.raises(KeyError):  # it has no planet's group
-        add_planet(view, planet)
+        add_group(view, planet, "Planet")
 
 
 @pytest.mark.parametrize("compression", [OpenEXR.NO_COMPRESSION, OpenEXR.ZIP_COMPRESSION])

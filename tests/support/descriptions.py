@@ -18,6 +18,7 @@ def _values(setting: Setting) -> st.SearchStrategy[Any]:
         listed = {
             "mark": ["", "none", "-9999", "1e30"],
             "decimal": ["", "0", "-12.5", "1305031102.175304000"],
+            "factors": ["", "0", "1, 0.5"],
             "coordinate": ["", "-12.5", "+0.30000000000000004"],
         }
         return st.sampled_from(listed[setting.trust]) if setting.trust in listed else st.text(max_size=30)

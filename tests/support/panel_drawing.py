@@ -36,6 +36,9 @@ class Layout:
     def check_icon(self, icon: object) -> None:
         assert icon in self.real.functions["label"].parameters["icon"].enum_items, f"there is no icon {icon}"
 
+    def panel(self, name: str, *, default_closed: bool = False) -> tuple[Layout, Layout]:
+        return Layout(self.record), Layout(self.record)
+
     def prop(self, data: bpy.types.bpy_struct, key: str, **options: object) -> None:
         assert key in data.bl_rna.properties, f"{data} has no {key}"
         self.record.append(("prop", data.path_from_id(key) if data.id_data else key, options))

@@ -36,7 +36,7 @@ def test_in_the_dark_level_ground_has_the_radiance_that_is_stated(tmp_path, mode
     view = read_view(pair.image("left"))
     np.testing.assert_allclose(view.radiance, EMITTED, rtol=1e-6)  # single precision: it is not sampled
     with pytest.raises(IcyMoonError, match=r"light\.sun_scale"):
-        scale_radiance(view, pair, pair.settings.light | {"sun_scale": 2.0})
+        scale_radiance(view, pair, complete(pair.settings, {"light": {"sun_scale": 2.0}}))
 
 
 @pytest.mark.heavy

@@ -45,7 +45,7 @@ def test_a_type_has_the_same_settings_under_another_name():
 
 def test_sections_come_with_the_last_for_few_scenes_and_ticks_in_headers():
     light = LightSettings.topic
-    assert [section.key for section in light.sections] == ["planet", "stars", "balance", "advanced"]
+    assert [section.key for section in light.sections] == ["planet", "stars", "lamps", "balance", "advanced"]
     assert "planet" not in light.keys_in(light.sections[0])
     assert "planet_albedo" in light.keys_in(light.sections[0])
     assert light.main_keys[0] == "directions_from"

@@ -98,14 +98,14 @@ def test_sun_and_planet_can_be_scaled_after_rendering(tmp_path):
     folder = pairs.write_pair(tmp_path / "pair", planet_share=0.25)
     pair, view = read_pair(folder), read_light(folder / "left.exr")
     np.testing.assert_allclose(sum(view.groups.values()), view.radiance, rtol=1e-5)
-    light = pair.settings.light
-    night = scale_radiance(view, pair, light | {"sun_scale": 0.0, "planet_scale": 2.0})
+    night = scale_radiance(view, pair, merged(pair.settings, {"light": {"sun_scale": 0.0, "planet_scale": 2.0}}))
     np.testing.assert_allclose(night, 0.5 * view.radiance, rtol=1e-5)
-    assert scale_radiance(view, pair, light) is view.radiance
+    assert scale_radiance(view, pair, pair.settings) is view.radiance
     dim = developed(folder, light={"sun_scale": 0.5, "planet_scale": 0.5}, **QUIET)
     assert dim.exposure_s == pytest.approx(2 * developed(folder, **QUIET).exposure_s, rel=1e-4)
     alone = read_light(pairs.write_pair(tmp_path / "alone") / "left.exr")
-    np.testing.assert_allclose(scale_radiance(alone, pair, light | {"sun_scale": 3.0}), 3 * alone.radiance, rtol=1e-6)
+    bright = merged(pair.settings, {"light": {"sun_scale": 3.0}})
+    np.testing.assert_allclose(scale_radiance(alone, pair, bright), 3 * alone.radiance, rtol=1e-6)
 
 
 def test_scaling_the_lights_of_a_denoised_pair_is_refused(tmp_path):

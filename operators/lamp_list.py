@@ -1,0 +1,69 @@
+"""The list of lamps: add, remove, move."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..settings.table import TOPICS
+from ..support.labels import LAMP_GROUPS
+from .list_editing import EditedList, MoveEntry, RemoveEntry
+
+
+class _LampOperator:
+    """Mix-in: an operator on the list of lamps."""
+
+    empty = "There is no lamp yet"
+
+    @staticmethod
+    def find(scene: bpy.types.Scene) -> EditedList:
+        return EditedList(scene.icymoon.light, "lamps", "lamps_active", TOPICS["light"]["lamps"].effect)
+
+
+class ICYMOON_OT_lamp_add(_LampOperator, bpy.types.Operator):
+    """Add a lamp at the cameras, which shines ahead"""
+
+    bl_idname = "icymoon.lamp_add"
+    bl_label = "Add Lamp"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if len(cls.find(context.scene).entries) >= len(LAMP_GROUPS):
+            cls.poll_message_set(f"{len(LAMP_GROUPS)} lamps are the most")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        edited = self.find(context.scene)
+        edited.entries.add()
+        edited.select(len(edited.entries) - 1, context.scene)
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_lamp_remove(_LampOperator, RemoveEntry, bpy.types.Operator):
+    """Remove the selected lamp"""
+
+    bl_idname = "icymoon.lamp_remove"
+    bl_label = "Remove Lamp"
+
+
+class ICYMOON_OT_lamp_move(_LampOperator, MoveEntry, bpy.types.Operator):
+    """Move the selected lamp. Lamp Factors has the same order"""
+
+    bl_idname = "icymoon.lamp_move"
+    bl_label = "Move Lamp"
+
+    direction: bpy.props.EnumProperty(
+        name="Direction",
+        description="Direction in which the lamp moves in the list",
+        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")),
+    )
+
+
+def describe_entry(entry: bpy.types.PropertyGroup) -> str:
+    """A line that describes a lamp: kind, power and place."""
+    names = {s.key: {c[0]: c[1] for c in s.choices} for s in TOPICS["light"]["lamps"].entries}
+    return f"{names['kind'][entry.kind]}, {entry.power_w:.3g} W, {names['place'][entry.place]}"
+
+
+CLASSES = (ICYMOON_OT_lamp_add, ICYMOON_OT_lamp_remove, ICYMOON_OT_lamp_move)
