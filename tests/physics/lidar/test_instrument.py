@@ -49,7 +49,7 @@ def test_an_impossible_instrument_is_one_sentence(values, part):
 
 def test_points_go_to_the_world_and_back():
     rotation = from_vector(np.array([0.3, -0.9, 0.5]))
-    pose = make_pose((10, -20, 3), 2 * quaternion(rotation))
+    pose = make_pose((10, -20, 3), (2 * quaternion(rotation)).tolist())
     points = np.random.default_rng(1).normal(size=(9, 3))
     assert pose.rotation == pytest.approx(rotation, abs=1e-14)
     assert pose.to_world(points)[3] == pytest.approx(rotation @ points[3] + [10, -20, 3])
