@@ -11,6 +11,7 @@ import numpy as np
 
 from ..physics.lidar.beam import FWHM_PER_HALF_ANGLE
 from ..physics.lidar.instrument import Instrument
+from ..physics.lidar.returns import Reported
 from ..physics.lidar.scan_patterns import ScanPattern
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import COUNT, NUMBER, POSITIVE, TABLE, TEXT, Each, Kind, Maybe, check_record
@@ -30,33 +31,31 @@ def _one_of(*names: str) -> Kind:
     return Kind(f"one of {', '.join(names)}", lambda value: value in names)
 
 
-_SHAPE = {
-    "lidar": {
-        "title": Maybe(TEXT),
-        "pattern": _one_of(*_PATTERNS),
-        "rows": COUNT,
-        "columns": COUNT,
-        "width_deg": NUMBER,
-        "height_deg": NUMBER,
-        "elevation_deg": Maybe(NUMBER),
-        "period_s": Maybe(NUMBER),
-        "pulse_uj": NUMBER,
-        "wavelength_nm": POSITIVE,
-        "fwhm_deg": Each(NUMBER),
-        "exit_mm": Maybe(NUMBER),
-        "aperture_mm": NUMBER,
-        "field_mrad": Maybe(NUMBER),
-        "separation_mm": Maybe(NUMBER),
-        "efficiency": Maybe(NUMBER),
-        "nearest_m": Maybe(NUMBER),
-        "farthest_m": Maybe(NUMBER),
-        "gate_m": Maybe(NUMBER),
-        "rays": Maybe(COUNT),
-        "returns": Maybe(_one_of(*_REPORTED)),
-        "aim": Maybe(_one_of(*_AIMS)),
-    },
-    "sources": Maybe(Each(TEXT, TEXT)),
+_LIDAR_SHAPE: dict[str, Any] = {
+    "title": Maybe(TEXT),
+    "pattern": _one_of(*_PATTERNS),
+    "rows": COUNT,
+    "columns": COUNT,
+    "width_deg": NUMBER,
+    "height_deg": NUMBER,
+    "elevation_deg": Maybe(NUMBER),
+    "period_s": Maybe(NUMBER),
+    "pulse_uj": NUMBER,
+    "wavelength_nm": POSITIVE,
+    "fwhm_deg": Each(NUMBER),
+    "exit_mm": Maybe(NUMBER),
+    "aperture_mm": NUMBER,
+    "field_mrad": Maybe(NUMBER),
+    "separation_mm": Maybe(NUMBER),
+    "efficiency": Maybe(NUMBER),
+    "nearest_m": Maybe(NUMBER),
+    "farthest_m": Maybe(NUMBER),
+    "gate_m": Maybe(NUMBER),
+    "rays": Maybe(COUNT),
+    "returns": Maybe(_one_of(*_REPORTED)),
+    "aim": Maybe(_one_of(*_AIMS)),
 }
+_SHAPE: dict[str, Any] = {"lidar": _LIDAR_SHAPE, "sources": Maybe(Each(TEXT, TEXT))}
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ def read_lidar(path: Path) -> LidarFile:
 def parse_lidar(data: Mapping[str, Any], path: Path) -> LidarFile:
     """The laser scanner of the content of a file. Raises IcyMoonError as ``read_lidar``."""
     check_record(dict(data), {"lidar": TABLE}, path, _FIX)
-    for known, there, name in ((_SHAPE, data, ""), (_SHAPE["lidar"], data["lidar"], "lidar.")):
+    for known, there, name in ((_SHAPE, data, ""), (_LIDAR_SHAPE, data["lidar"], "lidar.")):
         for key in there:
             if key not in known:
                 raise IcyMoonError(f"{path}: unknown key {name}{quote(key)}, {suggest_nearest(key, known, 0.4)}")
@@ -128,7 +127,7 @@ def _make_instrument(values: Mapping[str, Any]) -> Instrument:
 
 
 def change_lidar(
-    lidar: LidarFile, rows: int | None, columns: int | None, rays: int | None, returns: str | None
+    lidar: LidarFile, rows: int | None, columns: int | None, rays: int | None, returns: Reported | None
 ) -> LidarFile:
     """The scanner with another number of beams, of rays of a beam, or other returns; None leaves what it has."""
     own = lidar.instrument
@@ -141,6 +140,6 @@ def change_lidar(
         own,
         pattern=pattern,
         sub_rays=own.sub_rays if rays is None else rays,
-        reported=own.reported if returns is None else returns,  # type: ignore[arg-type]
+        reported=own.reported if returns is None else returns,
     )
     return replace(lidar, instrument=changed)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ..nodes.rig import find_eye_poses
 from ..physics.camera.rotations import quaternion
 from ..physics.lidar.backscatter import tabulate_scene
 from ..physics.lidar.instrument import SensorPose, make_pose, mount_on_rig
-from ..physics.lidar.returns import Returns
+from ..physics.lidar.returns import Reported, Returns
 from ..rays.lidar import scan_whole
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_json
@@ -105,7 +105,7 @@ def parse_request(words: list[str]) -> ScanRequest:
         int(rows) if rows else None,
         int(columns) if columns else None,
         int(rays) if rays else None,
-        returns or None,
+        cast(Reported, returns) if returns else None,
     )
     numbers = [float(word) for word in pose.split(",")] if pose else []
     return ScanRequest(lidar, make_pose(numbers[:3], numbers[3:]) if numbers else None, ply == "1")

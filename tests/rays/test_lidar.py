@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from icymoon.physics.camera.rotations import from_vector
@@ -43,19 +45,11 @@ def distance_on_axis(world: World) -> float:
     return float(normal @ a / normal[0])
 
 
-def measure(world: World, pose: SensorPose = HOME, laws: dict[int, Backscatter] = LAMBERT, **values) -> Returns:
+def measure(world: World, pose: SensorPose = HOME, laws: dict[int, Backscatter] = LAMBERT, **values: Any) -> Returns:
     """The returns of an instrument of 1 µJ and an aperture of 4 cm."""
     tracer = open_tracer(world)
-    instrument = Instrument(
-        **{
-            "pattern": ONE,
-            "pulse_j": 1e-6,
-            "half_angle_rad": (0, 0),
-            "aperture_radius_m": 0.02,
-            "sub_rays": 1,
-            **values,
-        }
-    )
+    given: dict[str, Any] = {"pattern": ONE, "half_angle_rad": (0, 0), "sub_rays": 1, **values}
+    instrument = Instrument(pulse_j=1e-6, aperture_radius_m=0.02, **given)
     found = scan_whole(world, tracer, instrument, pose, laws)
     tracer.close()
     return found
@@ -126,7 +120,11 @@ def test_a_pose_turns_and_moves_the_scan():
     place[:3, :3], place[:3, 3] = pose.rotation, pose.position_m
     home = plane(6, 50)
     moved = World([Placed(home.placed[0].shape, place[None], np.array([7]))])
-    values = {"pattern": ScanPattern("FLASH", 3, 4, 20, 10), "half_angle_rad": (1e-3, 1e-3), "sub_rays": 20}
+    values: dict[str, Any] = {
+        "pattern": ScanPattern("FLASH", 3, 4, 20, 10),
+        "half_angle_rad": (1e-3, 1e-3),
+        "sub_rays": 20,
+    }
     first, second = measure(home, **values), measure(moved, pose, **values)
     assert second.beam.tolist() == list(range(12))
     assert second.range_m == pytest.approx(first.range_m, rel=5e-7)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ def test_the_opposition_surge_is_in_it():
 
 
 def test_ground_and_rocks_have_the_laws_of_their_surfaces():
-    scene = {
+    scene: dict[str, Any] = {
         "surface": {"model": "LAMBERT", "albedo": 0.8},
         "rocks": {"own_surface": True},
         "rock_surface": {"model": "LAMBERT", "albedo": 0.2},

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from icymoon.physics.camera.rotations import from_vector, quaternion
@@ -10,6 +12,7 @@ from icymoon.physics.lidar.scan_patterns import ScanPattern
 from icymoon.support.errors import IcyMoonError
 
 ONE = ScanPattern("RASTER", 1, 1, 0, 0)
+GIVEN: dict[str, Any] = {"pattern": ONE, "pulse_j": 1e-6, "half_angle_rad": (0, 0), "aperture_radius_m": 0.01}
 
 
 def test_energy_is_that_of_the_equation():
@@ -40,13 +43,13 @@ def test_photons_of_green_light():
 )
 def test_an_impossible_instrument_is_one_sentence(values, part):
     with pytest.raises(IcyMoonError, match=part) as found:
-        Instrument(**{"pattern": ONE, "pulse_j": 1e-6, "half_angle_rad": (0, 0), "aperture_radius_m": 0.01, **values})
+        Instrument(**{**GIVEN, **values})
     assert str(found.value).count(". ") == 0
 
 
 def test_points_go_to_the_world_and_back():
     rotation = from_vector(np.array([0.3, -0.9, 0.5]))
-    pose = make_pose((10, -20, 3), 2 * quaternion(rotation))
+    pose = make_pose((10, -20, 3), (2 * quaternion(rotation)).tolist())
     points = np.random.default_rng(1).normal(size=(9, 3))
     assert pose.rotation == pytest.approx(rotation, abs=1e-14)
     assert pose.to_world(points)[3] == pytest.approx(rotation @ points[3] + [10, -20, 3])
