@@ -297,7 +297,8 @@ class Tree:
 
 def _list_plain_properties(struct: bpy.types.bpy_struct) -> dict[str, Any]:
     """The plain properties of a node, without properties of the node editor."""
-    return {name: getattr(struct, name) for name in _list_plain_names(type(struct))}
+    kind: Any = type(struct)
+    return {name: getattr(struct, name) for name in _list_plain_names(kind)}
 
 
 @lru_cache(maxsize=256)
