@@ -126,6 +126,7 @@ class ICYMOON_OT_paint_mask(_MaskOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene, built = context.scene, scenes.find_built(context.scene)
+        assert built is not None  # by poll
         leave_edit_mode()
         try:
             sheet = mask_sheet.lay_sheet(scene, built.terrain, built.settings.terrain.size_m)
@@ -162,6 +163,7 @@ class ICYMOON_OT_use_painted_mask(_MaskOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         sheet = mask_sheet.find_sheet(context.scene)
+        assert sheet is not None  # by poll
         if name_group(self.kind) not in sheet.vertex_groups:
             self.report({"ERROR"}, f"Nothing is painted for {self.kind.lower()}; press Paint Mask first.")
             return {"CANCELLED"}

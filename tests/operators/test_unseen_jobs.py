@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import pytest
 from icymoon.operators import unseen_jobs
 from icymoon.operators.job_operators import JobOperator
@@ -45,7 +47,8 @@ class Operator(JobOperator):
         self.said: list[str] = []
         self.cleaned: list[bool] = []
         self.succeeded = 0
-        self._timer, self._job = object(), Job("Try", Process(looks), clean_up=lambda: self.cleaned.append(True))
+        self.process = cast("Any", Process(looks))
+        self._timer, self._job = object(), Job("Try", self.process, clean_up=lambda: self.cleaned.append(True))
         self._watch = unseen_jobs.watch(self, self._job)
         session.job = self._job
 
@@ -83,6 +86,10 @@ def context():
     return stand_in(window_manager=manager)
 
 
+def meet_fault(*_: object) -> None:
+    raise KeyError("mesh")
+
+
 def let_turn(count: int) -> float | None:
     return [unseen_jobs._look_after_jobs() for _ in range(count)][-1]
 
@@ -90,7 +97,7 @@ def let_turn(count: int) -> float | None:
 def test_a_job_without_events_is_looked_at_by_a_timer_and_ends(told):
     operator = Operator(looks=3)
     assert let_turn(unseen_jobs.MOST_TURNS - 1) == unseen_jobs.INTERVAL_S
-    assert (operator._job.process.looks, session.job) == (3, operator._job)  # it may still be seen
+    assert (operator.process.looks, session.job) == (3, operator._job)  # it may still be seen
     assert let_turn(5) is None
     assert (operator.succeeded, operator.cleaned, session.job, told) == (1, [True], None, [])
     assert operator.modal(stand_in(), TIMER) == {"FINISHED"}  # should an event come after all
@@ -101,7 +108,7 @@ def test_a_job_with_events_is_left_to_its_operator(told, context):
     for _ in range(4):
         let_turn(unseen_jobs.MOST_TURNS - 1)
         assert operator.modal(context, TIMER) == {"PASS_THROUGH"}
-    assert operator._job.process.looks == 10**6 - 4  # those of its events
+    assert operator.process.looks == 10**6 - 4  # those of its events
 
 
 def test_the_job_of_a_freed_operator_is_closed_with_a_sentence(told):
@@ -110,14 +117,14 @@ def test_the_job_of_a_freed_operator_is_closed_with_a_sentence(told):
     assert let_turn(unseen_jobs.MOST_TURNS) == unseen_jobs.INTERVAL_S
     assert let_turn(1) is None
     assert told == ["Try was stopped, because its window is gone; what was finished is kept."]
-    assert (operator.cleaned, operator._job.process.stops, session.job) == ([True], 1, None)
+    assert (operator.cleaned, operator.process.stops, session.job) == ([True], 1, None)
 
 
 @pytest.mark.parametrize("where", ["watch", "report_success"])
 def test_a_fault_ends_the_job_with_a_sentence(told, context, capsys, monkeypatch, where):
     """Blender drops an operator that lets an exception out, and its job would run for ever."""
     operator = Operator(looks=1)
-    monkeypatch.setattr(Operator, where, lambda *_: {}["mesh"])
+    monkeypatch.setattr(Operator, where, meet_fault)
     operator.modal(context, TIMER)
     operator.modal(context, TIMER)
     assert operator.said == ["Try was ended by a fault (KeyError: 'mesh'); start it again, and please report this."]
@@ -128,9 +135,9 @@ def test_a_fault_ends_the_job_with_a_sentence(told, context, capsys, monkeypatch
 
 def test_a_fault_when_another_file_is_opened_ends_the_job_too(told, context, monkeypatch):
     operator = Operator()
-    monkeypatch.setattr(Operator, "report_end", lambda *_: {}["mesh"])
+    monkeypatch.setattr(Operator, "report_end", meet_fault)
     operator.cancel(context)
-    assert (operator.cleaned, operator._job.process.stops, session.job) == ([True], 2, None)
+    assert (operator.cleaned, operator.process.stops, session.job) == ([True], 2, None)
 
 
 def test_an_error_for_the_user_is_no_fault(told, context, capsys, monkeypatch):
