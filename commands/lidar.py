@@ -27,7 +27,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--lidar",
         default="ouster_os1",
-        metavar="NAME|FILE",
+        metavar="NAME",
         help=f"a shipped scanner: {', '.join(lidar_names())}; or a TOML file (%(default)s)",
     )
     parser.add_argument("--out", type=as_path, required=True, help="folder for the returns")

@@ -105,8 +105,9 @@ class Built:
     def _mark_edits(self) -> str:
         """The mark of everything edited or added by hand, and of the frame if it matters; empty without edits."""
         refuse_excluded(self.scene, self.collection)
+        stored = self._read_marks()  # first: present marks can be read only where these can be compared with them
         found = read_marks(self.collection)
-        by_hand = sorted(find_differing(found.parts, self._read_marks()))
+        by_hand = sorted(find_differing(found.parts, stored))
         if not by_hand and "added" not in found.parts:
             return ""
         if found.refused:

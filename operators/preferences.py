@@ -30,13 +30,13 @@ ADD_ON = __package__.rpartition(".")[0]
 ASSET_LIBRARY = "Icy Moon"
 
 
-def find_extension_folder() -> Path:
-    """The extension's own folder, which upgrades keep.
+def find_extension_folder(create: bool = True) -> Path:
+    """The extension's own folder, which upgrades keep. ``create`` makes it if it does not exist.
 
     Raises IcyMoonError if Icy Moon is not an installed extension.
     """
     try:
-        return Path(bpy.utils.extension_path_user(ADD_ON, create=True))
+        return Path(bpy.utils.extension_path_user(ADD_ON, create=create))
     except ValueError:
         raise IcyMoonError(
             "Icy Moon does not run as an installed extension; set ICYMOON_EVALUATOR to the evaluator's Python."
@@ -68,7 +68,7 @@ def has_own_evaluator() -> bool:
 
 def find_asset_folder() -> Path:
     """The folder of the asset library. Raises IcyMoonError if the extension has no folder."""
-    return find_extension_folder() / "assets"
+    return find_extension_folder(create=False) / "assets"
 
 
 def has_assets() -> bool:

@@ -34,9 +34,10 @@ def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
         of, _, other = name.partition(".")
         setting, value = TOPICS[of][other], settings[of][other]
         choices = {choice: label for choice, label, _ in setting.choices}
-        text = choices.get(value, "off" if value is False else "on" if value is True else f"{value or 'empty'}")
+        plain = "off" if value is False else "on" if value is True else f"{value or 'empty'}"
+        text = choices.get(value, plain) if choices else plain
         values.append(f"{describe_place(of, setting)} is {'0' if value == 0 and value is not False else text}")
-    return f"Unused while {' and '.join(values)}" if values else "Unused with the present settings"
+    return f"Unused while {' and '.join(values)}" if values else f"Unused by {TOPICS[topic].label}"
 
 
 def draw_search(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

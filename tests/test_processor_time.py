@@ -97,7 +97,7 @@ def session(folder, listed, *options, most=9.0, together=9.0):
     return done.returncode, done.stdout, (folder / "list.txt").read_text().split()
 
 
-@pytest.mark.parametrize("workers", [[], ["-n", "1"]], ids=["alone", "xdist"])
+@pytest.mark.parametrize("workers", [pytest.param([], marks=pytest.mark.long), ["-n", "1"]], ids=["alone", "xdist"])
 def test_a_slow_test_outside_the_list_is_told_and_then_fails_the_session(tmp_path, workers):
     status, said, listed = session(tmp_path, "", *workers)
     assert (status, listed) == (0, [])

@@ -30,6 +30,7 @@ def test_maps_are_asked_for_with_the_cell_that_is_set(scene):
     assert _ask(scene) == []
 
 
+@pytest.mark.long
 def test_a_data_set_that_is_evaluated_while_it_is_rendered_has_them_too(scene, monkeypatch):
     monkeypatch.setattr(evaluate, "find_evaluator_python", lambda: "python")
     monkeypatch.setattr(dataset, "find_evaluator_python", lambda: "python")

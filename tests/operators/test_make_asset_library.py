@@ -34,7 +34,7 @@ def libraries() -> list[tuple[str, str]]:
 @pytest.fixture
 def folder(monkeypatch, tmp_path) -> Iterator[Path]:
     """The folder of the asset library of an installed extension."""
-    monkeypatch.setattr(preferences, "find_extension_folder", lambda: tmp_path)
+    monkeypatch.setattr(preferences, "find_extension_folder", lambda create=True: tmp_path)
     monkeypatch.setattr(
         make_asset_library, "blender_command", lambda program, verb, *words: [sys.executable, "-c", WORKER, *words]
     )

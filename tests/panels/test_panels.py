@@ -606,7 +606,7 @@ def test_the_preferences_are_drawn(scene):
 
 def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(evaluator_python, "find_kernels", lambda: str(tmp_path / "none.tm"))
-    with pytest.raises(RuntimeError, match=r"SPICE kernels: .*none\.tm does not exist.*Give a meta-kernel"):
+    with pytest.raises(RuntimeError, match=r"SPICE kernels: .*none\.tm is not there or empty.*Give a meta-kernel"):
         bpy.ops.icymoon.check_evaluator()
     monkeypatch.setattr(evaluator_python, "find_kernels", lambda: "")
     assert bpy.ops.icymoon.check_evaluator() == {"FINISHED"}

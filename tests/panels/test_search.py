@@ -61,6 +61,9 @@ SOUGHT = {
 MOST_ROWS = 36
 #: Commands that need what is selected in a list or under the mouse, and those of the page of preferences.
 IN_PANELS_ONLY = {
+    "icymoon.lamp_add",
+    "icymoon.lamp_remove",
+    "icymoon.lamp_move",
     "icymoon.layer_add",
     "icymoon.layer_remove",
     "icymoon.layer_move",

@@ -222,12 +222,13 @@ def _complete(dataset: Path) -> int:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_whatever_is_killed_whenever_nothing_is_lost_and_no_byte_differs(reference, tmp_path):
-    """Twenty times: a runner starts and, at a random moment, it, its workers or all of them are killed."""
+@pytest.mark.parametrize("times", [5, pytest.param(20, marks=pytest.mark.long)])
+def test_whatever_is_killed_whenever_nothing_is_lost_and_no_byte_differs(reference, tmp_path, times):
+    """A runner starts and, at a random moment, it, its workers or all of them are killed."""
     rng = random.Random(1)
     dataset = freeze(tmp_path)
     before = 0
-    for _ in range(20):
+    for _ in range(times):
         process = _start(dataset, "--workers", "2")
         time.sleep(rng.uniform(0.2, 4.0))
         tree = _tree(process.pid)

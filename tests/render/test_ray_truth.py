@@ -98,7 +98,11 @@ def test_truth_is_the_same_by_rays_and_by_cycles(tmp_path, parts):
 
 @pytest.mark.parametrize(
     "preset",
-    ["gallery/saturn_light", pytest.param("gallery/trench", marks=pytest.mark.long), "workspace_europa_lander"],
+    [
+        pytest.param("gallery/saturn_light", marks=pytest.mark.long),
+        pytest.param("gallery/trench", marks=pytest.mark.long),
+        "workspace_europa_lander",
+    ],
 )
 def test_planet_trench_and_lander_are_the_same_by_rays_and_by_cycles(tmp_path, preset):
     made = description.merged(

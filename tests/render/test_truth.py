@@ -86,6 +86,7 @@ def test_radiance_of_a_lambert_plane_is_the_irradiance_over_pi(tmp_path):
         assert radiance.std() / radiance.mean() < 1e-3
 
 
+@pytest.mark.long
 def test_true_disparity_is_what_a_matcher_finds_and_the_right_image_warps_onto_the_left(tmp_path):
     pair, _ = render(
         tmp_path,

@@ -170,6 +170,7 @@ def rendered(out: Path, preset: str, *settings: str) -> tuple[Path, dict]:
     return stated.parent, json.loads(stated.read_text(encoding="utf-8"))
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_20_the_sun_is_that_of_kernels_in_a_folder_of_a_mac(tmp_path):
     spiceypy = pytest.importorskip("spiceypy")  # of the extra "ephemeris"

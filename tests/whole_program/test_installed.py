@@ -64,6 +64,7 @@ PROGRAM = """
     """
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_the_zip_installs_works_and_goes_without_a_trace(tmp_path):
     archive = tmp_path / "icymoon.zip"

@@ -31,6 +31,7 @@ def run(files, calibration, out, *settings):
             for each in (photograph, twin))  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_render_as_a_photograph_has_the_numbers_of_its_twin(tmp_path):
     left = CalibratedCamera(WIDTH, HEIGHT, 90.0, 90.0, 63.5, 47.5)
     right = left.placed(np.eye(3), np.array([-0.2, 0.0, 0.0]))

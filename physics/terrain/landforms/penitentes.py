@@ -105,11 +105,8 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         along it."""
         across, along = rotate_coordinates(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_WAVELENGTH * length), across / (_WANDER_WAVELENGTH * length)
-        place = (
-            across / spacing
-            + _WANDER * sample_shifted_noise(u, v, keys[4])
-            + 0.5 * _WANDER * sample_shifted_noise(2.3 * u, 2.3 * v, keys[5])
-        )
+        wide, narrow = sample_shifted_noise(u, v, keys[4]), sample_shifted_noise(2.3 * u, 2.3 * v, keys[5])
+        place = across / spacing + _WANDER * wide + 0.5 * _WANDER * narrow
         if disorder:
             over = _ROW_SHIFT_WAVELENGTH * spacing
             place = place + disorder * _ROW_SHIFT * sample_shifted_noise(along / over, across / over, more[0])

@@ -115,22 +115,16 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
     total = (math.sqrt(1.0 - 4.0 * _EVENNESS_GAIN * math.log(1.0 - settings.coverage)) - 1.0) / (2.0 * _EVENNESS_GAIN)
     square = math.sqrt(math.pi * _MEAN_SQUARE_RADIUS / total) * radius
     wall = depth / math.tan(math.radians(settings.wall_deg))
-
     add_talus = partial(_talus_height, settings.talus, depth, keys)
 
     def inside_m(x_m: Array, y_m: Array) -> Array:
         """Distance to the rim, positive in a pit; exact near the rims of round pits."""
         x, y = np.broadcast_arrays(x_m, y_m)
         for k, length in enumerate(_BEND_WAVELENGTHS):
-            amount, u, v = (
-                _BEND_SIZE * radius * length / _BEND_WAVELENGTHS[0],
-                x / (length * radius),
-                y / (length * radius),
-            )
-            x, y = (
-                x + amount * sample_shifted_noise(u, v, keys[0] ^ k),
-                y + amount * sample_shifted_noise(u, v, keys[1] ^ k),
-            )
+            amount = _BEND_SIZE * radius * length / _BEND_WAVELENGTHS[0]
+            u, v = x / (length * radius), y / (length * radius)
+            bend_x, bend_y = (amount * sample_shifted_noise(u, v, key ^ k) for key in keys[:2])
+            x, y = x + bend_x, y + bend_y
         return _inside_round(x / square, y / square, square, radius, keys)
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:

@@ -107,6 +107,7 @@ def test_the_signs_of_motion_are_those_that_its_settings_name():
         )
 
 
+@pytest.mark.long
 def test_the_report_and_developed_images_say_what_truth_is_of_and_what_does_not_fit(tmp_path):
     settings = described({"focus_distance_m": 2.0, "speed_right_m_s": 0.1, "motion_exposure_s": 0.01})
     folder = pairs.write_pair(tmp_path / "set" / "pairs" / "one", settings=settings)

@@ -154,7 +154,7 @@ def test_a_finished_render_does_not_push_a_persons_folder_aside(dataset, again):
     folder.mkdir(parents=True)
     (folder / "notes.txt").write_text("mine")
     part = write_pair(make_part_path(folder), Scene(), camera(32, 24))
-    with pytest.raises(IcyMoonError, match=r"stays unchanged: notes\.txt"):
+    with pytest.raises(IcyMoonError, match=r"takes the place of the pair and is kept: notes\.txt"):
         publish_pair(part, folder, lambda: False, again)
     assert everything(dataset / "pairs") == {
         str(folder),

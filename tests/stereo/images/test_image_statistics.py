@@ -43,7 +43,7 @@ def test_white_noise_is_flat_and_a_blur_is_steep():
 def test_an_image_without_contrast_or_too_small_has_no_slope():
     assert math.isnan(measure_spectral_slope(np.ones((64, 64))))
     assert math.isnan(measure_spectral_slope(np.random.default_rng(1).normal(size=(31, 31))))
-    with pytest.raises(ValueError, match="no square"):
+    with pytest.raises(ValueError, match="is not a square"):
         measure_spectral_slope(np.ones((64, 32)))
 
 

@@ -57,6 +57,7 @@ def sorting(page):
     return page.value(f"[...{HEADINGS}].map(each => each.parentElement.getAttribute('aria-sort'))")
 
 
+@pytest.mark.long
 def test_every_heading_of_the_ranking_sorts_both_ways(page):
     for column in range(1, page.value(f"{HEADINGS}.length")):
         found = []
