@@ -530,13 +530,16 @@ def open_all_panels() -> Waiting:
 
 
 def click_header(topic: str) -> Waiting:
-    """Open the closed panel of a topic that is in sight, or close it."""
+    """Open the closed panel of a topic, or close it. Nothing is done if it is out of sight below open panels: then it
+    is open too.
+    """
     yield from to(*middle("UI"))
     yield from scroll(-400)
     headers = yield from person.find_headers(page=module("operators.manual").find_page_of_topic(topic))
-    yield from to(*headers[0])
-    xdotool("click", 1)
-    yield 5 * TICK_S
+    if headers:
+        yield from to(*headers[0])
+        xdotool("click", 1)
+        yield 5 * TICK_S
 
 
 CAMCHAIN = """cam0:
