@@ -20,7 +20,7 @@ from .coloured_views import hide_errors
 from .session import session
 from .sidebar_text import format_for_window
 from .user_render import prepare_render
-from .window_areas import list_areas, override_area
+from .window_areas import list_areas, override_area, pause_rendered_views
 from .window_events import call_later, make_registration
 
 
@@ -195,7 +195,8 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
     before = earlier.settings if earlier else None
     views = find_views_through(context, earlier.camera if earlier else None)
     try:
-        built = build(scene, scene_properties.read_settings(scene.icymoon))
+        with pause_rendered_views():
+            built = build(scene, scene_properties.read_settings(scene.icymoon))
     except IcyMoonError as error:
         operator.report({"ERROR"}, format_for_window(error))
         return {"CANCELLED"}

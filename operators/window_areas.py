@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 
 import bpy
@@ -43,6 +44,24 @@ def redraw_panels() -> None:
             for region in area.regions:
                 if region.type == shown:
                     region.tag_redraw()
+
+
+@contextmanager
+def pause_rendered_views() -> Iterator[None]:
+    """No view is rendered within the ``with`` block.
+
+    To evaluate any scene, Blender lets the renderer of each rendered view read that view's scene. In the middle of a
+    build this scene is not evaluated: Cycles then reads freed meshes, and Blender crashes.
+    """
+    shadings = [area.spaces.active.shading for _, area in list_areas("VIEW_3D")]
+    rendered = [shading for shading in shadings if shading.type == "RENDERED"]
+    for shading in rendered:
+        shading.type = "SOLID"
+    try:
+        yield
+    finally:
+        for shading in rendered:
+            shading.type = "RENDERED"
 
 
 def push_undo(message: str) -> None:
