@@ -6,7 +6,7 @@ import bpy
 
 from ..settings.table import TOPICS
 from ..support.labels import LAMP_GROUPS
-from .list_editing import EditedList, MoveEntry, RemoveEntry
+from .list_editing import AddEntry, EditedList, MoveEntry, RemoveEntry
 
 
 class _LampOperator:
@@ -19,12 +19,11 @@ class _LampOperator:
         return EditedList(scene.icymoon.light, "lamps", "lamps_active", TOPICS["light"]["lamps"].effect)
 
 
-class ICYMOON_OT_lamp_add(_LampOperator, bpy.types.Operator):
+class ICYMOON_OT_lamp_add(_LampOperator, AddEntry, bpy.types.Operator):
     """Add a lamp at the cameras, which shines ahead"""
 
     bl_idname = "icymoon.lamp_add"
     bl_label = "Add Lamp"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -32,12 +31,6 @@ class ICYMOON_OT_lamp_add(_LampOperator, bpy.types.Operator):
             cls.poll_message_set(f"{len(LAMP_GROUPS)} lamps are the most")
             return False
         return True
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        edited = self.find(context.scene)
-        edited.entries.add()
-        edited.select(len(edited.entries) - 1, context.scene)
-        return {"FINISHED"}
 
 
 class ICYMOON_OT_lamp_remove(_LampOperator, RemoveEntry, bpy.types.Operator):
@@ -62,7 +55,7 @@ class ICYMOON_OT_lamp_move(_LampOperator, MoveEntry, bpy.types.Operator):
 
 def describe_entry(entry: bpy.types.PropertyGroup) -> str:
     """A line that describes a lamp: kind, power and place."""
-    names = {s.key: {c[0]: c[1] for c in s.choices} for s in TOPICS["light"]["lamps"].entries}
+    names = {setting.key: setting.choice_labels for setting in TOPICS["light"]["lamps"].entries}
     return f"{names['kind'][entry.kind]}, {entry.power_w:.3g} W, {names['place'][entry.place]}"
 
 

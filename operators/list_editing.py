@@ -1,4 +1,4 @@
-"""Operators that remove and move the entries of a list in the sidebar. A subclass names its list."""
+"""Operators that add, remove and move the entries of a list in the sidebar. A subclass names its list."""
 
 from __future__ import annotations
 
@@ -36,13 +36,26 @@ class EditedList(NamedTuple):
 
 class _ListOperator(OperatorMixin):
     bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
-    #: Why there is nothing to edit.
-    empty: ClassVar[str]
 
     @staticmethod
     def find(scene: bpy.types.Scene) -> EditedList:
         """The list that this operator edits."""
         raise NotImplementedError
+
+
+class AddEntry(_ListOperator):
+    """Mix-in: adds an entry at the end and selects it."""
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        edited = self.find(context.scene)
+        edited.entries.add()
+        edited.select(len(edited.entries) - 1, context.scene)
+        return {"FINISHED"}
+
+
+class _EntryOperator(_ListOperator):
+    #: Why there is nothing to edit.
+    empty: ClassVar[str]
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -52,7 +65,7 @@ class _ListOperator(OperatorMixin):
         return True
 
 
-class RemoveEntry(_ListOperator):
+class RemoveEntry(_EntryOperator):
     """Mix-in: removes the selected entry."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -63,7 +76,7 @@ class RemoveEntry(_ListOperator):
         return {"FINISHED"}
 
 
-class MoveEntry(_ListOperator):
+class MoveEntry(_EntryOperator):
     """Mix-in: moves the selected entry by one place. A subclass declares ``direction``: Blender finds no property of a
     mix-in."""
 

@@ -8,7 +8,7 @@ from ..nodes import build_scene as scenes
 from ..nodes.ground.terrain_mesh import make_roughness_table
 from ..settings.table import TOPICS
 from ..support.printer import show_controls
-from .list_editing import EditedList, MoveEntry, RemoveEntry
+from .list_editing import AddEntry, EditedList, MoveEntry, RemoveEntry
 
 
 class _LayerOperator:
@@ -21,18 +21,11 @@ class _LayerOperator:
         return EditedList(scene.icymoon.terrain, "layers", "layers_active", TOPICS["terrain"]["layers"].effect)
 
 
-class ICYMOON_OT_layer_add(_LayerOperator, bpy.types.Operator):
+class ICYMOON_OT_layer_add(_LayerOperator, AddEntry, bpy.types.Operator):
     """Add a layer of fractal noise to the ground"""
 
     bl_idname = "icymoon.layer_add"
     bl_label = "Add Layer"
-    bl_options = {"REGISTER", "UNDO"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        edited = self.find(context.scene)
-        edited.entries.add()
-        edited.select(len(edited.entries) - 1, context.scene)
-        return {"FINISHED"}
 
 
 class ICYMOON_OT_layer_remove(_LayerOperator, RemoveEntry, bpy.types.Operator):
@@ -90,7 +83,7 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
 
 def describe_layer(entry: bpy.types.PropertyGroup) -> str:
     """A line that describes a layer: basis, fractal and amplitude."""
-    names = {s.key: {c[0]: c[1] for c in s.choices} for s in TOPICS["terrain"]["layers"].entries}
+    names = {setting.key: setting.choice_labels for setting in TOPICS["terrain"]["layers"].entries}
     return f"{names['basis'][entry.basis]}, {names['fractal'][entry.fractal]}, {entry.amplitude_m:.3g} m"
 
 

@@ -88,7 +88,7 @@ def _find_label(found: re.Match[str]) -> str:
     topic, key, verb, chosen = found.groups()
     for setting in TOPICS[topic].settings if topic in TOPICS else ():
         if setting.key == key:
-            value = {choice[0]: choice[1] for choice in setting.choices}.get(chosen, chosen)
+            value = setting.choice_labels.get(chosen, chosen)
             return f"{describe_place(topic, setting)}{verb or ''}{value or ''}"
     return found[0]
 

@@ -182,7 +182,7 @@ def describe_varied(varied: VariedSetting) -> str:
     except IcyMoonError:
         return find_label(varied.name)[:40]
     if setting.kind in ("bool", "choice"):
-        labels = {choice[0]: choice[1] for choice in setting.choices}
+        labels = setting.choice_labels
         title = f"{find_label(varied.name)}: {', '.join(labels[v] for v in varied.values) if labels else 'off, on'}"
         short = f"{find_label(varied.name)}: {format_count(len(varied.values), 'value')}"
         return title if len(title) <= _LIST_LINE else short

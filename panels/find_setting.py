@@ -33,9 +33,8 @@ def explain_obstacle(topic: str, key: str, settings: Settings) -> str:
     for name in deciding:
         of, _, other = name.partition(".")
         setting, value = TOPICS[of][other], settings[of][other]
-        choices = {choice: label for choice, label, _ in setting.choices}
         plain = "off" if value is False else "on" if value is True else f"{value or 'empty'}"
-        text = choices.get(value, plain) if choices else plain
+        text = setting.choice_labels.get(value, plain) if setting.choices else plain
         values.append(f"{describe_place(of, setting)} is {'0' if value == 0 and value is not False else text}")
     return f"Unused while {' and '.join(values)}" if values else f"Unused by {TOPICS[topic].label}"
 

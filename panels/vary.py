@@ -111,7 +111,7 @@ def _draw_varied(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, item
         values := varied_settings.describe_values(scene_properties.read_item(item))
     ):
         draw_sentence(layout, values)
-    labels = {choice[0]: choice[1] for choice in TOPICS[topic][key].choices}
+    labels = TOPICS[topic][key].choice_labels
     column = layout.column(align=True)
     for tick in item.ticks:
         column.prop(tick, "on", text=labels.get(tick.name, tick.name), toggle=True)

@@ -117,6 +117,11 @@ class Setting:
             return "choice"
         return {bool: "bool", int: "int", float: "float", str: "text"}[type(self.default)]
 
+    @cached_property
+    def choice_labels(self) -> dict[str, str]:
+        """The label of each choice by its name; empty for a setting without choices."""
+        return {name: label for name, label, _ in self.choices}
+
     def placed(self, since: str) -> Setting:
         """This setting with ``shown`` and ``since`` from its section and topic, where it states none."""
         shown = self.section.shown if self.section and self.shown is ALWAYS else self.shown
