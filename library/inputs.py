@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..formats.tiff_write import encode_tiff
+from ..physics.rocks.painted_mask import MASK_SETTINGS, find_pixel_centres
 from ..physics.rocks.rock_table import ROCK_COLUMNS, TABLE, covered_share
 from ..render.pairs.dataset_file_names import INPUTS
 from ..settings.description import defaults
@@ -150,19 +151,15 @@ def make_rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, 
     }
 
 
-#: The setting of a mask, by what it is of.
-_MASK_SETTINGS = {"rocks": "rocks.mask_file", "dirt": "surface.dirt_mask_file", "frost": "surface.frost_mask_file"}
-
-
 def make_mask_input(of: str, field: Field, size_m: float, resolution: int) -> Input:
     """Shares from 0 to 1 of rocks, dirt or frost over the patch as an image.
 
     A function is sampled at the centres of ``resolution`` x ``resolution`` pixels that fill the patch; an array fills
     it. Raises IcyMoonError as ``sample_field`` does, for another name, and for values outside 0 to 1.
     """
-    if of not in _MASK_SETTINGS:
-        raise IcyMoonError(f"There is no mask of {of!r}; choose {', '.join(_MASK_SETTINGS)}.")
-    x_m, y_m = _find_pixel_centres(size_m, resolution)
+    if of not in MASK_SETTINGS:
+        raise IcyMoonError(f"There is no mask of {of!r}; choose {', '.join(MASK_SETTINGS)}.")
+    x_m, y_m = find_pixel_centres(size_m, resolution)
     values = sample_field(field, x_m, y_m, "shares")
     if values.ndim != 2:
         raise IcyMoonError(f"The shares have the shape {values.shape}; give one for each place.")
@@ -171,14 +168,7 @@ def make_mask_input(of: str, field: Field, size_m: float, resolution: int) -> In
     stream = io.BytesIO()
     np.save(stream, values.astype(np.float32), allow_pickle=False)
     shape = " x ".join(map(str, values.shape))
-    return Input(_MASK_SETTINGS[of], stream.getvalue(), ".npy", f"own mask of {of} {shape}")
-
-
-def _find_pixel_centres(size_m: float, resolution: int) -> tuple[Array, Array]:
-    """Coordinates east and north (resolution, resolution) in metres of pixels that fill the patch, north first."""
-    at = (np.arange(resolution) + 0.5) / resolution * size_m - size_m / 2
-    x_m, y_m = np.meshgrid(at, at[::-1])
-    return x_m, y_m
+    return Input(".".join(MASK_SETTINGS[of]), stream.getvalue(), ".npy", f"own mask of {of} {shape}")
 
 
 def make_albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Input, dict[str, dict[str, Any]]]:
@@ -187,7 +177,7 @@ def make_albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Inp
     A function is sampled at the centres of ``resolution`` x ``resolution`` pixels that fill the patch; an array fills
     it. Raises IcyMoonError as ``sample_field`` does, and for albedos outside 0 to 1.
     """
-    x_m, y_m = _find_pixel_centres(size_m, resolution)
+    x_m, y_m = find_pixel_centres(size_m, resolution)
     values = sample_field(field, x_m, y_m, "albedos")
     if values.ndim > 3 or (values.ndim == 3 and values.shape[2] != 3):
         raise IcyMoonError(f"The albedos have the shape {values.shape}; give one for each place, or one for each band.")

@@ -12,7 +12,7 @@ from ..library.inputs import Input
 from ..nodes import build_scene as scenes
 from ..nodes.datablocks.blend_file_paths import find_used_files
 from ..nodes.ground import mask_sheet
-from ..physics.rocks.painted_mask import read_mask
+from ..physics.rocks.painted_mask import MASK_SETTINGS, read_mask
 from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.table import TOPICS
@@ -32,11 +32,6 @@ KINDS = (
     ("DIRT", "Dirt", "Where dirt lies, of that on slopes and in troughs"),
     ("FROST", "Frost", "Where frost lies"),
 )
-_SETTING_BY_KIND = {
-    "ROCKS": ("rocks", "mask_file"),
-    "DIRT": ("surface", "dirt_mask_file"),
-    "FROST": ("surface", "frost_mask_file"),
-}
 #: What a first mask turns on, where there was none.
 _FIRST_AMOUNTS = {"ROCKS": ("rocks", "coverage", 0.05), "FROST": ("surface", "frost_share", 0.5)}
 _MOST = 65535  # of a value in the file
@@ -59,7 +54,7 @@ def can_use(scene: bpy.types.Scene, kind: str) -> bool:
 
 def has_mask(scene: bpy.types.Scene, kind: str) -> bool:
     """Whether the settings of a scene name a mask of a kind."""
-    topic, key = _SETTING_BY_KIND[kind]
+    topic, key = MASK_SETTINGS[kind.lower()]
     return bool(getattr(getattr(scene.icymoon, topic), key))
 
 
@@ -75,7 +70,7 @@ class _MaskOperator(OperatorMixin):
         try:
             before = scene_properties.read_settings(group)
             image = encode_png(np.rint(np.clip(shares, 0.0, 1.0) * _MOST).astype(np.uint16))
-            topic, key = _SETTING_BY_KIND[self.kind]
+            topic, key = MASK_SETTINGS[self.kind.lower()]
             path = Input(f"{topic}.{key}", image, ".png", text).store(find_dataset_folder(before))
             changes = self._make_changes(before, shorten_path(path, group.dataset.folder))
             scene_properties.write_settings(group, changes)
@@ -98,7 +93,7 @@ class _MaskOperator(OperatorMixin):
         return result
 
     def _make_changes(self, settings: Settings, path: str) -> dict[str, dict[str, Any]]:
-        topic, key = _SETTING_BY_KIND[self.kind]
+        topic, key = MASK_SETTINGS[self.kind.lower()]
         changes: dict[str, dict[str, Any]] = {topic: {key: path}}
         if self.kind in _FIRST_AMOUNTS:
             of, amount, first = _FIRST_AMOUNTS[self.kind]
@@ -106,7 +101,7 @@ class _MaskOperator(OperatorMixin):
         return changes
 
     def _warn_if_idle(self, settings: Settings) -> None:
-        topic, key = _SETTING_BY_KIND[self.kind]
+        topic, key = MASK_SETTINGS[self.kind.lower()]
         if obstacles := TOPICS[topic].list_obstacles(key, settings):
             self.report({"WARNING"}, format_for_window(f"The mask has no effect yet; set {' or '.join(obstacles)}."))
 
@@ -144,7 +139,7 @@ class ICYMOON_OT_paint_mask(_MaskOperator, bpy.types.Operator):
 
     def _read_present(self, scene: bpy.types.Scene) -> Array | None:
         used = find_used_files(scene_properties.read_settings(scene.icymoon))
-        path = used.get(".".join(_SETTING_BY_KIND[self.kind]))
+        path = used.get(".".join(MASK_SETTINGS[self.kind.lower()]))
         return None if path is None else read_mask(path)
 
 
@@ -233,7 +228,7 @@ class ICYMOON_OT_clear_mask(_MaskOperator, bpy.types.Operator):
             mask_sheet.remove_group(sheet, name_group(self.kind))
         if not has_mask(context.scene, self.kind):
             return {"FINISHED"}
-        topic, key = _SETTING_BY_KIND[self.kind]
+        topic, key = MASK_SETTINGS[self.kind.lower()]
         scene_properties.write_settings(context.scene.icymoon, {topic: {key: ""}})
         return self._build(context)
 

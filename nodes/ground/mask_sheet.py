@@ -10,7 +10,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...physics.rocks.painted_mask import PaintedMask
+from ...physics.rocks.painted_mask import PaintedMask, find_pixel_centres
 from ...support.arrays import Array
 from ..datablocks.fingerprint import NAME
 from .heights_under import probe_heights
@@ -36,7 +36,7 @@ def lay_sheet(scene: bpy.types.Scene, ground: bpy.types.Object, size_m: float) -
         sheet = bpy.data.objects.new(f"{NAME} Masks", _make_grid())
         sheet[_MARK], sheet.hide_render = True, True
         scene.collection.objects.link(sheet)
-    x_m, y_m = make_places(size_m)
+    x_m, y_m = find_pixel_centres(size_m, SIDE)
     with probe_heights(ground) as height_at:
         heights = height_at(x_m, y_m)
     heights = np.where(np.isnan(heights), np.nanmin(heights) if np.isfinite(heights).any() else 0.0, heights)
@@ -45,13 +45,6 @@ def lay_sheet(scene: bpy.types.Scene, ground: bpy.types.Object, size_m: float) -
     sheet.data.vertices.foreach_set("co", places.ravel())
     sheet.data.update()
     return sheet
-
-
-def make_places(size_m: float) -> tuple[Array, Array]:
-    """Coordinates east and north (SIDE, SIDE) in metres of the vertices, north first."""
-    along = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * size_m
-    x_m, y_m = np.meshgrid(along, along[::-1])
-    return x_m, y_m
 
 
 def _make_grid() -> bpy.types.Mesh:
@@ -86,7 +79,7 @@ def make_group(sheet: bpy.types.Object, group: str, mask: Array | None) -> None:
     if found is None:
         found = sheet.vertex_groups.new(name=group)
         if mask is not None:
-            for k, share in enumerate(PaintedMask(mask, 1.0).shares(*make_places(1.0)).ravel()):
+            for k, share in enumerate(PaintedMask(mask, 1.0).shares(*find_pixel_centres(1.0, SIDE)).ravel()):
                 if share > 0:
                     found.add([k], float(share), "REPLACE")
     sheet.vertex_groups.active_index = found.index

@@ -18,11 +18,25 @@ from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, read
 from ...support.png_pixels import PNG_START, decode_png
 
+#: The topic and the key of the setting of each mask.
+MASK_SETTINGS = {
+    "rocks": ("rocks", "mask_file"),
+    "dirt": ("surface", "dirt_mask_file"),
+    "frost": ("surface", "frost_mask_file"),
+}
 #: Largest file in bytes, most pixels, and bytes of memory for reading one.
 _MOST_BYTES, _MOST_PIXELS, _MOST_MEMORY = 2**28, 2**24, 2**31
 #: Channels of a PNG that are brightness, by their number; others are opacity.
 _GREY_CHANNELS = {1: 1, 2: 1, 3: 3, 4: 3}
 _FIX = "save it as PNG, or open it in Blender's Image Editor and press Use Image as Mask"
+
+
+def find_pixel_centres(size_m: float, count: int) -> tuple[Array, Array]:
+    """Coordinates east and north (count, count) in metres of the pixels that fill a square of side ``size_m`` about the
+    origin, north first."""
+    along = (np.arange(count) + 0.5) / count * size_m - size_m / 2
+    x_m, y_m = np.meshgrid(along, along[::-1])
+    return x_m, y_m
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes.ground import mask_sheet
-from icymoon.physics.rocks.painted_mask import read_mask
+from icymoon.physics.rocks.painted_mask import find_pixel_centres, read_mask
 
 
 def list_rocks() -> set[tuple[float, float, float]]:
@@ -60,7 +60,7 @@ def test_a_mask_can_be_painted_on_and_lies_on_the_ground(small):
     places = np.array([vertex.co for vertex in sheet.data.vertices]).reshape(256, 256, 3)
     half = size_m / 2 * (1 - 1 / 256)
     assert places[0, 0, :2] == pytest.approx([-half, half])
-    x_m, y_m = mask_sheet.make_places(size_m)
+    x_m, y_m = find_pixel_centres(size_m, mask_sheet.SIDE)
     with mask_sheet.probe_heights(terrain) as height_at:
         above = places[..., 2] - height_at(x_m, y_m)
     assert above.min() > 0
