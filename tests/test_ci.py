@@ -13,7 +13,7 @@ pytestmark = pytest.mark.skipif(shutil.which("bash") is None, reason="there is n
 def run(folder, fails="nothing", beside=False):
     """Exit status and output of ``.ci/run`` in a clone that has nothing else; the target ``fails`` of make fails."""
     clone, programs = folder / "clone", folder / "programs"
-    programs.mkdir()
+    programs.mkdir(parents=True)
     (clone / ".ci").mkdir(parents=True)
     shutil.copy(ROOT / ".ci" / "run", clone / ".ci" / "run")
     scripts = {
@@ -58,3 +58,9 @@ def test_it_tries_the_zip_in_a_blender_that_can_be_installed(tmp_path):
 @pytest.mark.parametrize("target", ["test-ci", "lint"])
 def test_it_fails_where_a_test_or_a_type_fails(tmp_path, target, beside):
     assert run(tmp_path, fails=target, beside=beside)[0] != 0
+
+
+def test_what_failed_is_run_again_with_values_in_its_assertions(tmp_path):
+    again = "python -m pytest -q --last-failed"
+    assert again in run(tmp_path / "failed", fails="test-ci")[1]
+    assert again not in run(tmp_path / "passed")[1]

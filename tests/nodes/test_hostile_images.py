@@ -139,6 +139,7 @@ def test_a_texture_that_is_no_regular_file_is_a_sentence(tmp_path):
             load_maps(own(path), {"albedo": path})
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.heavy
 @pytest.mark.parametrize("name", ["huge.png", "huge.exr", "huge.npy"])
 def test_little_memory_is_taken(tmp_path, name):

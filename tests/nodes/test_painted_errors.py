@@ -60,6 +60,7 @@ def read(mesh):
     )
 
 
+@pytest.mark.long
 def test_a_range_of_colours_that_changes_while_errors_are_found_holds(shown):
     mesh = shown[1].terrain.data
     found = [

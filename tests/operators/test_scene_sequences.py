@@ -20,7 +20,7 @@ def test_the_manual_has_the_table():
     assert f"```text{TABLE}```" in manual.read_text(encoding="utf-8")
 
 
-@pytest.mark.ci_takes(14)
+@pytest.mark.ci_takes(5)
 @pytest.mark.parametrize(
     "sequence",
     [

@@ -129,6 +129,7 @@ def test_colours_of_snow_and_ice_follow_from_absorption():
     assert few[2] / few[0] > many[2] / many[0] > 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("key", heavy_but([], ["POWDER_SNOW"]))
 def test_another_process_makes_the_same_bytes(key):
     code = (

@@ -345,6 +345,7 @@ def test_what_cannot_be_baked_is_traced_and_states_why(registered, tmp_path):
     assert "indirect" not in stated(plain[0], tmp_path)
 
 
+@pytest.mark.long
 def test_an_image_in_which_baked_light_is_too_noisy_is_traced(registered, tmp_path):
     limit = {"quality": {"bake_noise": 1e-4}, "dataset": {"headings": 1}}
     (pair,) = planned(limit)

@@ -152,6 +152,7 @@ def _check_build(settings):
     assert not extremes.unused(built)
 
 
+@pytest.mark.ci_takes(6)
 @pytest.mark.heavy
 @pytest.mark.parametrize(
     ("topic", "setting", "bound"), _half_of(_limits(("mesh", "rig", "terrain"), "geometry", "camera"))
@@ -160,7 +161,7 @@ def test_no_limit_breaks_a_build_that_follows_the_camera(topic, setting, bound):
     _check_build(description.merged(_alone(topic, setting, bound), GRADED))
 
 
-@pytest.mark.ci_takes(50)
+@pytest.mark.ci_takes(4)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("topic", "setting", "bound"), _half_of(_limits(TOPICS, "geometry", "material", "light", "camera", "sampling"))
@@ -175,6 +176,7 @@ def test_no_limit_breaks_a_pair(tmp_path, topic, setting, bound):
         fine(settings, tmp_path)
 
 
+@pytest.mark.long
 def test_no_limit_of_the_response_breaks_an_image(tmp_path):
     """One pair, developed again with each limit; a lens that folds the image over itself is refused."""
     pair, _ = shot(complete({"rig": {"width_px": 40, "height_px": 24}}), tmp_path)
@@ -267,6 +269,7 @@ def test_no_relief_and_ten_kilometres_of_it(tmp_path, relief_m):
     assert np.ptp(heights) == 0.0 if relief_m == 0 else np.ptp(heights) > relief_m / 2
 
 
+@pytest.mark.ci_takes(4)
 @pytest.mark.parametrize("albedo", [0.0, 1.0])
 @pytest.mark.parametrize("model", ["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE"])
 def test_black_and_white_ground(tmp_path, model, albedo):
@@ -396,6 +399,7 @@ def test_a_camera_far_from_the_origin_is_told_of(x_m, told):
     assert bool([text for text in built.warnings if "rounded" in text]) == told
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("rig", [{"x_m": -5e4, "y_m": 5e4}, {"height_m": 1e4}], ids=str)
 def test_the_sky_is_the_same_from_everywhere(tmp_path, rig):
     """Planet, rings and stars are at infinity for the cameras, wherever these stand."""

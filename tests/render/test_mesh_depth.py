@@ -78,7 +78,7 @@ def check(pair, files):
     assert (known > _TOLERANCE).mean() <= _EDGES
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("name", SCENES)
 def test_rays_meet_the_depth_of_the_pair(name, tmp_path):
     pair, _ = render(tmp_path / "pair", *SCENES[name])

@@ -69,7 +69,7 @@ def check_same(ours: Pair, cycles: Pair) -> None:
             assert np.mean(mine.hidden != other.hidden) < 0.02  # Cycles finds them between four rays
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     "parts",
     [

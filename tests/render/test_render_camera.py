@@ -277,6 +277,7 @@ def test_with_overscan_no_pixel_of_the_sensor_is_dark_and_truth_stays_what_it_wa
     assert ours.pair.camera.rendered_px > (180, 120)
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     "rig",
     [
@@ -363,6 +364,7 @@ def test_the_built_camera_is_the_same_after_a_render_and_nothing_is_left_behind(
     assert [f for f in shown if f is not None][-1] == 1.0
 
 
+@pytest.mark.long
 def test_an_image_that_is_larger_than_blender_renders_is_refused(tmp_path):
     settings = complete({"rig": {"width_px": 16384, "height_px": 4, "overscan": 2.0}})
     built = build_scene(empty_scene(), settings)

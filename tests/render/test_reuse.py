@@ -45,6 +45,7 @@ def trees(pairs: list[PlannedPair], folder: Path) -> list[bool]:
     return built
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("scene", [{}, {"rocks": {"coverage": 0.05}}])
 def test_another_camera_builds_no_tree_of_triangles(scene, tmp_path, monkeypatch):
     """Heading, site, lens, frame and noise change; the ground's material, in between, is another scene to Cycles.

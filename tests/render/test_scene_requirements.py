@@ -58,6 +58,7 @@ def test_half_floats_are_what_was_rendered_rounded(tmp_path):
     assert any("quality.half_floats" in line for line in half.data["left_out"])
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("truth_by", ["RAYS", "CYCLES"])
 def test_compact_files_are_the_full_ones_of_the_same_render_with_exact_truth(tmp_path, truth_by):
     scene = {
@@ -101,6 +102,7 @@ def test_a_denoised_image_is_stored_beside_its_lights(tmp_path):
     assert np.abs(view.radiance - view.groups["Sun"] - view.groups["Planet"]).max() > 0.01
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_without_the_walk_as_much_light_comes_back(tmp_path):
     """A walk of a hundredth of a pixel and none, under a high Sun: the same mean radiance, within what the table of
@@ -160,6 +162,7 @@ def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeyp
     assert np.isfinite(ready.truth).any()
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("law", ["PRINCIPLED", "HAPKE"])
 def test_semantic_labels_come_with_the_light_and_are_the_same(tmp_path, monkeypatch, law):
     """Of the first sample, at the pixel's centre, not a mean of samples that see two things."""

@@ -87,6 +87,7 @@ def test_resume_renders_only_what_is_missing(tmp_path):
     assert again[gone.id] != stamps[gone.id]
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("how", ["kill the worker", "kill everything", "interrupt"])
 def test_a_stopped_render_leaves_no_half_pair_and_the_next_run_completes_it(tmp_path, how):
     process = subprocess.Popen(

@@ -89,7 +89,7 @@ def test_match_writes_disparity(inputs, tmp_path, bits):
     assert [path.name for path in out.parent.iterdir()] == ["D.npz"]
 
 
-@pytest.mark.ci_takes(4)
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

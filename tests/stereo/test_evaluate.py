@@ -255,6 +255,7 @@ def _edit(path, **changes):
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
 
 
+@pytest.mark.ci_takes(4)
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("harm", "reason"),

@@ -94,6 +94,7 @@ def test_files_that_no_evaluation_wrote_are_kept(complete, tmp_path):
     assert (tmp_path / "results.jsonl").read_text() == "mine\n"
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("killed", [False, True])
 def test_the_process_ends_with_its_input_and_what_is_killed_is_done_again(complete, tmp_path, killed):
     out = tmp_path / "out"

@@ -74,6 +74,7 @@ def test_auto_stops_at_the_first_that_is_good_enough(tmp_path):
     assert preset_files.load(Path(found["file"])) == found["settings"]
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -84,7 +84,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.ci_takes(40)
+@pytest.mark.ci_takes(20)
 @pytest.mark.parametrize("name", EDITS)
 def test_an_edit_gives_another_id_and_taking_it_back_the_first(built, name):
     before = built.extra

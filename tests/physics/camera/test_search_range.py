@@ -83,7 +83,7 @@ def test_all_else_that_shapes_it_makes_another_ground():
 
 
 @pytest.mark.heavy
-@pytest.mark.ci_takes(4)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("scene", ["scenes/europa_rough_ice", "scenes/europa_penitentes"])
 @pytest.mark.parametrize("name", RIGS)
 def test_no_more_than_one_per_cent_of_described_ground_is_nearer(name, scene):
@@ -97,7 +97,7 @@ def test_no_more_than_one_per_cent_of_described_ground_is_nearer(name, scene):
 
 
 @pytest.mark.heavy
-@pytest.mark.ci_takes(3)
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("name", RIGS)
 def test_no_more_than_one_per_cent_of_rough_ice_is_outside(name):
     scene = merged(defaults(), load_preset("scenes/europa_rough_ice"))

@@ -216,7 +216,7 @@ def _extremes() -> list[tuple[str, str, object]]:
     ]
 
 
-@pytest.mark.ci_takes(20)
+@pytest.mark.ci_takes(10)
 @pytest.mark.parametrize(("topic", "key", "value"), _extremes())
 def test_every_setting_may_be_at_the_end_of_its_range(topic, key, value):
     rough = {"lacunarity": 2.0} if key != "lacunarity" else {}

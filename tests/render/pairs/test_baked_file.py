@@ -227,6 +227,7 @@ def test_an_empty_member_counts_as_absent(tmp_path):
     assert read_data(tmp_path / "light.npz", stream.getvalue()) is None
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("seed", range(8))
 def test_random_damage_counts_as_absent_or_changes_nothing(tmp_path, seed):
     """Bytes that no reader looks at may differ, such as times. 500 files each."""

@@ -47,6 +47,7 @@ def test_every_pair_is_rendered_once_and_said_once(stand, workers):
     assert len(stand.rendered) == len(PAIRS)  # nothing again
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     ("workers", "cards", "given"),
     [(2, Cards("CUDA", (0, 2)), {"CUDA:0", "CUDA:2"}), (1, Cards("", (0, 2)), {"0,2"}), (2, Cards(), {"all"})],

@@ -131,6 +131,7 @@ def whole_files() -> dict[str, bytes]:
     }
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.heavy
 @pytest.mark.parametrize("kind", whole_files())
 def test_random_damage_is_a_sentence_or_an_image(tmp_path, kind):
@@ -291,6 +292,7 @@ def test_an_answer_of_another_kind_is_refused(line):
         bounded_decoding._read_answer(io.BytesIO(line), 100)
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.heavy
 @pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of memory")
 @pytest.mark.parametrize(("kind", "those"), [("image", IMAGES), ("map with steps", MAPS)])

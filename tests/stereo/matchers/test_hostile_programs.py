@@ -118,6 +118,7 @@ def test_what_is_no_answer_is_none(tmp_path):
     assert "timeout_s" in refused(tmp_path, ANSWER + body, timeout_s=2, start_s=4)
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
@@ -131,6 +132,7 @@ def test_half_an_answer_is_none(body, reason, tmp_path):
     assert reason in refused(tmp_path, ANSWER + body, timeout_s=1, start_s=4)
 
 
+@pytest.mark.long
 def test_a_line_without_end_takes_no_memory(tmp_path):
     """While nobody waits for an answer, too."""
     endless = "    while True: sys.stdout.write('x' * 2**20)"

@@ -107,7 +107,7 @@ def test_networks_with_other_signs_units_and_outputs_are_understood(tmp_path):
     assert np.abs(found(second, output=1)[0] - SHIFT).max() < 0.05
 
 
-@pytest.mark.ci_takes(8)
+@pytest.mark.ci_takes(4)
 @pytest.mark.parametrize(
     ("how", "options", "reason"),
     [

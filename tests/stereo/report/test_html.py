@@ -54,6 +54,7 @@ def test_every_pair_is_in_the_table_and_a_few_have_pictures(many):
     assert data["pairs"][7][1].startswith("Ice: Albedo 0.6, Sun Elevation ")
 
 
+@pytest.mark.long
 def test_only_the_reports_own_script_may_run(many):
     html = (many / "report.html").read_text(encoding="utf-8")
     (script,) = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)

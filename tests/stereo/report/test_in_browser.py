@@ -170,6 +170,7 @@ def test_no_width_makes_the_page_wider_than_the_screen(page, width):
     assert page.value("getComputedStyle(document.body).backgroundColor") == "rgb(16, 21, 27)"
 
 
+@pytest.mark.long
 def test_a_chart_alone_is_no_larger_than_beside_others(page):
     """Foreign pairs have one chart under Where it fails, for instance."""
     width = "document.querySelector('.charts svg').getBoundingClientRect().width"

@@ -44,6 +44,7 @@ def test_distortion_is_undone():
     assert np.linalg.det(eye.turn) == pytest.approx(1.0)
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_the_camera_is_found(scene):
     _, truth, _, camera, _ = scene
@@ -127,6 +128,7 @@ def test_shadows_fall_where_rays_meet_the_sand(scene):
     assert found == pytest.approx(shadow_on_sand(points, truth.lamp), abs=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_the_lamp_is_found(scene):
     _, truth, terrain, camera, sand = scene

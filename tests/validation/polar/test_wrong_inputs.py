@@ -97,6 +97,7 @@ def test_a_moved_lamp_fails(known, tmp_path, moved, quantities):
     assert all(_some(_failing(found), word) for word in quantities)
 
 
+@pytest.mark.ci_takes(3)
 @pytest.mark.parametrize("number", range(10))
 def test_a_rock_that_was_not_scanned_fails_though_its_outlines_are_left_out(known, tmp_path, number):
     terrain, camera, sand, lamps = known
