@@ -75,6 +75,7 @@ from .scene_objects import (
     tag_block,
 )
 from .surface import sun_inputs
+from .surface.own_groups import connect_own_groups
 
 #: Names for users of a scene, with names from ``built_scene`` and ``remove``.
 __all__ = [
@@ -364,6 +365,7 @@ def build_scene(
     disown_copies(collection)
     update_sunlight(collection)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(made.warnings))
+    connect_own_groups(built.materials)
     _record_build(built, made)
     return built
 

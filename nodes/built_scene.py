@@ -25,6 +25,7 @@ from .datablocks.fingerprint import (
     find_built_objects,
     find_differing,
     find_edited_parts,
+    list_own_nodes,
     read_marks,
     update_marks,
 )
@@ -33,7 +34,7 @@ from .datablocks.stored_json import parse_stored, read_stored
 from .light.lamps import find_lamps
 from .light.scene_lights import ROLES, SKY
 from .remove_objects import find_materials, find_parts
-from .surface import reflectance_laws
+from .surface import own_groups, reflectance_laws
 
 # Properties of the built collection.
 SETTINGS, FINGERPRINT, GROUND = "icymoon_settings", "icymoon_fingerprint", "icymoon_ground"
@@ -105,6 +106,7 @@ class Built:
     def _mark_edits(self) -> str:
         """The mark of everything edited or added by hand, and of the frame if it matters; empty without edits."""
         refuse_excluded(self.scene, self.collection)
+        own_groups.refuse_stand_ins(self.materials)
         stored = self._read_marks()  # first: present marks can be read only where these can be compared with them
         found = read_marks(self.collection)
         by_hand = sorted(find_differing(found.parts, stored))
@@ -180,7 +182,8 @@ class Built:
     @property
     def edited(self) -> bool:
         """Whether the user has edited or added something since the scene was built."""
-        return bool(find_added_objects(self.collection)) or bool(self.edited_parts())
+        own = any(not own_groups.is_stand_in(node.node_tree) for node in list_own_nodes(self.materials))
+        return own or bool(find_added_objects(self.collection)) or bool(self.edited_parts())
 
     @property
     def preview(self) -> Settings:

@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from .datablocks.fingerprint import OWN, TAG
+from .datablocks.fingerprint import OWN, STAND_IN, TAG
 from .ground.rocks import find_rock_parts
 from .surface import sun_inputs
 from .surface.images import remove_unused_images
@@ -36,8 +36,8 @@ def remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
 
 
 def remove_leftovers() -> None:
-    """Remove built worlds, collections of lamps and shapes of rocks that have no users, and what was built in scenes
-    that the user has deleted."""
+    """Remove built worlds, collections of lamps, shapes of rocks and stand-ins for own groups that have no users, and
+    what was built in scenes that the user has deleted."""
     for collection in [c for c in bpy.data.collections if c.get(TAG) == "scene" and c.users == 0]:
         remove_objects([item for item in collection.all_objects if TAG in item])
         bpy.data.batch_remove([*(c for c in collection.children_recursive if TAG in c), collection])
@@ -50,6 +50,7 @@ def remove_leftovers() -> None:
     remove_if_unused((parts, {item.data for item in parts if isinstance(item, bpy.types.Object)}, set()))
     remove_unused([], [w for w in bpy.data.worlds if TAG in w])
     remove_unused([], [c for c in bpy.data.collections if c.get(TAG) == sun_inputs.SHARED])
+    remove_unused([], [group for group in bpy.data.node_groups if group.get(TAG) == STAND_IN])
 
 
 def find_leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set[Any]]:

@@ -13,6 +13,7 @@ from ..nodes import build_scene as scenes
 from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.ground.user_ground import is_from_file
+from ..physics.scene_checks import find_reasons_without_file
 from ..render.cycles_settings import check_possible
 from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
@@ -49,7 +50,7 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
     changed = scenes.list_changed_settings(built, settings)
     if not changed and not built.preview:
         return built
-    by_hand = built.edited_parts()
+    by_hand = built.edited_parts()  # a build would keep the user's node groups
     if by_hand and built.preview:
         raise IcyMoonError(
             "The scene was edited by hand and shows a preview; press Build Scene to build it again, or undo the edits."
@@ -69,7 +70,7 @@ def show_rendered_scene(scene: bpy.types.Scene, settings: Settings) -> scenes.Bu
     and the fine ground follows. Ground from a file stays as it is. Raises IcyMoonError as ``bring_up_to_date`` does.
     """
     built = _find_traceable(scene)
-    if built is not None and built.edited:
+    if find_reasons_without_file(settings) or (built is not None and built.edited):
         return bring_up_to_date(scene, settings)
     shown = built is not None and not built.preview and not scenes.list_changed_settings(built, settings)
     if not shown and not is_from_file(settings):

@@ -11,6 +11,7 @@ import bpy
 from ..nodes import build_scene as scenes
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.datablocks.fingerprint import find_added_objects
+from ..physics.scene_checks import find_reasons_without_file
 from ..render.pairs.dataset_file_names import pairs_folder
 from ..render.plans.frozen_plan import PLAN as FROZEN
 from ..render.plans.frozen_plan import read_frozen_plan
@@ -49,7 +50,11 @@ def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
             f"{'them' if more else 'it'}; move {'them' if more else 'it'} out of the collection "
             f"{collection.name}."
         )
-    built = scenes.find_built(scene) if thorough else None
+    built = scenes.find_built(scene)
+    if built is not None and (reasons := find_reasons_without_file(built.settings)):
+        return str(reasons[0])
+    if not thorough:
+        return ""
     return _EDITED_MESSAGE if built is not None and not built.outdated and built.edited_parts() else ""
 
 

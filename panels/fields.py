@@ -113,13 +113,21 @@ def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setti
     if is_label_apart(setting, label):
         column = layout.column(align=True)
         column.label(text=label if len(label) <= measure_line_length() else setting.label)
-        column.prop(group, setting.key, text="")
+        _draw_value(column, group, setting)
     elif setting.kind in ("choice", "text"):
         split = layout.split(factor=0.45 if setting.choices else 0.38)
         split.label(text=setting.label)
-        split.prop(group, setting.key, text="")
+        _draw_value(split, group, setting)
     else:
         layout.prop(group, setting.key, text=label)
+
+
+def _draw_value(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
+    """Draw the value of a setting without its label; names of node groups are chosen from those of the file."""
+    if setting.key == "albedo_group":
+        layout.prop_search(group, setting.key, bpy.data, "node_groups", text="")
+    else:
+        layout.prop(group, setting.key, text="")
 
 
 def find_shown_label(group: bpy.types.PropertyGroup, setting: Setting) -> str:

@@ -97,6 +97,23 @@ def find_reasons_in_settings(settings: Settings) -> list[Reason]:
     ]
 
 
+def find_reasons_without_file(settings: Settings) -> list[Reason]:
+    """The reasons why a scene can be rendered only from the .blend file that it was built in; empty if there are none.
+
+    Only such a file has the node groups that a surface may name.
+    """
+    topics = ("surface", "rock_surface") if settings.rocks.own_surface else ("surface",)
+    return [
+        Reason(
+            f"{topic}.albedo_group names a node group, which only a .blend file has; render in the window of that "
+            "file, or leave the setting empty.",
+            f"{topic}.albedo_group",
+        )
+        for topic in topics
+        if settings[topic].albedo_group
+    ]
+
+
 def advise_on_scene(settings: Settings) -> list[str]:
     """Sentences about a scene that can be rendered but may not be as the user expects."""
     rig, patch = settings.rig, settings.terrain

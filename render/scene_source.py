@@ -96,6 +96,7 @@ class ScenesFromSettings:
         start = time.perf_counter()
         before, self._built = self._built, None
         cycles_settings.check_possible(planned.settings.quality)
+        _raise_reasons(scene_checks.find_reasons_without_file(planned.settings))
         scene_checks.refuse_scene(planned.settings)
         shared = before is not None and _same_scene_and_light(before.settings, planned.settings)
         if not shared:  # the data that Cycles keeps is useless now

@@ -8,7 +8,7 @@ that the builders did not make counts as added.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,9 @@ from .marks import BlockHasher, hash_marks
 NAME = "Icy Moon"  # prefix of the names of everything that the builders make
 TAG = "icymoon"  # custom property of everything that the builders make; its value is the role
 OWN = "icymoon_own_"  # prefix of the custom properties of a built collection that point to its objects, by role
+
+OWN_GROUP = "Own Group"  # label of the nodes in built materials that have a node group of the user's
+STAND_IN = "own group stand-in"  # role of a group that stands for a group of another file
 
 #: Key of ``describe_maker`` among the marks. Marks of different makers cannot be compared.
 MAKER = "maker"
@@ -45,6 +48,15 @@ def find_added_objects(collection: bpy.types.Collection) -> list[bpy.types.Objec
     """The objects in a built collection that the builders did not make."""
     ours = set(find_built_objects(collection).values())
     return [item for item in collection.all_objects if item not in ours]
+
+
+def list_own_nodes(materials: Iterable[bpy.types.Material | None]) -> Iterator[bpy.types.Node]:
+    """The nodes in built materials that have a node group of the user's, or a stand-in for it."""
+    for material in materials:
+        tree = material.node_tree if material is not None else None
+        for node in tree.nodes if tree is not None else ():
+            if node.bl_idname == "ShaderNodeGroup" and node.label == OWN_GROUP:
+                yield node
 
 
 def find_instanced_objects(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
@@ -86,8 +98,8 @@ class Reading:
 def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
     """The marks of everything in a built collection, or of the wanted parts and roles.
 
-    The parts are "ROLE object", "ROLE data" and "ROLE materials", and "added" for objects that the user has added. The
-    marks are equal in every process that loads the file.
+    The parts are "ROLE object", "ROLE data" and "ROLE materials", and "added" for what the user has added: objects, and
+    the node groups that settings name. The marks are equal in every process that loads the file.
     """
     ours, shown = find_built_objects(collection), _find_rendered_objects(collection)
     roles: dict[Any, str] = {item: f"the {role}" for role, item in ours.items()}
@@ -100,6 +112,8 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
         for material in slots
         if material is not None
     }
+    groups = {node.node_tree for node in list_own_nodes(listed)} - {None}
+    roles |= dict.fromkeys(groups, OWN_GROUP)
     deep, flat = BlockHasher(roles, aimed), BlockHasher(roles | dict.fromkeys(listed, "listed"), aimed)
     found: dict[str, Any] = {}
     for role, item in ours.items():
@@ -114,6 +128,7 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
             ]
     if _is_wanted("added", wanted):
         others = sorted(hash_marks([item in shown, deep.mark(item)]) for item in find_added_objects(collection))
+        others += sorted(hash_marks(deep.content(group)) for group in groups if group.get(TAG) != STAND_IN)
         found |= {"added": others} if others else {}
     return Reading(
         {part: hash_marks(content) for part, content in found.items()},

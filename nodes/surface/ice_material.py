@@ -23,7 +23,7 @@ from ...support.blender import compat
 from ...support.labels import NORMAL_AOV, ROCK, SALT_AOV, TERRAIN
 from ..tree.builder import WHITE, Node, Socket, Tree, Triple, Value
 from ..tree.formula import Number
-from . import dug_layers, ice_layers, reflectance_laws
+from . import dug_layers, ice_layers, own_groups, reflectance_laws
 from .baked_passes import add_baked_passes
 from .dirt_and_salt_colour import add_ground_colour, add_salt_share
 from .fractures import VEIL_ALBEDO, add_fracture_share
@@ -352,7 +352,7 @@ class _Material:
                 self._varied[kind] = self.tree.separated(kind.title(), sampled)[of.channel]
 
     def add_brightness(self, dug: bool) -> None:
-        """Multiply the albedo by patches, by ground that was dug open, and by the faces of rocks."""
+        """Multiply the albedo by patches, ground that was dug open, a group of the user's, and faces of rocks."""
         tree, surface = self.tree, self._surface
         self._grey = add_brightness(tree, surface, self._geometry, self._at.patches, self._of_terrain, self._dirt_mask)
         self._least = find_darkest_factor(surface)
@@ -360,6 +360,10 @@ class _Material:
             opened = dug_layers.add_dug_brightness(tree, self._settings.excavation)
             self._grey = tree.math("MULTIPLY", "Brightness of Dug Ground", opened, self._grey)
             self._least *= dug_layers.find_darkest_layer(self._settings.excavation)
+        if surface.albedo_group:
+            own = own_groups.add_own_factor(tree, surface.albedo_group, self._geometry)
+            self._grey = tree.math("MULTIPLY", "Brightness by Own Group", own, self._grey)
+            self._least *= own_groups.LEAST_FACTOR
         if self._of_rocks and surface.face_variation > 0.0:
             kept, rougher = add_face_variation(tree, surface)
             self._grey = tree.math("MULTIPLY", "Brightness of Faces", self._grey, kept)

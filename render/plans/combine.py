@@ -393,7 +393,8 @@ def _find_refusals(
         if each.settings.lander.kind != "NONE" or each.settings.excavation.path != "NONE":
             key += rigs.of(each.settings)  # an arm may surround an eye, and a trench may be too far away
         if key not in known:
-            known[key] = scene_checks.find_reasons_in_settings(each.settings)
+            without_file = scene_checks.find_reasons_without_file(each.settings)
+            known[key] = [*without_file, *scene_checks.find_reasons_in_settings(each.settings)]
         found.append(list(known[key]))
         if each.settings.source.kind == "PROCEDURAL" and grounds.make_ground_key(each.settings) in looked_at:
             try:

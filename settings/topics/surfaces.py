@@ -18,6 +18,7 @@ from .declaration import (
     metres,
     number,
     signed,
+    text,
 )
 from .relevance import chosen, nonzero, of_topic, positive, ticked
 
@@ -79,6 +80,9 @@ class SurfaceSettings(Table, label="Ice"):
     face_variation: float = fraction(
         "Face Variation", 0.0, "How much the faces of rocks differ: a face is darker by up to this share of the "
         "albedo, and its roughness is up to this much higher or lower", "material", section=COLOUR, since="0.3")
+    albedo_group: str = text(
+        "Own Node Group", "", "Group of shader nodes in this .blend file. Its output Albedo Factor, from 0.02 to 1, "
+        "multiplies the albedo", "material", "name", section=COLOUR, since="0.4")
     albedo_patch_m: float = metres(
         "Albedo Patch", 0.5, 1.0e-4, 1.0e4, (0.01, 10.0), "Wavelength of the dark patches", "material", section=COLOUR,
         active=positive("albedo_variation"))

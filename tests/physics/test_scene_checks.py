@@ -328,3 +328,13 @@ def test_a_joint_beyond_its_limits_and_an_eye_in_the_arm_are_refused_only_with_a
         scene_checks.find_lander_reasons(complete(there, upright, {"arm": {**upright["arm"], "shoulder_x_m": -0.1}}))
     )
     assert [text.split(" is ")[0] for text in found] == ["The left eye"]
+
+
+@pytest.mark.parametrize("topic", ["surface", "rock_surface"])
+def test_a_node_group_needs_the_file_that_has_it(topic):
+    settings = complete({topic: {"albedo_group": "Soot"}})
+    said = scene_checks.find_reasons_without_file(settings)
+    assert bool(said) == (topic == "surface")  # rocks have the surface of the ground
+    said = scene_checks.find_reasons_without_file(complete(settings, {"rocks": {"own_surface": True}}))
+    assert is_sentence(said[0])
+    assert f"{topic}.albedo_group names a node group" in said[0]
