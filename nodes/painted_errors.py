@@ -7,7 +7,7 @@ rendered.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -142,20 +142,33 @@ def read_meshes(built: Built) -> MeshesToPaint:
     return MeshesToPaint(position, _read_edges(mesh), rocks)
 
 
-def find_errors(meshes: MeshesToPaint, found: Sequence[DepthErrors], full_m: float) -> FoundErrors:
+def find_errors(
+    meshes: MeshesToPaint,
+    found: Sequence[DepthErrors],
+    full_m: float,
+    report: Callable[[float, str], object] = lambda fraction, text: None,
+) -> FoundErrors:
     """The errors of pairs on the meshes of their scene; any thread may ask. Where several pairs see a vertex, it shows
-    the error of the nearest. Errors of ``full_m`` metres and more get the full colour. Raises IcyMoonError if no vertex
-    shows an error."""
+    the error of the nearest. Errors of ``full_m`` metres and more get the full colour. ``report`` is told the finished
+    share of the vertices, 0 to 1, and the present work. Raises IcyMoonError if no vertex shows an error."""
     places = [np.empty((0, 2))] * len(found)
+    counts = [len(meshes.position), *(len(matrices) * len(corners) for matrices, corners, _ in meshes.rocks)]
+    shares = np.cumsum([1, *counts]) / (1 + sum(counts))  # above 0 from the first one on
+    report(float(shares[0]), "Errors of the ground")
     ground = _find_vertex_errors(found, meshes.position, meshes.edges, places)
-    rocks = _join_copies(list(_find_seen_rocks(meshes.rocks, found, places)))
+    seen: list[tuple[Array, Array, VertexErrors]] = []
+    for shape, share in zip(meshes.rocks, shares[1:], strict=False):
+        report(float(share), "Errors of the rocks")
+        seen += _find_seen_rocks([shape], found, places)
+    report(float(shares[-1]), "Colouring")
+    rocks = _join_copies(seen)
     if not sum(map(len, places)):
         raise IcyMoonError(
             "No vertex of the ground shows an error: its triangles are too wide, or it is not the "
             "ground of the pair; press Build Scene, or raise terrain.resolution."
         )
-    counts = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
-    total = {key: sum(count[key] for count in counts) for key in counts[0]}
+    pixels = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
+    total = {key: sum(count[key] for count in pixels) for key in pixels[0]}
     return FoundErrors(ground, rocks, total, full_m, _colour_all(ground, rocks, full_m))
 
 
@@ -405,7 +418,15 @@ def _link_rocks(collection: bpy.types.Collection, rocks: tuple[Array, Array, Ver
     item = bpy.data.objects.new(f"{NAME} on Rocks", mesh)
     material[TAG] = item[TAG] = ROLE
     item.hide_render = True
+    hide_from_rays(item)
     collection.objects.link(item)
+
+
+def hide_from_rays(item: bpy.types.Object) -> None:
+    """Leave an object out of a 3D View that Cycles renders, which ignores ``hide_render``: at the exposure of sunlit
+    ice the unlit colours of errors are black, and the copies hide the rocks."""
+    item.visible_camera = item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
+    item.visible_volume_scatter = item.visible_shadow = False
 
 
 def _fill_attributes(mesh: bpy.types.Mesh, shown: VertexErrors, colours: Array) -> None:

@@ -15,7 +15,7 @@ from ..settings.rebuilt_parts import select_scene
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
-from . import view_exposure, view_resolution
+from . import shadow_warning, view_exposure, view_resolution
 from .coloured_views import hide_errors
 from .session import session
 from .sidebar_text import format_for_window
@@ -207,6 +207,7 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
     frame_and_expose(scene, built.settings, before)
     view_resolution.begin_coarse(scene)
     session.picture.remove()
+    shadow_warning.schedule_check(scene)
     if not bpy.app.background:
         if before is None:
             show_scene(context, built)

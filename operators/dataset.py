@@ -238,9 +238,10 @@ class DatasetOperator(JobOperator):
         return job
 
     def report_success(self, context: bpy.types.Context) -> None:
-        dataset = self._process.facts["dataset"]
-        self.report({"INFO"}, show_controls(f"The data set in {dataset} is rendered"))
-        if self._process.facts.get("evaluate"):
+        dataset, evaluated = self._process.facts["dataset"], self._process.facts.get("evaluate")
+        following = "" if evaluated else "; press Evaluate Whole Data Set to measure it"
+        self.report({"INFO"}, show_controls(f"The data set in {dataset} is rendered{following}"))
+        if evaluated:
             self._keeper.report(self, context)
 
 

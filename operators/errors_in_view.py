@@ -90,7 +90,7 @@ class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
         built, found = _read_errors(scene, self._method)
         meshes = painted_errors.read_meshes(built)
         work = partial(painted_errors.find_errors, meshes, found, scene.icymoon.error_range_m)
-        return Job(self.bl_label, Calculation(work, "the errors"), if_stopped="nothing is painted")
+        return Job(self.bl_label, Calculation(work, "the errors", reports=True), if_stopped="nothing is painted")
 
     def report_success(self, context: bpy.types.Context) -> None:
         """Paint the errors."""

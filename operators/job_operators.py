@@ -150,9 +150,10 @@ class WatchingOperator(OperatorMixin):
 class JobOperator(WatchingOperator):
     """Mix-in: an operator whose job the sidebar shows. There is one such job at a time."""
 
-    #: Whether Esc stops the job. Esc never stops jobs of hours, during which the user presses it for other reasons.
+    #: Whether Esc, pressed twice, stops the job. Esc never stops jobs of hours.
     escapes = True
     _job: jobs.Job
+    _shown: tuple[str, ...] = ()
 
     def watch(self, context: bpy.types.Context) -> None:
         """Called repeatedly while the job runs."""
@@ -173,26 +174,36 @@ class JobOperator(WatchingOperator):
         return result
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.escapes and event.type == "ESC" and event.value == "PRESS":
-            self._job.cancel()
-            return {"RUNNING_MODAL"}
+        # Blender sends a quick second press as a double click first, and as a press if nobody takes it.
+        if self.escapes and event.type == "ESC" and event.value == "PRESS" and not event.is_repeat:
+            stops = self._job.escape()
+            redraw_panels()
+            return {"RUNNING_MODAL"} if stops else {"PASS_THROUGH"}
         return super().modal(context, event)
 
     def look(self, context: bpy.types.Context) -> bool:
         """Look at the job, and show its progress."""
         self.watch(context)
-        before = self._job.shown
         running = super().look(context)
-        if self._job.shown != before:
+        if (shown := self._job.shown) != self._shown:
+            self._shown = shown
             context.window_manager.progress_update(int(1000 * self._job.fraction))
             redraw_panels()
         return running
+
+    def fail(self, error: Exception) -> set[str]:
+        """Report an error; the sidebar names the job that failed."""
+        if self._job is not None:
+            session.ended = f"{self._job.title}: failed"
+            redraw_panels()
+        return super().fail(error)
 
     def report_end(self, context: bpy.types.Context) -> None:
         """Take the job from the sidebar, and report its warnings."""
         context.window_manager.progress_end()
         if session.job is self._job:
             session.job = None
+        session.ended = f"{self._job.title}: {self._job.outcome}"
         redraw_panels()
         for warning in self._job.warnings:
             self.report({"WARNING"}, format_for_window(warning))
@@ -219,7 +230,7 @@ class ICYMOON_OT_cancel(bpy.types.Operator):
     """Stop the running job. Finished pairs are kept"""
 
     bl_idname = "icymoon.cancel"
-    bl_label = "Cancel"
+    bl_label = "Stop"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -22,6 +22,8 @@ from ..support.errors import IcyMoonError
 INTERVAL_S = 0.1
 #: Least finished share of a job, or least seconds, for which the remaining time is shown.
 _LEAST_SHARE, _LEAST_SECONDS = 0.1, 120.0
+#: Seconds in which the second Esc must follow the first to stop a job.
+ESCAPE_S = 2.0
 
 
 def make_environment_with_cards(device: str, environment: Mapping[str, str] | None = None) -> Mapping[str, str] | None:
@@ -52,6 +54,7 @@ class Job:
     warnings: list[str] = field(default_factory=list)
     result: Message = field(default_factory=dict)  # the last message that the work is done; empty until then
     if_stopped: str = "what was finished is kept"
+    escaped: float | None = None  # when Esc was pressed last
 
     @classmethod
     def start(
@@ -77,10 +80,26 @@ class Job:
         return cls(title, process, handle, clean_up, if_stopped=if_stopped)
 
     @property
-    def shown(self) -> tuple[str, int, str]:
-        """Text, per cent and remaining time, as the panel shows them."""
+    def shown(self) -> tuple[str, str]:
+        """The text on the bar, and the line below it: the remaining time, or that another Esc stops the job."""
         text = "Stopping" if self.process.cancelled else self.text or self.title
-        return text, int(100 * self.fraction), format_remaining(self.remaining_s)
+        left = format_remaining(self.remaining_s)
+        return f"{text}{self.percent}", self._hint or left or ("Under way" if self.fraction > 0 else "Starting")
+
+    @property
+    def percent(self) -> str:
+        """The finished share as text after a title, such as '  33 %'; empty before the first report of progress."""
+        return f"  {int(100 * self.fraction)} %" if self.fraction > 0 else ""
+
+    @property
+    def brief(self) -> str:
+        """What the status bar shows: title, finished share, and remaining time or the hint on Esc."""
+        return f"{self.title}{self.percent}  {self._hint or format_remaining(self.remaining_s)}".rstrip()
+
+    @property
+    def _hint(self) -> str:
+        waits = self.escaped is not None and time.monotonic() < self.escaped + ESCAPE_S
+        return "Press Esc again to stop" if waits and not self.process.cancelled else ""
 
     @property
     def remaining_s(self) -> float | None:
@@ -125,6 +144,27 @@ class Job:
     def cancel(self) -> None:
         """Ask it to stop; it ends within seconds."""
         self.process.cancel()
+
+    def escape(self) -> bool:
+        """Esc was pressed. The second within ``ESCAPE_S`` stops the job; returns whether it does.
+
+        One alone does not: it is also the key that leaves a text field, a menu or a tool.
+        """
+        now = time.monotonic()
+        again = self.escaped is not None and now < self.escaped + ESCAPE_S
+        self.escaped = None if again else now
+        if again:
+            self.cancel()
+        return again
+
+    @property
+    def outcome(self) -> str:
+        """How it ended, in a word or two."""
+        if self.process.left:
+            return "goes on in the background"
+        if self.process.cancelled:
+            return "stopped"
+        return "failed" if self.failure else "done"
 
     def close(self) -> None:
         """Stop it at once if it has not ended, and clean up. A second call does nothing."""

@@ -17,7 +17,7 @@ from ..settings import description
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
-from . import refine_ground, view_resolution
+from . import refine_ground, shadow_warning, view_resolution
 from .build import frame_and_expose
 from .coloured_views import give_back_views
 from .session import SIDES, session
@@ -108,7 +108,12 @@ def list_lines(scene: bpy.types.Scene) -> list[str]:
     follows = refine_ground.describe_refining(scene)
     sentences = [follows] if follows else preview.read_notes(scene) or ["Ground in full detail"]
     fault = find_sky_fault(find_light(scene_properties.read_for_display(scene.icymoon)))
-    return [_NO_SKY if sentence == fault else replace_keys_by_labels(sentence) for sentence in sentences]
+    shown = [_NO_SKY if sentence == fault else replace_keys_by_labels(sentence) for sentence in sentences]
+    if shadow_warning.describe_shadow(scene):
+        shown.append(shadow_warning.BRIEF)
+    if enclosing := shadow_warning.describe_enclosing(scene):
+        shown.append(enclosing)
+    return shown
 
 
 register, unregister = make_registration(schedule_update, timers=(show_waiting,))

@@ -36,7 +36,7 @@ def _show_in_browsers(library: str = "") -> None:
 
 
 class ICYMOON_OT_make_asset_library(JobOperator, bpy.types.Operator):
-    """Make assets of the shipped scenes, surfaces, stereo cameras, lights and a black sky, and add them to Blender's Asset Browser. Takes about a minute; Esc stops it"""  # noqa: E501
+    """Make assets of the shipped scenes, surfaces, stereo cameras, lights and a black sky, and add them to Blender's Asset Browser. Takes about a minute; Esc twice stops it"""  # noqa: E501
 
     bl_idname = "icymoon.make_asset_library"
     bl_label = "Make Asset Library"

@@ -20,6 +20,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import parse_path
 from ..support.system import find_venv_python
 from ..support.version import ROOT
+from .session import session
 
 #: Packages that the evaluator's Python needs, as shown to the user.
 _NEEDED_PACKAGES = ", ".join(name for name, *_ in PACKAGES.values())
@@ -316,7 +317,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
-        layout.label(text="Icy Moon is a tab in the sidebar of the 3D View, which N opens", icon="INFO")
+        _draw_top(layout)
         row = layout.row()  # at the top, where it is visible without scrolling
         row.operator("icymoon.check_evaluator", icon="CHECKMARK")
         there = has_own_evaluator()
@@ -352,6 +353,18 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         layout.prop(self, "cache")
         layout.prop(self, "workers")
         _draw_matchers(layout, self.matchers)
+
+
+def _draw_top(layout: bpy.types.UILayout) -> None:
+    """Draw the progress of the running job, such as Install Evaluator, with the button that stops it; else the place of
+    the sidebar. Both take a line, so that no button moves."""
+    row = layout.row(align=True)
+    if session.job is None:
+        row.label(text="Icy Moon is a tab in the sidebar of the 3D View, which N opens", icon="INFO")
+        return
+    row = row.split(factor=0.85, align=True)
+    row.progress(factor=session.job.fraction, text=session.job.brief)
+    row.operator("icymoon.cancel", icon="X")
 
 
 def _draw_matchers(layout: bpy.types.UILayout, matchers: bpy.types.bpy_prop_collection) -> None:

@@ -27,7 +27,7 @@ from ..support.errors import IcyMoonError
 from . import jobs, view_resolution
 from .build import find_views_through, look_through
 from .session import session
-from .window_areas import redraw_panels
+from .window_areas import pause_rendered_views, redraw_panels
 from .window_events import call_later, make_registration
 
 #: Text in the sidebar while the fine ground is computed.
@@ -123,7 +123,8 @@ def _show_refined(built: scenes.Built, of: Settings, settings: Settings, job: jo
             raise IcyMoonError(job.failure)
         if built.terrain.mode != "OBJECT" or built.edited_parts():
             raise IcyMoonError("The scene was edited while its ground was coarse; press Build Scene to build it again.")
-        fine = scenes.build_scene(built.scene, of, take_over=partial(read_build, Path(job.result["scene"])))
+        with pause_rendered_views():
+            fine = scenes.build_scene(built.scene, of, take_over=partial(read_build, Path(job.result["scene"])))
         look_through(views, fine)
         if fine.scene.icymoon.live and scenes.list_changed_settings(fine, settings):
             preview.show_settings(fine, settings, session.preview_side)

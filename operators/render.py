@@ -30,7 +30,7 @@ from .job_operators import JobOperator
 from .refine_ground import begin_refining
 from .sidebar_text import format_for_window
 from .user_render import prepare_render
-from .window_areas import find_scene, push_undo
+from .window_areas import find_scene, pause_rendered_views, push_undo
 
 
 def find_dataset_folder(settings: Settings) -> Path:
@@ -99,7 +99,8 @@ def _build_anew(
     leave_edit_mode()
     earlier = scenes.find_built(scene)
     before = earlier.settings if earlier else None
-    built = build(scene, settings)
+    with pause_rendered_views():
+        built = build(scene, settings)
     prepare_render(scene, built)
     frame_and_expose(scene, settings, before)
     push_undo("Build Scene")
@@ -130,7 +131,7 @@ def _save_copy(path: Path) -> None:
 
 
 class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
-    """Render a stereo pair with exact truth into the data set folder. Runs in a separate process; Esc stops it"""
+    """Render a stereo pair with exact truth into the data set folder. Runs in a separate process; Esc twice stops it"""
 
     bl_idname = "icymoon.render_pair"
     bl_label = "Render Stereo Pair"

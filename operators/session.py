@@ -43,7 +43,8 @@ class Exported:
 class Session:
     """The state of the window. Names of scenes and addresses of views hold for the open file only."""
 
-    job: Job | None = None  # the preset that the sidebar shows
+    job: Job | None = None  # which the sidebar shows
+    ended: str = ""  # how the last such job ended
     reading: Job | None = None  # of the pair that is shown next
     shown: ShownPair | None = None
     developing: Job | None = None  # of the camera images that Image Editors show
@@ -52,6 +53,9 @@ class Session:
     exported: Exported | None = None
     meshing: Job | None = None  # of the ground at full resolution
     meshed_settings: Settings | None = None  # of that ground
+    tracing: Job | None = None  # of the shadow in a view
+    to_trace: set[int] = field(default_factory=set)  # ``session_uid`` of the scenes whose shadow will be traced
+    shadow_notes: dict[int, str] = field(default_factory=dict)  # of dark views, by ``session_uid``
     to_preview: set[str] = field(default_factory=set)  # scenes with changes that the timer will show
     preview_side: int = SIDES[1]
     traced_since_s: float = field(default_factory=time.monotonic)  # when the view began its present picture
@@ -69,7 +73,9 @@ class Session:
 
     def reset(self) -> None:
         """Stop all jobs and forget the open file, before another is opened or Icy Moon is disabled."""
-        running = [job for job in (self.job, self.reading, self.developing, self.meshing) if job is not None]
+        running = [
+            job for job in (self.job, self.reading, self.developing, self.meshing, self.tracing) if job is not None
+        ]
         for job in running:
             job.close()
         self.picture.remove()

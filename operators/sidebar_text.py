@@ -238,6 +238,15 @@ def compute_brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> floa
     return float(max(slope, sun["ground_irradiance_wm2"]) + planet.get("ground_irradiance_wm2", 0.0))
 
 
+def find_sun(light: LightSettings) -> dict[str, Any] | None:
+    """The facts of the Sun as it lights the scene; None if the sky cannot be computed."""
+    try:
+        found: dict[str, Any] = _compute_sky_facts(_list_sky_items(light), bpy.data.filepath)["sun"]
+    except IcyMoonError:
+        return None
+    return found
+
+
 def compute_planetshine_wm2(light: LightSettings) -> float:
     """Irradiance from the planet, in W/m², of ground that faces it; 0 without one or if the sky cannot be computed."""
     try:

@@ -105,7 +105,7 @@ def draw_icons(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> bool:
 
 
 class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
-    """Make small, rough pictures of the first and the last pair. Takes some seconds, in a separate process; Esc stops it"""  # noqa: E501
+    """Make small, rough pictures of the first and the last pair. Takes some seconds, in a separate process; Esc twice stops it"""  # noqa: E501
 
     bl_idname = "icymoon.show_ends"
     bl_label = "Show First and Last"

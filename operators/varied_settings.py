@@ -129,6 +129,9 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
             self.report({"ERROR"}, format_for_window(error))
             return {"CANCELLED"}
         scene_properties.write_varied(root, varied)
+        self.report(
+            {"INFO"}, f"{find_label(self.setting)} varies; Data Set ▸ Vary This Scene ▸ Render These Variations is next"
+        )
         return {"FINISHED"}
 
     def draw(self, context: bpy.types.Context) -> None:

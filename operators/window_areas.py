@@ -52,6 +52,9 @@ def pause_rendered_views() -> Iterator[None]:
 
     To evaluate any scene, Blender lets the renderer of each rendered view read that view's scene. In the middle of a
     build this scene is not evaluated: Cycles then reads freed meshes, and Blender crashes.
+
+    The live preview needs no pause, which would start the renderer again at each step of a slider: it evaluates nothing
+    until its change is complete.
     """
     shadings = [area.spaces.active.shading for _, area in list_areas("VIEW_3D")]
     rendered = [shading for shading in shadings if shading.type == "RENDERED"]

@@ -93,17 +93,27 @@ def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str =
         setattr(button, name, value)
 
 
-def draw_lines(layout: bpy.types.UILayout, lines: Iterable[str], icon: str = "NONE", hang: str = "") -> None:
+def draw_lines(
+    layout: bpy.types.UILayout, lines: Iterable[str], icon: str = "NONE", hang: str = "", room_for: str = ""
+) -> None:
     """Draw lines of text, with an icon before the first. Text too long for the sidebar goes on in the next line, which
-    begins with ``hang``."""
+    begins with ``hang``.
+
+    The text takes at least as many lines as the text ``room_for``, so that what is below stays in its place while the
+    text changes.
+    """
     column, has_icon = layout.column(align=True), icon != "NONE"
-    for k, line in enumerate(part for each in lines for part in wrap_lines(each, hang, has_icon)):
+    drawn = [part for each in lines for part in wrap_lines(each, hang, has_icon)]
+    drawn += [""] * (len(wrap_lines(room_for, hang, has_icon)) - len(drawn) if room_for else 0)
+    for k, line in enumerate(drawn):
         column.label(text=line, icon="BLANK1" if k and has_icon else icon)
 
 
-def draw_sentence(layout: bpy.types.UILayout, sentence: str, icon: str = "NONE", hang: str = "") -> None:
-    """Draw a sentence, with labels instead of keys."""
-    draw_lines(layout, (replace_keys_by_labels(sentence),), icon, hang)
+def draw_sentence(
+    layout: bpy.types.UILayout, sentence: str, icon: str = "NONE", hang: str = "", room_for: str = ""
+) -> None:
+    """Draw a sentence, with labels instead of keys; see ``draw_lines``."""
+    draw_lines(layout, (replace_keys_by_labels(sentence),), icon, hang, room_for)
 
 
 def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:

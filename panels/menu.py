@@ -247,11 +247,10 @@ def _draw_status(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     job = session.job
     if job is None:
         return
-    _, percent, left = job.shown
     row = self.layout.row(align=True)
     bar = row.row(align=True)
     bar.ui_units_x = _BAR_UNITS
-    bar.progress(factor=percent / 100, text=f"{job.title}  {percent} %  {left}".rstrip())
+    bar.progress(factor=job.fraction, text=job.brief)
     row.operator("icymoon.cancel", text="", icon="X")
 
 

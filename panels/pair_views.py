@@ -6,27 +6,36 @@ from collections.abc import Sequence
 
 import bpy
 
+from ..nodes.build_scene import find_collection
 from ..operators import show_pair
 from ..operators.session import ShownPair
 from .exports import draw_export
 from .fields import draw_lines
 
 _BUTTON_COLUMNS = 3
+#: As long as the lines about the pair without warnings.
+_ROOM = "1.23 ms, none saturated; depth 1.2 to 45 m"
 
 
 def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw the buttons for the views of the last rendered pair, and lines about the pair that is shown."""
+    """Draw the buttons for the views of the last rendered pair, and lines about the pair that is shown.
+
+    They are there from the build on, grey without a pair: what is below must not move when a render ends.
+    """
     pairs = show_pair.find_kept_pairs(scene)
-    if not pairs:
+    if not pairs and find_collection(scene) is None:
         return
     now = show_pair.find_shown_pair(scene)
     number = 1 + pairs.index(now.folder) if now is not None else 1
+    layout = layout.column()
+    layout.enabled = bool(pairs)
     column = layout.column(align=True)
     for start in range(0, len(show_pair.VIEWS), _BUTTON_COLUMNS):
         _draw_views(column.row(align=True), show_pair.VIEWS[start : start + _BUTTON_COLUMNS], now, number)
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
-    draw_lines(layout, show_pair.list_lines(scene), "IMAGE_DATA")
+    lines = show_pair.list_lines(scene) or ["The pair is not shown" if pairs else "No pair is rendered"]
+    draw_lines(layout, lines, "IMAGE_DATA", room_for=_ROOM)
     draw_export(layout, "SCENE")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..nodes import measured_surface, painted_errors, preview
+from ..nodes.build_scene import find_collection
 from ..operators import (
     dataset,
     evaluate,
@@ -14,7 +15,10 @@ from ..operators import (
     manual,
     noise_layers,
     presets,
+    refine_ground,
     results,
+    shadow_warning,
+    show_pair,
     sidebar_text,
     view_exposure,
     view_resolution,
@@ -33,7 +37,7 @@ from .exports import draw_export
 from .fields import RowsOfText, draw_lines, draw_sentence, draw_settings, draw_start
 from .find_setting import draw_search
 from .pair_views import draw_pair
-from .view_line import describe_view
+from .view_line import LONGEST, describe_view
 
 #: ``bl_order`` of the topics' panels: from the first of these to before the second.
 FIRST, LAST = 10, 1000
@@ -66,17 +70,39 @@ class Sidebar:
         self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
 
 
-def draw_job(layout: bpy.types.UILayout) -> None:
-    """Draw the progress of the running job, with a button that cancels it; nothing if none runs."""
-    job = session.job
+#: About the longest status of a built scene.
+_STATUS_ROOM = f"{refine_ground.NOTE}. {shadow_warning.BRIEF}"
+#: Share of the line of the progress that the bar takes, beside the button that stops the job.
+_BAR_SHARE = 0.76
+
+
+def find_next_step(scene: bpy.types.Scene) -> str:
+    """What leads on from the present state of a scene."""
+    if find_collection(scene) is None:
+        return "Next: Build Scene"
+    pairs = show_pair.find_kept_pairs(scene)
+    if not pairs:
+        return "Next: Render Stereo Pair"
+    if not results.read_summary(scene):
+        return "Next: Evaluate Stereo Pair" if len(pairs) == 1 else "Next: Evaluate Whole Data Set"
+    return "Next: Stereo Error, below"
+
+
+def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """Draw the progress of the running job, with a button that stops it; or how the last job ended, and the next step.
+
+    It takes two lines in any case: what is below must not move under the mouse when a job begins or ends.
+    """
+    job, column = session.job, layout.column(align=True)
     if job is None:
+        column.label(text=session.ended or "No job is running")
+        column.label(text=find_next_step(scene))
         return
-    text, percent, left = job.shown
-    column = layout.column(align=True)
-    column.progress(factor=percent / 100, text=f"{text}  {percent} %")
-    row = column.row(align=True)
-    row.label(text=left or "Starting")
-    row.operator("icymoon.cancel", icon="X")
+    text, below = job.shown
+    row = column.split(factor=_BAR_SHARE, align=True)
+    row.progress(factor=job.fraction, text=text)
+    row.operator("icymoon.cancel")
+    column.label(text=below)
 
 
 class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
@@ -103,10 +129,11 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         column.operator("icymoon.build_scene", icon="RNDCURVE")
         draw_start(column, "icymoon.render_pair", "Render Stereo Pair", "RENDER_STILL")
         draw_start(column, "icymoon.evaluate", "Evaluate Stereo Pair", "VIEWZOOM", scope="SCENE")
+        draw_job(layout, context.scene)
         draw_pair(layout, context.scene)
         layout.prop(group, "live")
         if shown := live_preview.list_lines(context.scene):
-            draw_lines(layout, shown, "INFO")
+            draw_lines(layout, shown, "INFO", room_for=_STATUS_ROOM)
             scene = context.scene
             told = describe_view(
                 context.space_data,
@@ -117,8 +144,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
                 view_exposure.is_without_planetshine(scene),
                 preview.has_coarse_ground(scene),
             )
-            draw_sentence(layout, told, "SHADING_RENDERED")
-        draw_job(layout)
+            draw_sentence(layout, told, "SHADING_RENDERED", room_for=LONGEST)
 
 
 class ICYMOON_PT_results(Sidebar, bpy.types.Panel):

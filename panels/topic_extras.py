@@ -10,7 +10,7 @@ import bpy
 
 from ..nodes import build_scene as scenes
 from ..nodes import preview
-from ..operators import live_exposure, sidebar_text
+from ..operators import live_exposure, shadow_warning, sidebar_text
 from ..operators.painted_masks import can_use, has_mask
 from ..operators.sidebar_text import remember_answers
 from ..paper_stand_ins.shown_items import describe_item, list_items
@@ -117,11 +117,17 @@ def _draw_sky_fault(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
         sidebar_text.find_light(scene_properties.read_for_display(context.scene.icymoon))
     ):
         draw_sentence(layout, fault, "ERROR")
+    if shadow := shadow_warning.describe_shadow(context.scene):
+        draw_sentence(layout, shadow, "ERROR")
 
 
 def _draw_expose(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     draw_start(layout, "icymoon.expose", "Show Camera Image", "IMAGE_DATA")
     layout.prop(context.scene.icymoon, "follow")
+
+
+def _draw_development_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Warnings on the shown camera image, below the fields: these must not move while the user drags one."""
     draw_lines(layout, live_exposure.list_lines(), "INFO")
 
 
@@ -247,4 +253,5 @@ AFTER: dict[str, Extra] = {
     "rock_surface": _make_surface_extra("rock_surface"),
     "hapke": _draw_hapke,
     "rig": _draw_camera_notes,
+    "sensor": _draw_development_notes,
 }

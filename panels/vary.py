@@ -91,12 +91,13 @@ def _draw_render(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def _draw_pictures(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw buttons that show the first and the last pair, if several were rendered."""
+    """Draw buttons that show the first and the last pair and evaluate all, if several were rendered."""
     count = len(show_pair.find_kept_pairs(scene))
     if count > 1:
         row = layout.row(align=True)
         for text, number in (("First Pair", 1), ("Last Pair", count)):
             row.operator("icymoon.show_pair", text=text, icon="IMAGE_DATA").number = number
+        draw_start(layout, "icymoon.evaluate", "Evaluate These Variations", "VIEWZOOM", scope="DATASET")
 
 
 def _draw_varied(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, item: bpy.types.PropertyGroup) -> None:

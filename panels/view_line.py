@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import bpy
 
+#: About the longest line that changes while a scene is worked on.
+LONGEST = "Rendered view: as the pair, but for exposure and noise, half resolution, coarse ground"
 #: Texts on the comparison with a pair, by the result of ``view_exposure.describe_exposure``.
 _COMPARISON_TEXTS = {
     "": "as the pair, but for noise",
@@ -47,8 +49,8 @@ def describe_view(
         if covered:
             return f"{name}: a picture of the scene until it is clear"
         return (
-            f"{name}: {_COMPARISON_TEXTS[exposed]}{', at half resolution' if coarse else ''}"
-            f"{', without faint planetshine' if without_planetshine else ''}"
-            f"{', on coarse ground' if coarse_ground else ''}"
+            f"{name}: {_COMPARISON_TEXTS[exposed]}{', half resolution' if coarse else ''}"
+            f"{', coarse ground' if coarse_ground else ''}"
+            f"{', no faint planetshine' if without_planetshine else ''}"
         )
     return f"{name} by EEVEE: approximate light and shadows"

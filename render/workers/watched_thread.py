@@ -11,17 +11,21 @@ from .process import Message
 
 
 class Calculation(threading.Thread):
-    """A running function. Its only message is a ``result`` with its ``value``, or an ``error``.
+    """A running function. Its last message is a ``result`` with its ``value``, or an ``error``.
+
+    A function that ``reports`` is given another function, to which it tells its finished share (0 to 1) and its present
+    work. Each is a message of ``progress``.
 
     A thread cannot be stopped, so ``cancel`` means that its value is dropped. Python waits for the thread at exit.
     """
 
     left, returncode, cause = False, 0, ""
 
-    def __init__(self, calculate: Callable[[], Any], subject: object) -> None:
+    def __init__(self, calculate: Callable[..., Any], subject: object, reports: bool = False) -> None:
         """Start ``calculate``; ``subject`` is the file or thing that an error names."""
         super().__init__(name=f"Icy Moon {subject}")
         self.cancelled = False
+        self._arguments = (self._report,) if reports else ()
         self._calculate, self._subject = calculate, subject
         self._messages: list[Message] = []
         self.start()
@@ -29,10 +33,13 @@ class Calculation(threading.Thread):
     def run(self) -> None:
         """Run the function; called in the thread."""
         try:
-            message: Message = {"type": "result", "value": self._calculate()}
+            message: Message = {"type": "result", "value": self._calculate(*self._arguments)}
         except Exception as error:
             message = {"type": "error", "message": describe_error(error, self._subject)}
         self._messages.append(message)
+
+    def _report(self, fraction: float, text: str) -> None:
+        self._messages.append({"type": "progress", "fraction": fraction, "message": text})
 
     @property
     def running(self) -> bool:
@@ -40,8 +47,8 @@ class Calculation(threading.Thread):
         return self.is_alive()
 
     def poll(self) -> list[Message]:
-        """The message, on the first call after it exists."""
-        return [self._messages.pop() for _ in self._messages[:]]
+        """The new messages, each once, in their order."""
+        return [self._messages.pop(0) for _ in self._messages[:]]
 
     def cancel(self) -> None:
         """Mark the calculation as cancelled. It runs to its end, and its result is dropped."""

@@ -43,6 +43,10 @@ def _read_colormap(colormap: str) -> Array:
     return np.stack([np.rint(np.interp(np.arange(256), at, stops[:, k])) for k in (2, 1, 0)], axis=1).astype(np.uint8)
 
 
+#: Share of a scale near each of its ends where only the end has a label.
+_END_SHARE = 0.09
+
+
 @dataclass(frozen=True)
 class Scale:
     """A logarithmic colour scale from ``low`` to ``high`` metres."""
@@ -56,6 +60,14 @@ class Scale:
     def ticks(self) -> tuple[float, ...]:
         """Round numbers that label the scale."""
         return _choose_ticks(self.low, self.high)
+
+    @property
+    def labels(self) -> list[tuple[float, str]]:
+        """Positions from 0 to 1 and texts of both ends, with three digits, and of the ticks that are not close to an
+        end."""
+        inner = [(float(self.position(tick)), f"{tick:g}") for tick in self.ticks]
+        ends = [(0.0, f"{self.low:.3g}"), (1.0, f"{self.high:.3g}")]
+        return [ends[0], *(each for each in inner if _END_SHARE < each[0] < 1 - _END_SHARE), ends[1]]
 
     def position(self, value: Numbers) -> Array:
         """Position of values on the scale, from 0 to 1; values beyond its ends are put at the ends."""
@@ -176,16 +188,18 @@ def draw_colour_bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, p
     strip[px(4) : px(16), left : right + 1] = _read_colormap(scale.colormap)[
         np.rint(np.linspace(0, 255, right - left + 1)).astype(np.intp)
     ]
-    letter, free_from = 8 * size, 0
-    for tick in scale.ticks:
-        text = f"{tick:g}"
-        column = left + round(float(scale.position(tick)) * (right - left))
+    letter = 8 * size
+    taken: list[tuple[int, int]] = []
+    first, *inner, last = scale.labels
+    for share, text in (first, last, *inner):
+        column = left + round(share * (right - left))
         extent = measure_text_width_px(text, letter)
         start = min(max(column - extent // 2, 2), width - extent - 2)
         strip[px(16) : px(19), min(column, width - px(1)) :][:, : px(1)] = ink
-        if start >= free_from:  # a small picture has room for some numbers only
+        # A small picture has room for some numbers only.
+        if all(start >= end + px(4) or start + extent + px(4) <= begin for begin, end in taken):
             put_text(strip, text, start, px(28), letter, ink)
-            free_from = start + extent + px(4)
+            taken.append((start, start + extent))
     put_text(strip, scale.title, left, px(40), letter, round(ink + 0.2 * (paper - ink)))
     return strip
 

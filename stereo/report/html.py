@@ -280,5 +280,5 @@ def _make_pair_section(
 
 
 def _describe_colour_bar(scale: colours.Scale) -> dict[str, Any]:
-    ticks: Sequence[tuple[float, str]] = [(100 * float(scale.position(tick)), f"{tick:g}") for tick in scale.ticks]
+    ticks: Sequence[tuple[float, str]] = [(100 * share, text) for share, text in scale.labels]
     return {"title": scale.title, "gradient": ", ".join(scale.gradient()), "ticks": ticks}

@@ -89,7 +89,7 @@ def _make_section(twin: Twin, record: Mapping[str, Any], pictures: Path, methods
         "rows": rows,
         "gradient": ", ".join(scale.gradient()),
         "title": scale.title,
-        "ticks": [(100 * float(scale.position(tick)), f"{tick:g}") for tick in scale.ticks],
+        "ticks": [(100 * share, text) for share, text in scale.labels],
         "seed": twin.planned.settings.dataset.seed,
         "twin": twin.planned.id,
     }

@@ -457,9 +457,9 @@ def rocks_where_painted() -> Waiting:
         xdotool("mouseup", 1)
         yield 5 * TICK_S
     sheet = bpy.context.active_object
-    if bpy.context.tool_settings.weight_paint.brush is not None:  # Debian's 4.3 has no brushes
-        check(any(vertex.groups for vertex in sheet.data.vertices), "the mouse has painted nothing")
-    sheet.vertex_groups.active.add(range(256 * 128), 1.0, "REPLACE")  # the north too
+    has_brush = bpy.context.tool_settings.weight_paint.brush is not None
+    check(not has_brush or any(vertex.groups for vertex in sheet.data.vertices), "the mouse has painted nothing")
+    yield from assign_in_the_north(sheet)
     yield from away()
     yield from screenshot("paint_mask")
     with in_region("WINDOW"):
@@ -474,6 +474,21 @@ def rocks_where_painted() -> Waiting:
     yield from until(lambda: not settings().rocks.mask_file, "Undoing the mask")
     yield from key("ctrl+z")
     yield 10 * TICK_S
+    return "painted by mouse" if has_brush else "this Blender has no brushes; weights were assigned in Edit Mode"
+
+
+def assign_in_the_north(sheet: bpy.types.Object) -> Waiting:
+    """Give vertices of a mask their weight without a brush, as Assign does in Edit Mode."""
+    with in_region("WINDOW"):
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.mesh.select_all(action="DESELECT")
+        bpy.ops.object.mode_set(mode="OBJECT")
+    sheet.data.vertices.foreach_set("select", np.arange(len(sheet.data.vertices)) < len(sheet.data.vertices) // 2)
+    with in_region("WINDOW"):
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.object.vertex_group_assign()
+        bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+    yield 5 * TICK_S
 
 
 def camera_by_click() -> Waiting:
@@ -510,6 +525,12 @@ def open_all_panels() -> Waiting:
     """Drag up over the closed headers, which opens them all, and look at them from top to bottom."""
     panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")]
     topics = sum(not hasattr(panel, "bl_parent_id") for panel in panels) - 1  # without the main panel
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
+    first = (yield from person.find_headers(most=1))[0]
+    yield from to(*first)
+    xdotool("click", 1)  # closes it, so that all others are in sight
+    yield 5 * TICK_S
     headers = (yield from person.find_headers())[1:]
     check(len(headers) == topics, f"{len(headers)} headers of {topics} panels are below the first panel")
     yield from person.drag_over(headers)
@@ -519,6 +540,9 @@ def open_all_panels() -> Waiting:
         with in_region("UI"):
             fields += bpy.ops.ui.copy_data_path_button.poll()
     check(fields, "dragging over the headers opened no panel")
+    yield from to(*first)
+    xdotool("click", 1)
+    yield 5 * TICK_S
     for part in range(1, 20):
         yield from away()
         yield from screenshot(f"panels_{part}")
@@ -530,16 +554,18 @@ def open_all_panels() -> Waiting:
 
 
 def click_header(topic: str) -> Waiting:
-    """Open the closed panel of a topic, or close it. Nothing is done if it is out of sight below open panels: then it
-    is open too.
-    """
+    """Open the closed panel of a topic while all but the first are closed, or close it."""
     yield from to(*middle("UI"))
     yield from scroll(-400)
-    headers = yield from person.find_headers(page=module("operators.manual").find_page_of_topic(topic))
-    if headers:
-        yield from to(*headers[0])
-        xdotool("click", 1)
-        yield 5 * TICK_S
+    page = module("operators.manual").find_page_of_topic(topic)
+    headers = yield from person.find_headers(most=1, page=page)
+    if not headers:
+        yield from to(*middle("UI"))
+        yield from scroll(400)
+        headers = yield from person.find_headers(most=1, page=page)
+    yield from to(*headers[0])
+    xdotool("click", 1)
+    yield 5 * TICK_S
 
 
 CAMCHAIN = """cam0:
@@ -880,13 +906,30 @@ def pair_on_the_screen() -> Waiting:
     return ", ".join(differences)
 
 
+def escape_twice() -> Waiting:
+    """Stop the running job, as quickly as a person presses a key twice: Blender takes that for a double click."""
+    xdotool("key", "--delay", 80, "Escape", "Escape")
+    yield TICK_S
+
+
 def escape_a_render() -> Waiting:
+    """One Esc does not stop a render, two do."""
     settings().quality.samples = 60000
     yield from press("icymoon.render_pair")
     yield from until(lambda: session().job and session().job.fraction > 0, "Progress")
     yield from until(lambda: list(DATASET.glob("pairs/*.part")), "Writing")
-    yield from away()
+    x, y = middle("UI")
+    yield from to(x, y)
+    yield from key("Escape")  # which is pressed for other reasons too
+    yield 10 * TICK_S
+    check(not session().job.process.cancelled, "one Esc has stopped the render")
+    yield from screenshot("escaped_once")
+    yield 20 * TICK_S
     yield from key("Escape")
+    yield 10 * TICK_S
+    check(not session().job.process.cancelled, "Esc has stopped the render long after the first one")
+    yield 20 * TICK_S
+    yield from escape_twice()
     yield from ended()
     yield from until(lambda: not list(DATASET.glob("pairs/*.part")), "Removing what was half written")
     check(len(pairs()) == 1, "the first pair is gone")
@@ -1510,7 +1553,7 @@ def begin_and_escape(operator: Any) -> Waiting:
     yield from until(lambda: session().job, "Starting the job")
     yield 10 * TICK_S
     yield from away()
-    yield from key("Escape")
+    yield from escape_twice()
 
 
 def save_by_script(path: Path) -> Waiting:
@@ -1577,10 +1620,10 @@ STEPS = (
     open_the_tab,
     load_europa,
     calibration_by_mouse,
-    open_all_panels,
     build_by_mouse,
     undo_and_redo,
-    camera_by_click,
+    camera_by_click,  # while most panels are closed: a button among all of them is found after minutes only
+    open_all_panels,
     slide_by_mouse,
     render_by_mouse,
     pair_on_the_screen,

@@ -296,9 +296,9 @@ def point_at_picture(preset: str, middle: Place) -> None:
     point(window().width - PICTURE_PX[0] * (PICTURES_IN_A_ROW - column - 0.4), middle[1] - PICTURE_PX[1] * (row + 1))
 
 
-def find_headers(**options: str) -> Generator[float, None, list[Place]]:
-    """Places of the headers of panels that the sidebar shows now, from top to bottom. Each has a button that opens a
-    page of the manual, by which it is found; ``options``: of that button."""
+def find_headers(most: int = 1000, **options: str) -> Generator[float, None, list[Place]]:
+    """Places of the headers of panels that the sidebar shows now, from top to bottom, ``most`` of them. Each has a
+    button that opens a page of the manual, by which it is found; ``options``: of that button."""
     sidebar = region("UI")
     rows: list[Place] = []
     for down in range(20, sidebar.height, 6):
@@ -307,6 +307,8 @@ def find_headers(**options: str) -> Generator[float, None, list[Place]]:
         yield 0.02  # our watcher sees the mouse before the sidebar does
         if over_button("icymoon.open_manual", **options) and (not rows or rows[-1][1] - place[1] > 20):
             rows.append((sidebar.x + COLUMNS[0] * sidebar.width, place[1]))
+            if len(rows) == most:
+                break
     return rows
 
 

@@ -216,6 +216,6 @@ def test_a_pair_that_is_set_aside_is_named_and_does_not_end_the_others():
     dataset.readout.update(set_aside=[], last=None)
     job = dataset.DatasetJob("Render Data Set", process, dataset._note_pairs)
     job.poll()
-    assert job.shown[:2] == ("Pair 2 of 3", 50)
+    assert job.shown[0] == "Pair 2 of 3  50 %"
     assert job.failure == "1 pair was set aside, first abc: Cycles could not"
     assert dataset.readout["last"] == Path("/set/pairs/b")

@@ -146,6 +146,6 @@ def test_a_measuring_job_counts_and_names_its_last_step():
     job = evaluate.MeasuringJob("Evaluate", process)
     message = {"type": "progress", "fraction": 0.5, "done": 1, "total": 2, "message": "0123456789ab StereoBM"}
     job.hear(message)
-    assert job.shown[:2] == ("1 of 2 measured", 50)
+    assert job.shown[0] == "1 of 2 measured  50 %"
     job.hear({**message, "fraction": 1.0, "done": 2})
-    assert job.shown[:2] == ("Writing the report", 100)
+    assert job.shown[0] == "Writing the report  100 %"

@@ -561,3 +561,28 @@ def test_the_first_build_of_untouched_settings_is_lit(scene):
     assert build.light_untouched_scene(scene)
     assert scene.icymoon.light.sun_azimuth_deg == build.LIT_AZIMUTH_DEG
     assert not build.light_untouched_scene(scene)
+
+
+def test_a_change_evaluates_nothing_before_it_is_complete(watched):
+    """A rendered view reads its scene whenever anything is evaluated; Cycles would read freed meshes in the middle."""
+    evaluated: list[object] = []
+
+    def note(*said: object) -> None:
+        evaluated.append(said)
+
+    handlers = bpy.app.handlers.depsgraph_update_pre
+    handlers.append(note)
+    try:
+        for name, value in (
+            ("terrain.rms_slope_deg", 31.0),
+            ("rocks.coverage", 0.11),
+            ("surface.albedo", 0.71),
+            ("light.sun_elevation_deg", 41.0),
+            ("rig.pitch_deg", 41.0),
+        ):
+            change(watched, name, value)
+            assert (name, evaluated) == (name, [])
+        bpy.context.view_layer.update()
+        assert evaluated  # what the window does next
+    finally:
+        handlers.remove(note)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, cast
 
 import pytest
-from icymoon.operators import unseen_jobs
+from icymoon.operators import jobs, unseen_jobs
 from icymoon.operators.job_operators import JobOperator
 from icymoon.operators.jobs import Job
 from icymoon.operators.session import session
@@ -13,6 +13,9 @@ from icymoon.operators.window_events import cancel_call
 from icymoon.support.errors import IcyMoonError
 from stand_ins import stand_in
 
+ESCAPE = stand_in(type="ESC", value="PRESS", is_repeat=False)
+HELD = stand_in(type="ESC", value="PRESS", is_repeat=True)
+DOUBLE = stand_in(type="ESC", value="DOUBLE_CLICK", is_repeat=False)
 TIMER = stand_in(type="TIMER", value="NOTHING")
 
 
@@ -31,6 +34,9 @@ class Process:
     def poll(self) -> list[dict[str, object]]:
         self.looks -= 1
         return [] if self.looks else [{"type": "result"}]
+
+    def cancel(self) -> None:
+        self.cancelled = True
 
     def stop(self) -> None:
         self.stops += 1
@@ -101,6 +107,71 @@ def test_a_job_without_events_is_looked_at_by_a_timer_and_ends(told):
     assert let_turn(5) is None
     assert (operator.succeeded, operator.cleaned, session.job, told) == (1, [True], None, [])
     assert operator.modal(stand_in(), TIMER) == {"FINISHED"}  # should an event come after all
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Seconds that the jobs see."""
+    now = [100.0]
+    monkeypatch.setattr(jobs, "time", stand_in(monotonic=lambda: now[0]))
+    return now
+
+
+@pytest.mark.parametrize(
+    ("events", "after_s", "stops"),
+    [
+        ((ESCAPE,), 0.0, False),  # it is also the key that leaves a text field
+        ((ESCAPE, ESCAPE), 1.9, True),
+        ((ESCAPE, ESCAPE), 2.1, False),
+        ((ESCAPE, HELD, HELD), 0.1, False),  # one press
+        ((ESCAPE, DOUBLE), 0.1, False),  # Blender sends it again, as a press
+        ((ESCAPE, DOUBLE, ESCAPE), 0.1, True),
+        ((ESCAPE, ESCAPE, ESCAPE), 1.9, True),
+    ],
+)
+def test_only_the_second_escape_stops_a_job(told, context, clock, events, after_s, stops):
+    operator = Operator()
+    for event in events:
+        clock[0] += after_s
+        result = operator.modal(context, event)
+        if not operator.process.cancelled:
+            assert result == {"PASS_THROUGH"}  # what the key is for is done
+    assert operator.process.cancelled == stops
+
+
+def test_the_hint_on_escape_is_seen_and_goes(told, context, clock):
+    operator = Operator()
+    operator.modal(context, ESCAPE)
+    assert operator._job.shown[1] == "Press Esc again to stop"
+    assert "Esc again" in operator._job.brief
+    operator.look(context)
+    clock[0] += jobs.ESCAPE_S
+    assert "Esc" not in operator._job.brief + operator._job.shown[1]
+
+
+def test_jobs_of_hours_know_no_escape(told, context, clock):
+    operator = Operator()
+    operator.escapes = False
+    for _ in range(2):
+        operator.modal(context, ESCAPE)
+    assert not operator.process.cancelled
+
+
+def test_the_sidebar_tells_how_a_job_has_ended(told, context, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise IcyMoonError("full")
+
+    for cancelled, outcome in ((False, "done"), (True, "stopped")):
+        operator = Operator(looks=1)
+        operator.process.cancelled = cancelled
+        for _ in range(2):
+            operator.modal(context, TIMER)
+        assert session.ended == f"Try: {outcome}"
+    monkeypatch.setattr(Operator, "report_success", refuse)
+    operator = Operator(looks=1)
+    for _ in range(2):
+        operator.modal(context, TIMER)
+    assert session.ended == "Try: failed"
 
 
 def test_a_job_with_events_is_left_to_its_operator(told, context):

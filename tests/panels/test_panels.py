@@ -16,7 +16,7 @@ from icymoon.operators import evaluate, evaluator_python, jobs, preferences, sid
 from icymoon.operators.presets import list_preset_items
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
-from icymoon.panels import CLASSES, menu, sidebar
+from icymoon.panels import CLASSES, fields, menu, sidebar
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import find_preset, load, preset_names
 from icymoon.settings.table import TOPICS, list_all_settings
@@ -403,10 +403,33 @@ def test_a_running_job_shows_how_far_it_is_and_can_be_cancelled(scene, running):
     menu._draw_status(status, bpy.context)
     assert "Render Stereo Pair  33 %  1:00 left" in texts(status.layout.record)
     assert operators(status.layout.record) == {"icymoon.cancel"}
+    assert "icymoon.cancel" in operators(preferences_drawn()[0])  # from where the evaluator is installed
     running.process.cancelled = True
     assert "Stopping  33 %" in texts(drawn(sidebar.ICYMOON_PT_main))
     running.fraction = 0.0
     assert "left" not in texts(drawn(sidebar.ICYMOON_PT_main))
+    assert "0 %" not in texts(drawn(sidebar.ICYMOON_PT_main))  # unknown until the job reports its progress
+
+
+def test_a_job_takes_the_same_room_before_during_and_after(scene, running):
+    def count_lines() -> int:
+        layout = Layout()
+        sidebar.draw_job(layout, scene)
+        return sum(entry[0] in ("label", "progress") for entry in layout.record)
+
+    during = count_lines()
+    for session.job, session.ended in ((None, ""), (None, "Render Stereo Pair: done")):
+        assert count_lines() == during
+    session.ended = ""
+
+
+def test_text_has_room_for_a_longer_one(scene):
+    longest = "Coarse ground; the fine one follows"
+    for text in ("Fine", longest):
+        layout = Layout()
+        fields.draw_lines(layout, (text,), "INFO", room_for=longest)
+        labels = [entry for entry in layout.record if entry[0] == "label"]
+        assert len(labels) == len(sidebar_text.wrap_lines(longest, icon=True))
 
 
 @pytest.mark.parametrize(

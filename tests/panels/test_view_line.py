@@ -6,7 +6,8 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon.panels.view_line import describe_view
+from icymoon.operators.sidebar_text import wrap_lines
+from icymoon.panels.view_line import LONGEST, describe_view
 
 TYPES = [item.identifier for item in bpy.types.View3DShading.bl_rna.properties["type"].enum_items_static]
 ENGINES = ("CYCLES", "BLENDER_EEVEE", "BLENDER_EEVEE_NEXT", "BLENDER_WORKBENCH")
@@ -37,13 +38,20 @@ def test_what_is_missing_is_named():
 
 def test_a_view_that_is_not_yet_as_the_pair_says_so():
     coarse = describe_view(view("RENDERED"), "CYCLES", "", coarse=True)
-    assert coarse == describe_view(view("RENDERED"), "CYCLES", "") + ", at half resolution"
+    assert coarse == describe_view(view("RENDERED"), "CYCLES", "") + ", half resolution"
     covered = describe_view(view("RENDERED"), "CYCLES", "", coarse=True, covered=True)
     assert "picture of the scene" in covered
     assert "as the pair" not in covered
     assert "picture" not in describe_view(view("SOLID"), "CYCLES", covered=True)  # there it is not drawn
     assert "planetshine" in describe_view(view("RENDERED"), "CYCLES", "", without_planetshine=True)
     assert "planetshine" not in describe_view(view("SOLID"), "CYCLES", "", without_planetshine=True)
+
+
+def test_the_room_for_the_line_is_enough_while_a_setting_is_dragged():
+    """Noise and resolution follow within a second; none of these lines may be longer than the room."""
+    for exposed in ("", "other", "estimated"):
+        line = describe_view(view("RENDERED"), "CYCLES", exposed, coarse=True, coarse_ground=True)
+        assert len(wrap_lines(line, icon=True)) <= len(wrap_lines(LONGEST, icon=True))
 
 
 def test_the_line_names_coarse_ground():

@@ -33,6 +33,17 @@ def test_no_message_is_lost_while_it_is_polled():
         assert messages(Calculation(partial(int, k), "k")) == [{"type": "result", "value": k}]
 
 
+def test_it_reports_its_progress_in_order():
+    def work(report) -> int:
+        for k in range(3):
+            report(k / 3, f"Part {k}")
+        return 7
+
+    told = messages(Calculation(work, "parts", reports=True))
+    assert [(each["fraction"], each["message"]) for each in told[:3]] == [(k / 3, f"Part {k}") for k in range(3)]
+    assert told[3:] == [{"type": "result", "value": 7}]
+
+
 @pytest.mark.parametrize(
     ("error", "said"),
     [(IcyMoonError("a.exr is gone."), "a.exr is gone."), (MemoryError(), "the pair: there is not enough memory")],

@@ -61,3 +61,12 @@ def test_text_beyond_an_edge_is_cut():
     for left, baseline in ((-7, 5), (8, 8), (0, 0), (0, 20), (50, 5), (0, -30)):
         put_text(picture, "Left", left, baseline, 10.0, 255)
     assert picture.any()
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.01, 1.0), (1.234, 5.678), (0.93, 311.0), (9.99, 10.31)])
+def test_both_ends_of_a_scale_are_labelled_and_no_label_is_close_to_them(low, high):
+    labels = Scale(low, high).labels
+    assert [share for share, _ in labels] == sorted(share for share, _ in labels)
+    assert (labels[0][0], labels[-1][0]) == (0.0, 1.0)
+    assert [float(labels[k][1]) for k in (0, -1)] == pytest.approx([low, high], rel=5e-3)
+    assert all(0.09 < share < 0.91 for share, _ in labels[1:-1])

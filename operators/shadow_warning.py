@@ -1,0 +1,206 @@
+"""Reports in the sidebar that nearly all of the camera's view is in shadow, and how to light it; and which object of the
+user encloses the camera.
+
+After a build or a change of the Sun, the ground or the camera, a thread traces some hundred rays against the ground
+that is built. There is no render.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from functools import partial
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from ..nodes import build_scene as scenes
+from ..nodes.datablocks.array_marks import read_property
+from ..nodes.datablocks.fingerprint import TAG
+from ..physics.camera.stereo_camera import StereoCamera
+from ..physics.light.directions import direction_toward
+from ..rays.engine import open_tracer
+from ..rays.shapes import Placed, Shape, World
+from ..rays.stereo_truth import Eye
+from ..rays.sunlit_share import measure_sunlit_shares
+from ..render.workers.process import Message
+from ..render.workers.watched_thread import Calculation
+from ..settings import description
+from ..settings.topics.scene import Settings
+from ..support.arrays import Array
+from ..support.blender import compat
+from . import jobs
+from .session import session
+from .sidebar_text import find_light, find_sun
+from .view_resolution import has_window
+from .window_areas import find_scene, redraw_panels
+from .window_events import call_later, cancel_call, make_registration
+
+#: Seconds without a change before rays are traced.
+REST_S = 0.4
+#: Share of the ground in view that the Sun must reach; below it the view counts as dark.
+LEAST_LIT = 0.05
+#: Pixels of the traced image across, and azimuths of the Sun among which the best is advised.
+_COLUMNS, _AZIMUTHS = 24, 24
+_NEAR_M = 1e-3
+_EFFECTS = {"geometry", "light", "camera"}
+#: Most objects of the user that are compared with the camera at each redraw.
+_MOST_OBJECTS = 200
+BRIEF = "View in shadow: see Light"
+
+
+def schedule_check(scene: bpy.types.Scene | None, effects: frozenset[str] = frozenset(_EFFECTS)) -> None:
+    """Trace the rays of a scene after ``REST_S`` without another change."""
+    if scene is not None and effects & _EFFECTS and has_window():
+        session.to_trace.add(scene.session_uid)
+        cancel_call(_trace_next)
+        call_later(_trace_next, REST_S)
+
+
+def describe_shadow(scene: bpy.types.Scene) -> str:
+    """A sentence on the shadow in the view of a built scene and its fix; empty if the Sun lights the view, or if that
+    is not known."""
+    if scenes.find_collection(scene) is None:
+        return ""
+    return session.shadow_notes.get(scene.session_uid, "")
+
+
+def describe_enclosing(scene: bpy.types.Scene) -> str:
+    """A sentence on an object of the user that encloses the stereo camera, which makes the drawn view black; empty if
+    none does."""
+    built = scenes.find_built(scene)
+    if built is None:
+        return ""
+    place, space = built.camera.matrix_world.translation, bpy.context.space_data
+    view = {"viewport": space} if space is not None and space.type == "VIEW_3D" else {}
+    for item in scene.objects[:_MOST_OBJECTS]:
+        if item.type == "MESH" and not item.get(TAG) and item.visible_get(**view) and _is_inside(item, place):
+            return f"{item.name} encloses the camera: move or hide it"
+    return ""
+
+
+def _is_inside(item: bpy.types.Object, place: Vector) -> bool:
+    """Whether a place of the world is behind the nearest face of a mesh."""
+    corners, at = np.array(item.bound_box), item.matrix_world.inverted_safe() @ place
+    if not ((corners.min(axis=0) < np.array(at)) & (np.array(at) < corners.max(axis=0))).all():
+        return False
+    with suppress(RuntimeError):  # a mesh that is not evaluated now
+        found, nearest, normal, _ = item.closest_point_on_mesh(at)
+        return bool(found and (at - nearest).dot(normal) < 0)
+    return False
+
+
+def advise_on_shadow(settings: Settings, shares: Array) -> str:
+    """The sentence for ``shares`` (k,) of the view that are lit: by the Sun as it is, then with its azimuth turned in
+    equal steps. Empty if the Sun lights enough, or no ground is seen."""
+    if not shares[0] < LEAST_LIT:  # NaN: no ground is seen
+        return ""
+    dark = f"{100 * (1 - shares[0]):.0f} % of the ground in view is in shadow;"
+    if settings.light.directions_from != "ANGLES":
+        return f"{dark} choose another light.date_utc, or turn the camera by rig.heading_deg."
+    best = int(shares.argmax())
+    if shares[best] < LEAST_LIT:
+        return f"{dark} raise light.sun_elevation_deg ({settings.light.sun_elevation_deg:g}°)."
+    azimuth = (settings.light.sun_azimuth_deg + 360.0 * best / len(shares)) % 360.0
+    return (
+        f"{dark} set light.sun_azimuth_deg to {azimuth:.0f}° ({100 * shares[best]:.0f} % lit), or raise "
+        f"light.sun_elevation_deg ({settings.light.sun_elevation_deg:g}°)."
+    )
+
+
+def list_suns(direction: Array) -> Array:
+    """Unit vectors (k, 3) toward the Sun as it is, and with its azimuth turned in equal steps."""
+    azimuth, elevation = math.degrees(math.atan2(direction[0], direction[1])), math.degrees(math.asin(direction[2]))
+    return np.array([direction_toward(azimuth + 360.0 * k / _AZIMUTHS, elevation) for k in range(_AZIMUTHS)])
+
+
+def read_ground(built: scenes.Built) -> World:
+    """The triangles of the ground of a built scene."""
+    mesh = built.terrain.data
+    mesh.calc_loop_triangles()
+    triangles = read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
+    count = len(triangles)
+    shape = Shape(
+        read_property(mesh.vertices, "co", width=3).reshape(-1, 3),
+        triangles.astype(np.uint32),
+        np.zeros(count, bool),
+        np.ones(count, np.uint8),
+    )
+    return World([Placed(shape, np.array(built.terrain.matrix_world, np.float64)[None], np.array([1]))])
+
+
+def make_small_eye(built: scenes.Built, settings: Settings) -> Eye:
+    """The left eye of a built scene with few pixels."""
+    camera = StereoCamera.from_settings(settings.rig)
+    scale = _COLUMNS / camera.width_px
+    matrix = np.array(built.camera.matrix_world, np.float64)
+    return Eye(
+        _COLUMNS,
+        max(1, round(scale * camera.height_px)),
+        scale * camera.focal_px,
+        scale * camera.cx_px,
+        scale * camera.cy_px,
+        matrix[:3, :3] * [1.0, -1.0, -1.0],  # Blender's cameras look along -z, with y up
+        matrix[:3, 3],
+    )
+
+
+def measure_shares(world: World, eye: Eye, suns: Array) -> Array:
+    """The lit shares of ``measure_sunlit_shares``, in any thread. Raises IcyMoonError without Embree."""
+    tracer = open_tracer(world, compat.list_library_folders())
+    try:
+        return measure_sunlit_shares(world, tracer, eye, suns, _NEAR_M)
+    finally:
+        tracer.close()
+
+
+def _start(scene: bpy.types.Scene) -> jobs.Job | None:
+    """Start to trace the rays of a scene; None if there is nothing to trace or to warn of."""
+    built = scenes.find_built(scene)
+    session.shadow_notes.pop(scene.session_uid, None)
+    if built is None or built.terrain.mode != "OBJECT":
+        return None
+    settings = description.merged(built.settings, built.preview)  # as they are shown
+    sun = find_sun(find_light(settings))
+    if sun is None or settings.light.lamps:  # lamps light the view
+        return None
+    work = partial(
+        measure_shares,
+        read_ground(built),
+        make_small_eye(built, settings),
+        list_suns(np.array(sun["direction_to_world"])),
+    )
+    uid = scene.session_uid
+
+    def note(message: Message) -> None:
+        if message["type"] == "result" and (text := advise_on_shadow(settings, message["value"])):
+            session.shadow_notes[uid] = text
+        redraw_panels()
+
+    return jobs.Job("Shadow", Calculation(work, "the shadow"), note)
+
+
+def _trace_next() -> float | None:
+    """Look at the running calculation, or start the next."""
+    if session.tracing is not None:
+        if session.tracing.poll():
+            return jobs.INTERVAL_S
+        session.tracing.close()
+        session.tracing = None
+    while session.to_trace and session.tracing is None:
+        scene = find_scene(session.to_trace.pop())
+        session.tracing = _start(scene) if scene is not None else None
+    return jobs.INTERVAL_S if session.tracing is not None else None
+
+
+def _check_all() -> None:
+    """After undo, redo and opening a file: each scene may have another ground or Sun."""
+    for scene in bpy.data.scenes:
+        if scenes.find_collection(scene) is not None:
+            schedule_check(scene)
+
+
+register, unregister = make_registration(
+    schedule_check, timers=(_trace_next,), undo_post=_check_all, redo_post=_check_all, load_post=_check_all
+)
