@@ -1,5 +1,5 @@
-"""Whether the eyes and the head's cameras of a built scene are inside its ground or a rock, tested on the rendered
-meshes."""
+"""Whether the eyes, the head's cameras and the lamps of a built scene are inside its ground or a rock, tested on the
+rendered meshes."""
 
 from __future__ import annotations
 
@@ -11,11 +11,17 @@ import bpy
 from mathutils import Matrix, Vector
 
 from ..physics import scene_checks
-from ..physics.scene_checks import LEAST_EYE_HEIGHT_M, describe_buried_eye, describe_eye_in_rock
+from ..physics.scene_checks import (
+    LEAST_EYE_HEIGHT_M,
+    describe_buried_eye,
+    describe_buried_lamp,
+    describe_eye_in_rock,
+)
 from ..support.arrays import Array
 from .built_scene import Built
 from .datablocks.fingerprint import TAG
 from .head_cameras import describe_obstructed_camera, find_head_poses, read_head_cameras
+from .light.lamps import find_lamp_matrix
 from .rig import find_eye_poses
 
 _UP = Vector((0.0, 0.0, 1.0))
@@ -27,12 +33,12 @@ def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) 
     """``find_reasons`` for a scene that was just built.
 
     For the eyes they follow from the settings if possible. The mesh is tested only if it may be coarser than the images
-    under the camera, and for the cameras of a head.
+    under the camera, and for lamps and the cameras of a head.
     """
     settings = built.settings
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
     found: list[str] = list(scene_checks.find_reasons(settings))
-    if found or (graded and not settings.rig.head_file):
+    if found or (graded and not settings.rig.head_file and not settings.light.lamps):
         return found
     return find_reasons(built, scene=scene, ask_eyes=not graded)
 
@@ -40,9 +46,10 @@ def find_reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) 
 def find_reasons(
     built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None, *, ask_eyes: bool = True
 ) -> list[str]:
-    """Sentences on each eye, and each camera of a head, that sees only black because it is inside the ground or a rock.
+    """Sentences on each eye, and each camera of a head, that sees only black because it is inside the ground or a rock,
+    and on each lamp that lights nothing because it is there.
 
-    The rig is turned clockwise by ``turn_deg``. Without ``ask_eyes`` the cameras of the head alone are tested. A ray
+    The rig is turned clockwise by ``turn_deg``. Without ``ask_eyes`` the two eyes are not tested. A ray
     upward from inside the ground or a rock leaves through the outer side of a face. From outside it hits nothing, or
     enters an overhang. The test runs in ``scene``, which contains only the built scene, or in a temporary scene, so
     that Blender computes nothing in the user's scene.
@@ -66,6 +73,10 @@ def find_reasons(
             place = turn @ position if camera.frame == "RIG" else position
             where = _find_obstacle(test_scene, layer.depsgraph, place)
             found.append(describe_obstructed_camera(built.settings.rig.head_file, camera.name, where))
+        for k, (item, lamp) in enumerate(zip(built.lamps, built.settings.light.lamps, strict=False)):
+            position = find_lamp_matrix(item).translation
+            place = turn @ position if lamp.place == "CAMERA" else position
+            found.append(describe_buried_lamp(k, _find_obstacle(test_scene, layer.depsgraph, place)))
     return [sentence for sentence in found if sentence]
 
 

@@ -9,6 +9,7 @@ import bpy
 
 from .datablocks.fingerprint import OWN, STAND_IN, TAG
 from .ground.rocks import find_rock_parts
+from .light.lamps import SPREAD
 from .surface import sun_inputs
 from .surface.images import remove_unused_images
 
@@ -70,6 +71,7 @@ def remove_if_unused(found: tuple[list[Any], set[Any], set[Any]]) -> None:
     for kind in (bpy.types.NodeTree, bpy.types.Collection, bpy.types.Object):  # each uses the next
         remove_unused([], [part for part in parts if isinstance(part, kind)])
     remove_unused(data, materials)
+    remove_unused([], [text for text in bpy.data.texts if text.get(TAG) == SPREAD])
     remove_unused_images()
 
 

@@ -352,6 +352,15 @@ def _find_camera_place(rig: RigSettings) -> str:
     return f"The camera at east {rig.x_m:g} m, north {rig.y_m:g} m, heading {rig.heading_deg:g}°"
 
 
+def describe_buried_lamp(number: int, depth_m: float | None) -> str:
+    """The sentence about the lamp at this place of the list, ``depth_m`` under the ground, infinite in a rock; empty
+    for a lamp above the ground, whose depth is negative or None."""
+    if depth_m is None or depth_m < 0:
+        return ""
+    where = "inside a rock" if math.isinf(depth_m) else f"{depth_m:.3g} m under the ground"
+    return f"light.lamps[{number}] is {where}, so it lights nothing; raise its z_m, or change x_m or y_m."
+
+
 def describe_buried_eye(rig: RigSettings, eye: str, depth_m: float) -> str:
     """The sentence about an eye ``depth_m`` under the ground, or (negative) less than
     ``LEAST_EYE_HEIGHT_M`` above it."""

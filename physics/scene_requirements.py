@@ -82,6 +82,13 @@ def needs_elevation(surface: SurfaceSettings) -> bool:
     return surface.trough_dirt != 0.0 or (emits(surface) and surface.emitted_from == "HOLLOWS")
 
 
+def follows_each_light(settings: Settings) -> bool:
+    """Whether lamps light a surface whose law depends on the direction of the light. It is rendered once for each
+    light, unless a denoiser is used."""
+    laws = {settings[topic]["model"] for topic in surface_topics(settings)}
+    return bool(settings.light.lamps) and not laws <= {"LAMBERT", "PRINCIPLED"}
+
+
 def find_why_not_baked(settings: Settings) -> str:
     """A clause on why indirect light cannot be baked to the ground; empty if it can. Baked light assumes a diffuse
     surface, which looks the same from all directions. Only the planet's lamp gives light; the visible planet, rings and
@@ -222,8 +229,7 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
                 else "the planet is below the horizon or unlit."
             )
         )
-    laws = {settings[topic]["model"] for topic in surface_topics(settings)}
-    if settings.light.lamps and settings.quality.denoiser != "NONE" and not laws <= {"LAMBERT", "PRINCIPLED"}:
+    if settings.quality.denoiser != "NONE" and follows_each_light(settings):
         sentences.append(
             "light: the reflectance law follows only one of the lights, because a denoised image is one render "
             "(quality.denoiser)."

@@ -51,6 +51,8 @@ def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict
         named["rig.head_file"] = str(settings.rig.head_file)
     if settings.light.directions_from == "KERNELS":
         named["light.kernels"] = str(settings.light.kernels)
+    if any(lamp.kind == "IES" for lamp in settings.light.lamps):
+        named["light.ies_file"] = str(settings.light.ies_file)
     return {name: absolute_path(text, name, blend_folder) for name, text in named.items()}
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ...formats.ies import read_ies, write_for_cycles
 from ...physics.light.directions import direction_toward
 from ...physics.light.lamps import describe_lamp, list_lamp_groups, pair_power_w, spot_share
 from ...physics.light.sunlight import sun_colour
@@ -16,19 +18,26 @@ from ...settings.topics.light import Lamp, LightSettings
 from ...support.blender import compat
 from ...support.labels import LAMP_GROUPS
 from ..datablocks.fingerprint import NAME, TAG, find_built_objects
+from ..tree.builder import WHITE, Tree
 
 #: Roles of the objects, in the order of ``light.lamps``.
 ROLES = tuple(f"lamp {k + 1}" for k in range(len(LAMP_GROUPS)))
+SPREAD = "lamp intensity"  # role of the text with the intensity of lamps by direction
 
 
-def build_lamps(light: LightSettings, camera: bpy.types.Object) -> list[bpy.types.Object]:
+def build_lamps(light: LightSettings, camera: bpy.types.Object, ies_file: Path | None) -> list[bpy.types.Object]:
     """Blender's lights for the lamps; those of the place CAMERA are children of the ``camera``. The caller links them.
 
-    Cameras do not see the lamps themselves, of which rays for the truth know nothing.
+    ``ies_file`` has the intensity of lamps of the kind IES. Cameras do not see the lamps themselves, of which rays for
+    the truth know nothing. Raises IcyMoonError if the file cannot be read.
     """
-    made = []
+    made, spread = [], None
+    if ies_file is not None:
+        spread = bpy.data.texts.new(f"{NAME} Intensity")
+        spread[TAG], spread.use_fake_user = SPREAD, False
+        spread.write(write_for_cycles(read_ies(ies_file)))
     for k, (lamp, group) in enumerate(zip(light.lamps, list_lamp_groups(light), strict=True)):
-        source = _make_light(f"{NAME} Lamp {k + 1}", lamp, light)
+        source = _make_light(f"{NAME} Lamp {k + 1}", lamp, light, spread)
         item = bpy.data.objects.new(source.name, source)
         item[TAG], item.lightgroup, item.visible_camera = ROLES[k], group, False
         _place(item, lamp, camera)
@@ -36,10 +45,10 @@ def build_lamps(light: LightSettings, camera: bpy.types.Object) -> list[bpy.type
     return made
 
 
-def _make_light(name: str, lamp: Lamp, light: LightSettings) -> bpy.types.Light:
+def _make_light(name: str, lamp: Lamp, light: LightSettings, spread: bpy.types.Text | None) -> bpy.types.Light:
     """A light that sends out the power of a lamp. A spot of Blender keeps the intensity of a point light of its energy
     inside its cone, so its energy is larger than its flux."""
-    source = bpy.data.lights.new(name, lamp.kind)
+    source = bpy.data.lights.new(name, "POINT" if lamp.kind == "IES" else lamp.kind)
     compat.disable_light_factors(source)
     source.color = tuple(map(float, sun_colour(float(lamp.temperature_k))))
     source.energy = pair_power_w(lamp, light)
@@ -47,6 +56,15 @@ def _make_light(name: str, lamp: Lamp, light: LightSettings) -> bpy.types.Light:
         source.shape, source.size, source.spread = "SQUARE", lamp.size_m, math.pi
         return source
     source.shadow_soft_size, source.use_soft_falloff = lamp.size_m / 2, False
+    if lamp.kind == "IES":
+        # A disc that faces each point has the direction of the light as its normal; a sphere has not.
+        source.use_soft_falloff = True
+        tree = Tree(compat.ensure_light_nodes(source))
+        strength = tree.node("ShaderNodeTexIES", "Intensity", {"Vector": None, "Strength": 1.0}, mode="INTERNAL")
+        strength.ies = spread
+        shining = tree.emission("Lamp", WHITE, strength.outputs[0])
+        tree.node("ShaderNodeOutputLight", "Light", {"Surface": shining}, target="ALL")
+        tree.arrange()
     if lamp.kind == "SPOT":
         source.spot_size, source.spot_blend = math.radians(lamp.cone_deg), lamp.blend
         source.energy /= spot_share(lamp.cone_deg, lamp.blend)

@@ -127,7 +127,7 @@ def _build_lights_but_sun(settings: Settings, sky: Sky, camera: bpy.types.Object
     if light.stars:
         stars = stars_above_horizon(float(light.stars_faintest_mag), int(settings.dataset.seed), sky.from_j2000)
         items["stars"] = build_stars(f"{NAME} Stars", stars, 1 / focal_px(settings.rig))
-    lamps = build_lamps(light, camera)
+    lamps = build_lamps(light, camera, find_used_files(settings).get("light.ies_file"))
     for role, item in items.items():
         item[TAG] = role
         if role != "planetshine":

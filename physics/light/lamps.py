@@ -57,6 +57,8 @@ def spot_share(cone_deg: float, blend: float) -> float:
 def intensity(lamp: Lamp, cosine: Numbers) -> Array:
     """Intensity over power, 1/sr, far from a lamp, by the cosine of the angle from the direction in which it shines."""
     cosine = np.asarray(cosine, np.float64)
+    if lamp.kind == "IES":
+        raise ValueError("the intensity of an IES lamp is in its table")
     if lamp.kind == "AREA":
         return np.maximum(cosine, 0.0) / math.pi
     if lamp.kind == "POINT":
@@ -67,8 +69,12 @@ def intensity(lamp: Lamp, cosine: Numbers) -> Array:
 
 
 def estimate_irradiance_wm2(light: LightSettings, distance_m: float) -> float:
-    """Irradiance of a facing surface at a distance straight before all lamps together, in the unit of a pair."""
-    ahead = (pair_power_w(lamp, light) * float(intensity(lamp, 1.0)) for lamp in light.lamps)
+    """Irradiance of a facing surface at a distance straight before all lamps together, in the unit of a pair. An IES
+    lamp counts as an area, since its file is not read."""
+    ahead = (
+        pair_power_w(lamp, light) * (1 / math.pi if lamp.kind == "IES" else float(intensity(lamp, 1.0)))
+        for lamp in light.lamps
+    )
     return sum(ahead) / distance_m**2
 
 

@@ -20,6 +20,7 @@ from ...physics.camera.eyes import EYE_TOPICS, find_light_px, is_calibrated
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.scene_requirements import (
     choose_image_quality,
+    follows_each_light,
     is_baked,
     only_camera_meets_relief,
     simplify_surface,
@@ -184,6 +185,8 @@ def estimate_work(settings: Settings) -> Work:
     relative += _ROCKS_COST * (coverage > 0)
     samples = estimate_mean_samples(quality.samples, quality.noise_threshold)
     truth = _TRUTH_S_PER_MPX[quality.truth_by] if quality.truth == "FULL" else 0.0
+    if follows_each_light(settings) and quality.denoiser == "NONE":
+        relative *= 1 + len(settings.light.lamps)  # one render for each
     return Work(count_pixels(settings), samples, relative, quality.denoiser != "NONE", truth, coverage > 0)
 
 
@@ -216,12 +219,13 @@ def estimate_bytes(settings: Settings) -> float:
     noisy = min(stored.most, stored.one_sample + stored.per_doubling * math.log2(samples))
     if settings.textures.set in _DETAILED_IMAGES:
         noisy = stored.most * stored.coloured
-    coloured = light.planet and light.planet_face != "PLAIN"
+    coloured = (light.planet and light.planet_face != "PLAIN") or bool(light.lamps)
     denoised = quality.denoiser != "NONE"
     seen = stored.denoised if denoised else noisy * (stored.coloured if coloured else 1.0)
-    if light.planet or light.stars:
+    if light.planet or light.stars or light.lamps:
         beside = 0.0 if quality.files == "COMPACT" and not denoised else seen
         seen = beside + (stored.sun + (stored.coloured if coloured else stored.planet)) * noisy
+        seen += len(light.lamps) * stored.coloured * noisy
     # One more copy of the truth for the rectified rig of eyes that are turned in.
     copies = 1.0 + (settings.rig.toe_in_deg != 0)
     truth = (

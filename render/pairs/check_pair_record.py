@@ -16,6 +16,7 @@ import numpy as np
 from ...physics.camera.blur import find_blur
 from ...physics.excavation.camera_jitter import jitter_rig
 from ...physics.light.directions import camera_axes, direction_toward
+from ...physics.light.lamps import describe_lamp, list_lamp_groups
 from ...physics.light.scene_sun import sun_from_facts, sun_from_json
 from ...physics.light.sky import azimuth_deg, describe_sky, elevation_deg
 from ...settings.topics.scene import Settings
@@ -144,9 +145,29 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, ground: object,
             _SINGLE_PRECISION,
             wanted.irradiance_wm2,
         )
+    if light and not by_hand:
+        yield from _compare_lamps(light.get("lamps", []), settings)
     if facts:
         yield from _compare_value("light", light, {"j2000_to_world": facts["j2000_to_world"]})
         yield from _compare_planet(light.get("planet"), facts["planet"])
+
+
+def _compare_lamps(stated: object, settings: Settings) -> Iterator[str]:
+    """Contradictions in the lamps. A lamp at the cameras has no place of its own in the settings."""
+    lamps, light = settings.light.lamps, settings.light
+    if not isinstance(stated, list) or len(stated) != len(lamps):
+        yield _describe_contradiction("light.lamps", len(stated) if isinstance(stated, list) else stated, len(lamps))
+        return
+    for k, (entry, lamp, group) in enumerate(zip(stated, lamps, list_lamp_groups(light), strict=False)):
+        wanted = {"group": group, **describe_lamp(lamp, light)}
+        if lamp.place == "SITE":
+            wanted["position_m"] = [lamp.x_m, lamp.y_m, lamp.z_m]
+            wanted["direction_to_world"] = direction_toward(lamp.azimuth_deg, lamp.elevation_deg).tolist()
+        name = f"light.lamps[{k}]"
+        if isinstance(entry, Mapping):
+            yield from _compare_value(name, entry, wanted, _SINGLE_PRECISION)
+        else:
+            yield _describe_contradiction(name, entry, wanted)
 
 
 def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings) -> Iterator[str]:

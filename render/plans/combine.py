@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...formats.calibrations.head_file import read_head
+from ...formats.ies import read_ies
 from ...formats.map_site import check_map
 from ...formats.toml_lines import Place
 from ...physics import scene_checks
@@ -454,6 +455,7 @@ def _check_files(made: _Combination) -> None:
     if made.settings.source.kind == "HEIGHT_MAP":
         checks["source.file"] = lambda path: check_map(path, made.settings)
     checks["rig.head_file"] = read_head
+    checks["light.ies_file"] = read_ies
     for name in (name for name in checks if name in files):
         try:
             checks[name](files[name])

@@ -37,11 +37,12 @@ class Lamp(Table):
     """An entry of ``light.lamps``."""
 
     __slots__ = ()
-    kind: Literal["POINT", "SPOT", "AREA"] = choice(
+    kind: Literal["POINT", "SPOT", "AREA", "IES"] = choice(
         "Kind", "SPOT", "How the lamp spreads its light", "light",
         ("POINT", "Point", "A sphere that shines evenly in all directions, as a bare bulb"),
         ("SPOT", "Spot", "A cone of even light with a soft edge, as a headlight"),
-        ("AREA", "Area", "A square that shines to one side by Lambert's law, as an LED panel"))
+        ("AREA", "Area", "A square that shines to one side by Lambert's law, as an LED panel"),
+        ("IES", "IES File", "The measured intensity in the scene's IES file, scaled to the power"))
     power_w: float = number(
         "Power (W)", 20.0, 0.0, 1.0e5, (0.0, 100.0), "Electrical power of the lamp", "light", "W")
     efficiency: float = fraction(
@@ -194,6 +195,9 @@ class LightSettings(Table, label="Light"):
         "faces the moon", "light", section=PLANET, active=ticked("planet"), since="0.3")
     lamps: list[Lamp] = tables(
         "Lamps", Lamp, "Lamps beside the Sun, one table per lamp, at most eight", "light", section=LAMPS, since="0.4")
+    ies_file: str = text(
+        "IES File", "", "Measured intensity by direction (LM-63) of IES lamps. // is the folder of the "
+        ".blend file", "light", "read", subtype="FILE_PATH", section=LAMPS, active=ticked("lamps"), since="0.4")
     lamp_scales: str = text(
         "Lamp Factors", "", "Factors on the light of the lamps when images are evaluated, in the order of their list, "
         "such as 1, 0.5. If it is empty, all are 1", "response", "factors", section=BALANCE,

@@ -10,16 +10,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...physics.camera.sensor import black_dn
 from ...physics.light.ground_colours import Bands, ice_and_salt_bands
+from ...physics.light.lamps import radiant_power_w, read_factors
 from ...physics.light.photons import pixel_pitch_m
 from ...physics.light.sunlight import sun_colour
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
+from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
 from ..images.develop import Channels, DevelopedImages
 from .dem import Grid, mean_by_cell
@@ -109,6 +112,16 @@ def _compute_channel_signals(bands: Bands, settings: Settings) -> Array:
     channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
     light: Any = np.array(bands) * sun_colour(settings.light.sun_temperature_k)
     return np.array([plane[0, 0] for plane in channels.planes(light[None, None])]) * channels.gains
+
+
+def refuse_lamps(folder: Path, settings: Settings) -> None:
+    """Raise IcyMoonError if lamps light the images, because an albedo follows from the Sun's irradiance alone."""
+    lamps, factors = settings.light.lamps, read_factors(settings.light)
+    if any(radiant_power_w(lamp) * factor > 0 for lamp, factor in zip(lamps, factors, strict=True)):
+        raise IcyMoonError(
+            f"{folder}: an albedo follows from light of one irradiance, and lamps shine too; set light.lamp_scales "
+            "to 0 for each lamp, or leave the rules of albedo and salts out."
+        )
 
 
 def scale_sun_irradiance(irradiance_wm2: float, settings: Settings) -> float:

@@ -21,7 +21,14 @@ from ..measure.prepare_pair import PreparedPair
 from .dem import Dem, Grid, back_project_depth, make_dem, mean_by_cell, measure_height_errors, read_cells, read_grid
 from .footprints import average_under_footprint, fit_planes
 from .joint_margin import find_joint_margins_deg
-from .materials import Materials, compute_white_radiance, make_true_materials, measure, scale_sun_irradiance
+from .materials import (
+    Materials,
+    compute_white_radiance,
+    make_true_materials,
+    measure,
+    refuse_lamps,
+    scale_sun_irradiance,
+)
 from .rules import Rules
 from .safe_sites import SiteLayers, Sites, find_lit_cells, find_rocks, judge_pads, judge_sites, measure_layers
 from .scores import score_sites
@@ -288,6 +295,7 @@ def _measure_materials(workspace: Workspace, dem: Dem, bright: Array, position_m
             f"{pair.folder}: an albedo follows from light of one irradiance, and this is a lamp nearby or no light; "
             "render with the Sun, or leave the rules of albedo and salts out."
         )
+    refuse_lamps(pair.folder, settings)
     white = compute_white_radiance(prepared.images, settings)
     white = np.where(bright.reshape(bright.shape + (1,) * (white.ndim - 2)) > 0, white, np.nan)
     planes = fit_planes(dem.height_m, dem.grid.cell_m, workspace.rules.site.disc_m)

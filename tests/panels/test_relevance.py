@@ -447,7 +447,8 @@ def of_light(**state) -> set[str]:
 
 
 def test_what_a_date_gives_is_not_asked_for_and_a_planet_or_stars_that_are_not_there_have_no_settings():
-    every = {setting.key for setting in TOPICS["light"].settings} - {"place", "lamp_scales"}  # of a map, of lamps
+    of_others = {"place", "lamp_scales", "ies_file"}  # of a map, of lamps
+    every = {setting.key for setting in TOPICS["light"].settings} - of_others
     dated = {"body", "date_utc", "longitude_deg"}
     given = {
         key
@@ -462,4 +463,4 @@ def test_what_a_date_gives_is_not_asked_for_and_a_planet_or_stars_that_are_not_t
     assert of_light(stars=True) == every - dated - {"parent", "kernels"} - planet
     assert of_light(directions_from="ELEMENTS") == every - given - {"parent", "kernels"} - planet - stars
     assert of_light(directions_from="KERNELS", planet=True, stars=True) == every - given
-    assert of_light(lamps=[{}]) == of_light() | {"lamp_scales"}
+    assert of_light(lamps=[{}]) == of_light() | {"lamp_scales", "ies_file"}

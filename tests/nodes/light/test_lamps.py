@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hapke_rendering import angles, picture, rays
+from icymoon.formats.ies import read_ies
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
+from icymoon.nodes.eyes_above_ground import find_reasons
 from icymoon.nodes.light.lamps import find_lamp_matrix
 from icymoon.physics.light.lamps import find_light_factors, intensity, pair_power_w
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
@@ -163,6 +166,11 @@ def test_lamps_stand_where_they_are_stated_and_follow_the_camera():
     ]
     settings = complete({"light": {"lamps": lamps}, "rig": {"heading_deg": 0.0, "pitch_deg": 0.0}})
     built = scenes.build_scene(empty_scene(), settings)
+    assert not find_reasons(built, ask_eyes=False)
+    built.lamps[1].location.z = -2.0
+    (told,) = find_reasons(built, ask_eyes=False)
+    assert told.startswith("light.lamps[1] is ")
+    built.lamps[1].location.z = 3.0
     camera = built.camera.matrix_world.translation
 
     def stands(k: int) -> tuple[Array, Array]:
@@ -184,3 +192,39 @@ def test_lamps_stand_where_they_are_stated_and_follow_the_camera():
     assert not built.edited_parts("lamp 1")
     np.testing.assert_allclose(stands(0)[0] - built.camera.matrix_world.translation, [0.5, -0.3, -0.2], atol=1e-5)
     assert find_light_factors(turned) == {"Sun": 1.0, "Planet": 1.0, "Lamp1": 1.0}
+
+
+def write_leaning_lamp(folder: Path) -> Path:
+    """An IES file without symmetry, with a coarse table: brightest 30° off, toward its plane of 60°."""
+    vertical, horizontal = np.arange(0.0, 91.0, 15.0), np.arange(0.0, 361.0, 30.0)
+    lean = np.sin(np.radians(vertical)) * np.cos(np.radians(horizontal - 60.0))[:, None]
+    rows = [vertical, horizontal, *(100 * np.cos(np.radians(vertical)) * (1 + 0.8 * lean))]
+    body = "\n".join(" ".join(f"{value:.6f}" for value in row) for row in rows)
+    (folder / "lamp.ies").write_text(f"TILT=NONE\n1 -1 1 {len(vertical)} {len(horizontal)} 1 2 0 0 0\n1 1 9\n{body}\n")
+    return folder / "lamp.ies"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("place", ["SITE", "CAMERA"])
+def test_an_ies_lamp_has_the_intensity_of_its_table_and_its_power(tmp_path, place):
+    lamp = make_lamp("IES", 2.0)
+    if place == "CAMERA":  # which looks down, so that the lamp shines down
+        lamp |= {"place": "CAMERA", "x_m": 0.0, "y_m": 0.0, "z_m": 0.0, "elevation_deg": 0.0}
+    file = write_leaning_lamp(tmp_path)
+    pair, _ = render(tmp_path, PLANE, {"rig": see_from_above(4.0), "light": {"lamps": [lamp], "ies_file": str(file)}})
+    view, camera = read(pair), pair.camera
+    stated, pose = pair.data["light"]["lamps"][0], np.array(pair.data["poses_rectified_to_world"]["left"])
+    x, y = np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5)
+    ahead = np.stack([(x - camera.cx_px) / camera.focal_px, (y - camera.cy_px) / camera.focal_px, 0 * x + 1], axis=-1)
+    away = pose[:3, 3] + ahead @ pose[:3, :3].T * view.depth[..., None] - np.array(stated["position_m"])
+    right, up = (pose[:3, 0], -pose[:3, 1]) if place == "CAMERA" else (np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))
+    own = np.stack([away @ right, away @ up, away @ -np.array(stated["direction_to_world"])], axis=-1)
+    distance = np.linalg.norm(away, axis=-1)
+    share = read_ies(file).find_share(own)
+    expected = 0.8 / math.pi * stated["pair_w"] * share * -away[..., 2] / distance**3
+    found = view.radiance.mean(axis=-1)
+    assert found.mean() == pytest.approx(expected.mean(), rel=2e-3)
+    # The light changes by up to a tenth from pixel to pixel, and 16 samples are spread unevenly over a pixel.
+    off = np.abs(found / expected - 1)
+    assert np.median(off) < 5e-3
+    assert np.quantile(off, 0.99) < 1.5e-2

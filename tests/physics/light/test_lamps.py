@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.physics.light import lamps
 from icymoon.physics.light.photons import band_share, electron_rate
-from icymoon.physics.scene_checks import find_reasons_in_settings
+from icymoon.physics.scene_checks import describe_buried_lamp, find_reasons_in_settings
 from icymoon.settings import description
 from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.topics.scene import Settings
@@ -74,6 +74,13 @@ def test_factors_are_in_the_order_of_the_lamps_and_leave_ids_alone():
 def test_a_list_that_cannot_be_is_refused_by_one_sentence(entries, light, told):
     (reason,) = find_reasons_in_settings(make_settings(*entries, **light))
     assert told in reason
+
+
+def test_lamps_under_the_ground_or_in_a_rock_are_told():
+    assert describe_buried_lamp(1, 0.25).startswith("light.lamps[1] is 0.25 m under the ground")
+    assert "inside a rock" in describe_buried_lamp(0, math.inf)
+    assert not describe_buried_lamp(0, None)
+    assert not describe_buried_lamp(0, -0.1)
 
 
 def test_laws_in_osl_are_refused():

@@ -62,11 +62,18 @@ def finish(dataset, pair, seconds, size=1000):
         ({"textures": {"set": "FROST"}}, True),
         ({"surface": {"model": "HAPKE"}}, True),
         ({"quality": {"truth": "DEPTH"}}, False),
+        ({"surface": {"model": "LUNAR_LAMBERT"}, "light": {"lamps": [{}, {}]}}, True),
     ],
 )
 def test_what_costs_more_is_expected_to(change, dearer):
     base, other = (estimate.estimate_work(described(*c)).seconds(1e5) for c in ((), (change,)))
     assert (other > base) == dearer
+
+
+def test_each_lamp_adds_its_light_group_to_the_files():
+    none, one, two = (estimate.estimate_bytes(described({"light": {"lamps": [{}] * k}})) for k in range(3))
+    assert two - one == pytest.approx(one - none, rel=0.5)
+    assert none < one < two
 
 
 SNOW = {"surface": {"subsurface_weight": 0.8, "subsurface_radius_m": 1.0e-3}}

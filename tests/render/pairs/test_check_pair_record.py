@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from icymoon.commands.cli import main
+from icymoon.physics.light.lamps import describe_lamp
 from icymoon.render.pairs.pair_folder import find_pairs, read_pair
+from icymoon.settings import description
 from icymoon.stereo.cli import main as stereo
 from icymoon.support.errors import IcyMoonError
 from olddata import OLD, copied
@@ -71,6 +74,31 @@ def test_what_settings_contradict_is_named_with_both_values(folder, key, value):
         r"away and render the pair again\.$",
     ):
         read_pair(folder)
+
+
+def test_lamps_are_compared_with_the_settings(folder):
+    lamp = {"kind": "POINT", "place": "SITE", "x_m": 1.0, "y_m": 2.0, "z_m": 3.0, "azimuth_deg": 90.0}
+    settings = description.merged(description.defaults(), description.check({"light": {"lamps": [lamp]}}, "test"))
+    (asked,) = settings.light.lamps
+    record = {
+        "group": "Lamp1",
+        **describe_lamp(asked, settings.light),
+        "position_m": [1.0, 2.0, 3.0],
+        "direction_to_world": [1.0, 0.0, 0.0],
+    }
+    edit(folder, "settings.light.lamps", [dict(asked)])
+    for wrong, told in (
+        ([], "light.lamps is 0, and its settings give 1"),
+        ([record | {"pair_w": 1.0}], "light.lamps[0].pair_w is 1"),
+        ([record | {"position_m": [1.0, 2.0, 4.0]}], "light.lamps[0].position_m[2] is 4"),
+        ([record | {"group": "Lamp2"}], "light.lamps[0].group is 'Lamp2'"),
+        (["POINT"], "light.lamps[0] is 'POINT'"),
+    ):
+        edit(folder, "light.lamps", wrong)
+        with pytest.raises(IcyMoonError, match=re.escape(told)):
+            read_pair(folder)
+    edit(folder, "light.lamps", [record])
+    read_pair(folder)
 
 
 def baked(**changes: Any) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pairs
@@ -11,14 +12,21 @@ from icymoon.physics.light.bands import material_bands
 from icymoon.physics.light.ground_colours import ice_and_salt_bands
 from icymoon.physics.light.sunlight import sun_colour
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.settings.description import defaults, merged
+from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.decisions.dem import Dem, Grid
 from icymoon.stereo.decisions.footprints import fit_planes
-from icymoon.stereo.decisions.materials import Materials, compute_white_radiance, make_true_materials, measure
+from icymoon.stereo.decisions.materials import (
+    Materials,
+    compute_white_radiance,
+    make_true_materials,
+    measure,
+    refuse_lamps,
+)
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.safe_sites import SAFE, judge_sites, measure_layers
 from icymoon.stereo.images.develop import develop
 from icymoon.stereo.images.exr import Light
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -147,3 +155,11 @@ def test_a_rule_without_materials_is_failed():
         made = judge_sites(measure_layers(dem, height + 90.0, height + 1.0, rule, materials=materials), rule)
         assert not made.safe.any()
         assert np.isneginf(made.margin).all()
+
+
+def test_light_of_lamps_gives_no_albedo_unless_it_is_switched_off():
+    lit = merged(defaults(), check({"light": {"lamps": [{"power_w": 5.0}]}}, "test"))
+    with pytest.raises(IcyMoonError, match="lamps shine too"):
+        refuse_lamps(Path("pair"), lit)
+    refuse_lamps(Path("pair"), merged(lit, {"light": {"lamp_scales": "0"}}))
+    refuse_lamps(Path("pair"), defaults())
