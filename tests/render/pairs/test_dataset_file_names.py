@@ -209,6 +209,9 @@ def test_what_is_ours_goes(dataset):
         "pair.json",
         ".DS_Store",
         "._left.exr",
+        "lidar.npz",
+        "lidar.json",
+        make_part_path(Path("lidar.las")).name,
         "Thumbs.db",
         make_part_path(Path("pair.json")).name,
     ):
