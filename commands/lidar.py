@@ -14,7 +14,7 @@ from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.workers.lidar_request import EFFECTS, ScanRequest
 from ..settings.preset_files import LIDARS, lidar_names
 from ..stereo.export.ground import build_geometry, refuse_edited
-from ..stereo.export.lidar import check_format, read_facts, write_scan
+from ..stereo.export.lidar import check_format, discard_points, read_facts, write_scan
 from ..support.errors import IcyMoonError
 from ..support.files import is_file, quote
 from ..support.number_text import format_count
@@ -84,7 +84,9 @@ def _run_lidar(options: argparse.Namespace) -> int:
     for reason in filter(None, map(check_format, kinds)):
         raise IcyMoonError(reason)
     planned, out = _find_ground(options)
-    find_scene_media(planned.settings, lidar.instrument.wavelength_m * 1e9, request.grain_m, request.density_kg_m3)
+    if "ice" not in request.without:
+        find_scene_media(planned.settings, lidar.instrument.wavelength_m * 1e9, request.grain_m, request.density_kg_m3)
+    discard_points(out / planned.id, kinds)
     build_geometry([planned], out, options.blender, lambda message: None, str(file), request.to_json(), program="scan")
     folder = out / planned.id
     for kind in kinds:

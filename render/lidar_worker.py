@@ -116,9 +116,10 @@ def _find_sensing(
 ) -> tuple[Sensing, dict[str, Any]]:
     """What happens beyond the surface and in the detector, and facts on it."""
     settings, instrument = built.settings, lidar.instrument
-    media, words = find_scene_media(settings, instrument.wavelength_m * 1e9, asked.grain_m, asked.density_kg_m3)
     if "ice" in asked.without:
-        media, words = {}, dict.fromkeys(words, "left out, as asked")
+        media, words = {}, dict.fromkeys(("terrain", "rocks"), "left out, as asked")
+    else:
+        media, words = find_scene_media(settings, instrument.wavelength_m * 1e9, asked.grain_m, asked.density_kg_m3)
     photons_1_s, sunlight = 0.0, "left out, as asked"
     if "sunlight" not in asked.without:
         height = Sun.from_lamp(built.sun, built.sun.matrix_world).direction[2]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,12 @@ from ...formats.lidar_points import find_cells, read_returns
 from ...formats.ply import write_cloud_parts
 from ...physics.camera.rotations import quaternion
 from ...physics.lidar.scan_patterns import PatternKind, ScanPattern
+from ...render.pairs.dataset_file_names import is_regular_file
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_schemas import COUNT, MATRIX, NUMBER, TEXT, Each, Maybe, read_record
 from ...support.files import write_atomically
+from ...support.system import remove
 
 #: File of each format, beside the scan's own.
 FILES = {"ply": "lidar.ply", "las": "lidar.las", "laz": "lidar.laz", "ros2": "lidar_bag"}
@@ -167,6 +169,17 @@ def write_scan(folder: Path, kind: str) -> Path:
     write = {"ply": _write_ply, "las": _write_las, "laz": _write_las, "ros2": _write_bag}[kind]
     write(folder / FILES[kind], folder, facts)
     return folder / FILES[kind]
+
+
+def discard_points(folder: Path, kinds: Collection[str]) -> None:
+    """Remove the points of an earlier scan in a folder, before another scan writes ``kinds`` of files there. Raises
+    IcyMoonError if one of these is a bag that exists, since bags are not written over."""
+    if "ros2" in kinds and (folder / FILES["ros2"]).exists():
+        bag = folder / FILES["ros2"]
+        raise IcyMoonError(f"{bag} exists already, and a bag is not written over; remove it or choose another folder.")
+    for kind in ("ply", "las", "laz"):
+        if is_regular_file(folder / FILES[kind]):
+            remove(folder / FILES[kind])
 
 
 def check_format(kind: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.formats.lidar_file import change_lidar, read_lidar
 from icymoon.formats.lidar_points import ReturnWriter, find_cells, read_returns
-from icymoon.physics.lidar.measured_returns import Alarms, AnalogReceiver, PhotonCounter
+from icymoon.physics.lidar.measured_returns import Alarms, AnalogReceiver, Measurement, PhotonCounter, Sensing
 from icymoon.physics.lidar.returns import NO_RETURNS, Returns, join_returns
 from icymoon.physics.lidar.scan_patterns import ScanPattern
 from icymoon.settings.preset_files import LIDARS, lidar_names, preset_names
@@ -148,6 +148,34 @@ def test_a_mistake_in_a_detector_is_one_sentence(text, part, tmp_path):
         read_lidar(path)
     assert str(found.value).startswith(str(path))
     assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "range_m", "most_m"),
+    [
+        ("livox_hap", 20.0, 0.02),  # the manual
+        ("splice_hazard", 500.0, 0.01),  # NASA 2021
+        ("ouster_os1", 100.0, 0.1),  # data sheet: 10 cm at the lowest signal
+    ],
+)
+def test_detectors_have_the_precision_that_is_published(name, range_m, most_m):
+    lidar, count = read_lidar(LIDARS / f"{name}.toml"), 2000
+    zero = {
+        field.name: np.zeros((count, *getattr(NO_RETURNS, field.name).shape[1:]), getattr(NO_RETURNS, field.name).dtype)
+        for field in fields(Returns)
+    }
+    found = replace(
+        Returns(**zero),
+        beam=np.arange(count),
+        order=np.ones(count, np.uint8),
+        range_m=np.full(count, range_m),
+        energy_j=lidar.instrument.collect(np.full(count, range_m)) * 0.8 / np.pi,
+    )
+    measured, _, _ = Measurement(lidar.instrument, Sensing({}, lidar.detector)).measure(found, 0, count)
+    assert measured.detected.mean() > 0.999
+    error_m = measured.measured_range_m[measured.detected] - range_m
+    assert error_m.std() < most_m
+    assert abs(error_m.mean()) < 0.1 * most_m
 
 
 def make_returns() -> Returns:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 from dataclasses import fields
 from pathlib import Path
@@ -16,7 +17,7 @@ from icymoon.physics.lidar.measured_returns import Alarms
 from icymoon.physics.lidar.returns import NO_RETURNS, Returns
 from icymoon.physics.lidar.scan_patterns import ScanPattern
 from icymoon.stereo.export import lidar
-from icymoon.stereo.export.lidar import check_format, write_scan
+from icymoon.stereo.export.lidar import check_format, discard_points, write_scan
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import write_json
 
@@ -122,6 +123,17 @@ def test_las_is_read_back(kind, folder):
     assert np.asarray(read.gps_time).tolist() == pytest.approx([0.0, 0.2, 0.2])
 
 
+def test_a_scan_without_points_is_a_file_without_points(tmp_path):
+    with ReturnWriter(tmp_path, PATTERN) as writer:
+        writer.add(NO_RETURNS, {})
+        writer.finish(tmp_path / "lidar.npz")
+    facts = json.loads((write_folder(tmp_path / "other", False) / "lidar.json").read_text(encoding="utf-8"))
+    write_json(tmp_path / "lidar.json", facts | {"returns": 0, "beams_without_return": 6})
+    assert b"element vertex 0" in write_scan(tmp_path, "ply").read_bytes()
+    laspy = pytest.importorskip("laspy")
+    assert len(laspy.read(write_scan(tmp_path, "las"))) == 0
+
+
 def test_las_has_the_coordinates_of_the_map(tmp_path):
     laspy = pytest.importorskip("laspy")
     read = laspy.read(write_scan(write_folder(tmp_path, True, MAP), "las"))
@@ -160,6 +172,16 @@ def test_a_bag_is_read_back(folder, monkeypatch):
     assert transform.transform.rotation.z == pytest.approx(0.6)
     with pytest.raises(IcyMoonError, match="exists already"):
         write_scan(folder, "ros2")
+
+
+def test_points_of_an_earlier_scan_do_not_stay(folder):
+    (folder / "lidar.laz").write_bytes(b"old")
+    (folder / "thesis.ply").write_bytes(b"mine")
+    (folder / "lidar_bag").mkdir()
+    discard_points(folder, ["laz"])
+    assert {path.name for path in folder.iterdir()} == {"lidar.npz", "lidar.json", "lidar_bag", "thesis.ply"}
+    with pytest.raises(IcyMoonError, match="a bag is not written over"):
+        discard_points(folder, ["ros2"])
 
 
 def test_a_missing_package_and_a_missing_scan_are_one_sentence(monkeypatch, tmp_path):
