@@ -5,24 +5,34 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..formats.lidar_file import change_lidar, read_lidar
+from ..formats.lidar_file import read_lidar
 from ..physics.lidar.instrument import make_pose
-from ..render.plans.planned_pair import expand_headings
+from ..physics.lidar.scene_light import find_scene_media
+from ..render.pairs.dataset_file_names import check_no_link
+from ..render.pairs.pair_folder import read_pair
+from ..render.plans.planned_pair import PlannedPair, expand_headings
+from ..render.workers.lidar_request import EFFECTS, ScanRequest
 from ..settings.preset_files import LIDARS, lidar_names
-from ..stereo.export.ground import build_geometry
+from ..stereo.export.ground import build_geometry, refuse_edited
+from ..stereo.export.lidar import check_format, discard_points, read_facts, write_scan
 from ..support.errors import IcyMoonError
-from ..support.file_schemas import COUNT, NUMBER, read_record
 from ..support.files import is_file, quote
 from ..support.number_text import format_count
 from ..support.printer import say
 from ..support.suggestions import suggest_nearest
-from ..support.terminal import as_path
+from ..support.terminal import add_list, as_path
 from .renderer_options import add_blender_option
 from .scene_options import add_scene_options, read_settings
+
+#: Options for formats beside lidar.npz, with their names in a sentence.
+_FORMATS = {"ply": "PLY", "las": "LAS", "laz": "LAZ (packed LAS)", "ros2": "a bag of ROS 2"}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``lidar``."""
+    parser.add_argument(
+        "pair", nargs="?", type=as_path, help="folder of a rendered pair whose ground is scanned, in place of settings"
+    )
     add_scene_options(parser)
     parser.add_argument(
         "--lidar",
@@ -30,7 +40,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"a shipped scanner: {', '.join(lidar_names())}; or a TOML file (%(default)s)",
     )
-    parser.add_argument("--out", type=as_path, required=True, help="folder for the returns")
+    parser.add_argument("--out", type=as_path, help="folder for the returns (of a pair: its own folder)")
     parser.add_argument(
         "--position", type=float, nargs=3, metavar=("X", "Y", "Z"), help="the sensor in metres east, north and up"
     )
@@ -47,7 +57,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--returns", choices=("ALL", "FIRST", "STRONGEST", "LAST"), help="returns of a beam, in place of the scanner's"
     )
-    parser.add_argument("--ply", action="store_true", help="write the points as PLY too")
+    add_list(parser, "--without", "EFFECT", f"leave an effect out: {', '.join(EFFECTS)}; may repeat", choices=EFFECTS)
+    parser.add_argument("--grain-um", type=float, help="radius of the grains of snow, in place of the surfaces'")
+    parser.add_argument("--density", type=float, help="density of snow in kg/m³, in place of the excavation's")
+    parser.add_argument("--seed", type=int, help="seed of the detector's noise, in place of the scene's")
+    parser.add_argument("--scan", type=int, default=0, help="number of the scan, which changes the noise (%(default)s)")
+    for kind, words in _FORMATS.items():
+        parser.add_argument(f"--{kind}", action="store_true", help=f"write the points as {words} too")
     add_blender_option(parser)
     parser.set_defaults(run=_run_lidar)
 
@@ -62,31 +78,70 @@ def find_lidar(name: str) -> Path:
 
 def _run_lidar(options: argparse.Namespace) -> int:
     file = find_lidar(options.lidar).absolute()
-    lidar = change_lidar(read_lidar(file), options.rows, options.columns, options.rays, options.returns)
+    request = _make_request(options)
+    lidar = request.change(read_lidar(file))
+    kinds = [kind for kind in _FORMATS if getattr(options, kind)]
+    for reason in filter(None, map(check_format, kinds)):
+        raise IcyMoonError(reason)
+    planned, out = _find_ground(options)
+    if "ice" not in request.without:
+        find_scene_media(planned.settings, lidar.instrument.wavelength_m * 1e9, request.grain_m, request.density_kg_m3)
+    discard_points(out / planned.id, kinds)
+    build_geometry([planned], out, options.blender, lambda message: None, str(file), request.to_json(), program="scan")
+    folder = out / planned.id
+    for kind in kinds:
+        write_scan(folder, kind)
+    facts = read_facts(folder)
+    lost, noise = facts.get("lost_returns"), ""
+    if lost is not None:
+        alarms = format_count(facts.get("false_alarms") or 0, "false alarm")
+        noise = f"; the detector lost {lost} of the returns and has {alarms}"
+    say(
+        f"{folder}: {lidar.title}, {format_count(facts['returns'], 'return')} of "
+        f"{format_count(facts['beams'], 'beam')}, {facts['beams_without_return']} without a return{noise}"
+    )
+    return 0
+
+
+def _make_request(options: argparse.Namespace) -> ScanRequest:
+    """What the options ask for. Raises IcyMoonError for a pose without a place or a rotation, and bad numbers."""
     if (options.position is None) != (options.quaternion is None):
         raise IcyMoonError("A pose has a place and a rotation; give --position and --quaternion, or neither.")
     if options.position is not None:
         make_pose(options.position, options.quaternion)
-    pose = ",".join(map(repr, [*options.position, *options.quaternion])) if options.position else ""
-    texts = ["" if each is None else str(each) for each in (options.rows, options.columns, options.rays)]
-    planned = expand_headings(read_settings(options))[:1]
-    build_geometry(
-        planned,
-        options.out,
-        options.blender,
-        lambda message: None,
-        str(file),
-        pose,
-        *texts,
-        options.returns or "",
-        "1" if options.ply else "0",
-        program="scan",
+    for name, least in (("seed", 0), ("scan", 0)):
+        value = getattr(options, name)
+        if value is not None and value < least:
+            raise IcyMoonError(f"--{name} is {value}; give {least} or more.")
+    return ScanRequest(
+        (*options.position, *options.quaternion) if options.position else (),
+        options.rows,
+        options.columns,
+        options.rays,
+        options.returns,
+        tuple(options.without),
+        None if options.grain_um is None else options.grain_um * 1e-6,
+        options.density,
+        options.seed,
+        options.scan,
     )
-    folder = options.out / planned[0].id
-    shape = {"returns": COUNT, "beams": COUNT, "beams_without_return": COUNT, "wavelength_nm": NUMBER}
-    facts = read_record(folder / "lidar.json", shape, "scan the scene again")
-    say(
-        f"{folder}: {lidar.title}, {format_count(facts['returns'], 'return')} of "
-        f"{format_count(facts['beams'], 'beam')}, {facts['beams_without_return']} without a return"
-    )
-    return 0
+
+
+def _find_ground(options: argparse.Namespace) -> tuple[PlannedPair, Path]:
+    """The described or rendered pair whose ground is scanned, and the folder for the folder of its id."""
+    if options.pair is None:
+        if options.out is None:
+            raise IcyMoonError("The scan has no folder to go to; give --out, or the folder of a rendered pair.")
+        return expand_headings(read_settings(options))[0], options.out
+    if options.preset or options.settings or options.overrides:
+        raise IcyMoonError("A pair has its own settings; leave --preset, --settings and --set out, or the pair.")
+    pair = read_pair(options.pair)
+    refuse_edited(pair)
+    folder = pair.folder.absolute()
+    if options.out is None and options.ros2:
+        raise IcyMoonError("A bag is a folder, and a pair's folder has files only; give --out for it.")
+    if options.out is None and folder.name != pair.id:
+        raise IcyMoonError(f"{folder} has not the name of its pair, {pair.id}; rename it, or give --out.")
+    if options.out is None:
+        check_no_link(folder)
+    return PlannedPair(pair.id, pair.settings, 0.0), options.out or folder.parent

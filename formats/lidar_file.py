@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from ..physics.lidar.apd import Apd
 from ..physics.lidar.beam import FWHM_PER_HALF_ANGLE
 from ..physics.lidar.instrument import Instrument
+from ..physics.lidar.measured_returns import AnalogReceiver, Measurement, PhotonCounter, Sensing
 from ..physics.lidar.returns import Reported
 from ..physics.lidar.scan_patterns import ScanPattern
 from ..support.errors import IcyMoonError
-from ..support.file_schemas import COUNT, NUMBER, POSITIVE, TABLE, TEXT, Each, Kind, Maybe, check_record
+from ..support.file_schemas import COUNT, FLAG, NUMBER, POSITIVE, TABLE, TEXT, Each, Kind, Maybe, check_record
 from ..support.files import quote
 from ..support.foreign_bytes import ForeignBytes, parse_toml, read
 from ..support.suggestions import suggest_nearest
@@ -54,18 +56,44 @@ _LIDAR_SHAPE: dict[str, Any] = {
     "rays": Maybe(COUNT),
     "returns": Maybe(_one_of(*_REPORTED)),
     "aim": Maybe(_one_of(*_AIMS)),
+    "pulse_ns": Maybe(NUMBER),
 }
-_SHAPE: dict[str, Any] = {"lidar": _LIDAR_SHAPE, "sources": Maybe(Each(TEXT, TEXT))}
+#: Keys of ``[detector]`` for both kinds, and for each.
+_DETECTOR_SHAPE: dict[str, Any] = {
+    "kind": _one_of("APD", "SPAD"),
+    "efficiency": Maybe(NUMBER),
+    "jitter_ps": Maybe(NUMBER),
+    "resolution_mm": Maybe(NUMBER),
+    "filter_nm": Maybe(POSITIVE),
+}
+_SHAPE_BY_KIND: dict[str, dict[str, Any]] = {
+    "APD": {
+        "gain": Maybe(NUMBER),
+        "ionisation_ratio": Maybe(NUMBER),
+        "bandwidth_mhz": Maybe(NUMBER),
+        "dark_na": Maybe(NUMBER),
+        "load_ohm": Maybe(NUMBER),
+        "threshold_snr": Maybe(POSITIVE),
+        "timing": Maybe(_one_of("EDGE", "CENTROID")),
+        "saturation_electrons": Maybe(POSITIVE),
+        "corrects_walk": Maybe(FLAG),
+    },
+    "SPAD": {"dark_khz": Maybe(NUMBER)},
+}
+_SHAPE: dict[str, Any] = {"lidar": _LIDAR_SHAPE, "sources": Maybe(Each(TEXT, TEXT)), "detector": Maybe(TABLE)}
 
 
 @dataclass(frozen=True)
 class LidarFile:
     """A laser scanner, its title, and where it looks unless a pose is stated: along the cameras (CAMERA), or level
-    along their heading (LEVEL)."""
+    along their heading (LEVEL); its detector, None without one, and the width in nm of the filter before it (0: none
+    stated)."""
 
     title: str
     instrument: Instrument
     aim: str
+    detector: AnalogReceiver | PhotonCounter | None = None
+    filter_nm: float = 0.0
 
 
 def read_lidar(path: Path) -> LidarFile:
@@ -81,20 +109,60 @@ def read_lidar(path: Path) -> LidarFile:
 def parse_lidar(data: Mapping[str, Any], path: Path) -> LidarFile:
     """The laser scanner of the content of a file. Raises IcyMoonError as ``read_lidar``."""
     check_record(dict(data), {"lidar": TABLE}, path, _FIX)
-    for known, there, name in ((_SHAPE, data, ""), (_LIDAR_SHAPE, data["lidar"], "lidar.")):
-        for key in there:
-            if key not in known:
-                raise IcyMoonError(f"{path}: unknown key {name}{quote(key)}, {suggest_nearest(key, known, 0.4)}")
+    _refuse_unknown(data, _SHAPE, "", path)
+    _refuse_unknown(data["lidar"], _LIDAR_SHAPE, "lidar.", path)
     check_record(dict(data), _SHAPE, path, _FIX)
+    detector = data.get("detector")
+    if detector is not None:
+        check_record(dict(data), {"detector": {"kind": _DETECTOR_SHAPE["kind"]}}, path, _FIX)
+        shape = _DETECTOR_SHAPE | _SHAPE_BY_KIND[detector["kind"]]
+        _refuse_unknown(detector, shape, "detector.", path)
+        check_record(dict(data), {"detector": shape}, path, _FIX)
     values = data["lidar"]
     if len(values["fwhm_deg"]) != 2:
         raise IcyMoonError(
             f"{path}: lidar.fwhm_deg has {len(values['fwhm_deg'])} numbers; give two, along the rows first."
         )
     try:
-        return LidarFile(values.get("title", path.stem), _make_instrument(values), values.get("aim", "CAMERA"))
+        instrument = _make_instrument(values)
+        made = None if detector is None else _make_detector(detector)
+        if made is not None:
+            Measurement(instrument, Sensing({}, made))
+            if isinstance(made, AnalogReceiver):
+                made.make_detector(instrument)
     except IcyMoonError as error:
         raise IcyMoonError(f"{path}: {error}") from None
+    filter_nm = 0.0 if detector is None else detector.get("filter_nm", 0.0)
+    return LidarFile(values.get("title", path.stem), instrument, values.get("aim", "CAMERA"), made, filter_nm)
+
+
+def _refuse_unknown(there: Mapping[str, Any], known: Mapping[str, Any], name: str, path: Path) -> None:
+    for key in there:
+        if key not in known:
+            raise IcyMoonError(f"{path}: unknown key {name}{quote(key)}, {suggest_nearest(key, known, 0.4)}")
+
+
+def _make_detector(values: Mapping[str, Any]) -> AnalogReceiver | PhotonCounter:
+    jitter_s, resolution_m = values.get("jitter_ps", 0.0) * 1e-12, values.get("resolution_mm", 0.0) * 1e-3
+    if values["kind"] == "SPAD":
+        return PhotonCounter(values.get("efficiency", 0.3), values.get("dark_khz", 10.0) * 1e3, jitter_s, resolution_m)
+    apd = Apd(
+        values.get("gain", 100.0),
+        values.get("ionisation_ratio", 0.02),
+        values.get("efficiency", 0.7),
+        values.get("bandwidth_mhz", 200.0) * 1e6,
+        values.get("dark_na", 0.05) * 1e-9,
+        values.get("load_ohm", 1e4),
+    )
+    return AnalogReceiver(
+        apd,
+        values.get("threshold_snr", 6.0),
+        values.get("timing", "EDGE"),
+        jitter_s,
+        resolution_m,
+        values.get("saturation_electrons", np.inf),
+        values.get("corrects_walk", True),
+    )
 
 
 def _make_instrument(values: Mapping[str, Any]) -> Instrument:
@@ -123,6 +191,7 @@ def _make_instrument(values: Mapping[str, Any]) -> Instrument:
         values.get("gate_m", 0.15),
         values.get("rays", 20),
         values.get("returns", "ALL"),
+        values.get("pulse_ns", 1.0) * 1e-9,
     )
 
 

@@ -1,33 +1,90 @@
-"""Returns of a laser scanner in files: all of them as npz, and as points in PLY."""
+"""Returns of a laser scanner in ``lidar.npz``, written and read in parts, so that a scan of any size needs little
+memory."""
 
 from __future__ import annotations
 
+import math
+import tempfile
+import zipfile
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
 
+from ..physics.lidar.measured_returns import Alarms
 from ..physics.lidar.returns import Returns
 from ..physics.lidar.scan_patterns import ScanPattern
 from ..support.arrays import Array
-from ..support.files import write_atomically
-from .ply import write_cloud
+from ..support.files import explain_disk_errors, write_atomically
+from ..support.foreign_bytes import explain_errors
 
-#: Points of a PLY file: their properties, and how each is made.
-_PLY_NAMES = ("x", "y", "z", "energy_j", "range_m", "range_error_m", "return_number", "label", "instance")
+#: Rows that are processed together.
+ROWS_AT_ONCE = 2**16
+#: Bytes that are copied at once.
+_COPIED_AT_ONCE = 2**22
+_FIX = "scan the scene again"
 
 
-def write_returns(path: Path, returns: Returns, pattern: ScanPattern) -> None:
-    """Write returns as npz: the fields of ``Returns``, and ``row``, ``column`` and ``time_s`` of each return's beam.
-    Raises IcyMoonError if the disk refuses."""
-    row, column, time_s = find_cells(returns.beam, pattern)
-    arrays = {field.name: getattr(returns, field.name) for field in fields(Returns)}
+class ReturnWriter:
+    """Writes returns as npz, batch by batch: the fields of ``Returns``, arrays beside them, ``row``, ``column`` and
+    ``time_s`` of each return's beam, and of false alarms ``false_beam``, ``false_range_m`` and ``false_point_m``.
 
-    def write(part: Path) -> None:
-        with part.open("wb") as stream:
-            np.savez(stream, **arrays, row=row, column=column, time_s=time_s)
+    Arrays grow in nameless files on the same disk, since their lengths come before them in the file; so it takes twice
+    the room of the file for a moment.
+    """
 
-    write_atomically(path, write)
+    def __init__(self, folder: Path, pattern: ScanPattern) -> None:
+        self._folder, self._pattern = folder, pattern
+        self._parts: dict[str, tuple[IO[bytes], np.dtype[Any], tuple[int, ...]]] = {}
+        self._rows: dict[str, int] = {}
+
+    def add(self, returns: Returns, beside: dict[str, Array], alarms: Alarms | None = None) -> None:
+        """Append returns (k,), arrays (k,) beside them, and false alarms (None: of a scan without a detector). Raises
+        IcyMoonError if the disk refuses."""
+        row, column, time_s = find_cells(returns.beam, self._pattern)
+        arrays = {field.name: getattr(returns, field.name) for field in fields(Returns)} | beside
+        arrays |= {"row": row, "column": column, "time_s": time_s}
+        if alarms is not None:
+            arrays |= {f"false_{field.name}": getattr(alarms, field.name) for field in fields(Alarms)}
+        with explain_disk_errors("write to", self._folder):
+            for name, values in arrays.items():
+                if name not in self._parts:
+                    self._folder.mkdir(parents=True, exist_ok=True)
+                    part = tempfile.TemporaryFile(dir=self._folder)  # noqa: SIM115  closed by ``close``
+                    self._parts[name], self._rows[name] = (part, values.dtype, values.shape[1:]), 0
+                self._parts[name][0].write(np.ascontiguousarray(values).tobytes())
+                self._rows[name] += len(values)
+
+    def finish(self, path: Path) -> None:
+        """Write what was added to a file. Raises IcyMoonError if the disk refuses."""
+        write_atomically(path, self._write)
+
+    def _write(self, path: Path) -> None:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+            for name, (part, dtype, shape) in self._parts.items():
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
+                    header = {
+                        "descr": np.lib.format.dtype_to_descr(dtype),
+                        "fortran_order": False,
+                        "shape": (self._rows[name], *shape),
+                    }
+                    np.lib.format.write_array_header_1_0(stream, header)
+                    part.seek(0)
+                    while piece := part.read(_COPIED_AT_ONCE):
+                        stream.write(piece)
+
+    def close(self) -> None:
+        """Remove the arrays that were added."""
+        for part, _, _ in self._parts.values():
+            part.close()
+
+    def __enter__(self) -> ReturnWriter:
+        return self
+
+    def __exit__(self, *why: object) -> None:
+        self.close()
 
 
 def find_cells(beam: Array, pattern: ScanPattern) -> tuple[Array, Array, Array]:
@@ -39,17 +96,28 @@ def find_cells(beam: Array, pattern: ScanPattern) -> tuple[Array, Array, Array]:
     return row, column, steps[pattern.kind] * pattern.period_s
 
 
-def write_points(path: Path, returns: Returns) -> None:
-    """Write the points of returns as binary PLY, in the axes of the site. Raises IcyMoonError if the disk refuses."""
-    columns = np.column_stack(
-        [
-            returns.point_m,
-            returns.energy_j,
-            returns.range_m,
-            returns.range_m - returns.true_range_m,
-            returns.order,
-            returns.label,
-            returns.number,
-        ]
-    )
-    write_cloud(path, _PLY_NAMES, columns, ("Icy Moon: range_error_m is measured minus true range",))
+def read_returns(path: Path, names: Sequence[str], rows: int = ROWS_AT_ONCE) -> Iterator[dict[str, Array]]:
+    """Arrays of equal length of a ``lidar.npz`` by their names, ``rows`` entries at a time; those that it lacks are
+    left out. Raises IcyMoonError if the file is damaged."""
+    with explain_errors(path, "returns of a laser scanner", _FIX), zipfile.ZipFile(path) as archive:
+        present = set(archive.namelist())
+        streams = {name: archive.open(f"{name}.npy") for name in names if f"{name}.npy" in present}
+        shapes = {name: _read_header(stream) for name, stream in streams.items()}
+        count = min((shape[0] for shape, _ in shapes.values()), default=0)
+        for start in range(0, count, rows):
+            size = min(rows, count - start)
+            yield {
+                name: np.frombuffer(streams[name].read(size * dtype.itemsize * math.prod(shape[1:])), dtype).reshape(
+                    size, *shape[1:]
+                )
+                for name, (shape, dtype) in shapes.items()
+            }
+
+
+def _read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("an array has an unknown version")
+    shape, by_columns, dtype = np.lib.format.read_array_header_1_0(stream)
+    if by_columns or dtype.hasobject:
+        raise ValueError("an array is not of numbers in rows")
+    return shape, dtype

@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import struct
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
@@ -584,19 +584,28 @@ def encode_triangles(
 
 def write_cloud(path: Path, names: tuple[str, ...], columns: Array, comments: tuple[str, ...] = ()) -> None:
     """Write points, rows of ``columns`` (n, k) whose first three are x, y and z, as a binary PLY file of doubles."""
+    write_cloud_parts(path, names, [columns], len(columns), comments)
+
+
+def write_cloud_parts(
+    path: Path, names: tuple[str, ...], parts: Iterable[Array], count: int, comments: tuple[str, ...] = ()
+) -> None:
+    """As ``write_cloud``, with ``count`` rows in parts, so that not all are in memory."""
     header = [
         "ply",
         "format binary_little_endian 1.0",
         *(f"comment {each}" for each in comments),
-        f"element vertex {len(columns)}",
+        f"element vertex {count}",
         *(f"property double {name}" for name in names),
         "end_header",
         "",
     ]
-    data = "\n".join(header).encode("ascii") + np.ascontiguousarray(columns, "<f8").tobytes()
 
     def write(part: Path) -> None:
-        part.write_bytes(data)
+        with part.open("wb") as stream:
+            stream.write("\n".join(header).encode("ascii"))
+            for columns in parts:
+                stream.write(np.ascontiguousarray(columns, "<f8").tobytes())
 
     write_atomically(path, write)
 

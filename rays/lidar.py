@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..physics.lidar.backscatter import Backscatter
+from ..physics.lidar.backscatter import AlbedoMap, Backscatter
 from ..physics.lidar.beam import SubRays, make_sub_rays, spread_beams
 from ..physics.lidar.instrument import Instrument, SensorPose
+from ..physics.lidar.measured_returns import Alarms, Measurement, Sensing, select_measured
 from ..physics.lidar.returns import Echoes, Returns, find_returns, join_returns, select_returns
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -21,6 +23,19 @@ _RAYS_AT_ONCE = 2**17
 _LEAST_RANGE_M = 1e-6
 
 
+@dataclass(frozen=True)
+class ScannedBeams:
+    """Returns of some consecutive beams as the instrument reports them, arrays (k,) beside them by their names, and
+    the false alarms in these beams (None without a detector); ``beams`` and ``empty`` are the number of beams and of
+    those without a return."""
+
+    returns: Returns
+    beside: dict[str, Array]
+    alarms: Alarms | None
+    beams: int
+    empty: int
+
+
 def scan(
     world: World, tracer: Tracer, instrument: Instrument, pose: SensorPose, laws: Mapping[int, Backscatter]
 ) -> Iterator[Returns]:
@@ -29,16 +44,56 @@ def scan(
     ``laws`` have the reflectance by the label of triangles. Beams without a return have no entry. Raises IcyMoonError
     for a label without a law.
     """
+    for _, _, found in _trace_batches(world, tracer, instrument, pose, laws):
+        yield select_returns(found, instrument.reported)
+
+
+def scan_and_measure(
+    world: World,
+    tracer: Tracer,
+    instrument: Instrument,
+    pose: SensorPose,
+    laws: Mapping[int, Backscatter],
+    sensing: Sensing,
+    albedo: AlbedoMap | None = None,
+) -> Iterator[ScannedBeams]:
+    """As ``scan``, with the delay of light in ice and what the detector measures beside the returns. Without ice and
+    detector the returns are those of ``scan``. ``albedo`` makes the reflectance differ from place to place. Raises
+    IcyMoonError as ``scan``, and for a detector that does not fit."""
+    measurement = Measurement(instrument, sensing)
+    for first, end, found in _trace_batches(world, tracer, instrument, pose, laws, albedo):
+        empty = end - first - len(np.unique(found.beam))
+        if sensing.detector is None:
+            chosen = select_returns(found, instrument.reported)
+            yield ScannedBeams(chosen, measurement.delay(chosen), None, end - first, empty)
+            continue
+        measured, beam, range_m = measurement.measure(found, first, end)
+        direction = instrument.pattern.make_beams(first, end).direction[beam - first] @ pose.rotation.T
+        alarms = Alarms(beam, range_m, pose.position_m + direction * range_m[:, None])
+        indices = select_measured(found, measured, instrument.reported)
+        chosen, measured = found.take(indices), measured.take(indices)
+        yield ScannedBeams(chosen, measurement.delay(chosen) | vars(measured), alarms, end - first, empty)
+
+
+def _trace_batches(
+    world: World,
+    tracer: Tracer,
+    instrument: Instrument,
+    pose: SensorPose,
+    laws: Mapping[int, Backscatter],
+    albedo: AlbedoMap | None = None,
+) -> Iterator[tuple[int, int, Returns]]:
+    """The first beam of each batch, the one after its last, and all returns between."""
     rays = make_sub_rays(instrument.sub_rays)
     step = max(1, _RAYS_AT_ONCE // len(rays.weight))
     for first in range(0, instrument.pattern.count, step):
-        beams = instrument.pattern.make_beams(first, first + step)
-        echoes = trace_beams(world, tracer, instrument, pose, laws, beams.direction, rays)
+        end = min(first + step, instrument.pattern.count)
+        beams = instrument.pattern.make_beams(first, end)
+        echoes = trace_beams(world, tracer, instrument, pose, laws, beams.direction, rays, albedo)
         found = find_returns(echoes, rays, instrument.gate_m, first)
-        found = select_returns(found, instrument.reported)
         found.point_m[:] += pose.position_m
         found.true_point_m[:] += pose.position_m
-        yield found
+        yield first, end, found
 
 
 def scan_whole(
@@ -56,9 +111,10 @@ def trace_beams(
     laws: Mapping[int, Backscatter],
     axis: Array,
     rays: SubRays,
+    albedo: AlbedoMap | None = None,
 ) -> Echoes:
     """What the rays of beams meet; ``axis`` (m, 3) are unit vectors in the sensor's axes. Directions and normals of the
-    result are in the world."""
+    result are in the world. For ``albedo`` see ``scan_and_measure``."""
     own = spread_beams(axis, rays, instrument.half_angle_rad)
     shape = own.shape[:2]
     direction = own.reshape(-1, 3) @ pose.rotation.T
@@ -66,7 +122,11 @@ def trace_beams(
     hits = tracer.intersect(position, direction, 0.0, np.inf)
     seen = find_surface(world, hits, position, direction)
     seen.along[(seen.along < instrument.nearest_m) | (seen.along > instrument.farthest_m)] = np.inf
-    energy = _compute_energy(instrument, laws, seen, direction).reshape(shape) * rays.weight
+    energy = _compute_energy(instrument, laws, seen, direction)
+    if albedo is not None:
+        point = position + direction * np.where(np.isfinite(seen.along), seen.along, 0.0)[:, None]
+        energy *= albedo.find_factors(point, seen.label)
+    energy = energy.reshape(shape) * rays.weight
     return Echoes(
         seen.along.reshape(shape),
         energy,

@@ -1,57 +1,62 @@
 """The program that scans scenes by a laser scanner, in a separate Blender.
 
-    __main__.py scan JOB.json FOLDER LIDAR.toml POSE ROWS COLUMNS RAYS RETURNS PLY
+    __main__.py scan JOB.json FOLDER LIDAR.toml REQUEST
 
-The job is a job of ``worker``. For each of its pairs, the folder of its id gets ``lidar.npz``, ``lidar.json`` and,
-if PLY is 1, ``lidar.ply``. POSE is x,y,z,w,x,y,z: the sensor's place in metres and its rotation as a quaternion, or
-empty for a sensor at the left eye. Empty values leave what the scanner has.
+The job is a job of ``worker``. For each of its pairs, the folder of its id gets ``lidar.npz`` and ``lidar.json``.
+REQUEST is JSON, see ``workers.lidar_request``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
+import bpy
 import numpy as np
 
-from ..formats.lidar_file import LidarFile, change_lidar, read_lidar
-from ..formats.lidar_points import write_points, write_returns
+from ..formats.lidar_file import LidarFile, read_lidar
+from ..formats.lidar_points import ReturnWriter
+from ..nodes.built_scene import Built
 from ..nodes.rig import find_eye_poses
+from ..nodes.surface.sun_inputs import Sun
 from ..physics.camera.rotations import quaternion
-from ..physics.lidar.backscatter import tabulate_scene
+from ..physics.lidar.backscatter import AlbedoMap, Backscatter, find_clean_albedos, has_patches, tabulate_scene
 from ..physics.lidar.instrument import SensorPose, make_pose, mount_on_rig
-from ..physics.lidar.returns import Reported, Returns
-from ..rays.lidar import scan_whole
+from ..physics.lidar.measured_returns import Sensing
+from ..physics.lidar.noise_streams import Effects
+from ..physics.lidar.scene_light import find_scene_media, find_sunlight_1_s
+from ..physics.light.sunlight import BANDS_M
+from ..rays.enclosure import find_enclosure
+from ..rays.lidar import ScannedBeams, scan_and_measure
+from ..rays.stereo_truth import Stage
 from ..support.errors import IcyMoonError
-from ..support.files import explain_disk_errors, write_json
+from ..support.files import write_json
+from ..support.labels import ROCK, TERRAIN
 from ..support.printer import emit
 from .geometry_worker import lower_quality
+from .ground_files import make_frame_facts
+from .ground_maps import find_extent, make_materials
 from .ray_stage import CannotTrace
 from .scene_source import ScenesFromSettings
 from .worker import list_job_pairs, run_to_exit
 from .workers.job_commands import read_job
+from .workers.lidar_request import ScanRequest
 
-_NO_MEMORY_MESSAGE = "There is not enough memory for the scan; give it fewer beams, or make the ground coarser."
-
-
-@dataclass(frozen=True)
-class ScanRequest:
-    """A scanner, its pose (None: at the left eye), and whether to write PLY."""
-
-    lidar: LidarFile
-    pose: SensorPose | None
-    ply: bool
+_NO_MEMORY_MESSAGE = "There is not enough memory for the scan; make the ground coarser."
 
 
-def run_job(job: dict[str, Any], folder: Path, asked: ScanRequest, send: Callable[..., None] = emit) -> None:
+def run_job(
+    job: dict[str, Any], folder: Path, lidar: LidarFile, asked: ScanRequest, send: Callable[..., None] = emit
+) -> None:
     """Scan the scene of each pair of a job. Raises IcyMoonError for errors that a user can fix."""
-    pairs = list_job_pairs(job)
+    pairs, lidar = list_job_pairs(job), asked.change(lidar)
     with ScenesFromSettings(lambda warning: send("warning", message=warning)) as source:
         for k, planned in enumerate(pairs):
             send("progress", fraction=k / len(pairs), message=f"Scan {k + 1} of {len(pairs)}")
-            built, _, _ = source.prepare(lower_quality(planned))
+            built, scene, _ = source.prepare(lower_quality(planned))
+            albedo = None if "patches" in asked.without else _map_albedo(built, scene, lidar, folder / planned.id)
             assert source.rays is not None
             try:
                 stage = source.rays.prepare()
@@ -60,59 +65,125 @@ def run_job(job: dict[str, Any], folder: Path, asked: ScanRequest, send: Callabl
                     f"The scene cannot be scanned by rays, because {reason}; change the scene so that its truth is "
                     "traced by rays."
                 ) from None
-            eyes = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
-            pose = asked.pose or mount_on_rig(eyes["left"], asked.lidar.aim)
-            laws = tabulate_scene(planned.settings)
-            found = scan_whole(stage.ground, stage.ground_tracer, asked.lidar.instrument, pose, laws)
-            _write_scan(folder / planned.id, asked, pose, found)
+            _scan_scene(folder / planned.id, built, stage, lidar, asked, albedo)
     send("done", folders=[str(folder / planned.id) for planned in pairs])
 
 
-def _write_scan(folder: Path, asked: ScanRequest, pose: SensorPose, found: Returns) -> None:
-    instrument = asked.lidar.instrument
-    with explain_disk_errors("write to", folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    write_returns(folder / "lidar.npz", found, instrument.pattern)
-    if asked.ply:
-        write_points(folder / "lidar.ply", found)
-    hit = len(np.unique(found.beam))
-    write_json(
-        folder / "lidar.json",
-        {
-            "title": asked.lidar.title,
-            "pattern": instrument.pattern.kind,
-            "rows": instrument.pattern.rows,
-            "columns": instrument.pattern.columns,
-            "rays": instrument.sub_rays,
-            "wavelength_nm": instrument.wavelength_m * 1e9,
-            "pulse_uj": instrument.pulse_j * 1e6,
-            "sensor_to_world": pose.matrix.tolist(),
-            "position_m": pose.position_m.tolist(),
-            "quaternion_wxyz": quaternion(pose.rotation).tolist(),
-            "axes": "x forward, y left, z up; the world has x east, y north, z up",
-            "beams": instrument.pattern.count,
-            "beams_without_return": instrument.pattern.count - hit,
-            "returns": len(found),
-        },
-    )
+def _map_albedo(built: Built, scene: bpy.types.Scene, lidar: LidarFile, folder: Path) -> AlbedoMap | None:
+    """The albedo of a scene in the band next to the laser's wavelength, rendered from above; None where ground and
+    rocks have one albedo each. A temporary image is in ``folder``."""
+    if not has_patches(built.settings):
+        return None
+    extent = find_extent(built, None)
+    band = int(np.argmin(np.abs(np.array(BANDS_M) - lidar.instrument.wavelength_m)))
+    albedo = make_materials(built, scene, folder, extent)[band]
+    return AlbedoMap(albedo, extent.cell_m, extent.west_m, extent.north_m, find_clean_albedos(built.settings))
 
 
-def parse_request(words: list[str]) -> ScanRequest:
-    """The scanner, the pose and the files that the words after the folder ask for. Raises IcyMoonError."""
-    file, pose, rows, columns, rays, returns, ply = words
-    lidar = change_lidar(
-        read_lidar(Path(file)),
-        int(rows) if rows else None,
-        int(columns) if columns else None,
-        int(rays) if rays else None,
-        cast(Reported, returns) if returns else None,
-    )
-    numbers = [float(word) for word in pose.split(",")] if pose else []
-    return ScanRequest(lidar, make_pose(numbers[:3], numbers[3:]) if numbers else None, ply == "1")
+def _scan_scene(
+    folder: Path, built: Built, stage: Stage, lidar: LidarFile, asked: ScanRequest, albedo: AlbedoMap | None
+) -> None:
+    """Scan one built scene into its folder."""
+    eyes = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
+    pose = make_pose(asked.pose[:3], asked.pose[3:]) if asked.pose else mount_on_rig(eyes["left"], lidar.aim)
+    _refuse_enclosed(stage, pose)
+    laws = tabulate_scene(built.settings)
+    sensing, words = _find_sensing(built, lidar, asked, laws)
+    scanned = scan_and_measure(stage.ground, stage.ground_tracer, lidar.instrument, pose, laws, sensing, albedo)
+    with ReturnWriter(folder, lidar.instrument.pattern) as writer:
+        counts = _write_batches(writer, scanned)
+        writer.finish(folder / "lidar.npz")
+    facts = _describe_scan(lidar, pose) | counts | words | {"albedo": _describe_albedo(built, albedo)}
+    write_json(folder / "lidar.json", facts | {"site": make_frame_facts(built.settings, built.ground)})
+
+
+def _describe_albedo(built: Built, albedo: AlbedoMap | None) -> str:
+    if albedo is not None:
+        return f"of each place, as seen from above on cells of {albedo.cell_m:.3g} m, in the image's nearest band"
+    return "patches left out, as asked" if has_patches(built.settings) else "one for the ground and one for rocks"
+
+
+def _refuse_enclosed(stage: Stage, pose: SensorPose) -> None:
+    within = find_enclosure(stage.ground, stage.ground_tracer, pose.position_m)
+    if within is not None:
+        x, y, z = pose.position_m.tolist()
+        where = "inside a rock" if within == ROCK else "under the ground"
+        raise IcyMoonError(f"The sensor at ({x:.6g}, {y:.6g}, {z:.6g}) m is {where}; give another --position.")
+
+
+def _find_sensing(
+    built: Built, lidar: LidarFile, asked: ScanRequest, laws: dict[int, Backscatter]
+) -> tuple[Sensing, dict[str, Any]]:
+    """What happens beyond the surface and in the detector, and facts on it."""
+    settings, instrument = built.settings, lidar.instrument
+    if "ice" in asked.without:
+        media, words = {}, dict.fromkeys(("terrain", "rocks"), "left out, as asked")
+    else:
+        media, words = find_scene_media(settings, instrument.wavelength_m * 1e9, asked.grain_m, asked.density_kg_m3)
+    photons_1_s, sunlight = 0.0, "left out, as asked"
+    if "sunlight" not in asked.without:
+        height = Sun.from_lamp(built.sun, built.sun.matrix_world).direction[2]
+        photons_1_s, sunlight = find_sunlight_1_s(settings, instrument, lidar.filter_nm, height, laws[TERRAIN])
+    effects = Effects(**{name: name not in asked.without for name in vars(Effects())})
+    seed = int(settings.dataset.seed) if asked.seed is None else asked.seed
+    sensing = Sensing(media, lidar.detector, photons_1_s, effects, seed, asked.scan)
+    facts: dict[str, Any] = {"light_in_ice": words, "detector": "none"}
+    if lidar.detector is not None:
+        facts["detector"] = describe_detector(lidar.detector) | {
+            "sunlight": sunlight,
+            "left_out": [name for name in vars(Effects()) if name in asked.without],
+            "seed": seed,
+            "scan": asked.scan,
+        }
+    return sensing, facts
+
+
+def describe_detector(detector: Any) -> dict[str, Any]:
+    """The kind and the figures of a detector, for a file."""
+    figures = {key: None if value == np.inf else value for key, value in asdict(detector).items()}
+    return {"kind": type(detector).__name__, **figures}
+
+
+def _write_batches(writer: ReturnWriter, scanned: Iterable[ScannedBeams]) -> dict[str, int]:
+    """Write a scan, and return its counts."""
+    counts = dict.fromkeys(("beams", "beams_without_return", "returns"), 0)
+    for each in scanned:
+        writer.add(each.returns, each.beside, each.alarms)
+        counts["beams"] += each.beams
+        counts["beams_without_return"] += each.empty
+        counts["returns"] += len(each.returns)
+        if each.alarms is not None:
+            lost = int(np.isnan(each.beside["measured_range_m"]).sum())
+            counts["lost_returns"] = counts.get("lost_returns", 0) + lost
+            counts["false_alarms"] = counts.get("false_alarms", 0) + len(each.alarms.beam)
+    return counts
+
+
+def _describe_scan(lidar: LidarFile, pose: SensorPose) -> dict[str, Any]:
+    instrument = lidar.instrument
+    return {
+        "title": lidar.title,
+        "pattern": instrument.pattern.kind,
+        "rows": instrument.pattern.rows,
+        "columns": instrument.pattern.columns,
+        "period_s": instrument.pattern.period_s,
+        "rays": instrument.sub_rays,
+        "wavelength_nm": instrument.wavelength_m * 1e9,
+        "pulse_uj": instrument.pulse_j * 1e6,
+        "pulse_ns": instrument.pulse_fwhm_s * 1e9,
+        "reported": instrument.reported,
+        "sensor_to_world": pose.matrix.tolist(),
+        "position_m": pose.position_m.tolist(),
+        "quaternion_wxyz": quaternion(pose.rotation).tolist(),
+        "axes": "x forward, y left, z up; the world has x east, y north, z up",
+    }
 
 
 def main(arguments: list[str]) -> int:
-    """Run the job in a file, and end the process. Arguments: the job's file, the folder to write to, and those of
-    ``parse_request``."""
-    job, folder = Path(arguments[0]), Path(arguments[1])
-    run_to_exit(lambda: run_job(read_job(job), folder, parse_request(arguments[2:])), lambda: _NO_MEMORY_MESSAGE)
+    """Run the job in a file, and end the process. Arguments: the job's file, the folder to write to, the scanner's
+    file and the request."""
+    job, folder, lidar = (Path(word) for word in arguments[:3])
+    run_to_exit(
+        lambda: run_job(read_job(job), folder, read_lidar(lidar), ScanRequest.from_json(arguments[3])),
+        lambda: _NO_MEMORY_MESSAGE,
+    )

@@ -2,6 +2,7 @@
 
     python benchmarks light_in_ice          the table of biases
     python benchmarks light_in_ice --walk   mean paths of walks beside those of the law, in some minutes
+    python benchmarks light_in_ice --choices   how much each assumption of the law changes the bias
 
 Biases are in mm, along the beam, with the whole exit area seen and a gate of 1 m. Another field of view is given by
 ``--field`` in metres.
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from dataclasses import replace
 
 from icymoon.physics.lidar import light_in_ice as ice
 from icymoon.physics.lidar.light_in_ice import Medium, Receiver
@@ -38,6 +40,7 @@ _WALKS = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--walk", action="store_true", help="let photons walk")
+    parser.add_argument("--choices", action="store_true", help="change one assumption after the other")
     parser.add_argument("--field", type=float, default=math.inf, help="radius of the field of view in m")
 
 
@@ -45,6 +48,9 @@ def main(options: argparse.Namespace) -> None:
     """Print one of the tables."""
     if options.walk:
         compare_walks()
+        return
+    if options.choices:
+        compare_choices()
         return
     print("| medium | l*, mm | nm | 1 ns: edge / peak / centroid | 5 ns |\n|---|---|---|---|---|")
     for wavelength in _LASERS_NM:
@@ -61,6 +67,32 @@ def _row(medium: Medium, field_m: float) -> str:
     return " | ".join(
         " / ".join(f"{round(1e3 * x, 2):.3g}" for x in (b.edge_m, b.peak_m, b.centroid_m)) for b in biases
     )
+
+
+def compare_choices() -> None:
+    """Print biases of a pulse of 1 ns with one assumption after the other replaced by a simpler one."""
+    steps = (
+        ("as above", 0.845, False, ice.ALONG_BEAM),
+        ("light in all directions, z = 5/3 l*", 0.845, False, ice.ALL_EXITS),
+        ("and a delay index of 1 - φ + φ n", 0.845, True, ice.ALL_EXITS),
+        ("and g = 0.86", 0.86, True, ice.ALL_EXITS),
+    )
+    print(
+        "| assumption | nm | snow of 50 µm, 200 kg/m³ | snow of 1 mm, 500 kg/m³ | bubbly ice |\n|---|---|---|---|---|"
+    )
+    for words, g, by_volume, depth in steps:
+        for wavelength in (532.0, 905.0):
+            media = [ice.make_snow(*own, wavelength, g) for own in (_SNOW[0], _SNOW[-1])]
+            media.append(ice.make_bubbly_ice(*_BUBBLES[0], wavelength))
+            if by_volume:
+                shares = (_SNOW[0][1] / ice.ICE_KG_M3, _SNOW[-1][1] / ice.ICE_KG_M3, 1.0 - _BUBBLES[0][1])
+                media = [
+                    replace(medium, delay_index=1.0 - share + share * 1.31)
+                    for medium, share in zip(media, shares, strict=True)
+                ]
+            cells = (ice.measure_bias(medium, Receiver(_PULSES_S[0]), depth) for medium in media)
+            texts = (f"{1e3 * b.edge_m:.3g} / {1e3 * b.peak_m:.3g} / {1e3 * b.centroid_m:.3g}" for b in cells)
+            print(f"| {words} | {wavelength:g} | {' | '.join(texts)} |")
 
 
 def compare_walks() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.labels import LANDER, ROCK, TERRAIN
 from ..surfaces.photometry import Law, lunar_lambert
-from ..surfaces.surface_law import make_law
+from ..surfaces.surface_law import find_albedos, make_law
 
 #: Number of steps of the cosine in a table. Linear interpolation between them is off by less than 1e-6 for our laws to
 #: an incidence of 85 degrees; a test measures it.
@@ -38,16 +39,65 @@ class Backscatter:
         )
 
 
+@dataclass(frozen=True)
+class AlbedoMap:
+    """Albedo (rows, columns) on square cells of ``cell_m`` as seen from above, north first, from ``west_m`` and
+    ``north_m`` on; NaN where it is unknown. ``clean`` is the albedo for which the law of a label is tabulated."""
+
+    albedo: Array
+    cell_m: float
+    west_m: float
+    north_m: float
+    clean: Mapping[int, float]
+
+    def find_factors(self, point_m: Array, label: Array) -> Array:
+        """Factors (n,) on the laws' reflectance at points (n, 3) of labels (n,): the albedo of the cell over the clean
+        one; 1 outside the map and for other labels."""
+        rows, columns = self.albedo.shape
+        column = np.floor((point_m[:, 0] - self.west_m) / self.cell_m)
+        row = np.floor((self.north_m - point_m[:, 1]) / self.cell_m)
+        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        found = np.full(len(label), np.nan)
+        found[inside] = self.albedo[row[inside].astype(np.int64), column[inside].astype(np.int64)]
+        clean = np.full(256, np.nan)
+        for one, value in self.clean.items():
+            clean[one] = value if value > 0.0 else np.nan
+        factor = found / clean[label]
+        return np.where(np.isnan(factor), 1.0, factor)
+
+
 def tabulate_backscatter(law: Law) -> Backscatter:
     """The table of a law of reflectance, see ``photometry``."""
     angle = np.arccos(np.linspace(0, 1, _STEPS + 1))
     return Backscatter(np.asarray(law(angle, angle, np.zeros(len(angle)))))
 
 
+def find_clean_albedos(settings: Settings) -> dict[int, float]:
+    """The albedo of ground and rocks for which ``tabulate_scene`` makes their laws, in even light."""
+    rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
+    found = {}
+    for label, surface in ((TERRAIN, settings.surface), (ROCK, rock)):
+        albedos = find_albedos(surface, settings.hapke) if surface.model == "HAPKE" else None
+        found[label] = float(surface.albedo) if albedos is None else albedos.bond
+    return found
+
+
+def has_patches(settings: Settings) -> bool:
+    """Whether the albedo of ground or rocks differs from place to place, or from their setting."""
+    rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
+    return settings.textures.set != "NONE" or any(
+        surface.ice_colour != "GREY"
+        or (surface.model == "PRINCIPLED" and max(surface.bubble_share, surface.frost_share) > 0.0)
+        or any((surface.albedo_variation, surface.face_variation, surface.salt_share))
+        or any((surface.trough_dirt, surface.slope_dirt))
+        for surface in (settings.surface, rock)
+    )
+
+
 def tabulate_scene(settings: Settings) -> dict[int, Backscatter]:
     """The tables of a scene by semantic label. Principled snow has no closed form and counts as a Lambert surface of
     its albedo; so do the lander and other objects, with an assumed albedo. Differences of albedo from place to place
-    are left out."""
+    are those of an ``AlbedoMap``."""
     rock = settings.rock_surface if settings.rocks.own_surface else settings.surface
     laws = {
         TERRAIN: make_law(settings.surface, settings.hapke) or lunar_lambert(settings.surface.albedo, 0.0),

@@ -126,49 +126,66 @@ def detect_returns(
     true, expected = np.broadcast_arrays(np.asarray(range_m, np.float64), np.asarray(electrons, np.float64))
     if not (expected >= 0.0).all():
         raise IcyMoonError("The electrons of a return are negative or unknown; give 0 or more.")
-    base = _find_noise(detector, np.asarray(background_electrons, np.float64), effects)
+    base = find_noise(detector, np.asarray(background_electrons, np.float64), effects)
     there = np.isfinite(true) & (true >= detector.gate_m[0]) & (true <= detector.gate_m[1])
     light = np.where(there, expected, 0.0)
     noise = np.sqrt(base**2 + detector.excess_noise * light * effects.shot_noise)
     amplitude = light + noise * make_generator(seed, "lidar", scan, AMPLITUDE).standard_normal(true.shape)
     seen = there & (amplitude >= detector.threshold_electrons)
     measured = np.where(seen, true, np.nan)
-    measured += LIGHT_M_S / 2.0 * _time_return(detector, light, amplitude, noise, seed, scan, effects)
+    drawn = make_generator(seed, "lidar", scan, JITTER).standard_normal(true.shape) if effects.jitter else 0.0
+    measured += LIGHT_M_S / 2.0 * time_return(detector, light, amplitude, noise, drawn, effects)
     is_false = np.zeros(true.shape, bool)
     if effects.false_alarms:
         measured, is_false = _raise_alarms(detector, measured, base, seed, scan)
     amplitude = np.where(is_false, detector.threshold_electrons, amplitude)
-    if effects.quantization and detector.resolution_m > 0.0:
-        measured = np.rint(measured / detector.resolution_m) * detector.resolution_m
+    if effects.quantization:
+        measured = quantize(measured, detector.resolution_m)
     most = detector.saturation if effects.saturation else math.inf
     shown = np.where(np.isnan(measured), 0.0, np.clip(amplitude, 0.0, most))
     return Detections(measured, shown, is_false)
 
 
-def _find_noise(detector: Detector, background: Array, effects: Effects) -> Array:
-    """Noise without signal, in electrons of a pulse."""
+def find_noise(detector: Detector, background: Array, effects: Effects) -> Array:
+    """Noise without signal, in electrons of a pulse; ``background`` are the electrons of steady light in a pulse."""
     steady = detector.noise_electrons**2 * effects.amplifier_noise
     return np.sqrt(steady + detector.excess_noise * np.maximum(background, 0.0) * effects.shot_noise)
 
 
-def _time_return(
-    detector: Detector, light: Array, amplitude: Array, noise: Array, seed: int, scan: int, effects: Effects
+def time_return(
+    detector: Detector,
+    light: Array,
+    amplitude: Array,
+    noise: Array,
+    drawn: Numbers,
+    effects: Effects,
+    deviation_s: Numbers | None = None,
 ) -> Array:
-    """Error (n,) in s of the time of returns: walk, jitter of noise, and the detector's own jitter."""
-    sigma = detector.deviation_s
+    """Error (n,) in s of the time of returns: walk, jitter of noise, and the detector's own jitter.
+
+    ``light`` and ``amplitude`` (n,) are the expected and the noisy electrons, ``noise`` (n,) their deviation, ``drawn``
+    normal variates (0: no jitter), and ``deviation_s`` the deviation of the pulses (None: the detector's own)."""
+    shot = detector.excess_noise * effects.shot_noise
+    sigma = detector.deviation_s if deviation_s is None else np.asarray(deviation_s)
     error = np.zeros(light.shape)
     if detector.timing == "EDGE":
         over = amplitude / detector.threshold_electrons
         if effects.walk:
-            error -= edge_walk_s(sigma, over)
-        spread = edge_jitter_s(sigma, over, detector.threshold_electrons / np.maximum(noise, 1e-30))
+            error -= sigma * edge_walk_s(1.0, over)
+        # The edge crosses where the light is at the threshold, and so is its noise; the peak is later.
+        steady = np.maximum(noise**2 - shot * light, 0.0)
+        least = np.minimum(light, detector.threshold_electrons)
+        edge_noise = np.sqrt(steady + shot * least)
+        spread = sigma * edge_jitter_s(1.0, over, detector.threshold_electrons / np.maximum(edge_noise, 1e-30))
     else:
         # σ √(F N + n²) / N is the photon limit with excess noise, background and amplifier.
         spread = sigma * noise / np.maximum(light, 1.0)
-    if effects.jitter:
-        drawn = make_generator(seed, "lidar", scan, JITTER).standard_normal(light.shape)
-        error += np.hypot(spread, detector.jitter_s) * drawn
-    return error
+    return error + np.hypot(spread, detector.jitter_s) * drawn
+
+
+def quantize(range_m: Array, step_m: float) -> Array:
+    """Ranges rounded to whole steps; a step of 0 leaves them."""
+    return np.rint(range_m / step_m) * step_m if step_m > 0.0 else range_m
 
 
 def _raise_alarms(detector: Detector, measured: Array, noise: Array, seed: int, scan: int) -> tuple[Array, Array]:

@@ -17,6 +17,8 @@ from .scan_patterns import ScanPattern
 
 #: Largest deviation of a rotation matrix times its transpose from the unit matrix.
 _ROTATION_TOLERANCE = 1e-6
+#: Full width at half maximum of a Gaussian over its standard deviation.
+PULSE_FWHM = 2.0 * float(np.sqrt(2.0 * np.log(2.0)))
 #: Planck's constant times the speed of light in J m.
 _PLANCK_LIGHT_J_M = 6.62607015e-34 * 299792458.0
 
@@ -29,8 +31,8 @@ class Instrument:
     intensity along the rows and across them, ``exit_radius_m`` its radius at the sensor. The receiver has the radius
     ``aperture_radius_m``, sees a cone of ``field_half_angle_rad``, and is ``separation_m`` beside the transmitter.
     ``efficiency`` is the transmission of both optics. Surfaces from ``nearest_m`` to ``farthest_m`` are measured;
-    nearer ones only block. Surfaces within ``gate_m`` in range are one return. ``sub_rays`` rays sample a beam. Raises
-    IcyMoonError for impossible values.
+    nearer ones only block. Surfaces within ``gate_m`` in range are one return. ``sub_rays`` rays sample a beam. A pulse
+    has the full width ``pulse_fwhm_s`` at half of its height. Raises IcyMoonError for impossible values.
     """
 
     pattern: ScanPattern
@@ -47,11 +49,16 @@ class Instrument:
     gate_m: float = 0.15
     sub_rays: int = 20
     reported: Reported = "ALL"
+    pulse_fwhm_s: float = 1e-9
 
     def __post_init__(self) -> None:
         if not 0 < self.pulse_j < np.inf:
             raise IcyMoonError(
                 f"The LiDAR's pulse has {self.pulse_j:g} J; give an energy above 0 (lidar.pulse_uj, in microjoules)."
+            )
+        if not 0 < self.pulse_fwhm_s < np.inf:
+            raise IcyMoonError(
+                f"The LiDAR's pulse is {self.pulse_fwhm_s:g} s long; give a time above 0 (lidar.pulse_ns)."
             )
         if not 0 < self.wavelength_m < np.inf:
             raise IcyMoonError(f"The LiDAR's wavelength is {self.wavelength_m:g} m; give a length above 0.")
@@ -75,6 +82,11 @@ class Instrument:
             raise IcyMoonError(
                 f"The LiDAR measures from {self.nearest_m:g} m to {self.farthest_m:g} m; make the first smaller."
             )
+
+    @property
+    def pulse_deviation_s(self) -> float:
+        """Standard deviation of the pulse in s."""
+        return self.pulse_fwhm_s / PULSE_FWHM
 
     def collect(self, range_m: Array) -> Array:
         """The energy in J that comes back from a surface at ``range_m`` (n,) that meets the whole beam, over its

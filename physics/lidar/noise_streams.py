@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from ...support.arrays import Array
+from ..random_numbers.seeds import make_generator
+
 #: Child of the seed stream "lidar" of each effect, after the number of the scan; never renumbered.
-AMPLITUDE, JITTER, ALARMS, WAVEFORM, ARRIVALS = range(5)
+AMPLITUDE, JITTER, ALARMS, WAVEFORM, ARRIVALS, RETURNS, GATES = range(7)
+#: Returns of a beam that have random numbers of their own; a later return has those of an earlier one.
+_SLOTS = 4
 
 
 @dataclass(frozen=True)
@@ -24,3 +31,27 @@ class Effects:
 
 #: A detector without noise or faults.
 IDEAL = Effects(False, False, False, False, False, False, False, False)
+
+
+def draw_return_normals(beam: Array, order: Array, first: int, end: int, seed: int, scan: int = 0) -> Array:
+    """Two normal variates (2, k) for each of k returns of the beams from number ``first`` to before ``end``, by the
+    number of the beam and of the return in it, so that they do not depend on the beams that are processed together."""
+    random = make_generator(seed, "lidar", scan, RETURNS)
+    _skip(random, first * _SLOTS * 2)
+    drawn = random.random((end - first, _SLOTS, 2))[beam - first, (order.astype(np.int64) - 1) % _SLOTS]
+    radius, turn = np.sqrt(-2.0 * np.log1p(-drawn[:, 0])), 2.0 * np.pi * drawn[:, 1]
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn)])
+
+
+def draw_beam_waits(first: int, end: int, seed: int, scan: int = 0) -> Array:
+    """An exponential variate of mean 1 for each beam from number ``first`` to before ``end``, by its number."""
+    random = make_generator(seed, "lidar", scan, GATES)
+    _skip(random, first)
+    return np.asarray(-np.log1p(-random.random(end - first)))
+
+
+def _skip(random: np.random.Generator, count: int) -> None:
+    """Leave out ``count`` doubles of a generator, each of which is one number of its bits."""
+    bits = random.bit_generator
+    assert isinstance(bits, np.random.PCG64)
+    bits.advance(count)

@@ -169,8 +169,13 @@ def select_returns(returns: Returns, reported: Reported) -> Returns:
     if reported == "ALL" or not len(returns):
         return returns
     key = {"FIRST": returns.range_m, "LAST": -returns.range_m, "STRONGEST": -returns.energy_j}[reported]
-    sorting = np.lexsort((key, returns.beam))
-    return returns.take(sorting[np.flatnonzero(np.diff(returns.beam[sorting], prepend=-1))])
+    return returns.take(select_by(returns.beam, key))
+
+
+def select_by(beam: Array, *keys: Array) -> Array:
+    """Index of the return with the lowest key in each beam (k,); later keys count first."""
+    sorting = np.lexsort((*keys, beam))
+    return sorting[np.flatnonzero(np.diff(beam[sorting], prepend=-1))]
 
 
 def join_returns(parts: Iterable[Returns]) -> Returns:

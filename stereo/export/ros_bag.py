@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -50,10 +51,26 @@ def write_all(each: Each, out: Path) -> None:
 
     Raises IcyMoonError if there is a bag already.
     """
+    with open_bag(out / "pairs") as (add, types):
+        count = 0
+
+        def write(pair: LoadedPair) -> None:
+            nonlocal count
+            time = _find_time_ns(pair, count)
+            for topic, message in make_messages(pair, types, time):
+                add(topic, message, time)
+            count += 1
+
+        each(write)
+
+
+@contextmanager
+def open_bag(bag: Path) -> Iterator[tuple[Callable[[str, Any, int], None], Any]]:
+    """A new bag (MCAP), which exists once the ``with`` block ends: a function that adds a message to a topic at a time
+    in ns, and rosbags' types of messages. Raises IcyMoonError if there is a bag already, or the disk refuses."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    bag = out / "pairs"
     if bag.exists():
         raise IcyMoonError(f"{bag} exists already, and a bag is not written over; remove it or choose another folder.")
     types = get_typestore(Stores.ROS2_JAZZY)
@@ -64,19 +81,14 @@ def write_all(each: Each, out: Path) -> None:
         # In a separate folder, since a bag has the name of its folder.
         with Writer(part / bag.name, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             known: dict[str, Any] = {}
-            count = 0
 
-            def write(pair: LoadedPair) -> None:
-                nonlocal count
+            def add(topic: str, message: Any, time: int) -> None:
                 with explain_disk_errors("write to", part):
-                    time = _find_time_ns(pair, count)
-                    for topic, message in make_messages(pair, types, time):
-                        if topic not in known:
-                            known[topic] = writer.add_connection(topic, message.__msgtype__, typestore=types)
-                        writer.write(known[topic], time, types.serialize_cdr(message, message.__msgtype__))
-                count += 1
+                    if topic not in known:
+                        known[topic] = writer.add_connection(topic, message.__msgtype__, typestore=types)
+                    writer.write(known[topic], time, types.serialize_cdr(message, message.__msgtype__))
 
-            each(write)
+            yield add, types
         replace(part / bag.name, bag)
     finally:
         remove_folder(part)

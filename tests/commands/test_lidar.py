@@ -17,6 +17,11 @@ from icymoon.settings.preset_files import LIDARS, lidar_names
         (["--position", "0", "0", "2"], "give --position and --quaternion"),
         (["--position", "0", "0", "2", "--quaternion", "0", "0", "0", "0"], "pose has no rotation"),
         (["--set", "terrain.size_m=-1"], "terrain.size_m"),
+        (["--grain-um", "0"], "grain radius is 0 m"),
+        (["--grain-um", "100", "--density", "2000"], "density of snow is 2000"),
+        (["--seed", "-1"], "--seed is -1"),
+        (["no_pair"], "no_pair"),
+        (["no_pair", "--preset", "enceladus_block_field"], "A pair has its own settings"),
     ],
 )
 def test_a_mistake_is_one_sentence(words, part, tmp_path, capsys):

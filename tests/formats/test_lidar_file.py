@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from icymoon.formats.lidar_file import change_lidar, read_lidar
-from icymoon.formats.lidar_points import find_cells, write_points, write_returns
-from icymoon.formats.ply import read_properties
-from icymoon.physics.lidar.returns import NO_RETURNS, join_returns
+from icymoon.formats.lidar_points import ReturnWriter, find_cells, read_returns
+from icymoon.physics.lidar.measured_returns import Alarms, AnalogReceiver, Measurement, PhotonCounter, Sensing
+from icymoon.physics.lidar.returns import NO_RETURNS, Returns, join_returns
 from icymoon.physics.lidar.scan_patterns import ScanPattern
 from icymoon.settings.preset_files import LIDARS, lidar_names, preset_names
 from icymoon.support.errors import IcyMoonError
@@ -103,26 +103,115 @@ def test_cells_of_beams_are_those_of_the_pattern(kind):
     assert time_s == pytest.approx(beams.time_s, rel=1e-14)
 
 
-def test_returns_are_written_and_read_back(tmp_path: Path):
-    one = {
-        name: np.ones((1, *getattr(NO_RETURNS, name).shape[1:]), getattr(NO_RETURNS, name).dtype)
-        for name in ("beam", "order", "of", "range_m", "energy_j", "spread_m", "share", "point_m", "true_range_m")
+DETECTORS = """
+[detector]
+kind = "APD"
+gain = 50.0
+timing = "CENTROID"
+saturation_electrons = 1000.0
+filter_nm = 1.0
+"""
+
+
+def test_a_detector_is_read(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD + "farthest_m = 90.0\npulse_ns = 2.0\n" + DETECTORS, encoding="utf-8")
+    lidar = read_lidar(path)
+    assert isinstance(lidar.detector, AnalogReceiver)
+    assert (lidar.detector.apd.gain, lidar.detector.timing, lidar.filter_nm) == (50, "CENTROID", 1)
+    assert lidar.instrument.pulse_fwhm_s == pytest.approx(2e-9)
+    path.write_text(GOOD + 'farthest_m = 90.0\n[detector]\nkind = "SPAD"\ndark_khz = 2.0\n', encoding="utf-8")
+    counter = read_lidar(path).detector
+    assert isinstance(counter, PhotonCounter)
+    assert counter.dark_hz == 2000
+    kinds = {name: type(read_lidar(LIDARS / f"{name}.toml").detector) for name in lidar_names()}
+    assert kinds["elsa"] is PhotonCounter
+    assert {kinds[name] for name in kinds if name != "elsa"} == {AnalogReceiver}
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ('kind = "PMT"', "detector.kind is 'PMT', not one of APD, SPAD"),
+        ('kind = "SPAD"\ngain = 3.0', "unknown key detector.'gain'"),
+        ('kind = "APD"\ngain = 0.1', "gain of the photodiode is 0.1"),
+        ('kind = "SPAD"\nefficiency = 2.0', "efficiency of the photon counter is 2"),
+        ("gain = 3.0", "kind is missing"),
+        ('kind = "APD"', "give lidar.farthest_m"),
+    ],
+)
+def test_a_mistake_in_a_detector_is_one_sentence(text, part, tmp_path):
+    path = tmp_path / "mine.toml"
+    far = "" if "farthest" in part else "farthest_m = 9.0\n"
+    path.write_text(f"{GOOD}{far}[detector]\n{text}\n", encoding="utf-8")
+    with pytest.raises(IcyMoonError, match=part) as found:
+        read_lidar(path)
+    assert str(found.value).startswith(str(path))
+    assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "range_m", "most_m"),
+    [
+        ("livox_hap", 20.0, 0.02),  # the manual
+        ("splice_hazard", 500.0, 0.01),  # NASA 2021
+        ("ouster_os1", 100.0, 0.1),  # data sheet: 10 cm at the lowest signal
+    ],
+)
+def test_detectors_have_the_precision_that_is_published(name, range_m, most_m):
+    lidar, count = read_lidar(LIDARS / f"{name}.toml"), 2000
+    zero = {
+        field.name: np.zeros((count, *getattr(NO_RETURNS, field.name).shape[1:]), getattr(NO_RETURNS, field.name).dtype)
+        for field in fields(Returns)
     }
-    rest = {
-        name: np.full((1, *getattr(NO_RETURNS, name).shape[1:]), 2, getattr(NO_RETURNS, name).dtype)
-        for name in ("true_point_m", "incidence_rad", "normal", "label", "number", "on_axis")
-    }
-    first = replace(NO_RETURNS, **one, **rest)
-    returns = join_returns([first, replace(first, range_m=np.array([1.25]), beam=np.array([5]))])
-    write_returns(tmp_path / "a.npz", returns, ScanPattern("RASTER", 2, 3, 30, 10))
-    with np.load(tmp_path / "a.npz", allow_pickle=False) as stored:
-        assert stored["range_m"].tolist() == [1, 1.25]
-        assert stored["row"].tolist() == [0, 1]
-        assert stored["column"].tolist() == [1, 2]
-        assert stored["point_m"].shape == (2, 3)
-    write_points(tmp_path / "a.ply", returns)
-    read = read_properties(tmp_path / "a.ply", "x", "range_m", "range_error_m", "instance")
-    assert read is not None
-    assert read.tolist() == [[1, 1, 0, 2], [1, 1.25, 0.25, 2]]
-    write_points(tmp_path / "none.ply", NO_RETURNS)
-    write_returns(tmp_path / "none.npz", NO_RETURNS, ScanPattern("FLASH", 2, 3, 30, 10))
+    found = replace(
+        Returns(**zero),
+        beam=np.arange(count),
+        order=np.ones(count, np.uint8),
+        range_m=np.full(count, range_m),
+        energy_j=lidar.instrument.collect(np.full(count, range_m)) * 0.8 / np.pi,
+    )
+    measured, _, _ = Measurement(lidar.instrument, Sensing({}, lidar.detector)).measure(found, 0, count)
+    assert measured.detected.mean() > 0.999
+    error_m = measured.measured_range_m[measured.detected] - range_m
+    assert error_m.std() < most_m
+    assert abs(error_m.mean()) < 0.1 * most_m
+
+
+def make_returns() -> Returns:
+    first = Returns(
+        **{
+            field.name: np.full(
+                (1, *getattr(NO_RETURNS, field.name).shape[1:]), 2, getattr(NO_RETURNS, field.name).dtype
+            )
+            for field in fields(Returns)
+        }
+    )
+    return join_returns([first, replace(first, range_m=np.array([1.25]), beam=np.array([5]))])
+
+
+def test_returns_are_written_in_parts_as_numpy_writes_them(tmp_path: Path):
+    returns, pattern = make_returns(), ScanPattern("RASTER", 2, 3, 30, 10)
+    late = {"ice_edge_m": np.array([0.5, 0.25])}
+    with ReturnWriter(tmp_path, pattern) as writer:
+        for k in range(2):
+            alarms = Alarms(np.full(k, 3), np.full(k, 7.5), np.full((k, 3), 1.5))
+            writer.add(returns.take(np.array([k])), {"ice_edge_m": late["ice_edge_m"][[k]]}, alarms)
+        writer.finish(tmp_path / "a.npz")
+    row, column, time_s = find_cells(returns.beam, pattern)
+    alarm = {"false_beam": np.array([3]), "false_range_m": np.array([7.5]), "false_point_m": np.full((1, 3), 1.5)}
+    np.savez(tmp_path / "b.npz", **vars(returns), **late, row=row, column=column, time_s=time_s, **alarm)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.npz", "b.npz"]
+    parts = list(read_returns(tmp_path / "a.npz", ["point_m", "range_m", "absent"], 1))
+    assert [part["range_m"].tolist() for part in parts] == [[2.0], [1.25]]
+    assert [part["point_m"].shape for part in parts] == [(1, 3), (1, 3)]
+    assert "absent" not in parts[0]
+
+
+def test_damaged_returns_are_one_sentence(tmp_path):
+    (tmp_path / "a.npz").write_bytes(b"PK no archive")
+    with pytest.raises(IcyMoonError, match="scan the scene again"):
+        list(read_returns(tmp_path / "a.npz", ["range_m"]))
+    with pytest.raises(IcyMoonError, match="scan the scene again"):
+        list(read_returns(tmp_path / "none.npz", ["range_m"]))

@@ -7,15 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.physics.camera.rotations import from_vector
+from icymoon.physics.lidar.apd import Apd
 from icymoon.physics.lidar.backscatter import Backscatter, tabulate_backscatter
 from icymoon.physics.lidar.instrument import Instrument, SensorPose, make_pose
+from icymoon.physics.lidar.light_in_ice import make_snow
+from icymoon.physics.lidar.measured_returns import AnalogReceiver, Sensing
 from icymoon.physics.lidar.returns import Returns, join_returns
 from icymoon.physics.lidar.scan_patterns import ScanPattern
 from icymoon.physics.surfaces.photometry import lunar_lambert
 from icymoon.rays import lidar
 from icymoon.rays.embree import load_library
 from icymoon.rays.engine import open_tracer
-from icymoon.rays.lidar import scan, scan_whole
+from icymoon.rays.lidar import scan, scan_and_measure, scan_whole
 from icymoon.rays.shapes import Placed, World
 from icymoon.support.errors import IcyMoonError
 from lidar_beams import compare_with_many_rays
@@ -177,6 +180,29 @@ def test_batches_give_the_same_bits_and_bounded_pieces(monkeypatch):
     for name in ("beam", "order", "range_m", "energy_j", "point_m", "normal", "number"):
         assert np.array_equal(getattr(joined, name), getattr(whole, name))
     assert set(np.unique(whole.number)) - {1}
+
+
+def test_a_scan_is_measured_beside_its_returns():
+    """Without ice and detector the returns are the same; with them, the truth is, and more lies beside it."""
+    world, pattern = plane(10, 60), ScanPattern("FLASH", 4, 5, 20, 20)
+    tracer = open_tracer(world)
+    instrument = Instrument(pattern, 1e-6, (1e-3, 1e-3), 0.02, farthest_m=50.0)
+    whole = scan_whole(world, tracer, instrument, HOME, LAMBERT)
+    (bare,) = scan_and_measure(world, tracer, instrument, HOME, LAMBERT, Sensing({}))
+    assert all(np.array_equal(value, getattr(whole, name)) for name, value in vars(bare.returns).items())
+    assert (bare.beside, bare.alarms, bare.beams, bare.empty) == ({}, None, 20, 20 - len(whole))
+    sensing = Sensing({1: make_snow(1e-3, 500.0, 532.0)}, AnalogReceiver(Apd(), threshold=2.0))
+    (late,) = scan_and_measure(world, tracer, instrument, HOME, LAMBERT, sensing)
+    tracer.close()
+    assert np.array_equal(late.returns.range_m, whole.range_m)
+    # The threshold of a strong return is at the foot of its edge, where less of the delay is.
+    assert 0.01 < np.mean(late.beside["measured_range_m"] - whole.range_m) < 0.032
+    assert late.beside["ice_edge_m"] == pytest.approx(np.full(len(whole), 0.032), abs=0.001)
+    assert late.alarms is not None
+    # An alarm lies on the axis of its beam, at its range.
+    axis = pattern.make_beams().direction[late.alarms.beam]
+    assert len(axis)
+    assert late.alarms.point_m == pytest.approx(axis * late.alarms.range_m[:, None])
 
 
 @pytest.mark.long

@@ -12,8 +12,9 @@ from icymoon.physics.lidar.instrument import SensorPose
 from icymoon.rays.embree import load_library
 from icymoon.rays.shapes import Placed, World
 from icymoon.render import geometry_worker, lidar_worker
-from icymoon.render.lidar_worker import ScanRequest
+from icymoon.render.workers.lidar_request import ScanRequest
 from icymoon.settings.preset_files import LIDARS
+from icymoon.support.errors import IcyMoonError
 from ray_worlds import by_hand, shape
 from rendering import SMALL
 
@@ -24,7 +25,7 @@ JOB = {"settings": {**SMALL, "terrain": {"resolution": 33, "size_m": 8.0, "rms_s
 @pytest.mark.skipif(load_library() is None, reason="there is no Embree; pip install embreex")
 def test_ranges_are_those_of_the_exported_mesh(tmp_path):
     lidar = change_lidar(read_lidar(LIDARS / "flash_like_alhat.toml"), 5, 6, None, None)
-    lidar_worker.run_job(JOB, tmp_path / "scan", ScanRequest(lidar, None, True), lambda *words, **facts: None)
+    lidar_worker.run_job(JOB, tmp_path / "scan", lidar, ScanRequest(), lambda *words, **facts: None)
     geometry_worker.run_job(JOB, tmp_path / "mesh", lambda *words, **facts: None)
     (scan,), (mesh,) = (list((tmp_path / name).iterdir()) for name in ("scan", "mesh"))
     vertices = read_properties(mesh / "terrain.ply", "x", "y", "z")
@@ -44,4 +45,9 @@ def test_ranges_are_those_of_the_exported_mesh(tmp_path):
     assert found["true_range_m"][first] == pytest.approx(along, rel=1e-5)
     assert found["normal"][first] == pytest.approx(normal, abs=1e-4)
     assert set(found["label"].tolist()) == {1}
-    assert (scan / "lidar.ply").is_file()
+    assert {path.name for path in scan.iterdir()} == {"lidar.npz", "lidar.json"}
+    assert found["measured_range_m"].shape == found["range_m"].shape
+    assert facts["light_in_ice"]["terrain"].startswith("left out")
+    under = ScanRequest(pose=(0, 0, -3, 1, 0, 0, 0))
+    with pytest.raises(IcyMoonError, match="is under the ground; give another --position"):
+        lidar_worker.run_job(JOB, tmp_path / "under", lidar, under, lambda *words, **facts: None)

@@ -275,3 +275,25 @@ def test_faults_are_one_sentence(make, named):
         make()
     assert str(told.value).count(". ") == 0
     assert str(told.value).endswith(".")
+
+
+def test_a_low_threshold_on_a_strong_pulse_has_the_noise_of_its_foot():
+    # Pulses of 1e5 electrons of σ = 4 ns, timed at 1/50 of the peak, with shot noise that follows the light.
+    sigma, electrons, sample = 4e-9, 1e5, 5e-10
+    apd = Apd(gain=50.0, bandwidth_hz=4e8, load_ohm=1e6)
+    time = np.arange(120) * sample
+    peak = electrons / sigma / math.sqrt(2 * math.pi)
+    pulse = peak / apd.efficiency * np.exp(-((time - 3e-8) ** 2) / (2 * sigma**2))
+    current = apds.draw_waveforms(apd, np.tile(pulse, (1500, 1)), sample, seed=4)
+    beam, crossed = apds.find_edges(current, float(apd.signal_a(peak / apd.efficiency)) / 50, sample, 1e-6)
+    detector = Detector(
+        pulse_fwhm_s=2.3548 * sigma,
+        threshold_electrons=electrons / 50,
+        noise_electrons=0.0,
+        excess_noise=2 * apd.excess_noise * apd.bandwidth_hz * sigma * math.sqrt(2 * math.pi),
+    )
+    found = detect_returns(
+        np.full(20_000, 10.0), electrons, detector, 1, effects=Effects(false_alarms=False, walk=False)
+    )
+    assert len(np.unique(beam)) == 1500
+    assert found.range_m.std() * 2 / LIGHT_M_S == pytest.approx(crossed.std(), rel=0.1)

@@ -1,0 +1,152 @@
+"""Delays of returns from snow and ice as a detector times them, tabulated once over the range of a scan."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...support.arrays import Array
+from .instrument import Instrument
+from .light_in_ice import Medium, Receiver, Waveform, make_waveform, measure_bias
+
+#: Ranges of a table, if the receiver's field makes a difference; delays are interpolated in their logarithm.
+_NODES = 17
+#: Nearest and farthest range of a table in metres.
+_RANGES_M = (0.1, 1e5)
+#: Places before the peak of a pulse, in its standard deviations, at which a rising edge is tabulated. The waveform
+#: begins 5 deviations before the surface.
+_PLACES = np.linspace(0.0, 4.6, 93)
+#: Shares of the light before a photon, for which its time is tabulated: fine for early light.
+_SHARES = np.unique(np.concatenate([np.geomspace(1e-7, 0.5, 120), 1.0 - np.geomspace(0.5, 1e-4, 60)]))
+
+
+@dataclass(frozen=True)
+class IceDelays:
+    """Delays (k,) in metres of range of returns from a medium: at half of the peak on the rising edge, at the peak, at
+    the centroid of the light up to ``gate_m`` behind the surface; ``energy`` is the share of the light that the
+    receiver sees in this gate, ``height`` the peak over that of a hard surface which reflects as much."""
+
+    edge_m: Array
+    peak_m: Array
+    centroid_m: Array
+    energy: Array
+    height: Array
+
+
+class DelayTable:
+    """The delays of a medium in a scan by an instrument. A medium with l* = 0 is a hard surface without any."""
+
+    def __init__(self, medium: Medium, instrument: Instrument, gate_m: float = 1.0) -> None:
+        """``gate_m`` is the range behind the surface to which light counts."""
+        self._medium, self._instrument, self._gate_m = medium, instrument, gate_m
+        self.deviation_m = self._make_receiver(1.0).deviation_m
+
+    @cached_property
+    def _ranges_m(self) -> Array:
+        """The ranges of the table; one if the receiver sees all light at any range."""
+        own = self._instrument
+        if own.field_half_angle_rad >= math.pi / 2 or self._medium.transport_m == 0.0:
+            return np.ones(1)
+        near = max(own.nearest_m, _RANGES_M[0])
+        return np.geomspace(near, max(min(own.farthest_m, _RANGES_M[1]), 2.0 * near), _NODES)
+
+    def _make_receiver(self, range_m: float) -> Receiver:
+        own = self._instrument
+        wide = own.field_half_angle_rad >= math.pi / 2
+        field_m = math.inf if wide else own.aperture_radius_m + range_m * math.tan(own.field_half_angle_rad)
+        spot_m = own.exit_radius_m + range_m * max(own.half_angle_rad)
+        return Receiver(own.pulse_fwhm_s, self._gate_m, max(field_m, 1e-6), 0.0 if wide else spot_m)
+
+    @cached_property
+    def _waves(self) -> list[Waveform]:
+        return [make_waveform(self._medium, self._make_receiver(one)) for one in self._ranges_m.tolist()]
+
+    @cached_property
+    def _hard(self) -> Waveform:
+        return make_waveform(replace(self._medium, transport_m=0.0), self._make_receiver(1.0))
+
+    @cached_property
+    def _biases(self) -> Array:
+        """Edge, peak, centroid, energy and height (nodes, 5)."""
+        found = [measure_bias(self._medium, self._make_receiver(one)) for one in self._ranges_m.tolist()]
+        height = [wave.power.max() / self._hard.power.max() for wave in self._waves]
+        return np.array(
+            [
+                [each.edge_m, each.peak_m, each.centroid_m, each.energy, one]
+                for each, one in zip(found, height, strict=True)
+            ]
+        )
+
+    @cached_property
+    def _edges(self) -> Array:
+        """Delay (nodes, places) of the rising edge at the heights that a hard pulse has at ``_PLACES``."""
+        level = np.exp(-(_PLACES**2) / 2.0)
+        return np.array([_cross(wave, level) - _cross(self._hard, level) for wave in self._waves])
+
+    @cached_property
+    def _arrivals(self) -> Array:
+        """Delay (nodes, shares) at which a share of the light has arrived, against a hard surface."""
+        return np.array([_find_quantiles(wave) - _find_quantiles(self._hard) for wave in self._waves])
+
+    def find(self, range_m: Array) -> IceDelays:
+        """The delays of returns at ranges (k,)."""
+        if self._medium.transport_m == 0.0:
+            nothing = np.zeros(len(range_m))
+            return IceDelays(nothing, nothing, nothing, nothing + 1.0, nothing + 1.0)
+        place = self._locate(range_m)
+        return IceDelays(*(_mix(place, column) for column in self._biases.T))
+
+    def find_edge(self, range_m: Array, amplitude_over_threshold: Array) -> Array:
+        """Delay (k,) in metres of a rising edge at a threshold, by the peak's height over it."""
+        if self._medium.transport_m == 0.0:
+            return np.zeros(len(range_m))
+        before = np.sqrt(2.0 * np.log(np.maximum(amplitude_over_threshold, 1.0)))
+        return _interpolate(self._locate(range_m), self._edges, _PLACES, before)
+
+    def find_arrival(self, range_m: Array, share: Array) -> Array:
+        """Delay (k,) in metres of the photon that has a share (k,) of the light before it."""
+        if self._medium.transport_m == 0.0:
+            return np.zeros(len(range_m))
+        return _interpolate(self._locate(range_m), self._arrivals, _SHARES, share)
+
+    def find_hard_arrival(self, share: Array) -> Array:
+        """Time (k,) as range in metres, from the centre of a hard surface's pulse, by the share of light before it."""
+        return np.asarray(np.interp(share, _SHARES, _find_quantiles(self._hard)))
+
+    def _locate(self, range_m: Array) -> Array:
+        """Places (k,) in the table's ranges."""
+        if len(self._ranges_m) == 1:
+            return np.zeros(len(range_m))
+        at = np.log(np.maximum(range_m, 1e-6))
+        return np.asarray(np.interp(at, np.log(self._ranges_m), np.arange(len(self._ranges_m))))
+
+
+def _mix(place: Array, values: Array) -> Array:
+    return np.asarray(np.interp(place, np.arange(len(values)), values))
+
+
+def _interpolate(place: Array, table: Array, axis: Array, at: Array) -> Array:
+    """Values (k,) of ``table`` (nodes, a) at places (k,) of its rows and at ``at`` (k,) along ``axis`` (a,)."""
+    column = np.interp(at, axis, np.arange(len(axis)))
+    corners = []
+    for row in (np.floor(place).astype(np.int64), np.ceil(place).astype(np.int64)):
+        left, right = np.floor(column).astype(np.int64), np.ceil(column).astype(np.int64)
+        corners.append(table[row, left] + (column - left) * (table[row, right] - table[row, left]))
+    return np.asarray(corners[0] + (place - np.floor(place)) * (corners[1] - corners[0]))
+
+
+def _cross(wave: Waveform, level: Array) -> Array:
+    """Ranges at which a waveform rises through shares of its peak."""
+    top = int(np.argmax(wave.power))
+    return np.asarray(np.interp(level * wave.power[top], wave.power[: top + 1], wave.range_m[: top + 1]))
+
+
+def _find_quantiles(wave: Waveform) -> Array:
+    """Ranges before which the shares ``_SHARES`` of a waveform have arrived."""
+    step = wave.range_m[1] - wave.range_m[0]
+    arrived = np.concatenate([[0.0], np.cumsum(wave.power)])
+    edges = np.concatenate([[wave.range_m[0] - step / 2.0], wave.range_m + step / 2.0])
+    return np.asarray(np.interp(_SHARES, arrived / arrived[-1], edges))

@@ -1,0 +1,344 @@
+"""Scans of laser scanners for other programs: PLY, LAS and LAZ, and bags of ROS 2, each in parts of bounded memory.
+
+A point is where the instrument puts a return: at the measured range of a scan with a detector, along the beam's axis.
+Lost returns have no point. False alarms are points without a label, with the return number 0.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...formats.lidar_points import find_cells, read_returns
+from ...formats.ply import write_cloud_parts
+from ...physics.camera.rotations import quaternion
+from ...physics.lidar.scan_patterns import PatternKind, ScanPattern
+from ...render.pairs.dataset_file_names import is_regular_file
+from ...support.arrays import Array
+from ...support.errors import IcyMoonError
+from ...support.file_schemas import COUNT, MATRIX, NUMBER, TEXT, Each, Maybe, read_record
+from ...support.files import write_atomically
+from ...support.system import remove
+
+#: File of each format, beside the scan's own.
+FILES = {"ply": "lidar.ply", "las": "lidar.las", "laz": "lidar.laz", "ros2": "lidar_bag"}
+_FIX = "scan the scene again"
+_FACTS_SHAPE = {
+    "pattern": TEXT,
+    "rows": COUNT,
+    "columns": COUNT,
+    "period_s": NUMBER,
+    "wavelength_nm": NUMBER,
+    "position_m": Each(NUMBER),
+    "sensor_to_world": MATRIX,
+    "returns": COUNT,
+    "beams": COUNT,
+    "beams_without_return": COUNT,
+    "lost_returns": Maybe(COUNT),
+    "false_alarms": Maybe(COUNT),
+}
+_RETURN_NAMES = (
+    "beam",
+    "order",
+    "of",
+    "range_m",
+    "energy_j",
+    "point_m",
+    "true_range_m",
+    "label",
+    "number",
+    "row",
+    "time_s",
+    "measured_range_m",
+    "measured_electrons",
+    "ice_edge_m",
+)
+_ALARM_NAMES = ("false_beam", "false_range_m", "false_point_m")
+#: Step of LAS coordinates in metres; 32 bits of them reach 214 km.
+_LAS_STEP_M = 1e-4
+#: Most points of a message, about 40 MB.
+_POINTS_A_MESSAGE = 10**6
+_NS_PER_S = 1_000_000_000
+_PLANCK_LIGHT_J_M = 6.62607015e-34 * 299792458.0
+
+
+@dataclass(frozen=True)
+class ScanPoints:
+    """Points (k,) of a scan: ``point_m`` (k, 3) in the site's axes, measured range, its error (NaN of a false alarm),
+    the light that came back in J and as a number of electrons or photons, return number and number of returns, label
+    and instance, row of the beam, time in s after the scan began, and the delay in ice in metres."""
+
+    point_m: Array
+    range_m: Array
+    error_m: Array
+    energy_j: Array
+    light: Array
+    order: Array
+    of: Array
+    label: Array
+    number: Array
+    row: Array
+    time_s: Array
+    ice_m: Array
+
+    def __len__(self) -> int:
+        return len(self.range_m)
+
+
+def read_facts(folder: Path) -> dict[str, Any]:
+    """The content of the ``lidar.json`` of a scan. Raises IcyMoonError if it is missing or damaged."""
+    try:
+        return dict(read_record(folder / "lidar.json", _FACTS_SHAPE, _FIX))
+    except FileNotFoundError:
+        raise IcyMoonError(f"{folder / 'lidar.json'} is missing; {_FIX}.") from None
+
+
+def count_points(facts: Mapping[str, Any]) -> int:
+    """The number of points of a scan."""
+    return int(facts["returns"] - (facts.get("lost_returns") or 0) + (facts.get("false_alarms") or 0))
+
+
+def read_points(folder: Path, facts: Mapping[str, Any]) -> Iterator[ScanPoints]:
+    """The points of a scan in parts: those of returns in the order of their beams, then false alarms."""
+    path, position = folder / "lidar.npz", np.array(facts["position_m"])
+    photons_1_j = facts["wavelength_nm"] * 1e-9 / _PLANCK_LIGHT_J_M
+    for part in read_returns(path, _RETURN_NAMES):
+        range_m = part.get("measured_range_m", part["range_m"])
+        kept = np.isfinite(range_m)
+        with np.errstate(invalid="ignore"):
+            along = (range_m / part["range_m"])[:, None]
+        point = part["point_m"] if "measured_range_m" not in part else position + (part["point_m"] - position) * along
+        yield ScanPoints(
+            point[kept],
+            range_m[kept],
+            (range_m - part["true_range_m"])[kept],
+            part["energy_j"][kept],
+            part.get("measured_electrons", part["energy_j"] * photons_1_j)[kept],
+            part["order"][kept],
+            part["of"][kept],
+            part["label"][kept],
+            part["number"][kept],
+            part["row"][kept],
+            part["time_s"][kept],
+            part.get("ice_edge_m", np.zeros(len(kept)))[kept],
+        )
+    for part in read_returns(path, _ALARM_NAMES):
+        yield _make_alarm_points(part, facts)
+
+
+def _make_alarm_points(part: Mapping[str, Array], facts: Mapping[str, Any]) -> ScanPoints:
+    """The points of false alarms."""
+    pattern = ScanPattern(_check_kind(facts), facts["rows"], facts["columns"], 0, 0, 0, facts["period_s"])
+    row, _, time_s = find_cells(part["false_beam"], pattern)
+    count = len(row)
+    none, zero = np.zeros(count), np.zeros(count, np.uint8)
+    number, unknown = np.zeros(count, np.int64), np.full(count, np.nan)
+    return ScanPoints(
+        part["false_point_m"],
+        part["false_range_m"],
+        unknown,
+        none,
+        none,
+        zero,
+        zero,
+        zero,
+        number,
+        row,
+        time_s,
+        none,
+    )
+
+
+def _check_kind(facts: Mapping[str, Any]) -> PatternKind:
+    for kind in ("SPINNING", "RASTER", "FLASH"):
+        if facts["pattern"] == kind:
+            return kind
+    raise IcyMoonError(f"lidar.json has the pattern {str(facts['pattern'])[:40]!r}, which no scanner has; {_FIX}.")
+
+
+def write_scan(folder: Path, kind: str) -> Path:
+    """Write the points of the scan in a folder as ``kind``, one of ``FILES``, and return the file's path. Raises
+    IcyMoonError if a package is missing, or the disk refuses."""
+    facts = read_facts(folder)
+    write = {"ply": _write_ply, "las": _write_las, "laz": _write_las, "ros2": _write_bag}[kind]
+    write(folder / FILES[kind], folder, facts)
+    return folder / FILES[kind]
+
+
+def discard_points(folder: Path, kinds: Collection[str]) -> None:
+    """Remove the points of an earlier scan in a folder, before another scan writes ``kinds`` of files there. Raises
+    IcyMoonError if one of these is a bag that exists, since bags are not written over."""
+    if "ros2" in kinds and (folder / FILES["ros2"]).exists():
+        bag = folder / FILES["ros2"]
+        raise IcyMoonError(f"{bag} exists already, and a bag is not written over; remove it or choose another folder.")
+    for kind in ("ply", "las", "laz"):
+        if is_regular_file(folder / FILES[kind]):
+            remove(folder / FILES[kind])
+
+
+def check_format(kind: str) -> str:
+    """Why a format cannot be written in this Python, in a sentence; empty if it can."""
+    needed = {"las": ("laspy",), "laz": ("laspy", "lazrs")}.get(kind, ())
+    for name in needed:
+        if importlib.util.find_spec(name) is None:
+            return f'{kind.upper()} files need the package {name}; pip install "icymoon[las]".'
+    if kind == "ros2":
+        from .ros_bag import check
+
+        return check()
+    return ""
+
+
+def _write_ply(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
+    names = ["x", "y", "z", "energy_j", "range_m", "range_error_m", "return_number", "label", "instance"]
+    measured = facts.get("lost_returns") is not None
+    names += ["electrons", "ice_delay_m"] if measured else []
+
+    def list_parts() -> Iterator[Array]:
+        for part in read_points(folder, facts):
+            columns = [part.point_m, part.energy_j, part.range_m, part.error_m, part.order, part.label, part.number]
+            yield np.column_stack(columns + ([part.light, part.ice_m] if measured else []))
+
+    comment = "Icy Moon: range_error_m is measured minus true range"
+    write_cloud_parts(path, tuple(names), list_parts(), count_points(facts), (comment,))
+
+
+def _write_las(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
+    """LAS 1.4 with points of format 6; the file's ending decides whether it is packed."""
+    import laspy
+
+    place = facts.get("site", {}).get("map")
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.generating_software = "Icy Moon"
+    header.system_identifier = str(facts.get("title", ""))[:31].encode("ascii", "replace").decode()
+    origin, scale = _find_map(place)
+    header.offsets = np.floor(_to_map(np.array([facts["position_m"]]), origin, scale)[0])
+    header.scales = np.full(3, _LAS_STEP_M)
+    extra = ("range_m", "range_error_m", "energy_j", "electrons", "ice_delay_m")
+    header.add_extra_dims(
+        [laspy.ExtraBytesParams(name, "f8") for name in extra] + [laspy.ExtraBytesParams("instance", "i8")]
+    )
+    if place:
+        text = json.dumps(place).encode()
+        header.vlrs.append(laspy.VLR("icymoon", 1, "place of the site on a map", text[:65535]))
+
+    def write(part_path: Path) -> None:
+        packed = path.suffix == ".laz"
+        with part_path.open("wb") as stream, laspy.LasWriter(stream, header, packed, closefd=False) as out:
+            for part in read_points(folder, facts):
+                if len(part):
+                    out.write_points(_make_records(laspy, header, part, _to_map(part.point_m, origin, scale)))
+
+    write_atomically(path, write)
+
+
+def _find_map(place: Mapping[str, Any] | None) -> tuple[Array, Array]:
+    """Origin (3,) and scale (3,) of map coordinates: origin + metres / scale, see ``geotiff.MapPlace``."""
+    if not place:
+        return np.zeros(3), np.ones(3)
+    x, y = place["origin"]
+    return np.array([x, y, place.get("height_zero_m", 0.0)]), np.array([*place["scale"], 1.0])
+
+
+def _to_map(point_m: Array, origin: Array, scale: Array) -> Array:
+    return np.asarray(origin + point_m / scale)
+
+
+def _make_records(laspy: Any, header: Any, part: ScanPoints, point: Array) -> Any:
+    """The points of a part as records of LAS."""
+    record = laspy.ScaleAwarePointRecord.zeros(len(part), header=header)
+    record.x, record.y, record.z = point.T
+    record.intensity = np.clip(np.rint(part.light), 0, 65535).astype(np.uint16)
+    # A point of LAS 1.4 has at most 15 returns, and none has the number 0: a false alarm is withheld.
+    record.return_number = np.clip(part.order, 1, 15)
+    record.number_of_returns = np.clip(part.of, 1, 15)
+    record.withheld = (part.order == 0).astype(np.uint8)
+    record.user_data = part.label
+    record.gps_time = part.time_s
+    record.range_m, record.range_error_m = part.range_m, part.error_m
+    record.energy_j, record.electrons = part.energy_j, part.light
+    record.ice_delay_m, record.instance = part.ice_m, part.number
+    return record
+
+
+#: Fields of a point in a message of ROS: name, numpy type, number of the type in PointField.
+_ROS_FIELDS = (
+    ("x", "<f4", 7),
+    ("y", "<f4", 7),
+    ("z", "<f4", 7),
+    ("intensity", "<f4", 7),
+    ("t", "<u4", 6),
+    ("ring", "<u2", 4),
+    ("return_number", "<u2", 4),
+    ("range_error", "<f4", 7),
+    ("label", "<u4", 6),
+)
+_ROS_LAYOUT = np.dtype([(name, kind) for name, kind, _ in _ROS_FIELDS])
+
+
+def _write_bag(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
+    """A bag with ``/lidar/points`` (PointCloud2 in the sensor's axes; t in ns after the stamp) and ``/tf``."""
+    from .ros_bag import WORLD_FRAME, open_bag
+
+    matrix = np.array(facts["sensor_to_world"])
+    with open_bag(path) as (write, types):
+        kinds = types.types
+        write("/tf", _make_pose(kinds, matrix, WORLD_FRAME), 0)
+        for part in read_points(folder, facts):
+            for start in range(0, len(part), _POINTS_A_MESSAGE):
+                chosen = slice(start, start + _POINTS_A_MESSAGE)
+                time = round(float(part.time_s[chosen].min()) * _NS_PER_S)
+                write("/lidar/points", _make_cloud(kinds, part, chosen, matrix, time), time)
+
+
+def _make_stamp(kinds: Mapping[str, Callable[..., object]], time: int, frame: str) -> object:
+    stamp = kinds["builtin_interfaces/msg/Time"](sec=time // _NS_PER_S, nanosec=time % _NS_PER_S)
+    return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
+
+
+def _make_pose(kinds: Mapping[str, Callable[..., object]], matrix: Array, frame: str) -> object:
+    w, x, y, z = map(float, quaternion(matrix[:3, :3]))
+    along = dict(zip("xyz", map(float, matrix[:3, 3]), strict=True))
+    transform = kinds["geometry_msgs/msg/TransformStamped"](
+        header=_make_stamp(kinds, 0, frame),
+        child_frame_id="lidar",
+        transform=kinds["geometry_msgs/msg/Transform"](
+            translation=kinds["geometry_msgs/msg/Vector3"](**along),
+            rotation=kinds["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w),
+        ),
+    )
+    return kinds["tf2_msgs/msg/TFMessage"](transforms=[transform])
+
+
+def _make_cloud(
+    kinds: Mapping[str, Callable[..., object]], part: ScanPoints, chosen: slice, matrix: Array, time: int
+) -> object:
+    rows = np.zeros(len(part.range_m[chosen]), _ROS_LAYOUT)
+    local = (part.point_m[chosen] - matrix[:3, 3]) @ matrix[:3, :3]
+    for k, name in enumerate("xyz"):
+        rows[name] = local[:, k]
+    rows["intensity"] = part.light[chosen]
+    rows["t"] = np.rint(part.time_s[chosen] * _NS_PER_S) - time
+    rows["ring"], rows["return_number"] = part.row[chosen], part.order[chosen]
+    rows["range_error"], rows["label"] = part.error_m[chosen], part.label[chosen]
+    fields = [
+        kinds["sensor_msgs/msg/PointField"](name=name, offset=_ROS_LAYOUT.fields[name][1], datatype=code, count=1)  # type: ignore[index]
+        for name, _, code in _ROS_FIELDS
+    ]
+    return kinds["sensor_msgs/msg/PointCloud2"](
+        header=_make_stamp(kinds, time, "lidar"),
+        height=1,
+        width=len(rows),
+        fields=fields,
+        is_bigendian=False,
+        point_step=_ROS_LAYOUT.itemsize,
+        row_step=rows.nbytes,
+        data=np.frombuffer(rows.tobytes(), np.uint8),
+        is_dense=bool(np.isfinite(rows["range_error"]).all()),
+    )
