@@ -10,8 +10,14 @@ import numpy as np
 from ..physics.lidar.returns import Returns
 from ..physics.lidar.scan_patterns import ScanPattern
 from ..support.arrays import Array
+from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
+from ..support.foreign_bytes import parse_npz, read
 from .ply import write_cloud
+
+#: Arrays that place returns: where they were measured, and where the surface is.
+_MEASURED, _TRUE = "point_m", "true_point_m"
+_FIX = "scan the scene again by icymoon lidar"
 
 #: Points of a PLY file: their properties, and how each is made.
 _PLY_NAMES = ("x", "y", "z", "energy_j", "range_m", "range_error_m", "return_number", "label", "instance")
@@ -28,6 +34,19 @@ def write_returns(path: Path, returns: Returns, pattern: ScanPattern) -> None:
             np.savez(stream, **arrays, row=row, column=column, time_s=time_s)
 
     write_atomically(path, write)
+
+
+def read_points(path: Path) -> tuple[Array, Array]:
+    """The measured and the true points (n, 3), m, in the axes of the site, of returns that ``write_returns`` wrote.
+    Raises IcyMoonError, one sentence with a fix."""
+    stored = read(path, lambda foreign: parse_npz(foreign, {_MEASURED, _TRUE}, "f"), "a scan", _FIX)
+    for name in (_MEASURED, _TRUE):
+        points = stored.get(name)
+        if points is None or points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise IcyMoonError(f"{path}: {name} is not a list of points with three finite coordinates; {_FIX}.")
+    if len(stored[_MEASURED]) != len(stored[_TRUE]):
+        raise IcyMoonError(f"{path}: {_MEASURED} and {_TRUE} have different numbers of points; {_FIX}.")
+    return stored[_MEASURED].astype(np.float64), stored[_TRUE].astype(np.float64)
 
 
 def find_cells(beam: Array, pattern: ScanPattern) -> tuple[Array, Array, Array]:
