@@ -16,7 +16,19 @@ from ..support.terminal import Parser, run_verb
 from ..support.version import version
 
 #: The verbs of ``python -m icymoon.stereo``, for the help of ``stereo``.
-STEREO_VERBS = ("check", "methods", "match", "metrics", "evaluate", "decide", "truth", "export", "develop", "poses")
+STEREO_VERBS = (
+    "check",
+    "methods",
+    "match",
+    "metrics",
+    "evaluate",
+    "decide",
+    "fuse",
+    "truth",
+    "export",
+    "develop",
+    "poses",
+)
 #: Each verb: its meaning, the module here that runs it, and the function there that adds its arguments.
 _MODULE_BY_VERB = {
     "demo": (
@@ -30,6 +42,11 @@ _MODULE_BY_VERB = {
         "measure the decisions of a lander by each matcher, and write a report",
         "evaluate",
         "add_decide_options",
+    ),
+    "fuse": (
+        "join matchers with sparse range points, and compare both, by the number of points",
+        "evaluate",
+        "add_fuse_options",
     ),
     "stereo": (f"the evaluator by itself: {', '.join(STEREO_VERBS)}", "", ""),
     "settings": ("print the described scene as TOML, every setting stated", "print_settings", "add_settings_options"),

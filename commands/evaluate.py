@@ -1,4 +1,4 @@
-"""The evaluator's verbs ``evaluate`` and ``decide``, with a default folder for the results."""
+"""The evaluator's verbs ``evaluate``, ``decide`` and ``fuse``, with a default folder for the results."""
 
 from __future__ import annotations
 
@@ -19,6 +19,12 @@ def add_decide_options(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run_decide)
 
 
+def add_fuse_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``fuse``."""
+    stereo.add_fuse_options(parser, out_needed=False)
+    parser.set_defaults(run=_run_fuse)
+
+
 def _run_evaluate(options: argparse.Namespace) -> int:
     options.out = options.out or options.path[0] / "evaluation"
     return stereo.run_evaluate(options)
@@ -27,3 +33,8 @@ def _run_evaluate(options: argparse.Namespace) -> int:
 def _run_decide(options: argparse.Namespace) -> int:
     options.out = options.out or options.path[0] / "decisions"
     return stereo.run_decide(options)
+
+
+def _run_fuse(options: argparse.Namespace) -> int:
+    options.out = options.out or options.path[0] / "fusion"
+    return stereo.run_fuse(options)

@@ -24,13 +24,12 @@ from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
 from .images.develop import develop
-from .matchers import match_checked
 from .matchers.methods import Method
 from .matchers.search_range import SearchRange
 from .measure.metrics import is_usable
 from .measure.prepare_pair import LoadedPair, PreparedPair, list_distinct_pairs, load_pair, prepare_loaded
 from .measure.row_metrics import disparity_to_depth
-from .measure_pair import find_search_ranges
+from .measure_pair import find_search_ranges, match_prepared
 from .report.charts import METHOD_COLOURS, METHOD_MARKS, STYLE, add_legend, make_figure
 from .report.sweep_charts import ON_WHITE
 
@@ -131,14 +130,13 @@ def _measure_pair(
             # An error that changes only depth needs no new match.
             alike = np.array_equal(prepared.left, exact.left) and np.array_equal(prepared.right, exact.right)
             for method in methods:
-                disparity = matched[method.label] if alike else _match(prepared, method, ranges)
+                same = alike and method.lidar is None  # range points are placed by the camera too
+                disparity = matched[method.label] if same else _match(prepared, method, ranges)
                 yield _measure(prepared, method.label, disparity, key, value)
 
 
 def _match(prepared: PreparedPair, method: Method, ranges: Mapping[str, SearchRange]) -> Array:
-    images = prepared.left, prepared.right
-    disparity, _, _ = match_checked(method.name, *images, method.options, prepared.depth_camera, ranges)
-    return disparity
+    return match_prepared(method, prepared, ranges)[0]
 
 
 def _redevelop_with_error(loaded: LoadedPair, exact: PreparedPair, key: str, value: float) -> PreparedPair:

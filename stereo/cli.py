@@ -32,6 +32,7 @@ from .export import IMAGES, OPTIONS, Option, exports_with_blender, find_plugins,
 
 if TYPE_CHECKING:
     from .export.plug_in import PluginExport
+    from .fusion_curves import PointSweep
     from .matchers.methods import Method
     from .report.schema import Report
     from .report.table_columns import Column
@@ -197,7 +198,11 @@ def _run_check(parsed: argparse.Namespace) -> int:
 def _run_methods(parsed: argparse.Namespace) -> int:
     packages.require_modules("numpy", "cv2")
     from .matchers import describe_matcher, find_plugins
+    from .matchers.lidar_options import LIDAR, describe_lidar_options
 
+    if parsed.method == LIDAR:
+        printer.say(describe_lidar_options())
+        return 0
     if parsed.method:
         printer.say(describe_matcher(parsed.method))
         return 0
@@ -208,6 +213,7 @@ def _run_methods(parsed: argparse.Namespace) -> int:
             printer.say(f"{chr(10) if number else ''}{describe_matcher(name)}")
         except IcyMoonError as error:
             unusable.append(str(error))
+    printer.say(f"{chr(10)}{describe_lidar_options()}")
     for sentence in unusable:
         printer.warn(sentence, PROGRAM)
     return 1 if unusable else 0
@@ -353,7 +359,6 @@ def _check_follow(parsed: argparse.Namespace) -> None:
 def run_evaluate(parsed: argparse.Namespace) -> int:
     """Run ``evaluate`` with its parsed arguments; return the exit code."""
     packages.require_modules(*packages.PACKAGES)
-    from .evaluate import evaluate
     from .evaluate_while_rendering import measure_until_input_ends
 
     methods = _choose_methods(parsed)
@@ -365,8 +370,18 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
         _check_follow(parsed)
         measure_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points, parsed.maps)
         return 0
+    return _tell_report(parsed, _evaluate_methods(parsed, methods))
+
+
+def _evaluate_methods(parsed: argparse.Namespace, methods: Sequence[Method]) -> Report:
+    """Evaluate methods with the options of ``evaluate``."""
+    from .evaluate import evaluate
+
+    response = _read_response([], parsed.set)
+    check_least(parsed, 0, "seed")
+    check_least(parsed, 1, "jobs")
     with tell_events("Evaluating", parsed.json_lines) as on_event:
-        report = evaluate(
+        return evaluate(
             parsed.path,
             methods,
             parsed.out,
@@ -380,6 +395,10 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
             parsed.dask,
             parsed.maps,
         )
+
+
+def _tell_report(parsed: argparse.Namespace, report: Report) -> int:
+    """Print the result of an evaluation; return the exit code."""
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
         printer.emit_json({"type": "result", "report": str(path), "rows": report["summary"], "notes": report["notes"]})
@@ -389,6 +408,110 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
         printer.say(str(path))
     _report_failures([entry["message"] for entry in report["failed"]], "evaluations failed")
     return 0
+
+
+def add_fuse_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
+    """Add the arguments of the verb ``fuse``, also for ``python -m icymoon``; ``run_fuse`` reads them."""
+    _add_paths_argument(command, "pair folder or data set of pairs; may be several")
+    command.add_argument(
+        "--points", dest="counts", default="100,1000", metavar="N,N", help="numbers of range points (%(default)s)"
+    )
+    command.add_argument(
+        "--noise-cm", default="2", metavar="CM,CM", help="standard deviations of the noise of ranges (%(default)s)"
+    )
+    command.add_argument(
+        "--shift-px", default="0", metavar="PX,PX", help="errors of the points' alignment in the image (%(default)s)"
+    )
+    command.add_argument(
+        "--ways",
+        default="pick",
+        metavar="RULE:GUIDE,RULE",
+        help="how matchers use the points: pick, fill or stereo, and perhaps paint or search, as in "
+        "fill,fill:paint,pick:search (%(default)s)",
+    )
+    command.add_argument(
+        "--returns", metavar="FOLDER", help="folder that icymoon lidar wrote, in place of samples of the true depth"
+    )
+    command.add_argument(
+        "--curves", action="store_true", help="only write fusion.csv and print the crossovers, which is faster"
+    )
+    command.add_argument("--points-seed", type=int, default=0, help="seed of the range points (%(default)s)")
+    command.add_argument("--methods", default="sgbm", help="matchers, separated by commas (%(default)s)")
+    _add_method_options(command)
+    _add_report_folder(command, "" if out_needed else "fusion")
+    command.add_argument("--seed", type=int, default=0, help="seed of the tests that compare methods (%(default)s)")
+    command.add_argument("--jobs", type=int, metavar="N", help="processes that measure pairs (one for each processor)")
+    add_json_lines(command)
+    command.set_defaults(predictions=[], dask=None, maps=None, points=False, guiss=False)
+
+
+def run_fuse(parsed: argparse.Namespace) -> int:
+    """Run ``fuse`` with its parsed arguments; return the exit code."""
+    packages.require_modules(*packages.PACKAGES)
+    from .fusion_curves import PointSweep, encode_curves, list_curves
+
+    matchers = _choose_methods(parsed)
+    if any(matcher.lidar is not None for matcher in matchers):
+        raise IcyMoonError("--methods of fuse are matchers alone, and --points adds range points; leave +lidar out.")
+    shared = {"seed": str(parsed.points_seed)} | ({"returns": parsed.returns} if parsed.returns else {})
+    sweep = PointSweep(
+        _read_numbers("--points", parsed.counts, int),
+        _read_numbers("--noise-cm", parsed.noise_cm, float),
+        _read_numbers("--shift-px", parsed.shift_px, float),
+        [(rule, guide or "none") for rule, _, guide in (way.partition(":") for way in parsed.ways.split(","))],
+        shared,
+    )
+    methods = sweep.list_methods(matchers)
+    report = None if parsed.curves else _evaluate_methods(parsed, methods)
+    curves = list_curves(report["rows"] if report else _measure_curves(parsed, methods), methods)
+    write_text(parsed.out / "fusion.csv", encode_curves(curves))
+    if not parsed.json_lines:
+        _print_crossovers(sweep, matchers, curves)
+    if report:
+        return _tell_report(parsed, report)
+    printer.say(str((parsed.out / "fusion.csv").resolve()))
+    return 0
+
+
+def _measure_curves(parsed: argparse.Namespace, methods: Sequence[Method]) -> list[dict[str, Any]]:
+    """The rows of curves alone."""
+    from .evaluated_pairs import check_response, find_sources
+    from .fusion_curves import measure_curves
+
+    sources, response = find_sources(parsed.path), _read_response([], parsed.set)
+    check_response(sources, response)
+    with tell_events("Measuring", parsed.json_lines) as on_event:
+        return measure_curves(sources, methods, response, on_event)
+
+
+def _read_numbers(option: str, text: str, kind: Callable[[str], Any]) -> list[Any]:
+    """The numbers of a list with commas. Raises IcyMoonError for another text."""
+    try:
+        return [kind(each) for each in text.split(",")]
+    except ValueError:
+        raise IcyMoonError(f"{option} is {text}; give numbers with commas between them, as in 100,1000.") from None
+
+
+def _print_crossovers(sweep: PointSweep, matchers: Sequence[Method], curves: Sequence[dict[str, Any]]) -> None:
+    """Print from which number of points on the interpolation alone beats each matcher on each pair."""
+    from .fusion_curves import METRICS, find_crossover
+    from .matchers.methods import describe_method
+
+    same = [
+        row
+        for row in curves
+        if not row["points"] or (row["noise_cm"], row["shift_px"]) == (sweep.noise_cm[0], sweep.shift_px[0])
+    ]
+    rows = []
+    for pair in dict.fromkeys(row["pair"] for row in curves):
+        for matcher in matchers:
+            if any(row["pair"] == pair and row["method"] == matcher.label for row in curves):
+                found = [find_crossover(same, pair, matcher.label, metric) for metric in METRICS]
+                cells = ["more" if each is None else str(each) for each in found]
+                rows.append((pair, describe_method(matcher.label), *cells))
+    printer.print_table(
+        ("Pair", "Matcher", "> 1 px", "> 10 cm"), rows, "Points from which the interpolation alone beats the matcher"
+    )
 
 
 def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
@@ -686,6 +809,11 @@ _COMMAND_BY_VERB: dict[
         "measure what a lander would decide by each matcher: heights, sites, landing pads",
         add_decide_options,
         run_decide,
+    ),
+    "fuse": (
+        "join matchers with sparse range points, and compare both, by the number of points",
+        add_fuse_options,
+        run_fuse,
     ),
     "truth": (
         "write disparity, depth and visibility of both eyes, check that they fit the images, and print a line of "

@@ -43,13 +43,13 @@ from .decisions.workspace import (
 from .evaluate import list_method_inputs, make_json_digest
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
 from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
+from .fusion.fuse import list_lidar_inputs
 from .images.image_files import write_png
-from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.prepare_pair import PreparedPair
 from .measure.row_metrics import disparity_to_depth
-from .measure_pair import find_search_ranges
+from .measure_pair import find_search_ranges, match_prepared
 from .report.row_log import Row, RowLog
 
 Event = Callable[[dict[str, Any]], None]
@@ -181,7 +181,10 @@ def _make_rows(
 def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
     """The rows of a pair. Missing rows are made and written to the log."""
     content = run.make_digest(source)
-    keys = {TRUE_DEPTH: content} | {m.label: make_json_digest([content, list_method_inputs(m)]) for m in run.methods}
+    keys = {TRUE_DEPTH: content} | {
+        m.label: make_json_digest([content, list_method_inputs(m), *list_lidar_inputs(m, source.name)])
+        for m in run.methods
+    }
     there = {
         label: row
         for label, key in keys.items()
@@ -280,14 +283,7 @@ def _match_depth(workspace: Workspace, method: Method) -> tuple[Array, float]:
     """The depth of a method, and the processor seconds that it took."""
     prepared = workspace.prepared
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-    disparity, _, info = match_checked(
-        method.name,
-        prepared.left,
-        prepared.right,
-        method.options,
-        prepared.depth_camera,
-        find_search_ranges(prepared, shared),
-    )
+    disparity, info = match_prepared(method, prepared, find_search_ranges(prepared, shared))
     return disparity_to_depth(prepared, disparity), float(info["seconds"])
 
 

@@ -23,7 +23,9 @@ from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
 from .environment import packages
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
 from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
+from .fusion.fuse import list_lidar_inputs
 from .matchers import describe_plugin_release, list_option_files
+from .matchers.lidar_options import LIDAR
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.plug_in import load_plugin_metrics
@@ -173,6 +175,7 @@ class Evaluation:
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # reported where the file is read
                 inputs = [*inputs, read_checksum(find_prediction(method, pair))]
+        inputs = [*inputs, *list_lidar_inputs(method, pair)]
         return make_json_digest([content, inputs, *([self._metrics] if self._metrics else [])])
 
     def _is_finished(self, row: Row, task: MeasureTask) -> bool:
@@ -272,7 +275,7 @@ def list_method_inputs(method: Method) -> list[Any]:
         for key, value in method.options.items()
         if isinstance(value, str) and os.path.isfile(value)
     }
-    if method.name != PREDICTION:
+    if method.name not in (PREDICTION, LIDAR):
         files |= {
             text: read_checksum(Path(text))
             for text in list_option_files(method.name, method.options)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -20,9 +20,9 @@ from .datasets.predictions import PREDICTION, read_prediction
 from .evaluated_pairs import Source
 from .evaluation_files import write_method_pictures, write_pair_pictures
 from .export.points import add_points, find_left_pose
+from .fusion.fuse import match_method
 from .images.disparity_files import read_disparity
 from .map_results import find_map_frame, name_maps, write_maps
-from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.search_range import AUTO, SearchRange, find_known_ranges
 from .measure.common_pixels import measure_common_pixels
@@ -120,7 +120,7 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
             yield _make_row_event(rows[label])
             continue
         try:
-            disparity, info = _match_method(method, prepared, ranges)
+            disparity, info = match_prepared(method, prepared, ranges())
             info["search"] = info["search"] and info["search"].to_json(shared)
             row = make_result_row(prepared, method, task.keys[label], disparity, info)
             rows[label] = row | {"images": write_method_pictures(prepared, method, disparity, info, run.out)}
@@ -178,15 +178,14 @@ def find_search_ranges(prepared: PreparedPair, shared: Array) -> dict[str, Searc
     return ranges
 
 
-def _match_method(
-    method: Method, prepared: PreparedPair, ranges: Callable[[], Mapping[str, SearchRange]]
+def match_prepared(
+    method: Method, prepared: PreparedPair, ranges: Mapping[str, SearchRange]
 ) -> tuple[Array, dict[str, Any]]:
+    """The disparity (H, W), px, NaN where invalid, of a method, and an ``info`` as of ``match_checked``."""
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
-    disparity, _, info = match_checked(
-        method.name, prepared.left, prepared.right, method.options, prepared.depth_camera, ranges()
-    )
-    return disparity, info
+    camera, pair = prepared.depth_camera, prepared.pair
+    return match_method(method, prepared.left, prepared.right, camera, ranges, pair, prepared.truth)
 
 
 def _read_stored_disparity(row: Row | None, prepared: PreparedPair, out: Path) -> Array | None:

@@ -29,6 +29,7 @@ from .datasets.predictions import PREDICTION
 from .evaluated_pairs import find_sources
 from .evaluation_files import remove_leftovers
 from .matchers import uses_one_processor
+from .matchers.lidar_options import LIDAR
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import MeasureRun, MeasureTask, measure_pair
@@ -42,7 +43,7 @@ def choose_process_count(jobs: int | None, methods: Sequence[Method], pairs: int
     """Number of processes that measure: ``jobs``, or as many as processors and pairs allow; 1 is this one."""
     if jobs is not None:
         return jobs
-    if not all(method.name == PREDICTION or uses_one_processor(method.name) for method in methods):
+    if not all(method.name in (PREDICTION, LIDAR) or uses_one_processor(method.name) for method in methods):
         return 1
     return max(1, min(count_processors(), pairs // _PAIRS_EACH))
 

@@ -55,6 +55,7 @@ PURE = (
     "stereo/export",
     "stereo/datasets",
     "stereo/report",
+    "stereo/fusion",
     "stereo/decisions",
     "stereo/trade",
     "stereo/paper",

@@ -23,6 +23,7 @@ STREAMS = (
     "bake",
     "pose",
     "lidar",
+    "range_points",
 )
 
 

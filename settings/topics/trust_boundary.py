@@ -24,7 +24,7 @@ CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is
            "factors": "Numbers of at least 0, one for each lamp",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
 #: Options of matchers that name a program to run or a file to load; only the user gives them.
-LOADING_OPTIONS = ("command", "checkpoint", "python", "model")
+LOADING_OPTIONS = ("command", "checkpoint", "python", "model", "returns")
 #: Text of a mark that states that no value is missing.
 NO_MARK = "none"
 #: A number with up to 12 digits before the point and 9 after it, which is down to the nanosecond of a time.
@@ -35,6 +35,8 @@ COORDINATE_PATTERN = re.compile(r"[+-]?[0-9]{1,12}(\.[0-9]{1,20})?")
 FACTORS_PATTERN = re.compile(r"[0-9]{1,6}(\.[0-9]{1,9})?(, ?[0-9]{1,6}(\.[0-9]{1,9})?)*")
 #: Prefix of a matcher that the user has set up, as in own:mine.
 OWN_PREFIX = "own"
+#: Start of the range points in a method: ``lidar`` alone or after a matcher.
+_LIDAR_PART = re.compile(r"(^|\+)lidar(?=:|$)")
 OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
@@ -45,6 +47,13 @@ def split_methods(text: str) -> list[tuple[str, list[str]]]:
     return [(parts[0], parts[1:]) for parts in (label.split(":") for label in labels if label)]
 
 
+def split_lidar(label: str) -> tuple[str, str | None]:
+    """Split ``sgbm:window=7+lidar:points=100`` into its matcher and the options of its range points, which are None
+    without any; the matcher is empty for ``lidar`` alone. Every reader must use this function."""
+    found = _LIDAR_PART.search(label)
+    return (label, None) if found is None else (label[: found.start()], label[found.end() :].removeprefix(":"))
+
+
 def split_option(text: str) -> tuple[str, str, str]:
     """Split an option ``a=b`` into ('a', '=', 'b') without spaces. Every reader must use this function."""
     key, equals, value = (part.strip() for part in text.partition("="))
@@ -53,7 +62,8 @@ def split_option(text: str) -> tuple[str, str, str]:
 
 def list_own_names(text: str) -> list[str]:
     """Names of the user's own matchers in a list of matchers, without repetitions."""
-    return list(dict.fromkeys(options[0] for name, options in split_methods(text) if name == OWN_PREFIX and options))
+    found = (options[0] for name, options in split_methods(text) if name == OWN_PREFIX and options)
+    return list(dict.fromkeys(split_lidar(name)[0] for name in found))
 
 
 def find_text_fault(kind: str, text: str) -> str:

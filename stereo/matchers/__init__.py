@@ -36,7 +36,7 @@ from .search_range import SearchRange
 from .timed_match import match_timed
 
 #: Names that have another meaning where methods are named.
-_RESERVED_NAMES = (OWN_PREFIX, "prediction")
+_RESERVED_NAMES = (OWN_PREFIX, "prediction", "lidar")
 
 
 def find_plugins() -> Found:

@@ -8,10 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ...settings.topics.trust_boundary import OWN_NAME, OWN_PREFIX, split_methods, split_option
+from ...settings.topics.trust_boundary import OWN_NAME, OWN_PREFIX, split_lidar, split_methods, split_option
 from ...support.errors import IcyMoonError
 from ...support.suggestions import suggest_nearest
 from . import check_options, get_matcher_title, list_matcher_names, list_option_keys
+from .lidar_options import LIDAR, complete_lidar_options
 
 #: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
@@ -19,11 +20,15 @@ _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
 
 @dataclass(frozen=True)
 class Method:
-    """A matcher (``name``) with all of its options, checked; ``label`` is its name in the report."""
+    """A matcher (``name``) with all of its options, checked; ``label`` is its name in the report.
+
+    ``lidar`` are all options of the range points that help it, see ``lidar_options``; LIDAR alone has no matcher.
+    """
 
     label: str
     name: str
     options: Mapping[str, Any]
+    lidar: Mapping[str, Any] | None = None
 
     @property
     def file_name(self) -> str:
@@ -38,10 +43,13 @@ class StatedMethod:
     label: str
     name: str
     options: dict[str, str] = field(default_factory=dict)
+    lidar: dict[str, str] | None = None
 
     def parsed(self) -> Method:
         """The method. Raises IcyMoonError for an unknown option, a bad value, and a missing file or program."""
-        return Method(self.label, self.name, check_options(self.name, self.options))
+        options = {} if self.name == LIDAR else check_options(self.name, self.options)
+        lidar = None if self.lidar is None else complete_lidar_options(self.name, self.lidar)
+        return Method(self.label, self.name, options, lidar)
 
 
 def parse_key_value(text: str, where: str) -> tuple[str, str]:
@@ -63,8 +71,12 @@ def describe_method(label: str) -> str:
 
     Files keep the label, by which programs find a method.
     """
-    name, *options = _NEXT_OPTION.split(label)
-    return " ".join((get_matcher_title(name), *options))
+    matcher, lidar = split_lidar(label)
+    name, *options = _NEXT_OPTION.split(matcher)
+    stereo = " ".join((get_matcher_title(name), *options))
+    if lidar is None:
+        return stereo
+    return " ".join(filter(None, (f"{stereo} + LiDAR" if matcher else "LiDAR", *_NEXT_OPTION.split(lidar))))
 
 
 def toggle_method(text: str, name: str) -> str:
@@ -115,7 +127,7 @@ def parse_named_methods(texts: Sequence[str]) -> list[StatedMethod]:
                 f"--method {text}: write it as NAME=MATCHER:KEY=VALUE, as in "
                 "mynet=resident:command=PROGRAM; a name has at most 40 letters, digits, - and _."
             )
-        if name in (*list_matcher_names(), OWN_PREFIX):
+        if name in (*list_matcher_names(), OWN_PREFIX, LIDAR):
             raise IcyMoonError(f"--method {text}: {name} is the name of a matcher; choose another name.")
         if name in (method.label for method in found):
             raise IcyMoonError(f"--method names {name} twice; give each method a name of its own.")
@@ -137,19 +149,21 @@ def parse_methods(
     shared = _parse_shared_options(options)
     owned = parse_own_matchers(own)
     methods: list[Method] = []
-    for name, given in split_methods(text):
-        label = ":".join((name, *given))
+    own_names = [replace(each, options=shared.get(each.name, {}) | each.options) for each in parse_named_methods(named)]
+    for label in (":".join((name, *given)) for name, given in split_methods(text)):
+        matcher, lidar = split_lidar(label)
+        name, *given = (matcher or LIDAR).split(":")
         if name == OWN_PREFIX:
             base = _find_own_matcher(given.pop(0) if given else "", owned)
         else:
-            base = StatedMethod(name, name, shared.get(name, {}))
+            plain = StatedMethod(name, name, shared.get(name, {}))
+            base = next((each for each in own_names if each.label == name and lidar is not None), plain)
         chosen = base.options | dict(parse_key_value(part, "--methods") for part in given)
-        method = StatedMethod(label, base.name, chosen).parsed()
+        points = None if lidar is None else _parse_lidar_options(lidar)
         if label in (other.label for other in methods):
             raise IcyMoonError(f"--methods names {label} twice; leave one out.")
-        methods.append(method)
-    for named_one in parse_named_methods(named):
-        methods.append(replace(named_one, options=shared.get(named_one.name, {}) | named_one.options).parsed())
+        methods.append(StatedMethod(label, base.name, chosen, points).parsed())
+    methods += [each.parsed() for each in own_names]
     if not methods:
         raise IcyMoonError(f"--methods is empty; choose from {', '.join(list_matcher_names())}.")
     unused = sorted(set(shared) - {method.name for method in methods})
@@ -158,6 +172,11 @@ def parse_methods(
             f"--option is given for {unused[0]}, which no method uses; add it to --methods or remove the option."
         )
     return methods
+
+
+def _parse_lidar_options(text: str) -> dict[str, str]:
+    """The options after ``lidar:``."""
+    return dict(parse_key_value(part, "--methods lidar:") for part in text.split(":")) if text else {}
 
 
 def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:

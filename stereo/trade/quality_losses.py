@@ -24,9 +24,9 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
+from ..fusion.fuse import match_method
 from ..images.develop import average_bands, develop
 from ..images.exr import Light
-from ..matchers import match_checked
 from ..matchers.methods import Method
 from ..matchers.search_range import find_known_ranges
 from ..measure.jackknife import jackknife, sum_over_tiles
@@ -248,7 +248,9 @@ def _match_images(
         MatchedRender(
             left,
             {
-                method.label: match_checked(method.name, left, right, method.options, reference.pair.camera, ranges)[0]
+                method.label: match_method(
+                    method, left, right, reference.pair.camera, ranges, reference.pair, reference.depth
+                )[0]
                 for method in methods
             },
         )

@@ -10,12 +10,12 @@ import pairs
 import pytest
 import workspaces
 from icymoon.formats import geotiff
-from icymoon.stereo import decide as module
 from icymoon.stereo.cli import main
 from icymoon.stereo.decide import TRUE_DEPTH, PoseError, decide_pairs
 from icymoon.stereo.decisions import workspace
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.workspace import disturb_pose
+from icymoon.stereo.fusion import fuse
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import hash_file
@@ -96,8 +96,8 @@ def test_files_are_as_they_are_named(dataset, tmp_path):
 
 def test_only_what_is_missing_is_made(dataset, tmp_path, monkeypatch):
     calls = []
-    real = module.match_checked
-    monkeypatch.setattr(module, "match_checked", lambda name, *rest: calls.append(name) or real(name, *rest))
+    real = fuse.match_checked
+    monkeypatch.setattr(fuse, "match_checked", lambda name, *rest: calls.append(name) or real(name, *rest))
     first = run([dataset], tmp_path / "out")
     again = run([dataset], tmp_path / "out")
     assert calls == ["bm"] * 2
@@ -259,9 +259,9 @@ def test_too_small_cells_are_noted(tmp_path):
 
 
 def test_a_depth_of_nothing_takes_no_site_and_is_told_in_words(dataset, tmp_path, monkeypatch):
-    real = module.match_checked
+    real = fuse.match_checked
     monkeypatch.setattr(
-        module, "match_checked", lambda *given: (np.full_like(real(*given)[0], np.nan), *real(*given)[1:])
+        fuse, "match_checked", lambda *given: (np.full_like(real(*given)[0], np.nan), *real(*given)[1:])
     )
     report = run([dataset], tmp_path / "out")
     assert not report["failed"]

@@ -152,7 +152,7 @@ def test_maps_that_are_asked_for_later_need_no_matching(tmp_path, monkeypatch):
     methods = parse_methods("sgbm")
     (before,) = evaluate([folder], methods, tmp_path / "out")["rows"]
     assert "height_map" not in before["images"]
-    monkeypatch.setattr("icymoon.stereo.measure_pair.match_checked", None)
+    monkeypatch.setattr("icymoon.stereo.fusion.fuse.match_checked", None)
     (auto,) = evaluate([folder], methods, tmp_path / "out", maps=0.0)["rows"]
     (stated,) = evaluate([folder], methods, tmp_path / "out", maps=0.2)["rows"]
     assert auto["l1_m"] == stated["l1_m"] == before["l1_m"]
@@ -169,7 +169,7 @@ def test_maps_are_written_while_other_pairs_are_rendered(tmp_path, monkeypatch):
     names = name_maps(methods[0], 0.2).values()
     written = {path.name: path for path in (tmp_path / "out").rglob("*.tif")}
     assert set(written) == set(names)
-    monkeypatch.setattr("icymoon.stereo.measure_pair.match_checked", None)
+    monkeypatch.setattr("icymoon.stereo.fusion.fuse.match_checked", None)
     monkeypatch.setattr("icymoon.stereo.measure_pair.write_maps", None)
     (row,) = evaluate([tmp_path / "set"], methods, tmp_path / "out", maps=0.2)["rows"]
     assert {tmp_path / "out" / path for kind, path in row["images"].items() if kind.endswith("_map")} == set(

@@ -10,8 +10,8 @@ import tracemalloc
 import numpy as np
 import pairs
 import pytest
-from icymoon.stereo import measure_pair as module
 from icymoon.stereo.evaluate import evaluate
+from icymoon.stereo.fusion import fuse
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.metrics import COSTS
 from icymoon.stereo.report.row_log import LazyRows, RowLog
@@ -33,13 +33,13 @@ def dataset(tmp_path):
 def matched(monkeypatch):
     """The methods that were really run."""
     runs = []
-    real = module.match_checked
+    real = fuse.match_checked
 
     def match(method, *arguments):
         runs.append(method)
         return real(method, *arguments)
 
-    monkeypatch.setattr(module, "match_checked", match)
+    monkeypatch.setattr(fuse, "match_checked", match)
     return runs
 
 

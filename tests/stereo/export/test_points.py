@@ -126,7 +126,7 @@ def test_points_that_are_asked_for_later_need_no_matching(tmp_path, monkeypatch)
     methods = parse_methods("bm,sgbm")
     before = list(evaluate([folder], methods, tmp_path / "out")["rows"])
     assert all("points" not in row["images"] for row in before)
-    monkeypatch.setattr("icymoon.stereo.measure_pair.match_checked", None)
+    monkeypatch.setattr("icymoon.stereo.fusion.fuse.match_checked", None)
     after = evaluate([folder], methods, tmp_path / "out", points=True)
     assert all((tmp_path / "out" / row["images"]["points"]).is_file() for row in after["rows"])
     assert [row["l1_m"] for row in after["rows"]] == [row["l1_m"] for row in before]

@@ -1,0 +1,1 @@
+"""Stereo and the sparse range points of a LiDAR in one disparity map."""

@@ -1,0 +1,39 @@
+"""A search near an expected disparity, for any matcher that has a search range.
+
+The right image is moved by the expected disparity of each pixel, and the matcher searches what is left. OpenCV's costs
+cannot be changed from outside; this changes the image instead.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...support.arrays import Array
+
+
+def move_right(right: Array, expected: Array, margin_px: int) -> Array:
+    """The right image (H, W) or (H, W, 3) as uint8, moved so that the match of a left pixel is ``margin_px`` columns to
+    its left if its disparity is the expected one."""
+    rows, columns = np.indices(expected.shape)
+    beside = np.clip(columns + margin_px, 0, expected.shape[1] - 1)
+    place = np.clip(columns + margin_px - expected[rows, beside], 0, expected.shape[1] - 1)
+    whole = np.minimum(place.astype(int), expected.shape[1] - 2)
+    share = place - whole
+    if right.ndim == 3:
+        share = share[..., None]
+    mixed = (1 - share) * right[rows, whole] + share * right[rows, whole + 1]
+    return np.rint(mixed).astype(np.uint8)
+
+
+def restore_disparity(found: Array, expected: Array, margin_px: int) -> Array:
+    """The disparity (H, W) of the left image, from what was ``found`` in the moved right one, both in px; NaN where
+    nothing was found.
+
+    A left pixel u that matches the column x of the moved image sees the right column x + margin - expected(x + margin).
+    """
+    rows, columns = np.indices(expected.shape)
+    place = np.clip(columns - np.nan_to_num(found) + margin_px, 0, expected.shape[1] - 1)
+    whole = np.minimum(place.astype(int), expected.shape[1] - 2)
+    share = place - whole
+    moved = (1 - share) * expected[rows, whole] + share * expected[rows, whole + 1]
+    return np.asarray(found - margin_px + moved)

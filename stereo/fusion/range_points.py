@@ -1,0 +1,185 @@
+"""Range points in the left image of a pair: samples of its true depth, or a scan by ``icymoon lidar``."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from ...physics.camera.stereo_camera import StereoCamera
+from ...physics.random_numbers.seeds import make_generator
+from ...support.arrays import Array
+from ...support.errors import IcyMoonError
+from ..export.lidar import read_facts, read_points
+
+#: Fewest points from which a surface is interpolated.
+FEWEST_POINTS = 3
+#: Median relative difference of depth above which a scan shows another ground than the pair.
+_OTHER_GROUND = 0.05
+#: Points nearer to each other than this, px, are one: the nearest to the camera stays.
+_SAME_PX = 1e-3
+#: Most points of a scan that are read.
+_MOST_POINTS = 20_000_000
+
+
+class SeenPair(Protocol):
+    """The facts of a pair that its range points need."""
+
+    @property
+    def name(self) -> str:
+        """The pair's name, from which the pattern of its points follows."""
+
+    @property
+    def camera(self) -> StereoCamera:
+        """The parallel rig of the pair."""
+
+    def rectified_pose(self, eye: str) -> Array | None:
+        """The matrix (4, 4) from an eye, in OpenCV's axes, to the world; None if it is not known."""
+
+
+@dataclass(frozen=True)
+class PointErrors:
+    """The errors of range points: ``noise_m`` of each range (standard deviation), and a shift of all of them by
+    ``shift_px`` in the image, in a direction that follows from the seed."""
+
+    noise_m: float
+    shift_px: float
+
+
+@dataclass(frozen=True)
+class RangePoints:
+    """Points at columns and rows (n,), px from the centre of the first pixel, with disparities (n,) in px and the
+    standard deviation (n,) of these by the noise of ranges."""
+
+    column: Array
+    row: Array
+    disparity: Array
+    noise_px: Array
+
+
+def sample_depth(truth: Array, camera: StereoCamera, count: int, random: np.random.Generator) -> Array:
+    """Points (count, 3) of a true depth (H, W), in m in the axes of the left eye, x right, y down.
+
+    They lie at the centres of pixels, each pixel with a depth as likely as any other. The first points of a larger
+    ``count`` are those of a smaller one. Raises IcyMoonError if fewer pixels have a depth.
+    """
+    known = np.isfinite(truth)
+    if known.sum() < count:
+        raise IcyMoonError(
+            f"{count} range points were asked for, and only {int(known.sum())} pixels have a true depth; give fewer."
+        )
+    rank = random.permutation(truth.size)
+    chosen = rank[known.ravel()[rank]][:count]
+    row, column = np.divmod(chosen, truth.shape[1])
+    depth = truth[row, column]
+    x, y = ((at + 0.5 - centre) / camera.focal_px for at, centre in ((column, camera.cx_px), (row, camera.cy_px)))
+    return np.stack([x * depth, y * depth, depth], axis=1)
+
+
+def read_scan(folder: Path, pair: SeenPair, truth: Array) -> Array:
+    """Points (n, 3) in m in the axes of the left eye, of the scan of a pair in ``folder/NAME/lidar.npz``.
+
+    Raises IcyMoonError if there is no such scan, if the pair states no pose, or if none of the points, or other depths
+    than the true ones, lie in the left image.
+    """
+    path = folder / pair.name / "lidar.npz"
+    if not path.is_file():
+        raise IcyMoonError(
+            f"{folder} has no scan of the pair {pair.name}; give the folder that icymoon lidar wrote for its settings."
+        )
+    pose = pair.rectified_pose("left")
+    if pose is None:
+        raise IcyMoonError(f"The pair {pair.name} states no pose of its camera, so a scan cannot be placed in it.")
+    measured, true = ((each - pose[:3, 3]) @ pose[:3, :3] for each in _read_places(path.parent))
+    aimed, column, row = _find_pixels(true, pair.camera, truth.shape)
+    if not aimed.any():
+        raise IcyMoonError(
+            f"{path}: none of {len(true)} points lies in the left image of {pair.name}; its axes are not those of the "
+            "pair, or the scanner looked elsewhere, so scan again without --position."
+        )
+    seen = truth[np.rint(row[aimed]).astype(int), np.rint(column[aimed]).astype(int)]
+    off = np.abs(seen / true[aimed, 2] - 1)
+    if not np.isfinite(off).any() or np.nanmedian(off) > _OTHER_GROUND:
+        raise IcyMoonError(
+            f"{path} shows another ground than the pair {pair.name}: half of its points in the image differ by more "
+            f"than {100 * _OTHER_GROUND:g} % of the depth; scan the settings that the pair was rendered from."
+        )
+    return np.asarray(measured[_find_pixels(measured, pair.camera, truth.shape)[0]])
+
+
+def _read_places(folder: Path) -> tuple[Array, Array]:
+    """Where the points (n, 3) of a scan in ``folder`` were measured, and where the surface is along the beam, NaN for a
+    false alarm, in m in the axes of the site."""
+    facts = read_facts(folder)
+    position = np.array(facts["position_m"])
+    measured, shares, count = [], [], 0
+    for part in read_points(folder, facts):
+        if part.point_m.ndim != 2 or (count := count + len(part)) > _MOST_POINTS:
+            raise IcyMoonError(
+                f"{folder / 'lidar.npz'} has more than {_MOST_POINTS} points, or points without three coordinates; "
+                "scan again with fewer beams."
+            )
+        measured.append(part.point_m)
+        shares.append(1.0 - part.error_m / part.range_m)
+    if not count:
+        raise IcyMoonError(f"{folder / 'lidar.npz'} has no points; scan again with the ground in the scanner's range.")
+    points = np.concatenate(measured)
+    return points, position + (points - position) * np.concatenate(shares)[:, None]
+
+
+def choose_points(points_m: Array, count: int, random: np.random.Generator) -> Array:
+    """``count`` of points (n, 3), or all of fewer, each as likely as any other. The first of a larger count are those
+    of a smaller one."""
+    return np.asarray(points_m[random.permutation(len(points_m))[:count]])
+
+
+def _find_pixels(points_m: Array, camera: StereoCamera, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
+    """Whether points (n, 3) lie in the image (H, W), and their columns and rows."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        column = points_m[:, 0] / points_m[:, 2] * camera.focal_px + camera.cx_px - 0.5
+        row = points_m[:, 1] / points_m[:, 2] * camera.focal_px + camera.cy_px - 0.5
+    return _are_inside(column, row, shape) & (points_m[:, 2] > 0), column, row
+
+
+def _are_inside(column: Array, row: Array, shape: tuple[int, ...]) -> Array:
+    """Whether places are between the centres of the outermost pixels; a place is known to 1e-6 px."""
+    high, wide = shape[0] - 1, shape[1] - 1
+    return np.asarray((np.abs(column - wide / 2) <= wide / 2 + 1e-6) & (np.abs(row - high / 2) <= high / 2 + 1e-6))
+
+
+def project_points(
+    points_m: Array, camera: StereoCamera, shape: tuple[int, ...], errors: PointErrors, random: np.random.Generator
+) -> RangePoints:
+    """Range points of places (n, 3), m, in the axes of the left eye, as a stereo camera with errors places them.
+
+    Points that leave the image are left out, and so are the farther ones of several at one place of the image. Raises
+    IcyMoonError if fewer than ``FEWEST_POINTS`` are left.
+    """
+    angle = random.uniform(0, 2 * np.pi)
+    range_m = np.linalg.norm(points_m, axis=1)
+    noisy = range_m + errors.noise_m * random.standard_normal(len(points_m))
+    moved = points_m * (noisy / range_m)[:, None]
+    inside, column, row = _find_pixels(moved, camera, shape)
+    column, row = column + errors.shift_px * np.cos(angle), row + errors.shift_px * np.sin(angle)
+    inside &= _are_inside(column, row, shape)
+    disparity = camera.disparity(moved[:, 2])
+    kept = np.flatnonzero(inside & (disparity > 0))
+    kept = kept[np.argsort(-disparity[kept], kind="stable")]
+    place = np.rint(np.stack([column[kept], row[kept]], axis=1) / _SAME_PX)
+    kept = np.sort(kept[np.unique(place, axis=0, return_index=True)[1]])
+    if len(kept) < FEWEST_POINTS:
+        raise IcyMoonError(
+            f"Only {len(kept)} of {len(points_m)} range points lie in the left image, and {FEWEST_POINTS} are needed; "
+            "give more points, or a scan that looks where the camera looks."
+        )
+    depth = moved[kept, 2]
+    noise_px = camera.focal_baseline_px_m / depth * errors.noise_m / range_m[kept]
+    return RangePoints(column[kept], row[kept], disparity[kept], noise_px)
+
+
+def make_point_generator(seed: int, pair: str) -> np.random.Generator:
+    """The random numbers of the range points of a pair."""
+    return make_generator(seed, "range_points", int(hashlib.sha256(pair.encode()).hexdigest()[:8], 16))
