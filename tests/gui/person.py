@@ -301,7 +301,7 @@ def find_headers(most: int = 1000, **options: str) -> Generator[float, None, lis
     button that opens a page of the manual, by which it is found; ``options``: of that button."""
     sidebar = region("UI")
     groups: list[list[float]] = []  # heights at which the mouse is over the same button
-    for down in range(20, sidebar.height, 5):
+    for down in range(20, sidebar.height - BUTTON_PX, 5):  # at the very edge a click would drag the edge
         y = sidebar.y + sidebar.height - down
         yield from to(sidebar.x + HELP * sidebar.width, y)
         yield 0.02  # our watcher sees the mouse before the sidebar does
