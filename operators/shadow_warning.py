@@ -1,5 +1,5 @@
-"""Reports in the sidebar that nearly all of the camera's view is in shadow, and how to light it; and which object of the
-user encloses the camera.
+"""Reports in the sidebar that nearly all of the camera's view is in shadow, and how to light it; and which object of
+the user encloses the camera.
 
 After a build or a change of the Sun, the ground or the camera, a thread traces some hundred rays against the ground
 that is built. There is no render.
@@ -16,7 +16,6 @@ import numpy as np
 from mathutils import Vector
 
 from ..nodes import build_scene as scenes
-from ..nodes.datablocks.array_marks import read_property
 from ..nodes.datablocks.fingerprint import TAG
 from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.light.directions import direction_toward
@@ -24,6 +23,7 @@ from ..rays.engine import open_tracer
 from ..rays.shapes import Placed, Shape, World
 from ..rays.stereo_truth import Eye
 from ..rays.sunlit_share import measure_sunlit_shares
+from ..render import mesh_arrays
 from ..render.workers.process import Message
 from ..render.workers.watched_thread import Calculation
 from ..settings import description
@@ -118,14 +118,17 @@ def list_suns(direction: Array) -> Array:
 def read_ground(built: scenes.Built) -> World:
     """The triangles of the ground of a built scene."""
     mesh = built.terrain.data
-    mesh.calc_loop_triangles()
-    triangles = read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
-    count = len(triangles)
+    corners, count = mesh_arrays.read_corners(mesh), len(mesh.polygons)
+    if built.settings.source.kind == "PROCEDURAL" and count:  # 25 ms of 3 million triangles; the general way takes 1 s
+        faces = corners.reshape(count, -1)
+        triangles = np.concatenate([faces[:, [0, k, k + 1]] for k in range(1, faces.shape[1] - 1)])
+    else:
+        triangles = corners[mesh_arrays.read_triangles(mesh)[0]]
     shape = Shape(
-        read_property(mesh.vertices, "co", width=3).reshape(-1, 3),
+        mesh_arrays.read_vertices(mesh),
         triangles.astype(np.uint32),
-        np.zeros(count, bool),
-        np.ones(count, np.uint8),
+        np.zeros(len(triangles), bool),
+        np.ones(len(triangles), np.uint8),
     )
     return World([Placed(shape, np.array(built.terrain.matrix_world, np.float64)[None], np.array([1]))])
 

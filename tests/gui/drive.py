@@ -499,6 +499,8 @@ def camera_by_click() -> Waiting:
 
     before = place()
     yield from click_header("rig")
+    yield from away()
+    yield from screenshot("camera_panel_alone")
     yield from press("icymoon.place_on_ground", target="CAMERA")
     yield from away()
     yield from key("Escape")
@@ -519,18 +521,14 @@ def camera_by_click() -> Waiting:
     yield from key("ctrl+z")
     yield from until(partial(holds, before, place), "Undoing the placing")
     yield from click_header("rig")
+    yield from click_first_header()
 
 
 def open_all_panels() -> Waiting:
     """Drag up over the closed headers, which opens them all, and look at them from top to bottom."""
     panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")]
     topics = sum(not hasattr(panel, "bl_parent_id") for panel in panels) - 1  # without the main panel
-    yield from to(*middle("UI"))
-    yield from scroll(-400)
-    first = (yield from person.find_headers(most=1))[0]
-    yield from to(*first)
-    xdotool("click", 1)  # closes it, so that all others are in sight
-    yield 5 * TICK_S
+    yield from click_first_header()  # so that all others are in sight
     headers = (yield from person.find_headers())[1:]
     check(len(headers) == topics, f"{len(headers)} headers of {topics} panels are below the first panel")
     yield from person.drag_over(headers)
@@ -540,9 +538,7 @@ def open_all_panels() -> Waiting:
         with in_region("UI"):
             fields += bpy.ops.ui.copy_data_path_button.poll()
     check(fields, "dragging over the headers opened no panel")
-    yield from to(*first)
-    xdotool("click", 1)
-    yield 5 * TICK_S
+    yield from click_first_header()
     for part in range(1, 20):
         yield from away()
         yield from screenshot(f"panels_{part}")
@@ -554,18 +550,27 @@ def open_all_panels() -> Waiting:
 
 
 def click_header(topic: str) -> Waiting:
-    """Open the closed panel of a topic while all but the first are closed, or close it."""
+    """Open the closed panel of a topic while all but the first are closed, or close it. Where the first panel leaves no
+    room for its header, the first panel is closed before."""
+    page = module("operators.manual").find_page_of_topic(topic)
     yield from to(*middle("UI"))
     yield from scroll(-400)
-    page = module("operators.manual").find_page_of_topic(topic)
     headers = yield from person.find_headers(most=1, page=page)
     if not headers:
-        yield from to(*middle("UI"))
-        yield from scroll(400)
+        yield from click_first_header()
         headers = yield from person.find_headers(most=1, page=page)
     yield from to(*headers[0])
     xdotool("click", 1)
     yield 5 * TICK_S
+
+
+def click_first_header() -> Waiting:
+    """Open or close the first panel."""
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
+    yield from to(*(yield from person.find_headers(most=1))[0])
+    xdotool("click", 1)
+    yield 10 * TICK_S
 
 
 CAMCHAIN = """cam0:

@@ -300,16 +300,19 @@ def find_headers(most: int = 1000, **options: str) -> Generator[float, None, lis
     """Places of the headers of panels that the sidebar shows now, from top to bottom, ``most`` of them. Each has a
     button that opens a page of the manual, by which it is found; ``options``: of that button."""
     sidebar = region("UI")
-    rows: list[Place] = []
-    for down in range(20, sidebar.height, 6):
-        place = sidebar.x + HELP * sidebar.width, sidebar.y + sidebar.height - down
-        yield from to(*place)
+    groups: list[list[float]] = []  # heights at which the mouse is over the same button
+    for down in range(20, sidebar.height - BUTTON_PX, 5):  # at the very edge a click would drag the edge
+        y = sidebar.y + sidebar.height - down
+        yield from to(sidebar.x + HELP * sidebar.width, y)
         yield 0.02  # our watcher sees the mouse before the sidebar does
-        if over_button("icymoon.open_manual", **options) and (not rows or rows[-1][1] - place[1] > 20):
-            rows.append((sidebar.x + COLUMNS[0] * sidebar.width, place[1]))
-            if len(rows) == most:
-                break
-    return rows
+        if over_button("icymoon.open_manual", **options):
+            if not groups or groups[-1][0] - y > BUTTON_PX:
+                groups.append([])
+            groups[-1].append(y)
+        elif len(groups) == most:
+            break
+    # In the middle of a header: at its edge a click is lost.
+    return [(sidebar.x + COLUMNS[0] * sidebar.width, sum(group) / len(group)) for group in groups[:most]]
 
 
 def drag_over(headers: Sequence[Place]) -> Waiting:
