@@ -29,7 +29,7 @@ RADIATION = Section("radiation", "Radiation", "Tracks of charged particles, as i
 
 
 class RigSettings(Table, label="Stereo Camera", brief="Camera"):
-    """Two identical cameras, parallel unless toed in. The left one is the reference."""
+    """Two identical cameras, parallel unless toed in. The left eye is the reference."""
 
     __slots__ = ()
     baseline_m: float = metres(
@@ -53,14 +53,14 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         "Heading", 0.0, -360.0, 360.0, "Direction of the optical axis from north (+Y) over east (+X)", "camera",
         section=ADVANCED)
     roll_deg: float = degrees(
-        "Roll", 0.0, -180.0, 180.0, "Clockwise turn of the left camera about its optical axis, with the right one. 0 "
-        "is level", "camera", section=ADVANCED, since="0.4")
+        "Roll", 0.0, -180.0, 180.0, "Clockwise rotation of the whole rig about the left camera's optical axis; 0 is "
+        "level", "camera", section=ADVANCED, since="0.4")
     eyes: Literal["ALIKE", "CALIBRATED"] = choice(
-        "Eyes", "ALIKE", "Whether both eyes are one camera. Truth and rectified images always belong to this parallel "
-        "pair", "camera",
-        ("ALIKE", "Alike", "Both eyes are this camera, with its distortion and toe-in"),
-        ("CALIBRATED", "Calibrated", "Each eye has its own size, lens and direction, as calibrated, and stands where "
-         "this pair has it"),
+        "Eyes", "ALIKE", "Whether both eyes have the same camera. Truth and rectified images always belong to this "
+        "parallel pair", "camera",
+        ("ALIKE", "Alike", "Both eyes have this camera, with its distortion and toe-in"),
+        ("CALIBRATED", "Calibrated", "Each eye has its own calibrated size, lens and direction, at the position that "
+         "it has in this pair"),
         section=ALIGNMENT, since="0.4")
     principal_x_px: float = number(
         "Principal Point Right", 0.0, -8192.0, 8192.0, (-50.0, 50.0), "Distance of the optical axis to the right of "
@@ -124,13 +124,13 @@ class RigSettings(Table, label="Stereo Camera", brief="Camera"):
         "row's, top to bottom, in both eyes at once. Each row and its truth have the pose at its own time", "camera",
         "s", precision=6, zero="global", section=MOTION, since="0.4", active=MOVES)
     head_file: str = text(
-        "Head File", "", "TOML file with cameras beside the pair, each with its model and pose; empty for no others. "
+        "Head File", "", "TOML file with further cameras, each with its model and pose; empty for no further cameras. "
         "// is the folder of the .blend file", "camera", "read", subtype="FILE_PATH", section=HEAD,
         since="0.4")
     images: Literal["PAIR", "HEAD"] = choice(
         "Images", "PAIR", "Which cameras are rendered", "camera",
-        ("PAIR", "Pair", "Both eyes, and the cameras of the head if there is one"),
-        ("HEAD", "Head Only", "The cameras of the head alone. Nothing is matched or evaluated"),
+        ("PAIR", "Pair", "Both eyes, and the cameras of the head file if it is set"),
+        ("HEAD", "Head Only", "Only the cameras of the head file. Nothing is matched or evaluated"),
         section=HEAD, since="0.4")
     x_m: float = metres(
         "Camera East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera",
@@ -177,7 +177,7 @@ class CalibrationErrorSettings(Table, label="Calibration Error", inside="rig", s
         "point. Its rectified image rises by it", "response", "px", precision=4)
     right_focal_percent: float = number(
         "Right Focal Length (%)", 0.0, -50.0, 100.0, (-2.0, 2.0), "Assumed minus true focal length of the right eye, "
-        "in % of the true one, besides that of both eyes", "response", "%", precision=4)
+        "in % of the true one, added to the error of both eyes", "response", "%", precision=4)
     focal_percent: float = number(
         "Focal Lengths (%)", 0.0, -50.0, 100.0, (-2.0, 2.0), "Assumed minus true focal length of both eyes, in % of "
         "the true one. Measured depth changes by it", "response", "%", precision=4)
@@ -185,15 +185,15 @@ class CalibrationErrorSettings(Table, label="Calibration Error", inside="rig", s
         "Baseline (%)", 0.0, -90.0, 900.0, (-2.0, 2.0), "Assumed minus true baseline, in % of the true one. Measured "
         "depth changes by it", "response", "%", precision=4)
     right_k1: float = number(
-        "Right Distortion k1", 0.0, -1.0, 1.0, (-0.05, 0.05), "Assumed minus true k1 of the right eye's lens, besides "
-        "that of both eyes", "response", precision=5)
+        "Right Distortion k1", 0.0, -1.0, 1.0, (-0.05, 0.05), "Assumed minus true k1 of the right eye's lens, added "
+        "to the error of both lenses", "response", precision=5)
     k1: float = number(
         "Distortion k1", 0.0, -1.0, 1.0, (-0.05, 0.05), "Assumed minus true k1 of both lenses", "response",
         precision=5)
 
 
 class EyeSettings(Table, since="0.4"):
-    """A calibrated camera. Pixels are counted from the centre of the first one, as calibrations count them."""
+    """A calibrated camera. Pixels are counted from the centre of the first pixel, as calibrations count them."""
 
     __slots__ = ()
     width_px: int = number(
@@ -229,8 +229,8 @@ class EyeSettings(Table, since="0.4"):
         "clockwise", "camera", (-45.0, 45.0), 4, section=TURN)
     lens: Literal["BROWN", "FISHEYE", "CAHVORE"] = choice(
         "Lens", "BROWN", "Model of the lens", "camera",
-        ("BROWN", "Brown-Conrady", "Tangents with polynomials: OpenCV's lens of 5, 8 or 12 coefficients"),
-        ("FISHEYE", "Fisheye", "Angles with a polynomial of four coefficients (Kannala and Brandt)"),
+        ("BROWN", "Brown-Conrady", "Polynomials of the tangents: OpenCV's lens with 5, 8 or 12 coefficients"),
+        ("FISHEYE", "Fisheye", "A polynomial of the angle, with four coefficients (Kannala and Brandt)"),
         ("CAHVORE", "CAHVORE", "JPL's lens; CAHVOR if it is a perspective lens"))
     k1: float = number(
         "k1", 0.0, -1.0e6, 1.0e6, (-0.5, 0.5), "Radial coefficient k1",
@@ -333,7 +333,7 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         "Exposure Step (stops)", 2.0, 0.1, 8.0, (0.5, 4.0), "Step between successive exposures, as a power of two. "
         "They are centred on the exposure", "response", "stops", section=ADVANCED, active=BRACKETED)
     encoding: Literal["LINEAR", "SQUARE_ROOT"] = choice(
-        "8-bit Encoding", "LINEAR", "How images of more than 8 bits are reduced to 8 bits for matchers", "response",
+        "8-bit Encoding", "LINEAR", "Reduction of images with more than 8 bits to 8 bits for matchers", "response",
         ("LINEAR", "Linear", "Keep the top bits"),
         ("SQUARE_ROOT", "Square Root", "Equal steps of shot noise, as in images that rovers send"))
     f_number: float = number(
@@ -352,18 +352,18 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         "Band Width (nm)", 200.0, 0.1, 2.0e4, (5.0, 700.0), "Width of the band that a monochrome sensor detects",
         "response", "nm", precision=0, section=OPTICS, shown=chosen("colour", "MONO"))
     quantum_efficiency: float = fraction(
-        "Quantum Efficiency", 0.5, "Mean number of electrons per photon in the band, of a monochrome sensor",
+        "Quantum Efficiency", 0.5, "Mean number of electrons per photon in the band of a monochrome sensor",
         "response", section=DETECTOR, shown=chosen("colour", "MONO"))
     band_weights: Literal["EQUAL", "BAND"] = choice(
         "Weights of R, G, B", "EQUAL",
-        "How a monochrome camera adds up the bands of the pair. Both choices show grey ground alike", "response",
+        "Weights with which a monochrome camera adds the bands of the pair. Grey ground looks the same with both "
+        "choices", "response",
         ("EQUAL", "Equal", "The mean of R, G and B"),
         ("BAND", "By the Band",
-            "By the sunlight that each band contributes to the camera's band: brown ground is brighter to a red "
-            "camera"),
+            "The sunlight of each band within the camera's band, so brown ground is brighter in a red camera"),
         section=OPTICS, shown=chosen("colour", "MONO"), since="0.3")
     colour: Literal["MONO", "BAYER"] = choice(
-        "Sensor Type", "MONO", "Whether the camera sees colour. Both need the same render", "response",
+        "Sensor Type", "MONO", "Whether the camera sees colour. Both types use the same render", "response",
         ("MONO", "Monochrome", "Each pixel detects the whole band"),
         ("BAYER", "Colour (Bayer)", "Each pixel is behind a red, green or blue filter, and the other two colours "
          "come from its neighbours. Matchers get a grey image of all three"),
@@ -376,7 +376,7 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         ("GBRG", "GBRG", "First row GB, second row RG"),
         section=MOSAICKING, since="0.3")
     demosaicing: Literal["BILINEAR", "MALVAR", "EDGE_AWARE"] = choice(
-        "Demosaicing", "MALVAR", "How the two missing colours of each pixel are found", "response",
+        "Demosaicing", "MALVAR", "Method that finds the two missing colours of each pixel", "response",
         ("BILINEAR", "Bilinear", "Mean of the nearest pixels of a colour. The softest"),
         ("MALVAR", "Malvar", "Linear, with the detail of the pixel's own colour (Malvar, He and Cutler 2004), as on "
          "Mars rovers"),
@@ -385,11 +385,11 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         section=MOSAICKING, since="0.3")
     white_balance: Literal["SUN", "NONE"] = choice(
         "White Balance", "SUN", "Factors on red, green and blue after demosaicing", "response",
-        ("SUN", "Sunlight", "White ground in sunlight is grey; the weaker colours are multiplied"),
-        ("NONE", "None", "The numbers of the sensor"),
+        ("SUN", "Sunlight", "Multiplies the weaker colours so that white ground in sunlight is grey"),
+        ("NONE", "None", "Keeps the numbers of the sensor"),
         section=MOSAICKING, since="0.3")
     grey: Literal["LUMINANCE", "MEAN"] = choice(
-        "Grey for Matchers", "LUMINANCE", "How matchers get a colour image", "response",
+        "Grey for Matchers", "LUMINANCE", "Conversion of a colour image to grey for matchers", "response",
         ("LUMINANCE", "Luminance", "0.2126 red + 0.7152 green + 0.0722 blue (ITU-R BT.709), linear"),
         ("MEAN", "Mean", "A third of each"),
         section=MOSAICKING, since="0.3")
@@ -484,16 +484,17 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         "mm", section=DEPOSITS, since="0.3")
     deposit_window_mm: float = number(
         "Window Distance (mm)", 20.0, 0.1, 1000.0, (5.0, 100.0),
-        "Distance of the window from the entrance pupil of the lens. The "
-        "nearer, the wider and fainter are the spots", "response", "mm", section=DEPOSITS, since="0.3")
+        "Distance of the window from the entrance pupil of the lens. A nearer window has wider and fainter spots",
+        "response", "mm", section=DEPOSITS, since="0.3")
     deposit_scatter: float = fraction(
-        "Scattered Share", 0.3, "Share of the light blocked by deposits that they scatter evenly over the image",
+        "Scattered Share", 0.3, "Share of the blocked light that the deposits scatter evenly over the image",
         "response", section=DEPOSITS, since="0.3")
     deposit_seed: int = number(
         "Deposit Seed", 0, 0, 1000000, (0, 100), "Seed of the deposits. Another seed puts them elsewhere", "response",
         section=DEPOSITS, since="0.3")
     deposits_alike: bool = tick(
-        "Same in Both Eyes", False, "Put deposits on the same places before both lenses", "response", section=DEPOSITS,
+        "Same in Both Eyes", False, "Put the deposits at the same places in front of both lenses", "response",
+        section=DEPOSITS,
         since="0.3")
     radiation_flux_cm2_s: float = number(
         "Particles (1/cm² s)", 0.0, 0.0, 1.0e12, (0.0, 1.0e6), "Charged particles that reach the sensor, per cm² and "

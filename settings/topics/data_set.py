@@ -28,7 +28,7 @@ class DatasetSettings(Table, label="Data Set"):
         shown=Condition(lambda asked: asked.value("plan").endswith(".toml")))
     workers: int = number(
         "Workers", 0, 0, 1024, (0, 16), "Number of processes that render a data set at the same time; 0 for the "
-        "number in the preferences, or one for each four processors", "run", "processes", zero="automatic",
+        "number in the preferences, or one process per four processors", "run", "processes", zero="automatic",
         section=ELSEWHERE)
     evaluate: bool = tick(
         "Evaluate Afterwards", False, "Evaluate the whole data set after all pairs are rendered", "run",

@@ -311,8 +311,8 @@ def image_file(label: str, description: str, **more: Unpack[_CommonArguments]) -
 
 def mask_file(what: str, effect: str, **more: Unpack[_CommonArguments]) -> str:
     """The path of a painted mask, which states where there is something: "rocks lie"."""
-    description = (f"PNG or NPY image over the patch, north up: no {what.partition(' ')[0]} where it is black, as much "
-                   "as without the image where it is white. // is the folder of the .blend file")
+    description = (f"PNG or NPY image over the patch, north up: black has no {what.partition(' ')[0]}, white as much "
+                   "as without the image. // is the folder of the .blend file")
     return text(f"Where {what.title()}", "", description, effect, "read", subtype="FILE_PATH", **more)
 
 

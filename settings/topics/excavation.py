@@ -22,8 +22,9 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         ("NONE", "None", "The ground is not dug"),
         ("LINE", "Line", "Straight and parallel to the ground, with upright ends, one bite deeper in each state"),
         ("ARC", "Arc", "The blade swings into the ground, goes along the line and swings out again"),
-        ("RECORDED", "Recorded", "Places of the blade from a CSV file"),
-        ("JOINTS", "Recorded Joints", "Places of the scoop's tip, from joint angles of the arm in a CSV file"))
+        ("RECORDED", "Recorded", "Positions of the blade from a CSV file"),
+        ("JOINTS", "Recorded Joints", "Positions of the scoop's tip, computed from the arm's joint angles in a CSV "
+         "file"))
     state: int = number(
         "State Shown", 2, 0, 99, (0, 7), "State of the excavation that is built: 0 is untouched ground. A sweep of it "
         "makes a series", "geometry", "states", shown=DUG)
@@ -31,15 +32,15 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         "Number of States", 3, 1, 100, (1, 12), "Number of states of the excavation, the untouched ground included. "
         "All of them have the same fine mesh", "geometry", "states", shown=DUG)
     file: str = text(
-        "Recorded Path", "", "CSV file whose first line names the columns state (from 1), x_m, y_m (east and north of "
-        "the origin) and depth_m (of the blade's edge below the plane of the untouched ground); for recorded joints "
-        "state, yaw_deg, shoulder_deg, elbow_deg, wrist_deg and roll_deg. // is the folder of the .blend file",
+        "Recorded Path", "", "CSV file with the columns state (from 1), x_m, y_m (east and north of the origin) and "
+        "depth_m (of the blade's edge below the plane of the untouched ground), or for recorded joints state, "
+        "yaw_deg, shoulder_deg, elbow_deg, wrist_deg and roll_deg. // is the folder of the .blend file",
         "geometry", "read", subtype="FILE_PATH", shown=chosen("path", "RECORDED", "JOINTS"))
     start_x_m: float = metres(
-        "Start East", 0.0, -1.0e4, 1.0e4, (-3.0, 3.0), "Where the blade starts, east of the origin", "geometry",
+        "Start East", 0.0, -1.0e4, 1.0e4, (-3.0, 3.0), "Distance of the blade's start east of the origin", "geometry",
         shown=chosen("path", "LINE", "ARC"))
     start_y_m: float = metres(
-        "Start North", 2.0, -1.0e4, 1.0e4, (0.0, 4.0), "Where the blade starts, north of the origin", "geometry",
+        "Start North", 2.0, -1.0e4, 1.0e4, (0.0, 4.0), "Distance of the blade's start north of the origin", "geometry",
         shown=chosen("path", "LINE", "ARC"))
     heading_deg: float = degrees(
         "Heading", 180.0, -360.0, 360.0, "Direction of the pull, from north (+Y) over east (+X)", "geometry",
@@ -51,15 +52,15 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         "Blade Width", 0.08, 1.0e-3, 2.0, (0.02, 0.2), "Width of the blade", "geometry", shown=DUG)
     bite_m: float = metres(
         "Bite", 0.05, 0.0, 1.0, (0.0, 0.15),
-        "How much deeper the blade goes in each state; 0 digs nothing, for a series without change",
+        "Depth that the blade digs in each further state; 0 for a series without change",
         "geometry", shown=chosen("path", "LINE", "ARC"))
     radius_m: float = metres(
         "Arc Radius", 0.25, 0.01, 10.0, (0.05, 1.0), "Radius on which the blade swings", "geometry",
         shown=chosen("path", "ARC"))
     cohesion_pa: float = number(
         "Cohesion (Pa)", 100.0, 0.0, 1.0e8, (0.0, 1000.0),
-        "Shear strength of the ground without load, which loose sand lacks. Walls lower than a critical height, "
-        "from cohesion, friction, density and gravity, stand upright; others slide to the angle of friction",
+        "Shear strength of the ground without load; loose sand has 0. Cohesion, friction, density and gravity set "
+        "a critical height: lower walls stand upright, higher walls slide to the angle of friction",
         "geometry", "Pa", precision=1, section=WALLS)
     friction_deg: float = degrees(
         "Friction", 38.0, 5.0, 60.0, "Angle of internal friction, and angle of repose of loose ground", "geometry",
@@ -93,7 +94,7 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
     clod_sizes: Literal["ONE", "MANY"] = choice(
         "Clod Sizes", "ONE", "Whether clods are of one size or of many", "geometry",
         ("ONE", "One Size", "Lumps of one size in the surface of the heap"),
-        ("MANY", "Many Sizes", "Single clods, few large and many small ones, each where it came to rest: large ones "
+        ("MANY", "Many Sizes", "Single clods, a few large and many small, each where it came to rest: large clods "
          "have rolled to the foot of the heap and beyond"),
         section=HEAP, active=positive("clods_m"))
     cell_m: float = metres(

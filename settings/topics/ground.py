@@ -41,7 +41,7 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
     stand_in: Literal[
         "ATHABASCA", "GLACIER_42M", "BLOODFALLS", "SEAICE1", "MATANUSKA_A1", "MATANUSKA_C1", "SVALBARD1",
         "GAEA_RIDGY", "GAEA_ROCKY_PERLIN", "GAEA_ROCKY", "MATANUSKA_PLAYGROUND"
-    ] = choice("Stand-In", "ATHABASCA", "The mesh made by code that is the ground", "geometry",
+    ] = choice("Stand-In", "ATHABASCA", "Computed mesh that serves as the ground", "geometry",
         *stand_ins.make_choices(stand_ins.MESHES),
         shown=chosen("kind", "STAND_IN"), since="0.3")
     file: str = text(
@@ -98,17 +98,17 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         "Metres per Pixel", 0.0, 0.0, 1.0e5, (0.0, 100.0), "Size of a pixel of the height map; 0 for the size that a "
         "GeoTIFF contains", "geometry", zero="file's", shown=chosen("kind", "HEIGHT_MAP"))
     surroundings_m: float = metres(
-        "Surroundings", 0.0, 0.0, 3.0e5, (0.0, 3.0e4), "Distance east, west, north and south of the site to which the "
-        "ground goes on beyond its patch, with coarser and coarser cells and the curvature of the body; 0 for the "
-        "patch alone", "geometry", zero="none", section=SURROUNDINGS, shown=MAP, since="0.4")
+        "Surroundings", 0.0, 0.0, 3.0e5, (0.0, 3.0e4), "Distance from the site, in each direction, to which the "
+        "ground continues beyond its patch, with ever coarser cells and the curvature of the body; 0 for the patch "
+        "alone", "geometry", zero="none", section=SURROUNDINGS, shown=MAP, since="0.4")
     surroundings_file: str = text(
-        "Surroundings File", "", "GeoTIFF with a coarser height map that continues beyond the first one, of the same "
-        "body. If it is empty, the ground ends where the first one does", "geometry", "read", subtype="FILE_PATH",
+        "Surroundings File", "", "GeoTIFF with a coarser height map of the same body that reaches beyond the first "
+        "one. If it is empty, the ground ends at the edge of the first one", "geometry", "read", subtype="FILE_PATH",
         section=SURROUNDINGS, shown=SURROUNDED, since="0.4")
     missing: str = text(
         "No-Data Value", "",
-        "Value, before scale and unit, that marks a missing height, such as -9999; marks of the file count "
-        "too. If it is empty, values far from all others count as missing; write none to keep them as heights",
+        "Value, before scale and unit, that marks a missing height, such as -9999, besides the marks in the file. "
+        "If it is empty, values far from all others count as missing; write none to keep them as heights",
         "geometry", "mark", shown=chosen("kind", "HEIGHT_MAP"),
         since="0.3")
     height_scale_m: float = number(
@@ -174,11 +174,12 @@ class TerrainSettings(Table, label="Ground"):
         "Vertices per Side", 1025, 2, 4097, (65, 2049), "Vertices along each side of the patch; their spacing is size "
         "/ (vertices - 1)", "geometry", "vertices", section=ADVANCED, shown=GRID | DETAIL | MAP)
     rms_slope_deg: float = degrees(
-        "Roughness, RMS Slope", 12.0, 0.0, 75.0, "Root-mean-square slope between points that are one slope baseline "
-        "apart. Smooth plains have about 5, ridged plains 10 to 15, broken ground above 25", "geometry", (0.0, 45.0),
+        "Roughness, RMS Slope", 12.0, 0.0, 75.0, "Root-mean-square slope between points at a distance of the slope "
+        "baseline. Smooth plains have about 5, ridged plains 10 to 15, broken ground above 25", "geometry", (0.0, 45.0),
         section=TOP, shown=RANDOM)
     slope_baseline_m: float = metres(
-        "Slope Baseline", 1.0, 1.0e-3, 1.0e4, (0.1, 10.0), "Distance between the points whose slope is the roughness",
+        "Slope Baseline", 1.0, 1.0e-3, 1.0e4, (0.1, 10.0), "Distance between the two points of each slope that the "
+        "roughness measures",
         "geometry", section=ADVANCED, shown=RANDOM)
     hurst: float = number(
         "Hurst Exponent", 0.8, 0.05, 1.0, (0.3, 1.0), "How roughness changes with scale: the RMS deviation grows as "
@@ -209,8 +210,8 @@ class TerrainSettings(Table, label="Ground"):
         "coordinate system states its own radius", "geometry", section=ADVANCED, shown=GRADED | SURROUNDED)
     variant: int = number(
         "Variant", 0, 0, 2147483647, (0, 100),
-        "Number of the ground: another number moves relief, layers and landforms, not rocks. Terrain presets "
-        "have different numbers, so they have different hills at one seed",
+        "Number of the ground. Another number changes relief, layers and landforms, but not the rocks; terrain "
+        "presets have different numbers, so one seed gives each its own hills",
         "geometry", section=ADVANCED, shown=RANDOM, since="0.3")
     layers: list[TerrainLayer] = tables(
         "Layers of Noise", TerrainLayer, "Fractal noise that is added to the ground, one table per layer", "geometry",
@@ -241,11 +242,11 @@ class MeshSettings(Table, label="Mesh", inside="terrain", shown=chosen("source.k
         "error needs more, the mesh has a larger error and reports it", "geometry", "vertices",
         shown=chosen("kind", "GRADED"))
     seen: Literal["EVEN", "FINE"] = choice(
-        "Detail Where Seen", "EVEN", "How fine a graded mesh is where the cameras see it", "geometry",
+        "Detail Where Seen", "EVEN", "Fineness of a graded mesh where the cameras see it", "geometry",
         ("EVEN", "As Elsewhere", "One mesh for all headings. Waves of the ground shorter than two of its edges are "
          "missing, so that ground under a low Sun looks smoother than stated"),
-        ("FINE", "Finer", "Triangles that the cameras see are cut into nine, and the ground has waves a third as "
-         "long there, in images and truth. Each heading has a mesh of its own"),
+        ("FINE", "Finer", "Triangles that the cameras see are cut into nine, so images and truth show waves of the "
+         "ground that are a third as long there. Each heading has its own mesh"),
         shown=chosen("kind", "GRADED"), since="0.3")
     crests: Literal["ROUNDED", "CUT"] = choice(
         "Crests", "ROUNDED", "Treatment of crests of penitentes and ridges, and of rims of pits, in a graded mesh",
@@ -268,8 +269,8 @@ class HillsSettings(
 
     __slots__ = ()
     rms_slope_deg: float = degrees(
-        "RMS Slope", 0.0, 0.0, 45.0, "Root-mean-square slope between points that are one slope baseline apart; 0 for "
-        "no hills. Europa's ridged plains have 10 to 15 at 10 to 100 m, its smooth bands about 5", "geometry",
+        "RMS Slope", 0.0, 0.0, 45.0, "Root-mean-square slope between points at a distance of the slope baseline; 0 "
+        "for no hills. Europa's ridged plains have 10 to 15 at 10 to 100 m, its smooth bands about 5", "geometry",
         (0.0, 20.0))
     slope_baseline_m: float = metres(
         "Slope Baseline", 30.0, 0.1, 1.0e5, (1.0, 1000.0), "Distance between the points whose slope is stated",

@@ -21,15 +21,15 @@ class LanderSettings(Table, label="Lander", since="0.3"):
     __slots__ = ()
     kind: Literal["NONE", "PARAMETRIC", "OWN"] = choice("Lander", "NONE", "The lander in the picture", "lander",
         ("NONE", "None", "No lander"),
-        ("PARAMETRIC", "Parametric", "Deck, two legs, mast and arm of the sizes that are stated here"),
-        ("OWN", "Own Arm", "Deck, two legs and mast as Parametric, with an arm from a URDF file"))
+        ("PARAMETRIC", "Parametric", "Deck, two legs, mast and arm with the sizes below"),
+        ("OWN", "Own Arm", "Deck, two legs and mast as for Parametric, with an arm from a URDF file"))
     file: str = text(
         "Arm's File", "", "URDF file of your own arm, with meshes as STL, OBJ or Collada beside it. Its first link "
         "stands at the place of the shoulder. // is the folder of the .blend file", "lander", "read",
         subtype="FILE_PATH", shown=chosen("kind", "OWN"))
     joints: str = text(
-        "Joints", "", "Angles of the joints of your own arm, as name=value in degrees (metres for one that slides), "
-        "with spaces between; 0 for those that are not named", "lander", "name", shown=chosen("kind", "OWN"))
+        "Joints", "", "Values of your arm's joints, as name=value separated by spaces, in degrees, or in metres for a "
+        "sliding joint. A joint that is not named is at 0", "lander", "name", shown=chosen("kind", "OWN"))
     turn_deg: float = degrees(
         "Turn of the Deck", 0.0, -180.0, 180.0, "Direction of the lander to the right of the rig's heading", "lander",
         section=BODY_SIZES)
@@ -161,5 +161,5 @@ class WorkspaceSettings(Table, label="Workspace", inside="lander", turned_on_by=
     size_m: float = metres(
         "Size", 2.0, 0.01, 100.0, (0.2, 5.0), "Side of the workspace, which is a square", "sampling")
     materials: bool = tick(
-        "Albedo and Salts", False, "Write the true albedo and share of salt of each cell too, for rules of sites. A "
-        "pair takes some seconds more", "sampling", active=positive("cell_m"))
+        "Albedo and Salts", False, "Also write the true albedo and share of salt of each cell, for the rules that "
+        "choose sites. A pair takes some seconds more", "sampling", active=positive("cell_m"))

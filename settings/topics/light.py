@@ -86,10 +86,10 @@ class LightSettings(Table, label="Light"):
 
     __slots__ = ()
     directions_from: Literal["ANGLES", "DATE", "KERNELS"] = choice(
-        "Sky Positions", "ANGLES", "How the positions of the Sun and the planet are given", "light",
-        ("ANGLES", "Angles", "By the angles below"),
-        ("DATE", "Date", "By body, date and site: orbital elements, within 0.25° from 2000 to 2060"),
-        ("KERNELS", "SPICE Kernels", "By body, date and site, exactly. Needs SPICE kernels and SpiceyPy"),
+        "Sky Positions", "ANGLES", "Source of the positions of the Sun and the planet", "light",
+        ("ANGLES", "Angles", "The angles below"),
+        ("DATE", "Date", "Computed from body, date and site by orbital elements, within 0.25° from 2000 to 2060"),
+        ("KERNELS", "SPICE Kernels", "Computed exactly from body, date and site. Needs SPICE kernels and SpiceyPy"),
         section=TOP)
     body: str = text(
         "Moon's Name", "ENCELADUS", "Moon of the site: ENCELADUS or EUROPA. SPICE kernels allow others", "light",
@@ -109,11 +109,11 @@ class LightSettings(Table, label="Light"):
         "-4 on Enceladus and -1.5 on Europa", "light", shown=DATED)
     place: Literal["SITE", "STATED"] = choice(
         "Place of the Sky", "SITE",
-        "The place whose sky a date gives, where Site of a height map is stated by coordinates",
+        "Place for which the sky is computed from a date, if the site of a height map is stated by coordinates",
         "light",
         ("SITE", "Site of the Map", "The site of the height map, with north as on its map; Latitude and Longitude "
          "have no effect"),
-        ("STATED", "Stated Place", "The place of Latitude and Longitude, whose north is the map's up"),
+        ("STATED", "Stated Place", "The place at Latitude and Longitude; its north is the map's up"),
         shown=DATED & MAP & ~chosen("source.site", "OFFSET"), since="0.4")
     kernels: str = text(
         "Kernels", "", "A meta-kernel, or a folder from which all kernels are loaded", "light", "read",
@@ -148,15 +148,15 @@ class LightSettings(Table, label="Light"):
         "Sun Azimuth", 60.0, -360.0, 360.0, "Direction of the Sun from north (+Y) over east (+X)", "light", section=TOP,
         shown=~DATED)
     sun_distance_m: float = metres(
-        "Sun Distance", 0.0, 0.0, 1.0e4, (0.0, 10.0), "Distance of a lamp in place of the Sun from the origin of the "
-        "site, as in a laboratory: a sphere with the Sun's diameter and irradiance as seen from there. 0 for the real "
-        "Sun", "light", zero="real Sun", section=ADVANCED, since="0.3")
+        "Sun Distance", 0.0, 0.0, 1.0e4, (0.0, 10.0), "Distance from the origin of a laboratory lamp that replaces "
+        "the Sun: a sphere with the Sun's angular diameter and irradiance at the origin. 0 for the real Sun", "light",
+        zero="real Sun", section=ADVANCED, since="0.3")
     planet: bool = tick(
         "Planet", False, "Show the planet that the moon orbits in the sky, lit by the Sun, and light the ground by it",
         "light", section=PLANET)
     planet_elevation_deg: float = degrees(
         "Planet Elevation", 10.0, -90.0, 90.0, "Angle of the planet's centre above the horizon. It gives no light if "
-        "all of it is below the horizon", "light", section=PLANET, shown=~DATED, active=ticked("planet"))
+        "its whole disc is below the horizon", "light", section=PLANET, shown=~DATED, active=ticked("planet"))
     planet_azimuth_deg: float = degrees(
         "Planet Azimuth", 0.0, -360.0, 360.0, "Direction of the planet from north (+Y) over east (+X)", "light",
         section=PLANET, shown=~DATED, active=ticked("planet"))
@@ -170,7 +170,7 @@ class LightSettings(Table, label="Light"):
         "Planet Albedo", 0.499, "Geometric albedo: brightness at full phase relative to a white disc of the same size",
         "light", high=2.0, section=PLANET, active=ticked("planet"))
     planet_phase_law: Literal["LAMBERT", "SATURN", "JUPITER"] = choice(
-        "Planet Phase Law", "LAMBERT", "How the planet's brightness falls with its phase", "light",
+        "Planet Phase Law", "LAMBERT", "Law of the planet's brightness against its phase", "light",
         ("LAMBERT", "Lambert", "A matt sphere"),
         ("SATURN", "Saturn", "Published curve of Saturn's globe (Mallama and Hilton 2018)"),
         ("JUPITER", "Jupiter", "Published curve of Jupiter (Mallama and Hilton 2018)"),
@@ -199,8 +199,8 @@ class LightSettings(Table, label="Light"):
         "IES File", "", "Measured intensity by direction (LM-63) of IES lamps. // is the folder of the "
         ".blend file", "light", "read", subtype="FILE_PATH", section=LAMPS, active=ticked("lamps"), since="0.4")
     lamp_scales: str = text(
-        "Lamp Factors", "", "Factors on the light of the lamps when images are evaluated, in the order of their list, "
-        "such as 1, 0.5. If it is empty, all are 1", "response", "factors", section=BALANCE,
+        "Lamp Factors", "", "Factors on the light of the lamps when images are evaluated, in the order of the lamps, "
+        "such as 1, 0.5. If it is empty, all factors are 1", "response", "factors", section=BALANCE,
         active=ticked("lamps"), since="0.4")
     stars: bool = tick(
         "Stars", False, "Show stars in the sky at their true brightness. They do not light the ground", "light",
@@ -221,10 +221,11 @@ class VeilSettings(Table, label="Veil", inside="light", turned_on_by="optical_de
         "share exp(-depth) of the light is neither scattered nor absorbed", "sampling", precision=4,
         zero="off")
     top_m: float = metres(
-        "Top Height", 20.0, 0.1, 1.0e4, (1.0, 100.0), "Height of the top of the veil above the level of the site. It "
-        "is equally dense below", "sampling")
+        "Top Height", 20.0, 0.1, 1.0e4, (1.0, 100.0), "Height of the top of the veil above the level of the site. The "
+        "veil is equally dense at all heights below it", "sampling")
     width_m: float = metres(
-        "Width", 200.0, 1.0, 1.0e5, (10.0, 1000.0), "Side of the square around the origin of the site that it fills",
+        "Width", 200.0, 1.0, 1.0e5, (10.0, 1000.0), "Side of the square around the origin of the site that the veil "
+        "fills",
         "sampling")
     grain_albedo: float = fraction(
         "Grain Albedo", 1.0, "Share of the light on a grain that the grain scatters. Ice grains of a plume absorb less "

@@ -38,8 +38,8 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
         "nearest level ground, below which light leaves where it enters. This changes its amount by at most 3 %; 0 "
         "for no cutoff", "material", "px", zero="off", section=ADVANCED)
     fine_relief: Literal["ALL", "CAMERA"] = choice(
-        "Light on Relief", "ALL", "Light that bump and normal images shade. Only Lambert and Principled ice without "
-        "subsurface scattering use this setting", "material",
+        "Light on Relief", "ALL", "Light whose shading includes bump and normal images. Only Lambert and Principled "
+        "ice without subsurface scattering use this setting", "material",
         ("ALL", "All Light", "Also light that other ground reflects"),
         ("CAMERA", "Camera Rays Only", "Other ground reflects light as if it were smooth, which saves a tenth of the "
          "time. Under a low Sun, shadows are 2 to 5 % brighter and the mean up to 0.3 %"),
@@ -48,10 +48,10 @@ class QualitySettings(Table, label="Quality and Speed", brief="Quality"):
         "Indirect Light", "TRACED", "How light that other ground reflects is computed. Only Lambert ground and rocks "
         "can be baked; other scenes are traced, and pair.json contains why", "material",
         ("TRACED", "Traced", "Followed through every pixel, with Samples paths"),
-        ("BAKED", "Baked", "Computed once at the vertices of the ground. Images then take direct light only, with "
-         "few samples and no denoiser"),
-        ("AUTO", "Automatic", "Baked where the data set has enough images of a ground under one Sun to save time, "
-         "else traced"),
+        ("BAKED", "Baked", "Computed once at the vertices of the ground. Images then trace only direct light, with "
+         "few samples and without a denoiser"),
+        ("AUTO", "Automatic", "Baked if the data set has enough images of one ground under one Sun to save time, "
+         "otherwise traced"),
         section=INDIRECT, since="0.3")
     direct_samples: int = number(
         "Direct Samples", 4, 1, 65536, (1, 64), "Light paths per pixel and eye where indirect light is baked. There "

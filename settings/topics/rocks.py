@@ -34,12 +34,12 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         ("POWER", "Power Law", "N(>D) ~ D^-index, as fitted to block counts on Enceladus"),
         ("GOLOMBEK", "Golombek", "Covered share k exp(-q D), q = 1.79 + 0.152/k per m, k the coverage: fitted to "
          "rocks on Mars, an analogue"),
-        ("TABLE", "From a Table", "Positions and diameters come from the file below. Coverage only turns rocks on, "
-         "and sizes and clusters have no effect"),
+        ("TABLE", "From a Table", "Positions and diameters from the file below. Coverage above 0 turns rocks on; "
+         "sizes and clusters have no effect"),
         section=ADVANCED)
     file: str = text(
-        "Table of Rocks", "", "CSV file whose first line names the columns x_m, y_m (east and north of the origin) "
-        "and diameter_m. // is the folder of the .blend file", "geometry", "read", subtype="FILE_PATH",
+        "Table of Rocks", "", "CSV file with the columns x_m, y_m (east and north of the origin) and diameter_m. // "
+        "is the folder of the .blend file", "geometry", "read", subtype="FILE_PATH",
         section=ADVANCED, shown=chosen("law", "TABLE"), since="0.3")
     coverage: float = fraction(
         "Coverage", 0.0, "Share of the ground under rocks, counting overlaps twice; 0 for none. Golombek's law counts "
@@ -60,7 +60,7 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         ("BOULDERS", "Boulders", "Worn and lumpy"),
         ("SLABS", "Slabs", "Flat plates with broken sides"),
         ("BROKEN_ICE", "Broken Ice", "Cleaved rocks with stepped faces and chipped corners"),
-        ("OWN", "Own Mesh", "A mesh of your own, stretched and turned from rock to rock"),
+        ("OWN", "Own Mesh", "Your mesh, stretched and rotated differently for each rock"),
         section=SHAPE)
     shape_file: str = text(
         "Rock's Mesh", "", "STL or OBJ file of a closed mesh, z up: the shape of all rocks, in any size. // is the "
@@ -74,14 +74,14 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         "geometry", section=SHAPE)
     height_ratio: float = number(
         "Height over Width", 0.6, 0.05, 3.0, (0.2, 1.5), "Median of a rock's height divided by its mean width. Slabs "
-        "have 0.45 of it", "geometry", section=SHAPE)
+        "have 0.45 times this ratio", "geometry", section=SHAPE)
     tilt_deg: float = degrees(
         "Tilt", 15.0, 0.0, 180.0, "RMS tilt of rocks against the ground, about each of two axes", "geometry",
         (0.0, 60.0), section=SHAPE)
     burial: float = fraction(
         "Burial", 0.25, "Mean share of a rock's height that is below the ground", "geometry", high=0.9, section=SHAPE)
     clustering: float = fraction(
-        "Clustering", 0.0, "Share of the rocks that are in clusters. The others are anywhere", "geometry",
+        "Clustering", 0.0, "Share of the rocks that are in clusters. The others lie at random", "geometry",
         section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"))
     cluster_blocks: float = number(
         "Rocks per Cluster", 20.0, 1.0, 1.0e5, (2.0, 200.0), "Mean number of rocks in a cluster", "geometry", "rocks",
@@ -91,15 +91,15 @@ class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
         "north, from the centre of their cluster", "geometry", section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"),
         active=positive("clustering"))
     clear_radius_m: float = metres(
-        "Clear Radius", 0.0, 0.0, 1.0e4, (0.0, 5.0), "Radius around the site of the camera that is free of rocks, "
-        "such as for a lander", "geometry", section=PLACE)
+        "Clear Radius", 0.0, 0.0, 1.0e4, (0.0, 5.0), "Radius of the area without rocks around the camera's site, such "
+        "as for a lander", "geometry", section=PLACE)
     most: int = number(
         "Maximum Rocks", 20000, 0, 200000, (0, 50000), "Maximum number of rocks. Above it the smallest rocks are left "
         "out, with a warning", "geometry", "rocks", section=PLACE)
     beyond_px: float = number(
-        "Smallest Distant Rock", 0.0, 0.0, 1000.0, (0.0, 10.0), "Rocks lie beyond the patch too, to the horizon, "
-        "wherever they are at least this wide in the image; 0 for none there. The maximum number of rocks holds there "
-        "once more", "geometry", "px", subtype="PIXEL", section=PLACE, shown=GRADED & ~chosen("law", "TABLE"),
+        "Smallest Distant Rock", 0.0, 0.0, 1000.0, (0.0, 10.0), "Least width in the image of rocks beyond the patch, "
+        "out to the horizon; 0 for no rocks there. The maximum number of rocks applies to them separately", "geometry",
+        "px", subtype="PIXEL", section=PLACE, shown=GRADED & ~chosen("law", "TABLE"),
         since="0.3")
     mask_file: str = mask_file(
         "rocks lie", "geometry", section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"), since="0.4")

@@ -73,7 +73,7 @@ class MeshItem:
 
 
 # Known facts about the originals, for ``known``.
-_PHOTOGRAPH = "a photograph of that name, not seen; its size is not stated"
+_PHOTOGRAPH = "a photograph of that name that was not available; its size is not stated"
 _PLAIN_SET = "a material of that name with roughness and normals, not seen; its size is not stated"
 _AO_SET = "a material of that name with roughness and normals, whose ambient occlusion is used as its colour; not seen"
 _FULL_SET = ("a material of that name with roughness, normals and transmission, whose ambient occlusion is used as its "
@@ -117,7 +117,7 @@ _TEXTURES = {item.key: item for item in TEXTURES}
 
 _SURVEYED = ("a mesh reconstructed from photographs of that name, with one image; not published. "
                     "Its size is not stated")
-_FROM_GAEA = "a mesh of that name made with the program Gaea, without an image of its own; not published"
+_FROM_GAEA = "a mesh of that name made with the program Gaea, without an image; not published"
 #: Sites are from the public code, in metres from the middle; for the largest survey they are divided by eight.
 MESHES = (
     MeshItem(1, "ATHABASCA", "Glacier Surface", "Athabasca_surface_2", _SURVEYED, 16.0, 30000, 3, ((0.0, 0.0),)),

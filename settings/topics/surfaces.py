@@ -44,18 +44,18 @@ class SurfaceSettings(Table, label="Ice"):
     model: Literal[
         "PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE", "SNOW"
     ] = choice("Model", "PRINCIPLED", "Reflectance law of the surface", "material",
-        ("PRINCIPLED", "Snow (Principled)", "Like snow and ice on Earth, with gloss and light below the surface. No "
-         "opposition surge; costs 1.4 times Lambert, or 7 times if all light is subsurface"),
+        ("PRINCIPLED", "Snow (Principled)", "Snow and ice as on Earth, with gloss and subsurface scattering. No "
+         "opposition surge; costs 1.4 times Lambert, or 7 times if all light is scattered below the surface"),
         ("LAMBERT", "Lambert", "Equally bright from every direction; the cheapest law. No opposition surge and no "
          "phase function: up to 18 % error in the mean of a sunlit scene of ice"),
         ("LOMMEL_SEELIGER", "Lommel-Seeliger", "Single scattering, as in dark dust. Ice reflects mostly multiply "
          "scattered light, which this law omits; costs little more than Lambert"),
         ("LUNAR_LAMBERT", "Lunar-Lambert", "Lommel-Seeliger and Lambert mixed, as used for mosaics of moons. No "
          "phase function and no opposition surge; costs little more than Lambert"),
-        ("HAPKE", "Hapke", "Ice of grains, as moons are modelled; no gloss. Phase function, opposition surge and "
+        ("HAPKE", "Hapke", "Granular ice, the usual model for moons; no gloss. Phase function, opposition surge and "
          "roughness are in the Hapke panel; costs 1.2 times Lambert, 1.8 times without OSL"),
-        ("SNOW", "Snow (Measured)", "Snow on Earth as measured, brighter against the light; no gloss. Within about 5 "
-         "% for a Sun at least 20 degrees high, seen at most 60 degrees from the normal; no opposition surge; costs "
+        ("SNOW", "Snow (Measured)", "Measured snow on Earth, brighter against the light; no gloss. Within about 5 % "
+         "for a Sun at least 20 degrees high, seen at most 60 degrees from the normal; no opposition surge; costs "
          "little more than Lambert"))
     albedo: float = fraction(
         "Albedo (Brightness)", 0.9, "Share of the light that clean, flat ice reflects under uniform light from all "
@@ -66,7 +66,7 @@ class SurfaceSettings(Table, label="Ice"):
     ice_colour: Literal["GREY", "SNOW", "EUROPA_PLAINS", "ENCELADUS_PLAINS"] = choice(
         "Ice Colour", "GREY", "Colour of clean ice. The albedo stays its mean over red, green and blue", "material",
         ("GREY", "Grey", "The same in all bands"),
-        ("SNOW", "Snow", "Pure snow, by its grains: bluer the coarser it is (Warren and Brandt 2008)"),
+        ("SNOW", "Snow", "Pure snow; coarser grains make it bluer (Warren and Brandt 2008)"),
         ("EUROPA_PLAINS", "Europa's Plains", "Slightly yellow; assumed"),
         ("ENCELADUS_PLAINS", "Enceladus' Plains", "Nearly grey (Buratti 1984)"),
         section=COLOUR, active=~(PRINCIPLED & positive("bubble_share")), since="0.3")
@@ -75,11 +75,11 @@ class SurfaceSettings(Table, label="Ice"):
         "sets its colour: 25 µm for frost, 1 mm for old snow", "material", section=COLOUR,
         shown=chosen("ice_colour", "SNOW"), active=~(PRINCIPLED & positive("bubble_share")), since="0.3")
     albedo_variation: float = fraction(
-        "Albedo Variation", 0.0, "Depth of the random dark patches as a share of the albedo", "material",
+        "Albedo Variation", 0.0, "Largest darkening by random patches, as a share of the albedo", "material",
         section=COLOUR)
     face_variation: float = fraction(
-        "Face Variation", 0.0, "How much the faces of rocks differ: a face is darker by up to this share of the "
-        "albedo, and its roughness is up to this much higher or lower", "material", section=COLOUR, since="0.3")
+        "Face Variation", 0.0, "Variation between the faces of rocks: a face is darker by up to this share of the "
+        "albedo, and its roughness is higher or lower by up to this amount", "material", section=COLOUR, since="0.3")
     albedo_group: str = text(
         "Own Node Group", "", "Group of shader nodes in this .blend file. Its output Albedo Factor, from 0.02 to 1, "
         "multiplies the albedo", "material", "name", section=COLOUR, since="0.4")
@@ -93,13 +93,13 @@ class SurfaceSettings(Table, label="Ice"):
         "Dirt on Slopes", "Darkening of slopes of 45 degrees and more, compared with level ground; negative to darken "
         "level ground", "material", section=DIRT)
     dirt: Literal["BLACK", "EUROPA_DARK", "SULPHUR", "THOLIN"] = choice(
-        "Dirt", "BLACK", "Material in troughs and on slopes. It covers the share of their area that is stated above",
+        "Dirt", "BLACK", "Material of the dirt in troughs and on slopes, whose shares are stated above",
         "material",
         ("BLACK", "Black", "Reflects nothing, so the ice is darker and keeps its colour"),
         ("EUROPA_DARK", "Dark Material", "Europa's, brown: 0.17 in green (Helfenstein et al. 1998), 1.25 of that in "
          "red and 0.6 in blue, assumed"),
         ("SULPHUR", "Sulphur", "Yellow-brown products of radiolysis; a guess"),
-        ("THOLIN", "Red Organics", "Tholin, not found on either moon; assumed"),
+        ("THOLIN", "Red Organics", "Tholin, an assumption: it was not found on either moon"),
         section=DIRT, active=SOILED, since="0.3")
     dirt_patch_m: float = metres(
         "Dirt Patch", 0.0, 0.0, 1.0e4, (0.0, 5.0), "Wavelength of patches that dirt covers wholly, with clean ice "
@@ -140,29 +140,30 @@ class SurfaceSettings(Table, label="Ice"):
         "render with 1 takes about five times as long as with 0", "material", shown=PRINCIPLED)
     subsurface_radius_m: float = metres(
         "Subsurface Radius", 5.0e-3, 0.0, 10.0, (0.0, 0.1),
-        "Radius of Blender's random walk. The mean free path of light in the snow is 0.08 of it; white snow dims by a "
-        "factor e in a depth of about the radius, darker snow in less", "material",
+        "Radius of Blender's random walk; the mean free path of light in the snow is 0.08 of it. Light in white "
+        "snow falls by a factor e over a depth of about this radius, in darker snow over less", "material",
         section=ADVANCED, shown=PRINCIPLED, active=positive("subsurface_weight"))
     subsurface_method: Literal["RANDOM_WALK", "BURLEY"] = choice(
         "Subsurface Law", "RANDOM_WALK", "Model of the path of light in the snow", "material",
-        ("RANDOM_WALK", "Random Walk", "From one scattering to the next, through the shape of the ground"),
+        ("RANDOM_WALK", "Random Walk", "Follows light from one scattering to the next inside the ground's shape"),
         ("BURLEY", "Burley", "Uses a profile that was fitted to flat surfaces. It takes a third of the time, but "
-         "matchers err on 4 % more pixels"),
+         "matchers are wrong at 4 % more pixels"),
         section=ADVANCED, shown=PRINCIPLED, active=positive("subsurface_weight"), since="0.3")
     transmission: float = fraction(
         "Transmission", 0.0, "Share of the light that enters clear ice, see Transmitted Light", "material",
         section=ADVANCED, shown=PRINCIPLED)
     transmitted: Literal["LOST", "THROUGH"] = choice(
         "Transmitted Light", "LOST", "Path of the light that enters clear ice", "material",
-        ("LOST", "Lost", "Deep ice: light that enters it does not come back. The surface becomes darker"),
+        ("LOST", "Lost", "Light that enters the deep ice does not come back, so the surface is darker"),
         ("THROUGH", "Through Rocks",
-            "Passes straight through rocks, weakened by the absorption of pure ice, and lights objects behind "
-            "them. Light that enters the ground is lost; the albedo applies to the rest"),
+            "Light passes straight through rocks, weakened by the absorption of pure ice, and lights the objects "
+            "behind. Light that enters the ground is lost; the albedo applies to the rest"),
         section=ADVANCED, shown=PRINCIPLED, active=positive("transmission"), since="0.3")
     roughness: float = fraction(
         "Roughness", 0.6, "Microfacet roughness of the specular reflection", "material", shown=PRINCIPLED)
     specular: float = fraction(
-        "Specular Level", 0.5, "Strength of the specular reflection; 0.5 is the value of the refractive index",
+        "Specular Level", 0.5, "Strength of the specular reflection; 0.5 is the strength that follows from the "
+        "refractive index",
         "material", section=ADVANCED, shown=PRINCIPLED)
     refractive_index: float = number(
         "Refractive Index", 1.31, 1.0, 3.0, (1.0, 2.0), "Refractive index of the ice; 1.31 for water ice in visible "
@@ -175,13 +176,13 @@ class SurfaceSettings(Table, label="Ice"):
         shown=EMITTING, since="0.3")
     emitted_from: Literal["EVERYWHERE", "HOLLOWS"] = choice(
         "Emitting Ice", "EVERYWHERE", "Where the ice emits light", "material",
-        ("EVERYWHERE", "Everywhere", "The ground and rocks of its ice"),
-        ("HOLLOWS", "Hollows", "Only low ground, such as the floors of fractures. Rocks emit none"),
+        ("EVERYWHERE", "Everywhere", "The ground, and rocks that have its surface"),
+        ("HOLLOWS", "Hollows", "Only low ground, such as the floors of fractures. Rocks emit no light"),
         section=ADVANCED, shown=EMITTING, active=of_topic("surface") & positive("emitted_w_m2_sr"), since="0.4")
     emitted_below: float = number(
         "Emitting Below (SD)", -1.0, -2.9, 2.9, (-2.5, 0.0),
-        "Height below which hollows emit, above the mean plane of the ground, in standard deviations of its heights; "
-        "-1 is a guess. What is more than 3 deviations high or deep counts as 3", "material", section=ADVANCED,
+        "Height below which hollows emit, above the mean plane of the ground, in standard deviations of its "
+        "heights; -1 is a guess. Heights beyond 3 deviations count as 3", "material", section=ADVANCED,
         shown=EMITTING, active=of_topic("surface") & positive("emitted_w_m2_sr") & chosen("emitted_from", "HOLLOWS"),
         since="0.4")
     bubble_share: float = fraction(
@@ -193,8 +194,9 @@ class SurfaceSettings(Table, label="Ice"):
         "that the ice is bluer", "material", section=INTERIOR, shown=PRINCIPLED, active=positive("bubble_share"),
         since="0.3")
     bubble_band_m: float = metres(
-        "Bubble Bands", 0.0, 0.0, 1000.0, (0.0, 2.0), "Mean distance between bands of clearer and whiter ice, with a "
-        "quarter to four times the bubbles; each rock has its own. 0 for even ice", "material", section=INTERIOR,
+        "Bubble Bands", 0.0, 0.0, 1000.0, (0.0, 2.0), "Mean distance between bands of clearer and whiter ice, which "
+        "have a quarter to four times the bubbles. Each rock has its own bands; 0 for even ice", "material",
+        section=INTERIOR,
         shown=PRINCIPLED, active=positive("bubble_share"), since="0.3")
     fracture_share: float = fraction(
         "Internal Fractures", 0.0,
@@ -206,15 +208,15 @@ class SurfaceSettings(Table, label="Ice"):
         "sets of fractures; each rock has its own", "material", section=INTERIOR, shown=PRINCIPLED,
         active=positive("fracture_share"), since="0.3")
     frost_share: float = fraction(
-        "Frost", 0.0, "Share of the ice that is under thin frost where it is level. Faces steeper than 65 degrees "
-        "have none", "material", section=COVER, shown=PRINCIPLED, since="0.3")
+        "Frost", 0.0, "Share of level ice that thin frost covers. Faces steeper than 65 degrees have none", "material",
+        section=COVER, shown=PRINCIPLED, since="0.3")
     frost_patch_m: float = metres(
         "Frost Patch", 0.15, 1.0e-4, 1.0e4, (0.01, 5.0), "Wavelength of the patches of frost", "material",
         section=COVER, shown=PRINCIPLED, active=positive("frost_share"), since="0.3")
     patch_raggedness: float = fraction(
         "Ragged Patches", 0.0,
-        "Raggedness of the edges of frost and dirt patches: share of their variance at one eighth of their "
-        "wavelength and below", "material", section=COVER, shown=PRINCIPLED | DIRTY,
+        "Raggedness of the edges of frost and dirt patches: share of the pattern's variance at an eighth of its "
+        "wavelength or less", "material", section=COVER, shown=PRINCIPLED | DIRTY,
         active=(PRINCIPLED & positive("frost_share")) | (DIRTY & positive("dirt_patch_m")), since="0.3")
     frost_albedo: float = fraction(
         "Frost Albedo", 0.9, "Albedo of the frost", "material", section=COVER, shown=PRINCIPLED,
@@ -238,12 +240,12 @@ class SurfaceSettings(Table, label="Ice"):
         active=positive("crust_share"), since="0.3")
     glint_share: float = fraction(
         "Glints", 0.0,
-        "Share of the reflected light that facets of grains mirror; one eye alone sees a near glint. 0 for "
-        "none; 0.03 is a guess for fresh snow", "material", high=0.5, section=GRAIN,
+        "Share of the reflected light that facets of grains mirror; only one of the eyes sees a near glint. 0 for "
+        "no glints; 0.03 is a guess for fresh snow", "material", high=0.5, section=GRAIN,
         shown=PRINCIPLED, since="0.3")
     glint_size_m: float = metres(
         "Glint Size", 1.0e-3, 1.0e-5, 0.1, (1.0e-4, 0.01),
-        "Size of a grain that glints. A larger pixel has one facet for all of its grains",
+        "Size of a glinting grain. A pixel that shows several grains has one facet for all of them",
         "material", section=GRAIN, shown=PRINCIPLED,
         active=positive("glint_share"), since="0.3")
     grain_size_m: float = metres(
@@ -253,17 +255,17 @@ class SurfaceSettings(Table, label="Ice"):
         "Grain Relief", 4.0e-3, 0.0, 1.0, (0.0, 0.05), "Height of the fine relief, from its lowest to its highest "
         "point", "material", section=GRAIN)
     grain_patchiness: float = fraction(
-        "Patchy Grain", 0.0, "How much the height of the fine relief differs from place to place, at the same RMS "
-        "height: 0 is equally rough everywhere, 1 has smooth places beside rough ones", "material", section=GRAIN,
+        "Patchy Grain", 0.0, "Variation of the fine relief's height from place to place, at the same RMS height: 0 is "
+        "equally rough everywhere, 1 has smooth places beside rough places", "material", section=GRAIN,
         active=positive("grain_amplitude_m"), since="0.3")
     relief: Literal["BUMP", "DISPLACEMENT", "REAL"] = choice(
-        "Fine Relief", "REAL", "How the fine relief is made", "material",
+        "Fine Relief", "REAL", "Method that makes the fine relief", "material",
         ("BUMP", "Bump", "Changes only the shading: the true depth is that of the mesh. Costs no time"),
         ("DISPLACEMENT", "Displacement", "Moves the vertices of the mesh, and so depth and shadows. Wavelengths "
          "below two vertex spacings are lost, and Build Scene reports how much"),
         ("REAL", "Real",
-            "Moves the vertices where the relief is over half a pixel high, with a mesh as fine as the image "
-            "there. Lower relief, rocks and ground from a file get bump"),
+            "Where the relief is more than half a pixel high, the mesh is as fine as the image and its vertices move. "
+            "Lower relief, rocks and ground from a file get bump"),
         section=GRAIN, active=positive("grain_amplitude_m"))
 
 
@@ -297,8 +299,8 @@ class HapkeSettings(Table, label="Hapke", inside="surface", shown=chosen("surfac
         "Roughness", 10.0, 0.0, 60.0, "Mean slope angle of relief that is finer than mesh and grains. With the Nodes "
         "shader, 0 halves the cost of the surface", "material", (0.0, 40.0))
     theta_bar_range_deg: float = degrees(
-        "Roughness Range", 0.0, -60.0, 60.0, "Difference in roughness between white and black of the roughness image, "
-        "whose mean has the roughness above. The result is limited to 0 to 60; 0 ignores the image", "material",
+        "Roughness Range", 0.0, -60.0, 60.0, "Difference in roughness between white and black in the roughness image; "
+        "its mean has the roughness above. The result is limited to 0 to 60; 0 ignores the image", "material",
         (-30.0, 30.0), section=ADVANCED)
     filling_factor: float = fraction(
         "Filling Factor", 0.0, "Share of the volume that grains fill, at most 0.75. 0 gives the model of 1993, "
@@ -312,8 +314,8 @@ class HapkeSettings(Table, label="Hapke", inside="surface", shown=chosen("surfac
         section=ADVANCED)
     accuracy: Literal["FAST", "ACCURATE", "REFERENCE"] = choice(
         "Accuracy", "FAST", "Accuracy of light that other ground reflects. Direct sunlight is always exact", "material",
-        ("FAST", "Fast", "Reflected light is 2 to 4 % too dark in the mean. It is weighted like sunlight, and up to "
-         "10 % too dark in shadows"),
+        ("FAST", "Fast", "Reflected light is weighted like sunlight: 2 to 4 % too dark in the mean, and up to 10 % "
+         "too dark in shadows"),
         ("ACCURATE", "Accurate", "Reflected light is within 1 % in the mean, 8 % in shadows. The Sun's disc blurs "
          "the surges exactly; needs OSL and the CPU"),
         ("REFERENCE", "Reference", "Reflected light is within 0.1 % in the mean, 1 % in shadows. Hapke's law for "
@@ -321,7 +323,7 @@ class HapkeSettings(Table, label="Hapke", inside="surface", shown=chosen("surfac
          "objects receive no sunlight from ice"),
         section=ADVANCED, active=~chosen("backend", "NODES"))
     backend: Literal["AUTO", "OSL", "NODES"] = choice(
-        "Shader", "AUTO", "How the law is implemented in Cycles. Snow (measured) is of nodes unless this is OSL",
+        "Shader", "AUTO", "Implementation of the law in Cycles. Measured snow uses nodes unless OSL is chosen",
         "material",
         ("AUTO", "Automatic", "OSL if it is available, otherwise nodes. Warns if this lowers the accuracy"),
         ("OSL", "OSL", "Open Shading Language. Build Scene refuses it without OSL and on the GPU"),
@@ -339,15 +341,15 @@ class TexturesSettings(Table, label="Textures", inside="surface"):
         ("FROST", "Frost", "Generated: crystals of hoar with bright tips"),
         ("GRAINS", "Grains", "Generated: rounded grains with dark gaps"),
         ("CRACKS", "Cracks", "Generated: plates of crust with dark cracks between them"),
-        ("STAND_IN", "Stand-In", "Made by code in place of a texture of the GUISS paper, with the images that the "
-         "paper's has"),
+        ("STAND_IN", "Stand-In", "A computed texture that replaces one of the GUISS paper, with the same kinds of "
+         "images"),
         ("OWN", "Own Images", "The files below. Empty ones are not used"),
         ("MESH", "From Mesh", "Albedo, roughness and normals from the OBJ, glTF or PLY file of the ground, mapped by "
          "its UV coordinates"))
     stand_in: Literal[
         "SNOW_CRYSTALS", "HOAR_FROST", "SNOW_DRIFT", "CRUSTED_SNOW", "CRACKED_ICE", "POWDER_SNOW",
         "GROUND_SNOW", "LUMPY_SNOW", "FIRN", "GLACIER_ICE", "MIXED_SNOW", "SETTLED_SNOW", "SUNCUPS", "SASTRUGI"
-    ] = choice("Stand-In", "SNOW_CRYSTALS", "The texture made by code", "material",
+    ] = choice("Stand-In", "SNOW_CRYSTALS", "Computed texture of snow or ice", "material",
         *stand_ins.make_choices(stand_ins.TEXTURES),
         shown=chosen("set", "STAND_IN"), active=~chosen("set", "MESH"), since="0.3")
     mapping: Literal["OBJECT", "UV", "PATCH", "MAP"] = choice(
@@ -358,17 +360,16 @@ class TexturesSettings(Table, label="Textures", inside="surface"):
          "no UV coordinates and get the mean of the images"),
         ("PATCH", "Over the Patch", "Once over the square of the patch around the origin, seen from above, with "
          "north up. Image Width and Repeats have no effect"),
-        ("MAP", "By Map Coordinates", "An albedo GeoTIFF lies where its own coordinate system has it on the map of the "
-         "ground. Image Width and Repeats have no effect"),
+        ("MAP", "By Map Coordinates", "An albedo GeoTIFF is placed on the map of the ground by its coordinate system. "
+         "Image Width and Repeats have no effect"),
         shown=~chosen("set", "NONE"), active=~chosen("set", "MESH"))
     width_m: float = metres(
         "Image Width", 0.5, 1.0e-3, 1.0e4, (0.05, 10.0), "Width of an image that is mapped by position", "material",
         shown=~chosen("set", "NONE"), active=~chosen("mapping", "PATCH", "MAP") & ~BY_UV)
     repeat: Literal["TURNED", "SHIFTED", "PLAIN"] = choice(
         "Repeats", "TURNED", "How an image that is mapped by position continues beyond its edges", "material",
-        ("TURNED", "Shifted and Turned", "Hexagons from random places of the image, at random angles. Repeats are "
-         "not visible"),
-        ("SHIFTED", "Shifted", "Hexagons from random places of the image, for images with a direction"),
+        ("TURNED", "Shifted and Turned", "Hexagons from random positions, at random angles. Repeats are not visible"),
+        ("SHIFTED", "Shifted", "Hexagons from random positions in the image, not rotated, for images with a direction"),
         ("PLAIN", "Plain", "The whole image, side by side"),
         shown=~chosen("set", "NONE"), active=~chosen("mapping", "PATCH", "MAP") & ~BY_UV)
     height_m: float = metres(

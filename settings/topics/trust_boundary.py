@@ -1,4 +1,4 @@
-"""The trust boundary: what a file may bring, and what only the user may name.
+"""The trust boundary: settings that a file may contain, and settings that only the user may give.
 
 Scenes, .blend files, settings files, presets, plans, jobs, data sets and pairs contain settings. Anyone may have
 written them, so they are data: numbers, choices, files that are read as data, and a folder that is written to. They
