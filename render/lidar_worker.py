@@ -24,6 +24,7 @@ from ..nodes.surface.sun_inputs import Sun
 from ..physics.camera.rotations import quaternion
 from ..physics.lidar.backscatter import AlbedoMap, Backscatter, find_clean_albedos, has_patches, tabulate_scene
 from ..physics.lidar.instrument import SensorPose, make_pose, mount_on_rig
+from ..physics.lidar.light_in_ice import Medium
 from ..physics.lidar.measured_returns import Sensing
 from ..physics.lidar.noise_streams import Effects
 from ..physics.lidar.scene_light import find_scene_media, find_sunlight_1_s
@@ -116,9 +117,9 @@ def _find_sensing(
 ) -> tuple[Sensing, dict[str, Any]]:
     """What happens beyond the surface and in the detector, and facts on it."""
     settings, instrument = built.settings, lidar.instrument
-    if "ice" in asked.without:
-        media, words = {}, dict.fromkeys(("terrain", "rocks"), "left out, as asked")
-    else:
+    media: dict[int, Medium] = {}
+    words = dict.fromkeys(("terrain", "rocks"), "left out, as asked")
+    if "ice" not in asked.without:
         media, words = find_scene_media(settings, instrument.wavelength_m * 1e9, asked.grain_m, asked.density_kg_m3)
     photons_1_s, sunlight = 0.0, "left out, as asked"
     if "sunlight" not in asked.without:
