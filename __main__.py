@@ -22,6 +22,7 @@ _PROGRAMS = {
     "build": "render.build_worker",
     "geometry": "render.geometry_worker",
     "scan": "render.lidar_worker",
+    "project": "render.projector_worker",
     "probe": "render.probe_blender",
     "measure": "stereo.measuring_processes",
     "decode": "stereo.images.bounded_decoding",

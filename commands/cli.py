@@ -84,6 +84,11 @@ _MODULE_BY_VERB = {
         "lidar",
         "add_options",
     ),
+    "projector": (
+        "project dots, stripes or coded light on the described scene, and save a pair or decode its columns",
+        "projector",
+        "add_options",
+    ),
     "sky": ("print Sun, planet and eclipse over a site at a date, without a render", "sky", "add_options"),
     "check": ("render and measure a small pair whose truth is known, to test the installation", "check", "add_options"),
     "plan": ("list the pairs in the plan of a data set, or their cost", "plan", "add_options"),

@@ -46,6 +46,15 @@ def add_group(image: Sequence[Piece], other: Sequence[Piece], group: str) -> lis
     return _add_light(image, {IMAGE_PASS: light, name: light})[0]
 
 
+def add_light(image: Sequence[Piece], light: Mapping[str, Mapping[str, Array]]) -> list[Piece]:
+    """The parts of ``image`` with ``light`` (bands R, G, B by pass ``LAYER.PASS``) added to the passes that it has.
+
+    Raises as ``add_group`` does.
+    """
+    parts = [Pixels(piece) for piece in image]
+    return _add_light(image, {name: bands for name, bands in light.items() if _find_bands(parts, name)})[0]
+
+
 def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
     """Add the passes of baked light to the image and to its light groups, if it has any. Returns the parts, and by
     light group the share of baked light in all light of the image. The share is nan if a pixel has negative light,

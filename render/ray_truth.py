@@ -44,7 +44,7 @@ def trace_truth(
     no truth.
     """
     stem, kind = asked
-    make = _make_calibrated_eye if kind == "SENSORS" else partial(_make_rendered_eye, kind == "TOED")
+    make = _make_calibrated_eye if kind == "SENSORS" else partial(make_rendered_eye, kind == "TOED")
     eyes = {eye: make(camera, eye, poses[eye]) for eye in EYES}
     files = {eye: stem.with_name(f"{stem.name}-{eye}.exr") for eye in EYES}
     for eye, truth in trace_eyes(stage, eyes, camera.baseline_m, *clip_m).items():
@@ -53,7 +53,8 @@ def trace_truth(
     return files
 
 
-def _make_rendered_eye(toed: bool, camera: StereoCamera, eye: str, pose: Array) -> AnyEye:
+def make_rendered_eye(toed: bool, camera: StereoCamera, eye: str, pose: Array) -> Eye:
+    """The pixels that are rendered for an eye of a rig, margins included; ``pose`` is as in ``trace_truth``."""
     columns, rows = camera.rendered_px
     return Eye(
         columns,

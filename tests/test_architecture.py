@@ -35,6 +35,7 @@ PURE = (
     "physics/light",
     "physics/camera",
     "physics/lidar",
+    "physics/projector",
     "physics",
     "rays",
     "formats",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator
+import re
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,8 @@ from .manifest import MANIFEST
 from .pair_claims import CLAIMS_FOLDER, Claims
 from .shared_light import LightFile, StatedLight
 
+#: The id of a pair.
+_PAIR_ID = re.compile(r"[0-9a-f]{12}")
 #: Files and folders that a data set's folder may contain.
 _EXPECTED_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
 #: Texts for content beside the settings, see ``settings.pair_ids.make_pair_id`` and ``nodes.surface.hapke_nodes``.
@@ -318,12 +321,19 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         )
     ):
         yield f"{path}: its settings and own files do not give the id {wanted.id}"
-    seeds = pair.data.get("seeds", {})
-    if seeds.get("render") != wanted.render_seed:
-        yield f"{path}: was rendered with the seed {seeds.get('render')}, not {wanted.render_seed}"
+    seeds, seed = pair.data.get("seeds", {}), _find_rendered(pair, wanted).render_seed
+    if seeds.get("render") != seed:
+        yield f"{path}: was rendered with the seed {seeds.get('render')}, not {seed}"
     if "dataset" in seeds and seeds["dataset"] != wanted.settings.dataset.seed:
         yield f"{path}: seeds.dataset is {seeds['dataset']}, and its settings give {wanted.settings.dataset.seed}"
     yield from _find_wrong_sizes(pair, make_camera_with_eyes(wanted.settings))
+
+
+def _find_rendered(pair: Pair, wanted: PlannedPair) -> PlannedPair:
+    """The pair as it was rendered, of which a pair in the light of a projector has another id."""
+    projector = pair.data.get("projector")
+    name = projector.get("rendered_as") if isinstance(projector, Mapping) else None
+    return replace(wanted, id=name) if isinstance(name, str) and _PAIR_ID.fullmatch(name) else wanted
 
 
 def _find_wrong_sizes(pair: Pair, camera: StereoCamera) -> Iterator[str]:

@@ -1,0 +1,49 @@
+"""Columns of a projector from images of Gray code and phase, and depth from these columns. Imports no Blender."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...support.arrays import Array
+from .device import Projector
+from .patterns import count_gray_bits
+
+
+def decode_columns(images: Array, projector: Projector, period_px: float, least: float) -> Array:
+    """The column (H, W) of the projector at each pixel, by images (count, H, W) in the order of
+    ``make_gray_and_phase``. NaN where white is less than ``least`` above black, or the stripes' amplitude is less than
+    half of ``least``, or no column has the code and the phase.
+
+    The code numbers half periods, so that an error at the edge of a bit does not change the period.
+    """
+    bits = count_gray_bits(projector, period_px)
+    white, black, coded, shifted = images[0], images[1], images[2 : 2 + bits], images[2 + bits :]
+    middle = (white.astype(np.float64) + black) / 2
+    gray = np.zeros(white.shape, np.int64)
+    for image in coded:
+        gray = gray << 1 | (image > middle)
+    half = gray.copy()
+    for bit in range(1, bits):
+        half ^= gray >> bit
+    angle = 2 * np.pi * np.arange(len(shifted)) / len(shifted)
+    sine, cosine = (np.tensordot(of(angle), shifted.astype(np.float64), axes=1) for of in (np.sin, np.cos))
+    within = (np.arctan2(-sine, cosine) / (2 * np.pi) % 1.0) * period_px
+    column = within + np.rint(((half + 0.5) / 2 * period_px - within) / period_px) * period_px
+    amplitude = np.hypot(sine, cosine) * 2 / len(shifted)
+    fits = np.abs((half + 0.5) / 2 * period_px - column) <= period_px / 2
+    seen = (white - black.astype(np.float64) >= least) & (amplitude >= least / 2) & fits
+    return np.where(seen & (column >= 0) & (column <= projector.columns), column, np.nan)
+
+
+def triangulate_columns(column: Array, projector: Projector, pose: Array, eye: Array, rays: Array) -> Array:
+    """Planar depth (H, W) in metres where rays meet the plane that a column of the projector lights.
+
+    ``pose`` and ``eye`` (4, 4) are the matrices of projector and camera to the world, axes right, down and ahead;
+    ``rays`` (H, W, 3) are the camera's, with 1 ahead. NaN where they do not meet in front of the camera.
+    """
+    tangent = (column - projector.columns / 2) / projector.focal_px
+    normal = pose[:3, 0] - tangent[..., None] * pose[:3, 2]
+    toward = (normal * (rays @ eye[:3, :3].T)).sum(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = (normal @ (pose[:3, 3] - eye[:3, 3])) / toward
+        return np.where(depth > 0, depth, np.nan)
