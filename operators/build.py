@@ -112,7 +112,7 @@ def _restore_view(window: bpy.types.Window, area: bpy.types.Area) -> None:
 
 
 def _adopt_views() -> None:
-    """Learn which views of the opened file show a built scene, so that they are restored when it goes."""
+    """Record which views of the opened file show a built scene, to restore them when the scene is removed."""
     for window, area in list_areas("VIEW_3D"):
         space, built = area.spaces.active, scenes.find_built(window.scene)
         through = space.camera if space.use_local_camera else window.scene.camera
@@ -221,7 +221,7 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
     return {"FINISHED"}
 
 
-def light_untouched_scene(scene: bpy.types.Scene) -> bool:
+def turn_sun_in_default_scene(scene: bpy.types.Scene) -> bool:
     """Turn the Sun of a scene whose settings are all the defaults, before its first build, so that its view is lit.
 
     The default view is in the shadow of a rise. The defaults stay, because old data sets have them. Returns whether the
