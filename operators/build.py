@@ -221,7 +221,7 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
     return {"FINISHED"}
 
 
-def turn_sun_in_default_scene(scene: bpy.types.Scene) -> bool:
+def light_untouched_scene(scene: bpy.types.Scene) -> bool:
     """Turn the Sun of a scene whose settings are all the defaults, before its first build, so that its view is lit.
 
     The default view is in the shadow of a rise. The defaults stay, because old data sets have them. Returns whether the

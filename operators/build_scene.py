@@ -12,7 +12,7 @@ from ..nodes.ground.user_ground import warn_of_cost
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from . import refine_ground, view_resolution
-from .build import LIT_AZIMUTH_DEG, build_and_report, restore_views, turn_sun_in_default_scene
+from .build import LIT_AZIMUTH_DEG, build_and_report, light_untouched_scene, restore_views
 from .coloured_views import hide_errors
 from .session import session
 from .sidebar_text import format_for_window
@@ -38,7 +38,7 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
                     self, event, title="Load a Large Mesh?", message=warnings[0], confirm_text="Load"
                 )
             )
-        if turn_sun_in_default_scene(context.scene):
+        if light_untouched_scene(context.scene):
             self.report({"INFO"}, f"Sun Azimuth is {LIT_AZIMUTH_DEG:g}° now, because its default leaves this view dark")
         result = build_and_report(self, context, coarse=True)
         refine_ground.start_refining()

@@ -28,7 +28,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_json
 from ..support.printer import emit
 from .geometry_worker import lower_quality
-from .ray_stage import UntraceableSceneError
+from .ray_stage import CannotTrace
 from .scene_source import ScenesFromSettings
 from .worker import list_job_pairs, run_to_exit
 from .workers.job_commands import read_job
@@ -55,7 +55,7 @@ def run_job(job: dict[str, Any], folder: Path, asked: ScanRequest, send: Callabl
             assert source.rays is not None
             try:
                 stage = source.rays.prepare()
-            except UntraceableSceneError as reason:
+            except CannotTrace as reason:
                 raise IcyMoonError(
                     f"The scene cannot be scanned by rays, because {reason}; change the scene so that its truth is "
                     "traced by rays."

@@ -42,7 +42,7 @@ _SKY_TAGS = ("planet", "rings", "stars")
 _GROUND_TAGS, _ROCK_TAGS = ("terrain",), ("rock", "rock shape")
 
 
-class UntraceableSceneError(Exception):
+class CannotTrace(Exception):  # noqa: N818  it is an answer, not a fault
     """Raised if Icy Moon's rays would not hit the surfaces that Cycles renders; its message is a clause."""
 
 
@@ -71,11 +71,11 @@ class SceneRays:
     def prepare(self) -> Stage:
         """The stage for the present scene.
 
-        Raises UntraceableSceneError, and MemoryError if the trees need too much memory.
+        Raises CannotTrace, and MemoryError if the trees need too much memory.
         """
         self._refresh()
         if self._refused:
-            raise UntraceableSceneError(self._refused[0])
+            raise CannotTrace(self._refused[0])
         return self._open_stage()
 
     @contextmanager
@@ -203,7 +203,7 @@ def _find_meshes(scene: bpy.types.Scene, read: bool) -> _FoundMeshes:
         try:
             _check_traceable(item)
             number = _find_label(item, found, points)
-        except UntraceableSceneError as reason:
+        except CannotTrace as reason:
             made.refused.append(str(reason))
             continue
         labels = tuple(slot.material.pass_index if slot.material else 0 for slot in item.material_slots) or (0,)
@@ -220,29 +220,29 @@ def _find_meshes(scene: bpy.types.Scene, read: bool) -> _FoundMeshes:
 
 
 def _check_traceable(item: bpy.types.Object) -> None:
-    """Raise UntraceableSceneError if rays would not hit an object as it is rendered."""
+    """Raise CannotTrace if rays would not hit an object as it is rendered."""
     own = item.original
     if item.type != "MESH":
-        raise UntraceableSceneError(f"the object {own.name} has no mesh")
+        raise CannotTrace(f"the object {own.name} has no mesh")
     if not item.visible_camera or item.is_holdout or item.is_shadow_catcher:
-        raise UntraceableSceneError(f"the camera does not see the object {own.name} in its place")
+        raise CannotTrace(f"the camera does not see the object {own.name} in its place")
     if TAG in own:
         return
     for modifier in own.modifiers:
         levels = getattr(modifier, "render_levels", None)
         if modifier.show_viewport != modifier.show_render or levels not in (None, getattr(modifier, "levels", None)):
-            raise UntraceableSceneError(f"the object {own.name} has another mesh in renders than in the window")
+            raise CannotTrace(f"the object {own.name} has another mesh in renders than in the window")
     if own.modifiers and is_moved(item.data):
-        raise UntraceableSceneError(f"the object {own.name} has modifiers and a material that moves its vertices")
+        raise CannotTrace(f"the object {own.name} has modifiers and a material that moves its vertices")
     for slot in item.material_slots:
         tree = slot.material.node_tree if slot.material else None
         output = tree.get_output_node("CYCLES") if tree is not None else None
         if tree is not None and output is not None and not is_opaque(tree, output):
-            raise UntraceableSceneError(f"the object {own.name} may let rays pass")
+            raise CannotTrace(f"the object {own.name} may let rays pass")
 
 
 def _find_label(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance, points: dict[str, Array]) -> int:
-    """The label of an instance: of its point for a rock, else its pass index. Raises UntraceableSceneError."""
+    """The label of an instance: of its point for a rock, else its pass index. Raises CannotTrace."""
     parent = found.parent.original if found.is_instance and found.parent is not None else None
     if parent is None or INSTANCE_ATTRIBUTE not in getattr(parent.data, "attributes", ()):
         return int(item.original.pass_index)
@@ -253,7 +253,7 @@ def _find_label(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance
         points[parent.name_full] = values
     index = found.persistent_id[0]
     if not 0 <= index < len(points[parent.name_full]):
-        raise UntraceableSceneError(f"the rocks of {parent.name} have other numbers than its points")
+        raise CannotTrace(f"the rocks of {parent.name} have other numbers than its points")
     return int(points[parent.name_full][index])
 
 

@@ -57,7 +57,7 @@ from .pairs.publish_pair import check_place, discard_unfinished, publish_pair
 from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, find_workspace_extent, list_workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
-from .ray_stage import SceneRays, UntraceableSceneError
+from .ray_stage import CannotTrace, SceneRays
 from .ray_truth import TruthRequest, trace_in_background
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .render_head import render_head
@@ -400,7 +400,7 @@ def _choose_engine(
         return None, {"by": "Cycles"}
     try:
         stage = rays.prepare()
-    except UntraceableSceneError as reason:
+    except CannotTrace as reason:
         return None, {"by": "Cycles", "why": str(reason)}
     return stage, {"by": stage.ground_tracer.name}
 
@@ -437,7 +437,7 @@ def _open_ray_stage(rays: SceneRays, whose: str, fix: str) -> Stage:
     """The stage for a truth that Cycles cannot render. Raises IcyMoonError if rays cannot find it either."""
     try:
         return rays.prepare()
-    except UntraceableSceneError as reason:
+    except CannotTrace as reason:
         raise IcyMoonError(
             f"The truth {whose} comes from rays, which is not possible here: {reason}; {fix}, or remove this cause."
         ) from None

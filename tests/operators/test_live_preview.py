@@ -555,9 +555,9 @@ def test_the_first_build_of_untouched_settings_is_lit(scene):
     """The button of the window turns the Sun; scripts, plans and scenes with a setting of their own keep theirs."""
     default = scene.icymoon.light.sun_azimuth_deg
     scene.icymoon.rig.heading_deg = 10.0
-    assert not build.turn_sun_in_default_scene(scene)
+    assert not build.light_untouched_scene(scene)
     scene.icymoon.rig.heading_deg = 0.0
     assert scene.icymoon.light.sun_azimuth_deg == default
-    assert build.turn_sun_in_default_scene(scene)
+    assert build.light_untouched_scene(scene)
     assert scene.icymoon.light.sun_azimuth_deg == build.LIT_AZIMUTH_DEG
-    assert not build.turn_sun_in_default_scene(scene)
+    assert not build.light_untouched_scene(scene)

@@ -13,7 +13,7 @@ from icymoon.render.ground_maps import make_heights, make_materials
 from icymoon.render.pairs.pair_folder import find_changed_files
 from icymoon.render.pairs.workspace_cells import find_workspace_extent
 from icymoon.render.plans.planned_pair import expand_headings
-from icymoon.render.ray_stage import SceneRays, UntraceableSceneError
+from icymoon.render.ray_stage import CannotTrace, SceneRays
 from icymoon.render.render_pair import open_render_scene
 from icymoon.render.worker import render_pairs
 from icymoon.settings.pair_ids import make_pair_id
@@ -94,7 +94,7 @@ def test_heights_are_of_ground_and_rocks_alone_and_rays_meet_the_rest_again_afte
         stage = rays.prepare()
         assert stage.ground_tracer.intersect(eye, down, 0.0, np.inf).along == pytest.approx(6.0)
         add(built, bpy.data.curves.new("Own", "CURVE"), 4.0)
-        with pytest.raises(UntraceableSceneError, match=r"the object Own.* has no mesh"):
+        with pytest.raises(CannotTrace, match=r"the object Own.* has no mesh"):
             rays.prepare()
         again = make_heights(rays, extent)
     assert np.abs(ground - slope(east[None, :], north[:, None])).max() < 1e-6
