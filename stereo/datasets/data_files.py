@@ -70,7 +70,7 @@ def resolve_inside(root: Path, name: str | Path) -> Path:
     except (OSError, RuntimeError):  # a link that leads to itself
         return path
     except ValueError:
-        raise IcyMoonError(f"{root} names a file with characters that no path can have; write another name.") from None
+        raise IcyMoonError(f"{root} names a file with characters that a path cannot have; write another.") from None
     if not inside:
         raise IcyMoonError(f"{path} is outside of {root}, and only files in a data set are read; copy it there.")
     return path
