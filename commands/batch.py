@@ -27,7 +27,7 @@ from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.files import remove_leftover_parts, shorten
 from ..support.number_text import format_count
-from ..support.system import call_ours, count_processors, kill_all, set_stop_handler, start
+from ..support.system import call_dependent, count_processors, kill_all, set_stop_handler, start
 from ..support.terminal import add_list, add_maps_option, add_own_matchers, as_path, check_least, show_progress
 from .renderer_options import add_blender_option, add_cards_option
 
@@ -228,7 +228,7 @@ def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[
 
 def _evaluate_pairs(dataset: Path, options: argparse.Namespace) -> int:
     """Match the pairs in another process, which prints its own messages; its exit status."""
-    return call_ours(*_make_evaluation_command(dataset, options, *(["--json-lines"] if options.json else [])))
+    return call_dependent(*_make_evaluation_command(dataset, options, *(["--json-lines"] if options.json else [])))
 
 
 def _make_evaluation_command(

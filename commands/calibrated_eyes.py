@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..formats.calibrations.options import Reading, Stated, as_brown
+from ..formats.calibrations.options import Reading, Stated, convert_to_brown
 from ..formats.calibrations.ros import make_ros_pair
 from ..formats.ros_camera import read_ros_camera
 from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
@@ -57,7 +57,7 @@ def find_why_calibrated(rig: CalibratedRig) -> str:
     left, right = rig.cameras
     if left.size_px != right.size_px:
         return f"images have {left.width_px} x {left.height_px} and {right.width_px} x {right.height_px} px"
-    alike = [as_brown(camera) for camera in rig.cameras]
+    alike = [convert_to_brown(camera) for camera in rig.cameras]
     for camera, same in zip(rig.cameras, alike, strict=True):
         if abs(camera.fx_px / camera.fy_px - 1) >= SQUARE_PIXEL_TOLERANCE or camera.skew_px:
             return f"pixels are not square (fx {camera.fx_px:g}, fy {camera.fy_px:g}, skew {camera.skew_px:g} px)"

@@ -34,7 +34,7 @@ def describe_exchanged(second: str, first: str, aside_m: float, names: Sequence[
 
 
 def check_eye_order(rig: CalibratedRig, by_name: bool) -> list[str]:
-    """A sentence if the second camera of a pair is to the left of the first one."""
+    """A sentence if the second camera of a pair is to the left of the first camera."""
     if len(rig.cameras) != 2:
         return []
     first, second = rig.cameras

@@ -15,7 +15,7 @@ from ..support.arrays import Array
 
 
 def describe_rig(rig: CalibratedRig) -> Iterator[str]:
-    """The lines of all cameras, with the position and direction of each relative to the first one."""
+    """The lines of all cameras, with the position and direction of each relative to the first camera."""
     for number, camera in enumerate(rig.cameras):
         yield from _describe(camera, camera.name or f"camera {number + 1}")
         if number:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..formats.cahvor import FIT_LIMIT_PX, Lens, find_nearest_lens, read_model
 from ..formats.calibrations.colmap import COLMAP_FILES
-from ..formats.calibrations.options import LENSES, UNITS_M, Reading, Stated, as_brown
+from ..formats.calibrations.options import LENSES, UNITS_M, Reading, Stated, convert_to_brown
 from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
 from ..formats.calibrations.ros import find_position_m, make_ros_pair
 from ..formats.ros_camera import RosCamera, read_ros_camera
@@ -134,7 +134,7 @@ def parse_sizes(text: str) -> tuple[tuple[int, int], ...]:
 def _run_camera(options: argparse.Namespace) -> int:
     stated = read_stated_facts(options)
     if options.out and not options.to:
-        raise IcyMoonError("--out names files to write, and no format is stated; add --to with one.")
+        raise IcyMoonError("--out names files to write, but no format is stated; add --to with a format.")
     if options.to and not options.out:
         raise IcyMoonError(f"--to {options.to} needs files to write; add --out with their names.")
     if options.show or options.to:
@@ -166,7 +166,7 @@ def _check_out(files: list[Path], out: list[Path], name: str | None) -> None:
     places = [path.resolve() for path in written]
     for path, place in zip(written, places, strict=True):
         if place in inputs:
-            raise IcyMoonError(f"--out: {path} is read here and would be overwritten; name another one.")
+            raise IcyMoonError(f"--out: {path} is also an input and would be overwritten; name another file.")
         if places.count(place) > 1:
             raise IcyMoonError(f"--out names {path} twice; name a file for each camera.")
 
@@ -292,7 +292,7 @@ def read_rectified_rig(
     _check_parallel(left, right, where, fix)
     if max(abs(lenses[0].focal_px - lenses[1].focal_px), abs(lenses[0].cy_px - lenses[1].cy_px)) > ALIKE_PX:
         raise IcyMoonError(
-            f"{where}: the eyes of rectified images have one focal length and one row of the principal point; {fix}."
+            f"{where}: rectified images need the same focal length and the same principal row in both eyes; {fix}."
         )
     baseline_m = float(np.linalg.norm(right.centre_m - left.centre_m))
     doubt = check_baseline(baseline_m, where, "the translation is", kind or format_of(paths[0]), stated)
@@ -310,7 +310,7 @@ def read_rectified_rig(
 
 def _make_pinhole_eye(camera: CalibratedCamera, paths: tuple[Path, ...], where: str) -> _Eye:
     """A camera of rectified images. Raises IcyMoonError for one with distortion, or without square pixels."""
-    plain = as_brown(camera)
+    plain = convert_to_brown(camera)
     lens = plain.lens if plain else None
     if plain is None or not isinstance(lens, Brown) or any(lens.coefficients) or not _has_square_pixels(plain.matrix):
         raise IcyMoonError(
@@ -376,8 +376,8 @@ def _find_any_eyes(
 def _read_ros_eyes(
     paths: tuple[Path, Path], pair: tuple[RosCamera, RosCamera], rectified_by: str
 ) -> tuple[_Eye, _Eye, list[str]]:
-    """The left and the right camera in the axes of the rectified left one, and sentences if they are of the rectified
-    images, or of a part of the calibrated images. ``rectified_by`` names the source of the rectified camera.
+    """The left and the right camera in the axes of the rectified left camera, and sentences if they are of the
+    rectified images, or of a part of the calibrated images. ``rectified_by`` names the source of the rectified camera.
     """
     left, right = paths
     cameras = list(zip(paths, pair, strict=True))
@@ -405,8 +405,8 @@ def _read_ros_eyes(
     apart_px = max(abs(first.lens.focal_px - second.lens.focal_px), abs(first.lens.cy_px - second.lens.cy_px))
     if reason is not None and apart_px > ALIKE_PX:
         raise IcyMoonError(
-            f"{left} and {right}: {reason}, and the images that projection_matrix states are no "
-            f"rectified pair: focal lengths of {first.lens.focal_px:.2f} and "
+            f"{left} and {right}: {reason}, and their projection_matrix does not make a rectified pair: focal "
+            f"lengths of {first.lens.focal_px:.2f} and "
             f"{second.lens.focal_px:.2f} px, rows of the principal point {first.lens.cy_px:.2f} and "
             f"{second.lens.cy_px:.2f} px; calibrate both eyes as a stereo pair."
         )
@@ -458,7 +458,7 @@ def _make_ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
             else "bin as many pixels along x as along y, and set binning_x and binning_y to that"
         )
         raise IcyMoonError(
-            f"{path}: its pixels are not square, in projection_matrix too "
+            f"{path}: its pixels are not square, also in projection_matrix "
             f"({_describe_focal_lengths(camera.projection)}), which Icy Moon's cameras do not support; {fix}."
         )
     lens = _make_ros_lens(camera, rectified)
@@ -558,7 +558,7 @@ def _describe_rectification(left: _Eye, right: _Eye) -> str:
 
 
 def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
-    """Raise IcyMoonError unless the right eye is on the x axis of the left one, with the same direction; ``fix`` is the
+    """Raise IcyMoonError unless the right eye is on the x axis of the left eye, with the same direction; ``fix`` is the
     remedy."""
     first, second = left.rotation, right.rotation
     turned = _measure_angle_between(first, second)
@@ -575,7 +575,7 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     if abs(y) > abs(x):
         raise IcyMoonError(
             f"{where}: one eye is {abs(y):.4g} m above the other, but the eyes of a rig must be side by "
-            "side; turn the images of both by 90 degrees and calibrate them again."
+            "side; rotate the images of both eyes by 90 degrees and calibrate them again."
         )
     if aside:
         raise IcyMoonError(
@@ -583,4 +583,4 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
             f"{z:.4g} m before it, so they are not side by side; {fix}."
         )
     if x == 0:
-        raise IcyMoonError(f"{where}: both eyes are at one place; give the calibrations of two cameras.")
+        raise IcyMoonError(f"{where}: both eyes have the same position; give the calibrations of two cameras.")

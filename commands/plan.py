@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..physics.camera.depth_accuracy import advise_on_principal_point
 from ..physics.scene_requirements import advise_on_bake
-from ..render.cost.blender_abilities import find_lack, needs_full_build
+from ..render.cost.blender_abilities import find_missing_feature, needs_full_build
 from ..render.cost.estimate import estimate_plan
 from ..render.cost.machine_speed import recall_speed
 from ..render.pairs.pair_folder import is_complete
@@ -140,7 +140,7 @@ def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) ->
     ]
     blender = options.blender or own
     if blender:
-        return [lack for lack in (find_lack(missing, blender),) if lack]
+        return [lack for lack in (find_missing_feature(missing, blender),) if lack]
     if any(map(needs_full_build, missing)):
         return ["Not every Blender can render it; name the one that is to with --blender, and it is asked."]
     return []
@@ -153,7 +153,7 @@ def _make_bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
 
 
 def _make_refusal_lines(plan: Plan) -> list[str]:
-    """A line on the pairs that a render will set aside, with the reason for the first one, if any."""
+    """A line on the pairs that a render will set aside, with the reason for the first such pair, if any."""
     refused = plan.refused()
     if not refused:
         return []

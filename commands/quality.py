@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ..render.cost.blender_abilities import Abilities, ask_abilities
+from ..render.cost.blender_abilities import Abilities, query_abilities
 from ..render.cost.error_tolerance import PX, make_tolerance, parse_fraction
 from ..render.workers.process import report_errors
 from ..settings import description, toml_text
@@ -19,7 +19,7 @@ from ..support.terminal import (
     add_own_matchers,
     as_path,
     keep_progress,
-    list_named,
+    parse_list_option,
     show_progress,
     tell_events,
 )
@@ -133,7 +133,7 @@ def _run_quality(options: argparse.Namespace) -> int:
 def _ask_abilities(blender: str) -> Abilities:
     """The abilities of a Blender; all of them if it does not answer, since a render will report that."""
     try:
-        return ask_abilities(blender)
+        return query_abilities(blender)
     except IcyMoonError:
         return Abilities()
 
@@ -183,7 +183,7 @@ def _run_trade(options: argparse.Namespace) -> int:
         _print_all(report["decision_advice"])
         printer.say(str(page))
 
-    groups = list_named([group for group in options.groups.split(",") if group])
+    groups = parse_list_option([group for group in options.groups.split(",") if group])
     return _run_bench(
         options, "Measuring", lambda bench: {**run_trade(bench, groups), "report": str(page)}, show, options.repeats
     )

@@ -14,7 +14,7 @@ from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.terminal import add_list, as_path, list_named, show_progress
+from ..support.terminal import add_list, as_path, parse_list_option, show_progress
 from .renderer_options import add_blender_option, add_cards_option
 from .scene_options import add_scene_options, read_settings
 
@@ -117,7 +117,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
 
     known = [name.removeprefix("gallery/") for name in preset_files.preset_names("gallery")]
     out = options.out.absolute()
-    only = list_named(options.only)
+    only = parse_list_option(options.only)
     if unknown := sorted(set(only) - set(known)):
         raise IcyMoonError(f"--only: no scene of the gallery is called {unknown[0]!r}; there are {', '.join(known)}.")
     if not abs(options.stops) <= _MOST_STOPS:

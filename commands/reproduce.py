@@ -131,7 +131,7 @@ def _check_options(options: argparse.Namespace) -> None:
         for name in OUTPUT_FILES:
             if (options.out / name).exists():
                 raise IcyMoonError(
-                    f"--out: {options.out / name} is there already, and of no earlier run; give another folder."
+                    f"--out: {options.out / name} already exists and is not from an earlier run; give another folder."
                 )
 
 

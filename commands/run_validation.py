@@ -13,7 +13,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import refuse_file_as_folder, to_json_text, write_text
 from ..support.foreign_bytes import MOST_TEXT_BYTES, read
 from ..support.suggestions import suggest_nearest
-from ..support.terminal import list_named, show_progress
+from ..support.terminal import parse_list_option, show_progress
 from ..validation.all_comparisons import load_comparisons
 from ..validation.comparison import (
     DATA_OPTIONS,
@@ -29,7 +29,7 @@ from ..validation.tables import list_sources, make_markdown_section, make_row_ce
 
 
 def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) -> list[Comparison]:
-    """The selected comparisons. Raises IcyMoonError for an unknown one, and for two of one name."""
+    """The selected comparisons. Raises IcyMoonError for an unknown comparison, and for two with the same name."""
     known = [*load_comparisons(), *(load_own_comparison(path) for path in own)]
     names = [each.name for each in known]
     if double := next((name for name in names if names.count(name) > 1), None):
@@ -43,7 +43,7 @@ def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) ->
 def run_validate(options: argparse.Namespace) -> int:
     """Run the verb and return the exit status: 0 if all comparisons pass. Raises IcyMoonError for bad options."""
     packages.require_modules("numpy", "cv2", "OpenEXR")
-    only = list_named(options.only)
+    only = parse_list_option(options.only)
     chosen = choose_comparisons(only, options.own_files, options.quick)
     without = [each for each in chosen if each.needs and each.name not in only and getattr(options, each.needs) is None]
     for each in without:

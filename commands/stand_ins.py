@@ -10,7 +10,7 @@ from ..settings.topics.stand_ins import MESHES, TEXTURES, MeshItem, TextureItem
 from ..support.errors import IcyMoonError
 from ..support.printer import say
 from ..support.suggestions import suggest_nearest
-from ..support.terminal import as_path, list_named
+from ..support.terminal import as_path, parse_list_option
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +29,7 @@ def _find_items(names: list[str]) -> list[TextureItem | MeshItem]:
 
 
 def _run_stand_ins(options: argparse.Namespace) -> int:
-    for item in _find_items(list_named(options.names)):
+    for item in _find_items(parse_list_option(options.names)):
         if options.out is None:
             say(_describe_item(item))
             continue

@@ -84,7 +84,7 @@ def _make_teller(show: Callable[[dict[str, Any]], None]) -> Say:
 def _measure_views(study: Study, out: Path, methods: list[Method], options: argparse.Namespace) -> Path:
     """Measure the views that have new pairs, write all tables, and return the path of the page."""
     from ..stereo.study.conclusions import draw_conclusions
-    from ..stereo.study.tables import put_between_marks, write_study
+    from ..stereo.study.tables import replace_between_marks, write_study
     from ..stereo.study.view_measurements import read_or_measure_cell
 
     cells = []
@@ -95,8 +95,8 @@ def _measure_views(study: Study, out: Path, methods: list[Method], options: argp
             if cell is not None:
                 cells.append(cell)
     if not cells:
-        raise IcyMoonError(f"{out} has no view whose converged render is whole; run the study without --measure.")
+        raise IcyMoonError(f"{out} has no view with a complete converged render; run the study without --measure.")
     text = write_study(study, draw_conclusions(study, cells, [method.label for method in methods]), out)
     if options.page:
-        write_text(options.page, put_between_marks(options.page, text))
+        write_text(options.page, replace_between_marks(options.page, text))
     return out / "study.md"

@@ -191,7 +191,8 @@ def _measure(
                 )
     if not done:
         raise IcyMoonError(
-            f"No twin in {out / _TWINS_FOLDER} is whole; correct what set the pairs aside, and run the command again."
+            f"No twin in {out / _TWINS_FOLDER} is whole; correct the faults that were reported for the pairs, and "
+            "run the command again."
         )
     rows, needed = summarise(records, methods)
     ground = str(options.ground) if options.ground else ""

@@ -81,7 +81,7 @@ def find_files(folder: Path) -> list[Path]:
 
 
 def install_library(made: Path, folder: Path) -> list[Path]:
-    """Copy the .blend files in the folder ``made`` into a library, in place of the earlier ones. Returns their new
+    """Copy the .blend files in the folder ``made`` into a library, in place of the earlier files. Returns their new
     paths. Each file is replaced as a whole. Raises IcyMoonError as ``find_files`` does, and if writing fails."""
     names = sorted(path.relative_to(made).as_posix() for path in made.glob("*/*.blend"))
     earlier = find_files(folder)

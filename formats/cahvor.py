@@ -356,7 +356,7 @@ def _parse_vector(words: Sequence[object], what: str) -> Array:
 
 
 def _parse_size(words: Sequence[object], what: str) -> tuple[int, int]:
-    """Columns and rows."""
+    """The size of an image as columns and rows, from its text."""
     found = [
         word
         for word in words

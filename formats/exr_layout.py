@@ -65,7 +65,7 @@ class Channel:
 
     @property
     def value_bytes(self) -> int:
-        """Bytes of a value."""
+        """Number of bytes of one value of the channel."""
         return _VALUE_BYTES[self.kind]
 
 

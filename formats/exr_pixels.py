@@ -39,7 +39,7 @@ class Pixels:
         channels = read_channels(piece.value(b"channels"))
         for name, channel in channels.items():
             if channel.kind not in _NUMPY_TYPES or channel.steps != (1, 1):
-                raise ValueError(f"{name[:40]!r} is not of floats, or not of every pixel")
+                raise ValueError(f"{name[:40]!r} does not store floats, or does not cover every pixel")
         self._piece, self._stated = piece, {name: channel.stated for name, channel in channels.items()}
         self.channels = list(self._stated)
         left, self._top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
@@ -47,7 +47,7 @@ class Pixels:
         self._rows_per_chunk = _LINES_PER_CHUNK[self._compression]
         self._width, self._height = right - left + 1, bottom - self._top + 1
 
-    def is_half(self, channel: str) -> bool:
+    def is_half_float(self, channel: str) -> bool:
         """Whether a channel is stored as 16-bit floats."""
         return _read_type(self._stated[channel]) == _HALF_TYPE
 
@@ -78,7 +78,7 @@ class Pixels:
         """The chunks of a part without compression, each a line with its number and bytes."""
         chunk = _raw_chunk_type(stored)
         if {len(each) for each in self._piece.chunks} != {chunk.itemsize}:
-            raise ValueError("a line has another size")
+            raise ValueError("a line has the wrong size")
         return np.frombuffer(b"".join(self._piece.chunks), chunk)
 
     def compress(self) -> Piece:
@@ -268,7 +268,7 @@ def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
     named = [
         k
         for k, name in enumerate(pixels.channels)
-        if ".".join(name.split(".")[:2]) in passes and not pixels.is_half(name)
+        if ".".join(name.split(".")[:2]) in passes and not pixels.is_half_float(name)
     ]
     if not named:
         return piece

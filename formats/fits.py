@@ -32,7 +32,7 @@ class Image:
 def encode_fits(images: Sequence[Image]) -> bytes:
     """The bytes of a FITS file: the first image, then the others as extensions, all 32-bit floats.
 
-    The first row of our images is the top one; in FITS it is the bottom one, as its viewers show it.
+    The first row of our images is the top one; in FITS it is the bottom row, as its viewers show it.
     """
     return b"".join(_encode_image(image, first=k == 0, extended=len(images) > 1) for k, image in enumerate(images))
 
@@ -71,7 +71,7 @@ def _make_card(key: str, value: Value, comment: str) -> bytes:
     elif isinstance(value, str):
         text = "'" + value.replace("'", "''").ljust(8) + "'"
     elif isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"{key} is {value}, which no FITS header can contain")
+        raise ValueError(f"{key} is {value}, which a FITS header cannot contain")
     else:
         text = (f"{value:.14E}" if isinstance(value, float) else str(value)).rjust(20)
     card = f"{key.ljust(8)}= {text}" + (f" / {comment}" if comment else "")

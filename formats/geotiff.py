@@ -234,7 +234,7 @@ class MapPlace:
     bounds: tuple[float, float, float, float] | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """For ``pair.json`` and exports."""
+        """The place as a table for ``pair.json`` and exports."""
         return {
             "crs": self.crs,
             "datum": self.datum,
@@ -305,7 +305,7 @@ def read_place(path: Path, site: Site) -> MapPlace | None:
     return read_foreign(path, parse, KIND, FIX, MOST_BYTES)
 
 
-def find_why_unplaced(path: Path, body_radius_m: float) -> str:
+def find_why_pixel_size_unknown(path: Path, body_radius_m: float) -> str:
     """The reason why a file does not state the ground size of its pixels, as the end of a sentence, from its tags;
     empty if it states it.
 

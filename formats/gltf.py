@@ -194,7 +194,7 @@ def _check_nodes(nodes: list[dict[str, Any]]) -> None:
     for number, node in enumerate(nodes):
         for child in node.get("children", ()):
             if child in parents or not 0 <= child < len(nodes):
-                raise ValueError(f"the node {child} does not exist, or is within two others")
+                raise ValueError(f"the node {child} does not exist, or has two parents")
             parents[child] = number
     depths: dict[int, int] = {}
     for number in parents:
@@ -203,10 +203,10 @@ def _check_nodes(nodes: list[dict[str, Any]]) -> None:
             climbed.append(number)
             number = parents[number]
             if len(climbed) > _DEEPEST_NODE:
-                raise ValueError(f"nodes are within each other more than {_DEEPEST_NODE} deep, or in a ring")
+                raise ValueError(f"nodes are nested more than {_DEEPEST_NODE} deep, or in a cycle")
         depth = depths.get(number, 0)
         for each in reversed(climbed):
             depth += 1
             depths[each] = depth
         if depth > _DEEPEST_NODE:
-            raise ValueError(f"nodes are within each other more than {_DEEPEST_NODE} deep")
+            raise ValueError(f"nodes are nested more than {_DEEPEST_NODE} deep")

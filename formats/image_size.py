@@ -107,7 +107,7 @@ def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
         cursor.skip(12)
         width, height = cursor.unpack("<2H")
     else:
-        raise ValueError("it is of no known kind")
+        raise ValueError("its format is unknown")
     if not (0 < width < 2**31 and 0 < abs(height) < 2**31):
         raise ValueError(f"{width} x {height} pixels")
     return width, abs(height)

@@ -101,8 +101,9 @@ def _first_meridian_deg(keys: Mapping[int, Any]) -> float:
 
 
 def _list_places(system: MapSystem, longitude_deg: float, latitude_deg: float) -> list[tuple[float, float]]:
-    """The places of a longitude and latitude: first the one nearest to the map's middle, then one turn to either
-    side."""
+    """The map positions of a longitude and latitude: first the position nearest to the map's middle, then the positions
+    a full turn east and west of it.
+    """
     found = []
     for turns in (0, -1, 1):
         try:

@@ -42,9 +42,9 @@ def check_map(path: Path, settings: Settings) -> None:
     if source.metres_per_pixel > 0:
         return
     is_tiff = path.suffix.lower() in TIFF_SUFFIXES
-    unplaced = geotiff.find_why_unplaced(path, radius_m) if is_tiff else sidecar_files.why_unplaced(path)
+    unplaced = geotiff.find_why_pixel_size_unknown(path, radius_m) if is_tiff else sidecar_files.why_unplaced(path)
     if unplaced:
-        refuse_unplaced(path, unplaced, source)
+        refuse_unknown_pixel_size(path, unplaced, source)
 
 
 def read_start(path: Path, body_radius_m: float) -> bytes:
@@ -76,7 +76,7 @@ def refuse_size_by_hand(source: SourceSettings) -> None:
         )
 
 
-def refuse_unplaced(path: Path, unplaced: str, source: SourceSettings) -> NoReturn:
+def refuse_unknown_pixel_size(path: Path, unplaced: str, source: SourceSettings) -> NoReturn:
     """Raise IcyMoonError for a file that does not state the size of its pixels; ``unplaced`` is the reason, as the end
     of a sentence."""
     fix = (

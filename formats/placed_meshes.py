@@ -167,7 +167,7 @@ def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 
 
 def _make_names(meshes: Sequence[PlacedMesh]) -> list[str]:
-    """Unique names of meshes."""
+    """Unique names of meshes, from their kinds and numbers."""
     return [f"{_make_identifier(mesh.kind)}_{number}" for number, mesh in enumerate(meshes)]
 
 

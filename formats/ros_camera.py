@@ -3,8 +3,8 @@ as ``ros2 topic echo`` prints it.
 
 Each has the matrix K and the distortion of a camera (plumb_bob: k1, k2, p1, p2, k3), and the rotation R and the matrix
 P of the rectified pair; the right eye's P contains -f B (sensor_msgs/CameraInfo). Pixels are counted from the centre of
-the first one. Where ``roi`` and ``binning`` state that the images are a binned part of the calibrated ones, K and P are
-converted to the images, as in ROS' image_geometry.
+the first pixel. Where ``roi`` and ``binning`` state that the images are a binned part of the calibrated ones, K and P
+are converted to the images, as in ROS' image_geometry.
 """
 
 from __future__ import annotations
@@ -73,10 +73,10 @@ def read_ros_camera(path: Path) -> RosCamera:
 def _parse_camera(foreign: ForeignBytes) -> RosCamera:
     text = foreign.text()
     if text.startswith("%YAML:1.0"):
-        raise RefusedError(f"is a calibration in the YAML of OpenCV, and none of ROS; {_FIX}.")
+        raise RefusedError(f"is a calibration of OpenCV, not of ROS; {_FIX}.")
     stated = parse_yaml(text)
     if "cam0" in stated:
-        raise RefusedError(f"is a camchain of Kalibr, of all cameras together; {_FIX}.")
+        raise RefusedError(f"is a camchain of Kalibr, which contains all cameras; {_FIX}.")
     if not any(key in stated for key in _MESSAGE_KEYS.values()):
         stated = {_MESSAGE_KEYS.get(key.lower(), key): value for key, value in stated.items()}
     model = str(stated.get("distortion_model", "plumb_bob"))

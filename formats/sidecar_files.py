@@ -34,7 +34,7 @@ _MOST_BYTES = 2**24
 
 
 def why_unplaced(path: Path) -> str:
-    """The reason why a map has no place, as the end of a sentence: it states none, and its world file is not read."""
+    """The reason why a map has no position, as the end of a sentence: it states none, and no world file is read."""
     world = _find_world_file(path)
     return NO_PIXEL_SIZE + (f", and {world.name} beside it {_not_read_text(path)}" if world else "")
 

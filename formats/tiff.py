@@ -294,7 +294,7 @@ def _checked_window(image: Directory, window: tuple[range, range] | None) -> tup
 
 
 def _find_overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:
-    """The overlap of ``size`` rows (or columns) from ``start`` on with the ``wanted`` ones, as slices of both."""
+    """The overlap of ``size`` rows (or columns) from ``start`` on with the ``wanted`` rows, as a slice of each."""
     first, last = max(start, wanted.start), min(start + size, wanted.stop)
     return slice(first - start, last - start), slice(first - wanted.start, last - wanted.start)
 
@@ -303,7 +303,7 @@ def _find_number_type(image: Directory) -> np.dtype[Any]:
     """The number type of the only band; bool for one bit. Raises UnreadError for any other kind."""
     bands = image.number(277, 1)
     if bands != 1:
-        raise UnreadError(f"has {bands} bands, and one is read; {_convert_fix(image)}")
+        raise UnreadError(f"has {bands} bands, but only one can be read; {_convert_fix(image)}")
     if image.number(262, 1) == 3:
         raise UnreadError("holds colours of a palette, not heights; give a file with the numbers themselves.")
     if image.number(274, 1) != 1:  # GDAL would copy the rows as they are

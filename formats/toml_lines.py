@@ -122,7 +122,7 @@ class Place:
     key: Key = ()
 
     def at(self, *steps: str | int) -> Place:
-        """The place of a key below this one."""
+        """The place of a key below this key."""
         return Place(self.file, self.text, (*self.key, *steps))
 
     def __str__(self) -> str:

@@ -13,7 +13,7 @@ from ..support.errors import IcyMoonError
 from ..support.suggestions import suggest_nearest
 from ..support.temporary_folders import open_scratch_folder
 from .rendered_pair import RenderedPair, open_pairs
-from .renderers import this_blender
+from .renderers import find_blender_program
 from .scene import Scene
 
 
@@ -35,7 +35,7 @@ def export_ground(
     """
     if kind not in ground.FORMATS:
         raise IcyMoonError(f"There is no format {kind!r} of ground, {suggest_nearest(kind, ground.FORMATS)}")
-    program, folder = str(blender or this_blender()), Path(out).absolute()
+    program, folder = str(blender or find_blender_program()), Path(out).absolute()
     if isinstance(of, Scene):
         with open_scratch_folder() as scratch:
             settings = of.stored(scratch)

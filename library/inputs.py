@@ -51,8 +51,8 @@ class Input:
         path = dataset / INPUTS / f"{name}{self.suffix}"
         if link := next((each for each in (path.parent, path) if each.is_symlink()), None):
             raise IcyMoonError(
-                f"{link} is a link, and what a program gives is kept in the data set itself; remove the "
-                "link, or choose another folder."
+                f"{link} is a link, but inputs of a program must be stored in the data set itself; remove the link, "
+                "or choose another folder."
             )
         if not path.is_file() or read_checksum(path) != hashlib.sha256(self.content).hexdigest():
             write_bytes(path, self.content)
@@ -83,7 +83,7 @@ def sample_field(field: Field, x_m: Array, y_m: Array, what: str) -> Array:
             values = np.asarray(field, np.float64)
         except (TypeError, ValueError):
             raise IcyMoonError(
-                f"What is given as {what} is not an array of numbers; give one, or a function f(x_m, y_m)."
+                f"The argument {what} is not an array of numbers; give one, or a function f(x_m, y_m)."
             ) from None
     if values.ndim < 2 or min(values.shape[:2]) < 2:
         raise IcyMoonError(

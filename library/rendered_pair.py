@@ -157,11 +157,13 @@ class RenderedPair:
     def visible(self) -> Array:
         """Whether the right camera also sees the point that a left pixel shows, bool (H, W)."""
         if self._pair.camera.looks_elsewhere:
-            from ..stereo.measure.prepare_pair import make_check_eyes
+            from ..stereo.measure.prepare_pair import make_self_check_eyes
             from ..stereo.measure.self_check import find_visibility
 
             views = {eye.name: eye._read_once[1] for eye in (self.left, self.right)}
-            return find_visibility(*make_check_eyes(self._pair, self._pair.settings, views), self._pair.camera)["left"]
+            return find_visibility(*make_self_check_eyes(self._pair, self._pair.settings, views), self._pair.camera)[
+                "left"
+            ]
         # The right depth is needed only if no rays have found the hidden pixels.
         hidden = self.left._read_once[1].hidden
         right = self.left.depth_m if hidden is not None else self.right.depth_m

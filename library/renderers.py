@@ -60,7 +60,7 @@ class Worker:
     """
 
     def __init__(self, blender: str | Path | None = None, threads: int | None = None) -> None:
-        self.blender = str(blender or this_blender())
+        self.blender = str(blender or find_blender_program())
         self.threads = threads
         self._process: Process | None = None
         self._inbox: Path | None = None
@@ -131,7 +131,7 @@ class Worker:
             remove_folder(inbox)
 
 
-def this_blender() -> str:
+def find_blender_program() -> str:
     """The program that starts a Blender: this one, or a Python that has it as a module."""
     bpy = sys.modules.get("bpy")
     executable = getattr(getattr(bpy, "app", None), "binary_path", "")

@@ -1,4 +1,4 @@
-"""Renders all combinations of varied settings and inputs of a scene. A second run continues where the first one
+"""Renders all combinations of varied settings and inputs of a scene. A second run continues where the first run
 stopped.
 """
 

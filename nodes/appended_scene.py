@@ -18,7 +18,7 @@ from .built_scene import Built, find_built, list_collections
 from .datablocks.fingerprint import NAME, OWN, TAG
 from .light.sun_lamp import build_sky
 from .remove_objects import free_names
-from .scene_objects import tag_block
+from .scene_objects import mark_as_built
 
 
 def remove_shapes(scene: bpy.types.Scene) -> None:
@@ -29,8 +29,8 @@ def remove_shapes(scene: bpy.types.Scene) -> None:
                 parent.children.unlink(shapes)
 
 
-def disown_others(scene: bpy.types.Scene) -> None:
-    """Make all built collections of a scene but the oldest the user's own: a scene has one."""
+def untag_later_builds(scene: bpy.types.Scene) -> None:
+    """Remove the tags from all built collections of a scene except the oldest, since a scene has one."""
     for collection in list_collections(scene)[1:]:
         for block in (collection, *collection.children_recursive, *collection.all_objects):
             if block.get(TAG) != "rock shapes":
@@ -40,14 +40,14 @@ def disown_others(scene: bpy.types.Scene) -> None:
 
 
 def adopt_appended(scene: bpy.types.Scene) -> Built | None:
-    """Let a scene look through the camera, and have the sky, of a built collection that was appended to it; None if it
+    """Use the camera and the sky of a built collection that was appended to a scene; None if it
     has none."""
     built = find_built(scene)
     if built is None or before_build.is_known(scene):
         return None
     before_build.move_notes([], built.collection)  # they are of the scene in the other file
     before_build.note_before_build(scene)
-    sky = tag_block(build_sky(f"{NAME} Sky"), "sky")
+    sky = mark_as_built(build_sky(f"{NAME} Sky"), "sky")
     scene.camera, scene.world = built.camera, sky
     free_names([sky])
     update_sunlight(built.collection)

@@ -48,7 +48,7 @@ def note_before_build(scene: bpy.types.Scene) -> None:
         scene[CAMERA] = _find_own(scene.camera)
 
 
-def had_osl(scene: bpy.types.Scene) -> bool:
+def used_osl_before_build(scene: bpy.types.Scene) -> bool:
     """Whether the scene used Open Shading Language before Build Scene."""
     return bool(scene.get(OSL, False))
 
@@ -60,7 +60,7 @@ def restore_before_build(scene: bpy.types.Scene) -> None:
         scene.view_settings.exposure, *resolution = stored
         scene.render.resolution_x, scene.render.resolution_y = (int(n) for n in resolution)
         if not check_cycles.why_unavailable():
-            scene.cycles.shading_system = had_osl(scene)
+            scene.cycles.shading_system = used_osl_before_build(scene)
     if _find_own(scene.camera) is None:
         scene.camera = scene.get(CAMERA)
     if _find_own(scene.world) is None:

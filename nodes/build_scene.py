@@ -34,10 +34,10 @@ from .built_scene import (
     describe_ground_statistics,
     find_built,
     find_collection,
-    find_sharing,
+    find_scenes_sharing_build,
     list_changed_settings,
     list_collections,
-    make_extra,
+    make_build_facts,
     shows_earlier_ground,
 )
 from .datablocks.blend_file_paths import hash_content
@@ -61,7 +61,13 @@ from .ground.terrain_mesh import (
 )
 from .ground.user_ground import is_from_file, is_mesh
 from .head_cameras import ROLES as HEAD_ROLES
-from .keep_references import find_owned_blocks, is_owned_elsewhere, replace_block, set_owned_blocks, update_object
+from .keep_references import (
+    find_owned_blocks,
+    is_owned_by_another_build,
+    replace_block,
+    set_owned_blocks,
+    update_object,
+)
 from .lander.objects import ROLES as LANDER_ROLES
 from .light.lamps import ROLES as LAMP_ROLES
 from .light.scene_lights import ROLES
@@ -71,8 +77,8 @@ from .scene_objects import (
     find_site_ground_m,
     make_ground,
     make_objects,
+    mark_as_built,
     read_stated_ground_m,
-    tag_block,
 )
 from .surface import sun_inputs
 from .surface.own_groups import connect_own_groups
@@ -90,17 +96,17 @@ __all__ = [
     "describe_ground_statistics",
     "find_built",
     "find_collection",
-    "find_sharing",
+    "find_scenes_sharing_build",
     "find_site_ground_m",
     "free_names",
     "list_changed_settings",
     "list_collections",
-    "make_extra",
+    "make_build_facts",
     "make_ground",
     "measure_patch",
     "read_stated_ground_m",
     "remove_objects",
-    "separate_copies",
+    "separate_from_copies",
     "shows_earlier_ground",
     "update_sunlight",
     "why_shared",
@@ -141,19 +147,19 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
     every = set().union(*used.values())
     # From the lamp, in single precision, so that aiming again at render time changes nothing.
     lamps = [item for item in objects if item[TAG] in LAMP_ROLES]
-    sun_inputs.aim_surfaces(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine, lamps)
+    sun_inputs.set_light_inputs(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine, lamps)
     of_osl = [item for item in objects if any(map(sun_inputs.is_osl, used[item]))]
-    sun_inputs.exempt_from_lamp(
+    sun_inputs.exclude_from_lamp(
         f"{NAME} Traced Sun", lamp, [i for i in of_osl if any(map(sun_inputs.traces_sun, used[i]))]
     )
     if shine is not None:
-        sun_inputs.exempt_from_lamp(f"{NAME} Traced Planet", shine, of_osl)
+        sun_inputs.exclude_from_lamp(f"{NAME} Traced Planet", shine, of_osl)
     for item, group in _list_light_groups(objects):
         item.lightgroup = group
     remove_leftovers()
     for scene in bpy.data.scenes:
         if find_collection(scene) == collection:
-            scene.cycles.shading_system = before_build.had_osl(scene) or bool(of_osl)
+            scene.cycles.shading_system = before_build.used_osl_before_build(scene) or bool(of_osl)
 
 
 def _list_light_groups(objects: list[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object, str]]:
@@ -209,7 +215,7 @@ def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection 
 
 def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bpy.types.Collection:
     """A new built collection. ``ours`` are unlinked from other collections."""
-    collection = tag_block(bpy.data.collections.new(NAME), "scene")
+    collection = mark_as_built(bpy.data.collections.new(NAME), "scene")
     for item in ours:
         for other in item.users_collection:
             other.objects.unlink(item)
@@ -225,7 +231,7 @@ def _put_in_place(
 ) -> tuple[list[bpy.types.Object], list[Any]]:
     """Replace the data-blocks that are ``there`` by new objects.
 
-    Returns the objects of the scene, and the data-blocks that keep the names of earlier ones.
+    Returns the objects of the scene, and the data-blocks that keep the names of earlier data-blocks.
     """
     set_owned_blocks(collection, {})  # otherwise unused data-blocks would keep a user
     old = {role: item for role, item in there.items() if role in OBJECTS}
@@ -234,7 +240,7 @@ def _put_in_place(
         role = item[TAG]
         successors = {f"{role} data": item.data} | {f"{role} material": material for material in _find_material(item)}
         for name, block in successors.items():
-            if name in there and not is_owned_elsewhere(collection, there[name]):
+            if name in there and not is_owned_by_another_build(collection, there[name]):
                 replace_block(there[name], block)
                 named.append(block)
         objects.append(update_object(old.pop(role), item) if role in old else item)
@@ -261,17 +267,17 @@ def _list_owned_blocks(objects: list[bpy.types.Object]) -> dict[str, Any]:
     }
 
 
-def disown_copies(collection: bpy.types.Collection) -> None:
-    """Remove the tags from copies of built objects, which then are the user's own objects."""
+def untag_copies(collection: bpy.types.Collection) -> None:
+    """Remove the tags from copies of built objects, so that the copies count as the user's objects."""
     ours = find_built_objects(collection).values()
     for item in collection.all_objects:
         if TAG in item and item not in ours:
             del item[TAG]
 
 
-def separate_copies(built: Built) -> None:
+def separate_from_copies(built: Built) -> None:
     """Separate a built scene from copies that the user has made of it or of its objects."""
-    disown_copies(built.collection)
+    untag_copies(built.collection)
     lamps = [item for role, item in find_built_objects(built.collection).items() if role in ("sun", "planetshine")]
     exempt = [
         item
@@ -289,9 +295,9 @@ def _leave_shared(scene: bpy.types.Scene) -> bpy.types.Collection | None:
 
     Returns None if no other scene shares it.
 
-    Raises IcyMoonError if the collection is in another one that both scenes share.
+    Raises IcyMoonError if the collection is in another collection that both scenes share.
     """
-    collection, others = find_collection(scene), find_sharing(scene)
+    collection, others = find_collection(scene), find_scenes_sharing_build(scene)
     if collection is None or not others:
         return None
     if collection not in list(scene.collection.children):
@@ -305,7 +311,7 @@ def _leave_shared(scene: bpy.types.Scene) -> bpy.types.Collection | None:
 
 
 def _inherit(collection: bpy.types.Collection, left: bpy.types.Collection) -> None:
-    """Give a new built collection what the scene has noted in the one that it ``left``, and the user's own objects."""
+    """Move the scene's notes and the user's objects from the collection that it ``left`` to a new built collection."""
     for key in left.keys():  # noqa: SIM118 - no mapping
         if not key.startswith(OWN) and key != TAG and isinstance(left[key], str | int | float):
             collection[key] = left[key]
@@ -314,11 +320,11 @@ def _inherit(collection: bpy.types.Collection, left: bpy.types.Collection) -> No
 
 
 def why_shared(built: Built) -> str:
-    """Why the live preview would change another scene too, in a sentence; empty if it would not."""
-    if find_sharing(built.scene):
+    """A sentence on why the live preview would also change another scene; empty if it would not."""
+    if find_scenes_sharing_build(built.scene):
         return "This scene shares its ground with the scene that it is a copy of; press Build Scene to separate them."
     surfaces = [block for name, block in find_owned_blocks(built.collection).items() if name.endswith(" material")]
-    if any(is_owned_elsewhere(built.collection, surface) for surface in surfaces):
+    if any(is_owned_by_another_build(built.collection, surface) for surface in surfaces):
         return "This scene shares its surfaces with the scene that it is a copy of; press Build Scene to separate them."
     return ""
 
@@ -338,7 +344,7 @@ def build_scene(
     changing the scene, if Cycles is off, the ground is being edited, there is not enough memory, or the file of the
     ground cannot be used.
     """
-    collection = None if find_sharing(scene) else find_collection(scene)
+    collection = None if find_scenes_sharing_build(scene) else find_collection(scene)
     check_cycles.require_cycles()
     there = _find_built_blocks(scene, collection)
     ours = [item for role, item in there.items() if role in OBJECTS]
@@ -350,7 +356,7 @@ def build_scene(
         collection = _make_collection(scene, ours)
         if left is not None:
             _inherit(collection, left)
-    before_build.move_notes([scene, *find_sharing(scene)], collection)
+    before_build.move_notes([scene, *find_scenes_sharing_build(scene)], collection)
     takes_camera = first or scene.camera is None or scene.camera in ours
     takes_world = first or scene.world is None or TAG in scene.world
     objects, kept = _put_in_place(collection, there, made.objects)
@@ -362,7 +368,7 @@ def build_scene(
     remove_leftovers()
     _name_blocks(objects, kept, [made.sky] if takes_world else [])
     set_owned_blocks(collection, _list_owned_blocks(objects))
-    disown_copies(collection)
+    untag_copies(collection)
     update_sunlight(collection)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(made.warnings))
     connect_own_groups(built.materials)
@@ -387,7 +393,7 @@ def _link_objects(collection: bpy.types.Collection, objects: list[bpy.types.Obje
     """Link objects to the built collection, rocks to a collection in it."""
     of_rocks = next((c for c in collection.children if c.get(TAG) == "rocks"), None)
     if of_rocks is None:
-        of_rocks = tag_block(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
+        of_rocks = mark_as_built(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
         collection.children.link(of_rocks)
     for item in objects:
         if item not in list(collection.all_objects):
@@ -448,9 +454,9 @@ def clear_scene(scene: bpy.types.Scene) -> bool:
     collection = find_collection(scene)
     if collection is None:
         return False
-    before_build.move_notes([scene, *find_sharing(scene)], collection)
+    before_build.move_notes([scene, *find_scenes_sharing_build(scene)], collection)
     ours = [item for role, item in _find_built_blocks(scene, collection).items() if role in OBJECTS]
-    disown_copies(collection)
+    untag_copies(collection)
     before_build.restore_before_build(scene)
     if left := _leave_shared(scene):
         _link_own_objects(scene, find_added_objects(left))

@@ -199,8 +199,10 @@ class Built:
 
 
 def list_collections(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
-    """The collections of a scene that Build made, the oldest first. A linked one, or an override of it, belongs to
-    another file and is the user's own."""
+    """The collections of a scene that Build made, the oldest first.
+
+    A linked collection, or an override of it, belongs to another file and is the user's own.
+    """
     found = {
         each
         for each in scene.collection.children_recursive
@@ -214,8 +216,8 @@ def find_collection(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     return next(iter(list_collections(scene)), None)
 
 
-def find_sharing(scene: bpy.types.Scene) -> list[bpy.types.Scene]:
-    """The other scenes that show the built collection of this one: linked copies."""
+def find_scenes_sharing_build(scene: bpy.types.Scene) -> list[bpy.types.Scene]:
+    """The other scenes that share the built collection of this scene: linked copies."""
     collection = find_collection(scene)
     if collection is None:
         return []
@@ -271,7 +273,7 @@ def describe_ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 
 def shows_earlier_ground(scene: bpy.types.Scene, settings: Settings) -> bool:
-    """Whether the statistics of the ground are not of these settings: it was built from others, or is a preview."""
+    """Whether the ground's statistics belong to other settings, or to a preview."""
     collection = find_collection(scene)
     if collection is None or SETTINGS not in collection:
         return False
@@ -305,7 +307,7 @@ def _format_statistics(numbers: dict[str, float | None]) -> str:
     return f"{'unknown' if slope is None else f'{slope:.1f}°'}, {'unknown' if height is None else f'{height:.2g} m'}"
 
 
-def make_extra(settings: Settings) -> str:
+def make_build_facts(settings: Settings) -> str:
     """``Built.extra`` of a scene newly built from settings."""
     return hash_content(settings) + reflectance_laws.describe_osl_substitute(settings)
 

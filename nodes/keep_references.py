@@ -37,7 +37,7 @@ def set_owned_blocks(collection: bpy.types.Collection, blocks: dict[str, Any]) -
         collection[f"{OWN}{name}"] = block
 
 
-def is_owned_elsewhere(collection: bpy.types.Collection, block: bpy.types.ID) -> bool:
+def is_owned_by_another_build(collection: bpy.types.Collection, block: bpy.types.ID) -> bool:
     """Whether another built collection owns a data-block too. After a full copy of a scene, both own the materials."""
     return any(
         block in find_owned_blocks(other).values()
@@ -47,7 +47,7 @@ def is_owned_elsewhere(collection: bpy.types.Collection, block: bpy.types.ID) ->
 
 
 def replace_block(old: bpy.types.ID, new: bpy.types.ID) -> None:
-    """Replace a data-block for all its users. The new one takes its name."""
+    """Replace a data-block for all its users. The new data-block takes its name."""
     name = old.name
     old.user_remap(new)
     bpy.data.batch_remove([old])

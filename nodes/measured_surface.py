@@ -65,7 +65,7 @@ def make_squares(position: Array, toward: Array, width: Array) -> Array:
 def build_points(
     scene: bpy.types.Scene, paths: Iterable[Path], title: str, full_m: float = ERROR_SCALE.high
 ) -> bpy.types.Object:
-    """Show the points of the files as one object in its own collection, which replaces an earlier one.
+    """Show the points of the files as one object in a separate collection, which replaces an earlier object.
 
     Errors of ``full_m`` metres and more have the full colour. The object is drawn in front of others and never
     rendered. It is no part of the built scene. Raises IcyMoonError before any change if a file cannot be used or all

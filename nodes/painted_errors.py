@@ -28,7 +28,7 @@ from ..stereo.ground_errors import (
     UNSEEN,
     DepthErrors,
     VertexErrors,
-    choose_better_known,
+    choose_better_result,
     colour_errors,
     count_pixels,
     project_points,
@@ -189,7 +189,7 @@ def show_errors(
     metres and more have the full colour. Raises IcyMoonError, before any change, if the ground is not theirs."""
     mesh = built.terrain.data
     if len(mesh.vertices) != len(errors.ground.error_m):
-        raise IcyMoonError("The ground has changed while its errors were found; paint them again.")
+        raise IcyMoonError("The ground changed while its errors were computed; paint them again.")
     collection = begin_painting(scene, mesh, NAME)
     collection[_COUNTS_PROPERTY] = errors.counts | {"title": title}
     same = full_m == errors.full_m  # else the user has changed it meanwhile
@@ -311,7 +311,7 @@ def _find_vertex_errors(
     for k, errors in enumerate(found):
         one = sample_vertex_errors(errors, position, edges)
         places[k] = np.concatenate([places[k], project_points(errors, position[one.kind < COARSE])[0]])
-        shown = one if shown is None else choose_better_known(shown, one)
+        shown = one if shown is None else choose_better_result(shown, one)
     assert shown is not None
     return shown
 

@@ -72,8 +72,9 @@ _CHANGED_MESSAGE = "Preview: press Build Scene"
 
 
 def read_notes(scene: bpy.types.Scene) -> list[str]:
-    """Sentences on settings that the scene does not show, or shows as a preview, and warnings of a ground that followed
-    a coarse one; none if there is nothing to say."""
+    """Sentences on settings that the scene does not show, or shows as a preview, and warnings of a full ground that
+    followed a coarse one; empty without any.
+    """
     collection = scenes.find_collection(scene)
     if collection is None:
         return []
@@ -107,14 +108,14 @@ def set_notes(built: scenes.Built, sentences: list[str]) -> None:
 def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     """Build the scene of complete ``settings`` out to the horizon, but with a coarse ground and the largest rocks.
 
-    It is marked as a preview whose ground at full resolution will follow, see ``awaits_ground``. Ground from a file is
-    built at full resolution. Raises IcyMoonError as ``scenes.build_scene`` does.
+    The scene is marked as a preview: its ground at full resolution follows, see ``find_preview_of``. Ground from a
+    file is built at full resolution. Raises IcyMoonError as ``scenes.build_scene`` does.
     """
     if is_from_file(settings):
         return scenes.build_scene(scene, settings)
     built = scenes.build_scene(scene, settings, mesh_whole_ground(scenes.make_ground, settings, _mesh_for_choice))
     built.remember(settings, select_geometry(settings))
-    await_ground(built, settings)
+    mark_as_preview(built, settings)
     return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it
 
 
@@ -122,14 +123,14 @@ def _mesh_for_choice(ground: Terrain, settings: Settings) -> MeshedGround:
     return mesh_coarsely(ground, settings, MOST_VERTICES, MOST_ROCKS)
 
 
-def await_ground(built: scenes.Built, settings: Settings) -> None:
+def mark_as_preview(built: scenes.Built, settings: Settings) -> None:
     """Mark a scene: if it shows a preview of ``settings``, the ground at full resolution will follow."""
     if built.preview:
         built.collection[scenes.REFINED] = json.dumps(select_geometry(settings))
 
 
-def awaits_ground(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
-    """The built scene if its fine ground is still to come; None after a change of the ground's settings."""
+def find_preview_of(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
+    """The built scene if it is a preview whose fine ground will follow; None if the ground's settings changed."""
     built = scenes.find_built(scene)
     marked = built is not None and built.collection.get(scenes.REFINED) == json.dumps(select_geometry(settings))
     return built if marked and built is not None and built.preview else None
@@ -236,7 +237,7 @@ def _scatter_seen(settings: Settings, ground: Terrain | GradedGround) -> Rocks:
         rocks,
         float(settings.terrain.size_m),
         int(settings.dataset.seed),
-        ground.heights_as_fine_as_mesh
+        ground.compute_mesh_heights
         if isinstance(ground, PreviewGround)
         else lambda x, y: ground.heights(x, y, 2 * step_m),
         _make_coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
@@ -280,7 +281,7 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
 def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
     """Replace the materials of ground and rocks according to ``settings``; sentences on materials that stay."""
     seeds = settings.dataset.seed, before.dataset.seed
-    if rebuilt_parts.select_look(settings) == rebuilt_parts.select_look(before) and seeds[0] == seeds[1]:
+    if rebuilt_parts.select_appearance(settings) == rebuilt_parts.select_appearance(before) and seeds[0] == seeds[1]:
         return []
     rocks = (item for item in built.collection.all_objects if item.get(TAG) == "rock")
     shapes = [shape for item in rocks for shape in find_instanced_objects(item)]
@@ -342,7 +343,7 @@ def _make_drop_function(built: scenes.Built) -> Callable[[Array, Array], Array] 
 
 
 def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
-    """Replace a material by a new one. If only numbers differ, the old material takes them and keeps its nodes."""
+    """Replace a material by a new material. If only numbers differ, the old material takes them and keeps its nodes."""
     if old.displacement_method == new.displacement_method and copy_values(old.node_tree, new.node_tree):
         bpy.data.materials.remove(new)
         return

@@ -73,7 +73,7 @@ def find_eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, Array]:
 
 @contextmanager
 def turn_about_eye(camera: bpy.types.Object, turn_deg: float, about: bpy.types.Object | None = None) -> Iterator[None]:
-    """Turn an object clockwise about the vertical through the left eye, and back at the end.
+    """Turn an object clockwise about the vertical through the left eye, and turn it back at the end.
 
     ``about`` is the camera if the object is another: the housing of the cameras.
     """

@@ -1,4 +1,4 @@
-"""Makes the objects of a scene from its settings, before any of them takes the place of an earlier one."""
+"""Makes the objects of a scene from its settings, before any of them replaces an earlier object."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..physics.camera import blur
 from ..physics.camera.depth_accuracy import advise_on_rounding
 from ..physics.excavation.camera_jitter import jitter_rig
 from ..physics.excavation.unsupported_rocks import settle_rocks
-from ..physics.light.sky_over_map import find_sky_place, warn_sky_of_other_place
+from ..physics.light.sky_over_map import find_sky_place, warn_sky_of_another_site
 from ..physics.mesh.finer_in_view import advise_on_displacement, nearest_ground_m
 from ..physics.mesh.graded_mesh import GradedGround
 from ..physics.mesh.ground_interface import Surface
@@ -69,7 +69,7 @@ class MadeObjects:
     coarse: bool = False  # whether the ground is the coarse one of a preview
 
 
-def tag_block(block: bpy.types.ID, role: str) -> bpy.types.ID:
+def mark_as_built(block: bpy.types.ID, role: str) -> bpy.types.ID:
     """Mark a data-block as ours, in a role."""
     block[TAG] = role
     return block
@@ -81,14 +81,14 @@ def make_ground(settings: Settings) -> Terrain:
 
 
 def read_stated_ground_m(rig: RigSettings) -> float:
-    """Height in metres of the ground under a left camera whose height above zero and above the ground are stated."""
+    """Height in metres of the ground under a left camera, from its stated heights above zero and above the ground."""
     return float(rig.z_m) - float(rig.height_m)
 
 
 def find_site_ground_m(settings: Settings, ground: Surface) -> float:
     """Height in metres of the ground under the left camera, with the detail of the mesh; NaN outside the ground.
 
-    Of a camera whose own height is stated, ``read_stated_ground_m``.
+    For a camera whose height is stated, use ``read_stated_ground_m``.
     """
     rig = settings.rig
     if rig.height_from == "ZERO":
@@ -116,11 +116,11 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
         *_advise_on_ground(settings, ground.surface, own),
     ]
     terrain = _make_terrain(settings, ground, warnings)
-    camera = tag_block(build_rig(f"{NAME} Camera", jitter_rig(settings), site_m), "camera")
+    camera = mark_as_built(build_rig(f"{NAME} Camera", jitter_rig(settings), site_m), "camera")
     others = build_head_cameras(settings, camera, terrain)
     lights = build_lights(settings, sky, camera)
     warnings += [*light_advice(sky, settings), *blur.advise_on_blur(settings)]
-    space = tag_block(build_sky(f"{NAME} Sky"), "sky")
+    space = mark_as_built(build_sky(f"{NAME} Sky"), "sky")
     made = MadeObjects([terrain, lights[0], camera, *lights[1:]], space, own, site_m, warnings)
     made.coarse = isinstance(ground, MeshedGround) and ground.most_rocks is not None
     _add_rocks_and_lander(made, settings, ground)
@@ -138,7 +138,7 @@ def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | Non
         scene_checks.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
     if find_sky_place(settings, own.map_place):
         return [*own.warnings]
-    return [*own.warnings, *warn_sky_of_other_place(settings.light, own.map_place)]
+    return [*own.warnings, *warn_sky_of_another_site(settings.light, own.map_place)]
 
 
 def _make_terrain(settings: Settings, made: MeshedGround | UserGround, warnings: list[str]) -> bpy.types.Object:
@@ -156,7 +156,7 @@ def _make_terrain(settings: Settings, made: MeshedGround | UserGround, warnings:
         bpy.data.meshes.remove(mesh)
         raise
     warnings += ground_and_rock_materials.advise_on_images(settings, mesh)
-    terrain = tag_block(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
+    terrain = mark_as_built(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
     return terrain
 
@@ -211,7 +211,7 @@ def _build_rocks(
         if dug is not None:
             rocks, moved = settle_rocks(rocks, dug.change_m, height_at, shapes)
     ice = build_rock_material(settings, terrain.data)
-    item = tag_block(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
+    item = mark_as_built(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks
     warnings, most = [], format_count(wanted.most, "rock")
     if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):

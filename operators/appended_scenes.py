@@ -1,4 +1,4 @@
-"""Follows Append: a built collection from another file becomes the built scene of this one, with its settings."""
+"""Follows Append: a built collection from another file becomes the built scene of the open file, with its settings."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from .window_events import call_later, make_registration
 
 
 def adopt_appended() -> None:
-    """Make what was appended the built scene where there was none, and the user's own where there is one."""
+    """Make an appended collection the built scene if the scene has none; otherwise make its objects the user's own."""
     for scene in bpy.data.scenes:
-        appended_scene.disown_others(scene)
+        appended_scene.untag_later_builds(scene)
         appended_scene.remove_shapes(scene)
         if (built := appended_scene.adopt_appended(scene)) is not None:
             with suppress(IcyMoonError):  # a file of another version, which Build Scene reports
@@ -43,7 +43,7 @@ def _move_notes() -> None:
     """Move the notes of older versions to their scenes, where a file is opened."""
     for scene in bpy.data.scenes:
         if (collection := scenes.find_collection(scene)) is not None:
-            before_build.move_notes([scene, *scenes.find_sharing(scene)], collection)
+            before_build.move_notes([scene, *scenes.find_scenes_sharing_build(scene)], collection)
 
 
 def _look_for_appended() -> None:

@@ -112,7 +112,7 @@ def _restore_view(window: bpy.types.Window, area: bpy.types.Area) -> None:
 
 
 def _adopt_views() -> None:
-    """Learn which views of the opened file show a built scene, so that they are restored when it goes."""
+    """Record which views of the opened file show a built scene, to restore them when the scene is removed."""
     for window, area in list_areas("VIEW_3D"):
         space, built = area.spaces.active, scenes.find_built(window.scene)
         through = space.camera if space.use_local_camera else window.scene.camera

@@ -41,7 +41,7 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
         if light_untouched_scene(context.scene):
             self.report({"INFO"}, f"Sun Azimuth is {LIT_AZIMUTH_DEG:g}° now, because its default leaves this view dark")
         result = build_and_report(self, context, coarse=True)
-        refine_ground.begin_refining()
+        refine_ground.start_refining()
         return result
 
     def execute(self, context: bpy.types.Context) -> set[str]:

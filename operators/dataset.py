@@ -13,7 +13,7 @@ import bpy
 
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import find_plan, read_plan_header
-from ..render.workers.detached_process import DetachedProcess, find_left_running
+from ..render.workers.detached_process import DetachedProcess, find_unwatched_process
 from ..render.workers.job_commands import blender_command
 from ..render.workers.process import Message, clean_environment
 from ..settings.blender import scene_properties
@@ -266,7 +266,7 @@ class ICYMOON_OT_watch_dataset(DatasetOperator, bpy.types.Operator):
     bl_label = "Watch Data Set"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        process = find_left_running(find_state_folder())
+        process = find_unwatched_process(find_state_folder())
         if process is None:
             raise IcyMoonError("No data set was left running; press Render Data Set to start one.")
         group, facts = context.scene.icymoon.dataset, process.facts
@@ -291,18 +291,18 @@ class ICYMOON_OT_show_last_pair(ShowsPair, bpy.types.Operator):
     def find_folder(self, context: bpy.types.Context) -> Path:
         folder: Path = readout["last"]
         if not is_complete(folder):
-            raise IcyMoonError(f"{folder} does not exist any more; render the data set again.")
+            raise IcyMoonError(f"{folder} no longer exists; render the data set again.")
         return folder
 
 
 def _watch_again() -> None:
-    """Watch a data set that an earlier Blender, or this one before it opened another file, left running."""
+    """Watch a data set that an earlier Blender, or this Blender before it opened another file, left running."""
     manager = bpy.context.window_manager
     if session.job is not None or not manager.windows or not any(find_state_folder().glob("*.lock")):
         return
     with bpy.context.temp_override(window=manager.windows[0]):
         if ICYMOON_OT_watch_dataset.poll(bpy.context):
-            process = find_left_running(find_state_folder())
+            process = find_unwatched_process(find_state_folder())
             if process is not None:
                 process.leave = True
                 process.stop()  # stops watching only: the operator finds it again

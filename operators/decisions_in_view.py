@@ -78,7 +78,7 @@ def _read_decisions(scene: bpy.types.Scene, method: str, kind: str) -> tuple[Bui
     pairs = stored_maps.list_pairs(folder, method)
     if not pairs:
         raise IcyMoonError(f"There are no decisions by {describe_method(method)}; press Decide Where to Dig again.")
-    built = errors_in_view.find_built_as_set(scene)
+    built = errors_in_view.find_current_build(scene)
     return built, stored_maps.read_map(folder, errors_in_view.find_shown_pairs(scene, built, pairs)[0], method, kind)
 
 

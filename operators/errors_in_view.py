@@ -54,7 +54,8 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
             paths = find_point_files(context.scene, method)
             if not paths:
                 raise IcyMoonError(
-                    "This evaluation has no measured surfaces; press Evaluate to measure those of the present scene."
+                    "This evaluation has no measured surfaces; press Evaluate to measure the surfaces of the present "
+                    "scene."
                 )
             item = measured_surface.build_points(
                 context.scene, paths, describe_method(method), context.scene.icymoon.error_range_m
@@ -99,7 +100,7 @@ class ICYMOON_OT_paint_errors(JobOperator, bpy.types.Operator):
             return
         leave_edit_mode()
         collection = painted_errors.show_errors(
-            scene, find_built_as_set(scene), self._job.result["value"], title, scene.icymoon.error_range_m
+            scene, find_current_build(scene), self._job.result["value"], title, scene.icymoon.error_range_m
         )
         show_colours(context, list(collection.objects), solid=True)
         self.report({"INFO"}, show_controls(f"Depth errors of {title} painted on the ground"))
@@ -114,19 +115,19 @@ def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, lis
     files = find_disparity_files(scene, method)
     if not files:
         raise IcyMoonError("This evaluation has no stored disparities; press Evaluate again.")
-    built = find_built_as_set(scene)
+    built = find_current_build(scene)
     pairs = pairs_folder(find_dataset_folder(scene_properties.read_settings(scene.icymoon)))
     return built, [
         read_depth_errors(pairs / name, files[name]) for name in find_shown_pairs(scene, built, sorted(files))
     ]
 
 
-def find_built_as_set(scene: bpy.types.Scene) -> scenes.Built:
+def find_current_build(scene: bpy.types.Scene) -> scenes.Built:
     """The built scene. Raises IcyMoonError if its ground or camera differs from the present settings."""
     built = scenes.find_built(scene)
     if built is None or built.preview:
-        raise IcyMoonError("The ground of the evaluated pair is not what is built now; press Build Scene first.")
-    scenes.separate_copies(built)
+        raise IcyMoonError("The built ground differs from the ground of the evaluated pair; press Build Scene first.")
+    scenes.separate_from_copies(built)
     settings = scene_properties.read_settings(scene.icymoon)
     if changed := [name for name in scenes.list_changed_settings(built, settings) if _changes_ground_or_camera(name)]:
         raise IcyMoonError(f"{changed[0]} has changed since the scene was built; press Build Scene first.")

@@ -74,7 +74,7 @@ def explain_missing_maps(scene: bpy.types.Scene) -> str:
 
 
 def make_map_arguments(scene: bpy.types.Scene, settings: Settings) -> list[str]:
-    """The maps that the settings ask for, as arguments of the evaluator; none where the scene's ground has none."""
+    """The evaluator's arguments for the maps that the settings ask for; empty if the scene's ground has no map."""
     if not settings.dataset.maps or explain_missing_maps(scene):
         return []
     cell_m = settings.dataset.map_cell_m

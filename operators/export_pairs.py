@@ -67,7 +67,7 @@ def is_developed(kind: str) -> bool:
 
 
 def find_sources(scene: bpy.types.Scene) -> dict[str, list[Path]]:
-    """What can be exported of a scene: the folders of its last pairs, and its data set, as far as they have pairs."""
+    """The folders of a scene that can be exported: its last pairs, and its data set if it has pairs."""
     try:
         dataset = find_dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
     except IcyMoonError:

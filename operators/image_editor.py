@@ -7,7 +7,7 @@ import bpy
 from .window_areas import list_areas, override_area
 
 
-def find_showing(image: bpy.types.Image) -> list[bpy.types.Area]:
+def find_editors_showing(image: bpy.types.Image) -> list[bpy.types.Area]:
     """The Image Editors that show an image."""
     return [area for _, area in list_areas("IMAGE_EDITOR") if area.spaces.active.image == image]
 

@@ -98,13 +98,14 @@ class WatchingOperator(OperatorMixin):
         unseen_jobs.close_job(self._job)
         return self.fail(
             IcyMoonError(
-                f"{self._job.title} was ended by a fault ({type(error).__name__}: {error}); start it again, and please "
+                f"{self._job.title} was ended by an error ({type(error).__name__}: {error}); start it again, and "
+                "please "
                 "report this."
             )
         )
 
     def look(self, context: bpy.types.Context) -> bool:
-        """Look at the job, which is done repeatedly; False when it has ended."""
+        """Check the job; this is called repeatedly. False when the job has ended."""
         assert self._job is not None
         return self._job.poll()
 
@@ -182,7 +183,7 @@ class JobOperator(WatchingOperator):
         return super().modal(context, event)
 
     def look(self, context: bpy.types.Context) -> bool:
-        """Look at the job, and show its progress."""
+        """Check the job, and show its progress."""
         self.watch(context)
         running = super().look(context)
         if (shown := self._job.shown) != self._shown:

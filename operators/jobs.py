@@ -11,7 +11,7 @@ from typing import Self
 
 import bpy
 
-from ..render.graphics_cards import find_ticked_cards
+from ..render.graphics_cards import find_selected_cards
 from ..render.workers.assign_cards import ENVIRONMENT, add_cards
 from ..render.workers.detached_process import DetachedProcess
 from ..render.workers.process import Message, Process, clean_environment
@@ -31,7 +31,7 @@ def make_environment_with_cards(device: str, environment: Mapping[str, str] | No
     the preferences of Blender, unless the environment names others."""
     if device != "GPU" or ENVIRONMENT in os.environ:
         return environment
-    return add_cards(environment, find_ticked_cards())
+    return add_cards(environment, find_selected_cards())
 
 
 def find_this_blender() -> str:

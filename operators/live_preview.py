@@ -42,7 +42,7 @@ def update_scene(scene: bpy.types.Scene) -> bool:
     if built is None:
         return False
     settings, before = scene_properties.read_unchecked(scene.icymoon), description.merged(built.settings, built.preview)
-    scenes.separate_copies(built)
+    scenes.separate_from_copies(built)
     if why := built.outdated or scenes.why_shared(built):
         preview.set_notes(built, [why])
         return False

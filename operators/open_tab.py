@@ -1,4 +1,4 @@
-"""Opens the tab Icy Moon of the sidebar once after the installation, so that nobody has to look for it."""
+"""Opens the tab Icy Moon of the sidebar once after the installation, so that users find it at once."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ class _MaskOperator(OperatorMixin):
         coarse = not bpy.app.background
         result = build_and_report(self, context, coarse)
         if coarse:
-            refine_ground.begin_refining()
+            refine_ground.start_refining()
         return result
 
     def _make_changes(self, settings: Settings, path: str) -> dict[str, dict[str, Any]]:

@@ -306,7 +306,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
     plugin_matchers: bpy.props.StringProperty(
         name="Matchers of Plug-Ins",
         options={"HIDDEN"},
-        description="Those that the last Check found in the evaluator's Python",
+        description="Packages that the last Check found in the evaluator's Python",
     )
     matchers: bpy.props.CollectionProperty(
         type=ICYMOON_PG_matcher,
@@ -403,7 +403,7 @@ def show_findings(found: list[Finding]) -> None:
 def register() -> None:
     """Register the preferences, and list the asset library. From now on, scenes that need kernels and name none get the
     preferred ones."""
-    bundled_wheels.announce_folder(Path(bpy.utils.user_resource("EXTENSIONS")))
+    bundled_wheels.share_wheels(Path(bpy.utils.user_resource("EXTENSIONS")))
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
     change_announcements.listeners.append(_give_kernels)
@@ -427,4 +427,4 @@ def unregister() -> None:
     _found_matchers.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)
     bpy.utils.unregister_class(ICYMOON_PG_matcher)
-    bundled_wheels.withdraw_folder()
+    bundled_wheels.unshare_wheels()

@@ -14,7 +14,7 @@ from ..nodes import build_scene as scenes
 from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import make_paths_absolute
 from ..nodes.ground.user_ground import is_from_file
-from ..render.cycles_settings import find_lack
+from ..render.cycles_settings import find_missing_feature
 from ..settings import description, preset_files, rebuilt_parts, toml_text
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
@@ -237,7 +237,7 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
             loaded = description.merged(_make_fresh_settings(group), loaded)
             group.preset = self.preset
         scene_properties.write_settings(group, loaded)
-        if "quality" in loaded and (lack := find_lack(description.merged(description.defaults(), loaded))):
+        if "quality" in loaded and (lack := find_missing_feature(description.merged(description.defaults(), loaded))):
             self.report({"WARNING"}, format_for_window(lack))
         if self.build and live_preview.has_window():
             _show_coarse(self, context, find_picture(self.preset))
@@ -259,11 +259,11 @@ def _show_coarse(operator: bpy.types.Operator, context: bpy.types.Context, pictu
     else:
         live_preview.update_scene(scene)
         if scene.icymoon.live and (built := scenes.find_built(scene)):
-            preview.await_ground(built, settings)
+            preview.mark_as_preview(built, settings)
     session.picture.show(scene, picture)
-    if preview.awaits_ground(scene, settings) is None:
+    if preview.find_preview_of(scene, settings) is None:
         session.picture.count(scene)
-    refine_ground.begin_refining()
+    refine_ground.start_refining()
 
 
 class ICYMOON_OT_add_preset(bpy.types.Operator):

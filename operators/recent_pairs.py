@@ -48,7 +48,7 @@ class RecentPair(NamedTuple):
 
 
 class _Making:
-    """The pair whose picture is made, those that wait for one, and those that have none."""
+    """The pair whose picture is being made, the pairs that wait for one, and the pairs that cannot have one."""
 
     job: jobs.Job | None = None
     pair: RecentPair | None = None
@@ -134,7 +134,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop making pictures, and remove those there are."""
+    """Stop making pictures, and remove the existing ones."""
     cancel_call(make_next)
     if _Making.job is not None:
         _Making.job.close()

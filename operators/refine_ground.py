@@ -36,8 +36,8 @@ NOTE = "Coarse ground; the fine one follows"
 _BUSY_OPERATORS = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
 
 
-def begin_refining() -> None:
-    """Let the fine ground follow wherever a scene awaits it."""
+def start_refining() -> None:
+    """Start to build the fine ground of every scene that shows a preview."""
     call_later(_refine_next, jobs.INTERVAL_S)
 
 
@@ -45,7 +45,7 @@ def describe_refining(scene: bpy.types.Scene) -> str:
     """Text for the sidebar while the ground of the scene is made at full resolution; empty otherwise."""
     if not bpy.app.timers.is_registered(_refine_next):
         return ""
-    return NOTE if preview.awaits_ground(scene, scene_properties.read_for_display(scene.icymoon)) else ""
+    return NOTE if preview.find_preview_of(scene, scene_properties.read_for_display(scene.icymoon)) else ""
 
 
 def _find_next() -> tuple[scenes.Built, Settings] | None:
@@ -53,7 +53,7 @@ def _find_next() -> tuple[scenes.Built, Settings] | None:
     for scene in bpy.data.scenes:
         with suppress(IcyMoonError):  # settings that no panel can make
             settings = scene_properties.read_settings(scene.icymoon)
-            if built := preview.awaits_ground(scene, settings):
+            if built := preview.find_preview_of(scene, settings):
                 return built, settings
     return None
 
@@ -138,7 +138,7 @@ def _show_refined(built: scenes.Built, of: Settings, settings: Settings, job: jo
 def _resume_refining() -> None:
     """Undo, redo and opening a file may show a coarse ground again."""
     if not bpy.app.background:
-        begin_refining()
+        start_refining()
 
 
 register, unregister = make_registration(

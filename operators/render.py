@@ -27,7 +27,7 @@ from ..support.printer import show_controls
 from . import jobs
 from .build import find_views_through, frame_and_expose, leave_edit_mode, look_through
 from .job_operators import JobOperator
-from .refine_ground import begin_refining
+from .refine_ground import start_refining
 from .sidebar_text import format_for_window
 from .user_render import prepare_render
 from .window_areas import find_scene, pause_rendered_views, push_undo
@@ -74,9 +74,9 @@ def show_rendered_scene(scene: bpy.types.Scene, settings: Settings) -> scenes.Bu
         return bring_up_to_date(scene, settings)
     shown = built is not None and not built.preview and not scenes.list_changed_settings(built, settings)
     if not shown and not is_from_file(settings):
-        if not preview.awaits_ground(scene, settings):
+        if not preview.find_preview_of(scene, settings):
             _build_anew(scene, settings, preview.build_coarse)
-        begin_refining()
+        start_refining()
     return None
 
 
@@ -85,7 +85,7 @@ def _find_traceable(scene: bpy.types.Scene) -> scenes.Built | None:
     built = scenes.find_built(scene)
     if built is None:
         return None
-    scenes.separate_copies(built)
+    scenes.separate_from_copies(built)
     if built.outdated:
         raise IcyMoonError(built.outdated)
     return built
@@ -111,11 +111,11 @@ def plan_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPair]:
     """The pairs that Render Stereo Pair would render of a scene now."""
     built = scenes.find_built(scene)
     if built is not None:
-        scenes.separate_copies(built)
+        scenes.separate_from_copies(built)
     # To read the marks of a full ground takes 0.2 s, so they are not read twice.
     if built is not None and (not scenes.list_changed_settings(built, settings) or built.edited):
         return expand_headings(settings, built.extra)
-    return expand_headings(settings, scenes.make_extra(settings))
+    return expand_headings(settings, scenes.make_build_facts(settings))
 
 
 def _save_copy(path: Path) -> None:

@@ -71,7 +71,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         name="Folder",
         subtype="DIR_PATH",
         options={"SKIP_SAVE"},
-        description="Folder of the data set; if empty, that of the panel Data Set",
+        description="Folder of the data set; if it is empty, the folder in the panel Data Set",
     )
     _asked = False
     _told: tuple[str, ...] = ()

@@ -187,7 +187,7 @@ def list_brief_limits(scene: bpy.types.Scene) -> tuple[str, ...]:
     return found.briefs if found else ()
 
 
-def is_doubt(scene: bpy.types.Scene, brief: str) -> bool:
+def is_doubtful_note(scene: bpy.types.Scene, brief: str) -> bool:
     """Whether the note that begins with ``brief`` makes the results of a scene's last evaluation doubtful."""
     found = kept_results(scene)
     return found is not None and any(doubt.startswith(brief) for doubt in found.doubts)
@@ -296,7 +296,7 @@ def find_report_folder(scene: bpy.types.Scene) -> Path:
         raise IcyMoonError("This scene has not been evaluated yet; press Evaluate.")
     folder = find_evaluation_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}), found.scope)
     if _clean_text(_read_creation_time(_read_report(folder))) != found.made:
-        raise IcyMoonError(f"{folder} contains another evaluation than the one that is shown; press Evaluate again.")
+        raise IcyMoonError(f"{folder} contains an evaluation other than the one shown; press Evaluate again.")
     return folder
 
 
@@ -473,7 +473,7 @@ class ICYMOON_OT_open_report(ResultOperator, bpy.types.Operator):
         try:
             page = find_report_folder(context.scene) / "report.html"
             if not page.is_file():
-                raise IcyMoonError("The report does not exist any more; press Evaluate again.")
+                raise IcyMoonError("The report no longer exists; press Evaluate again.")
             with explain_disk_errors("read", page):
                 if not trusted_reports.is_own_report(page):
                     raise IcyMoonError(

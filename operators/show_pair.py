@@ -91,16 +91,16 @@ def find_image() -> bpy.types.Image | None:
 
 
 def _load_picture(image: bpy.types.Image, turn: int) -> None:
-    """Load the file of this turn into the image."""
+    """Load the picture file of the present turn, left or right, into the image."""
     image.filepath_raw = str(_find_pictures_folder() / f"picture_{turn}.png")
     image.reload()
     image.is_runtime_data = True  # Blender does not write it into the .blend file: its file is temporary
-    for area in image_editor.find_showing(image):
+    for area in image_editor.find_editors_showing(image):
         area.tag_redraw()
 
 
 def _write_pictures(pictures: list[Any]) -> None:
-    """Write the files of both turns, the same if the view has one picture: undo may restore the path of either."""
+    """Write the files of both turns, since undo may restore either path; equal files if the view has one picture."""
     for turn in (0, 1):
         path = _find_pictures_folder() / f"picture_{turn}.png"
         with explain_disk_errors("write", path):
@@ -118,7 +118,7 @@ def _show_view(context: bpy.types.Context, now: ShownPair, open_window: bool) ->
     size = tuple(image.size)
     _load_picture(image, 0)
     session.shown = now
-    areas = image_editor.find_showing(image)
+    areas = image_editor.find_editors_showing(image)
     placed = None if areas else image_editor.find_or_open(context, open_window)
     if placed is not None:
         placed.spaces.active.image = image
@@ -135,7 +135,7 @@ def _show_view(context: bpy.types.Context, now: ShownPair, open_window: bool) ->
 def _show_other_eye() -> float | None:
     """Show the other eye. The timer calls this until another view is chosen or no editor shows the image."""
     image, shown = find_image(), session.shown
-    if shown is None or shown.view != "FLICKER" or image is None or not image_editor.find_showing(image):
+    if shown is None or shown.view != "FLICKER" or image is None or not image_editor.find_editors_showing(image):
         return None
     shown.turn = 1 - shown.turn
     _load_picture(image, shown.turn)
@@ -215,7 +215,7 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
     )
     automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
     id: bpy.props.StringProperty(
-        name="Id", description="Pair of the data set folder by its id, in place of a number", options={"SKIP_SAVE"}
+        name="Id", description="Id of the pair in the data set folder, instead of its number", options={"SKIP_SAVE"}
     )
 
     @classmethod
@@ -264,7 +264,7 @@ def follow_response(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 def _develop_shown_pair() -> None:
     """Develop the pair that is shown with the present response."""
     image, shown, windows = find_image(), session.shown, bpy.context.window_manager.windows
-    if shown is None or image is None or not image_editor.find_showing(image):
+    if shown is None or image is None or not image_editor.find_editors_showing(image):
         return
     found = find_kept_pairs(windows[0].scene)
     if shown.folder in found:

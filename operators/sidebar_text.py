@@ -56,7 +56,7 @@ _SPACE_BEFORE_UNIT, _HELD_SPACE = (
 
 
 def remember_answers(function: Callable[..., Found]) -> Callable[..., Found]:
-    """A function of settings that keeps its last few answers, since the window asks at every redraw."""
+    """Cache the last few answers of a function of settings, because the window calls it at every redraw."""
     kept: list[tuple[tuple[Any, ...], Found]] = []
 
     def answer(*asked: object) -> Found:

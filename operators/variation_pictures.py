@@ -1,4 +1,4 @@
-"""Small, rough pictures of the first and the last pair of Vary This Scene, before its pairs are rendered."""
+"""Small, rough pictures of the first and the last pair of Vary This Scene, made before the pairs are rendered."""
 
 from __future__ import annotations
 

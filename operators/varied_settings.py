@@ -81,7 +81,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
         items=_SETTING_ITEMS,
         name="Setting",
         options={"SKIP_SAVE"},
-        description="Which setting varies",
+        description="Setting that varies",
     )
     values: bpy.props.EnumProperty(
         items=_list_choice_items,
@@ -229,7 +229,7 @@ class ICYMOON_OT_variation_remove(_VariationOperator, RemoveEntry, bpy.types.Ope
 
 
 class ICYMOON_OT_variation_move(_VariationOperator, MoveEntry, bpy.types.Operator):
-    """Move the selected setting in the list; the last one changes fastest from pair to pair"""
+    """Move the selected setting in the list; the last setting changes fastest from pair to pair"""
 
     bl_idname = "icymoon.variation_move"
     bl_label = "Move Varied Setting"

@@ -120,7 +120,7 @@ def draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setti
     """Draw a setting's field, with a split where Blender would leave too little room for the label. In a narrow sidebar
     a label that would be cut has a line of its own."""
     label = find_shown_label(group, setting)
-    if is_label_apart(setting, label):
+    if needs_label_line(setting, label):
         column = layout.column(align=True)
         column.label(text=label if len(label) <= measure_line_length() else setting.label)
         _draw_value(column, group, setting)
@@ -147,8 +147,8 @@ def find_shown_label(group: bpy.types.PropertyGroup, setting: Setting) -> str:
     return setting.label
 
 
-def is_label_apart(setting: Setting, label: str) -> bool:
-    """Whether a label needs a line of its own: it does not depend on the value of a number, since fields must not move
+def needs_label_line(setting: Setting, label: str) -> bool:
+    """Whether a label needs a separate line; this does not depend on the value of a number, since fields must not move
     while the user drags it."""
     width = measure_line_length()
     if width >= LINE or setting.kind == "bool":

@@ -168,7 +168,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
             draw_sentence(layout, sentence, "ERROR")
         briefs = results.list_brief_limits(context.scene)
         for brief in briefs:  # the rest of each is below the table, to keep it in sight
-            draw_lines(layout, (brief,), "ERROR" if results.is_doubt(context.scene, brief) else "INFO")
+            draw_lines(layout, (brief,), "ERROR" if results.is_doubtful_note(context.scene, brief) else "INFO")
             if brief.startswith(NOISE_DECIDES):
                 row = layout.row()
                 row.operator_context = "INVOKE_DEFAULT"

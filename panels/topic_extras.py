@@ -84,7 +84,7 @@ def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
     settings = scene_properties.read_for_display(context.scene.icymoon)
     lines = scenes.describe_ground_statistics(context.scene)
     earlier = scenes.shows_earlier_ground(context.scene, settings)
-    if not lines or (earlier and preview.awaits_ground(context.scene, settings)):
+    if not lines or (earlier and preview.find_preview_of(context.scene, settings)):
         return
     column = layout.column(align=True)
     draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))

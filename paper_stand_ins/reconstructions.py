@@ -159,7 +159,9 @@ def _cut_holes(
     openness: Array,
     item: MeshItem,
 ) -> Array:
-    """The faces to keep with ``item.holes`` holes, where the openness to the sky is least, apart from sites and rim."""
+    """The faces to keep when ``item.holes`` holes are cut at the places with the least openness to the sky, away from
+    sites and rim.
+    """
     middle = xy[faces].mean(axis=1)
     rim = xy[_find_rim_edges(faces[keep])[0]]
     order = np.argsort(openness[faces].mean(axis=1) + 0.05 * random.random(len(faces)))

@@ -114,7 +114,7 @@ def hash_name(name: str) -> int:
 
 @cache
 def load_landform_plugins() -> tuple[dict[str, PluginLandform], dict[str, str]]:
-    """The landforms that can be used by the name of their table, and a sentence for each other one."""
+    """The landforms that can be used by the name of their table, and a sentence for each other landform."""
     found = find_installed("landform")
     usable: dict[str, PluginLandform] = {}
     faults = {f"{PREFIX}{name}": sentence for name, sentence in found.refused.items()}

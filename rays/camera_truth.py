@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..physics.camera.head_camera import Projection, rays_of
+from ..physics.camera.head_camera import Projection, make_rays_of_pixels
 from ..support.arrays import Array
 from .stereo_truth import Stage, find_first_surface, list_squares
 
@@ -36,7 +36,7 @@ def trace_camera(stage: Stage, projection: Projection, pose: Array, near_m: floa
     )
     for pixels in list_squares(rows, columns):
         row, column = np.divmod(pixels, columns)
-        origin, direction = rays_of(projection, np.stack([column, row], axis=1).astype(np.float64))
+        origin, direction = make_rays_of_pixels(projection, np.stack([column, row], axis=1).astype(np.float64))
         origin, direction = origin @ pose[:3, :3].T + pose[:3, 3], direction @ pose[:3, :3].T
         lost = np.isnan(direction).any(axis=1)
         direction[lost] = pose[:3, 2]  # any ray; its hit is dropped

@@ -1,4 +1,4 @@
-"""Embree without a wrapper: the library that Blender has for Cycles, or the one in the package embreex.
+"""Embree without a wrapper: the library that Blender has for Cycles, or the library in the package embreex.
 
 Embree 4 API, https://www.embree.org/api.html. Vertices stay where they are; Embree keeps a pointer to them.
 """
@@ -166,7 +166,7 @@ class EmbreeTracer:
             library.rtcReleaseScene(before)
 
     def close(self) -> None:
-        """Free the trees."""
+        """Free the memory of the search trees."""
         if self._top is not None:
             for scene in (self._top, *self._shape_scenes):
                 self._library.rtcReleaseScene(scene)

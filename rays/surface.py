@@ -37,7 +37,7 @@ class Tracer(Protocol):
         """Move the shapes to their places in another world with the same shapes."""
 
     def close(self) -> None:
-        """Free its memory."""
+        """Free the memory of the tracer."""
 
 
 @dataclass(frozen=True)

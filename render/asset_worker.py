@@ -20,7 +20,7 @@ _NO_MEMORY_MESSAGE = "There is not enough memory to make the asset library; clos
 def make_library(folder: Path, names: Sequence[str], send: Callable[..., None] = emit) -> None:
     """Make the assets of shipped presets and install them as a library in ``folder``.
 
-    The assets are made in a temporary folder, so an earlier library stays whole until the new one is complete.
+    The assets are made in a temporary folder, so an earlier library stays whole until the new library is complete.
     ``send(type, **facts)`` receives ``progress`` and ``done`` messages. Raises IcyMoonError if an asset cannot be made.
     """
     with open_scratch_folder() as made:

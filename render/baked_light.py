@@ -99,7 +99,7 @@ class IndirectLight:
             "lights": {group: kept.to_json(share[group]) for group, kept in self.lights.items()},
         }
 
-    def find_why_unfit(self, stated: dict[str, Any] | None, limit: float) -> str:
+    def find_why_traced(self, stated: dict[str, Any] | None, limit: float) -> str:
         """The reason why an image must be ray traced after all, as a clause, from the ``stated`` entry of ``to_json``;
         empty if baked light is fit.
 
@@ -230,7 +230,7 @@ def make_bake_key(built: Built, settings: Settings, group: str = "Sun", seen: Ar
         _BAKE_VERSION,
         compat.find_series(),
         rebuilt_parts.select_scene(settings),
-        rebuilt_parts.select_look(settings),
+        rebuilt_parts.select_appearance(settings),
         rebuilt_parts.select_light(settings),
         quality.diffuse_bounces,
         quality.bake_samples,
@@ -377,7 +377,7 @@ def _open_bake(
         image = texel_bakes.add_target(mesh, found, undo)
         for material in mesh.materials:
             _remove_relief_from_normals(material.node_tree, undo)
-            texel_bakes.aim_bake(material.node_tree, image, undo)
+            texel_bakes.direct_bake_to_image(material.node_tree, image, undo)
 
         def run(kind: str, samples: int, seed: int) -> Array:
             quality = settings.quality | {"samples": samples, "denoiser": "NONE", "noise_threshold": 0.0}

@@ -63,7 +63,7 @@ def detect_abilities(quality: QualitySettings) -> Abilities:
     return Abilities(compat.has_osl(), compat.has_oidn(), quality.device != "GPU" or bool(select_cards()))
 
 
-def find_lack(settings: Settings) -> str:
+def find_missing_feature(settings: Settings) -> str:
     """The feature that this Blender lacks for complete settings, as a sentence with the fix; empty if it has all."""
     return describe_lack(settings, detect_abilities(settings.quality))
 

@@ -22,7 +22,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..nodes.ground.terrain_mesh import SPACING, build_mesh_from_arrays
-from ..nodes.tree.evaluate_field import NotTranslatable, evaluate_field, read_numbers
+from ..nodes.tree.evaluate_field import NoGeometryNodeError, evaluate_field, read_numbers
 from ..physics.light import baked_texels
 from ..support.arrays import Array
 from ..support.blender import compat
@@ -124,7 +124,7 @@ def _find_heights(mesh: bpy.types.Mesh, vertices: Array, place: Array, still_m: 
             mesh,
             some,
         )
-    except NotTranslatable:
+    except NoGeometryNodeError:
         return None
     height = np.zeros(len(vertices))
     height[some] = (value.astype(np.float64) - inputs["Midlevel"].default_value) * inputs["Scale"].default_value
@@ -253,7 +253,7 @@ def _bake_positions(
         image = texel_bakes.add_target(mesh, found, undo)
         materials = [material for material in mesh.materials if material is not None]
         for material in materials:
-            texel_bakes.aim_bake(material.node_tree, image, undo)
+            texel_bakes.direct_bake_to_image(material.node_tree, image, undo)
             undo.callback(setattr, material, "displacement_method", material.displacement_method)
         own = [material.displacement_method for material in materials]
         for methods in (["BUMP"] * len(own), own):

@@ -19,11 +19,11 @@ import bpy
 import numpy as np
 
 from ..formats.placed_meshes import PlacedMesh, group_by_kind
-from ..nodes.build_scene import Built, make_extra
+from ..nodes.build_scene import Built, make_build_facts
 from ..nodes.datablocks.blend_file_paths import hash_content
 from ..nodes.surface.reflectance_laws import OF_NODES
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.finer_in_view import find_still_spacing_m
+from ..physics.mesh.finer_in_view import find_undisplaced_spacing_m
 from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import merged
@@ -35,7 +35,7 @@ from ..support.files import explain_disk_errors, write_json
 from ..support.labels import PLANET, SEMANTIC_NAMES
 from ..support.printer import emit
 from .displaced_vertices import is_moved, open_rendered_mesh
-from .ground_files import make_frame_facts, refuse_too_many, write_map, write_meshes
+from .ground_files import make_frame_facts, refuse_too_many_pairs, write_map, write_meshes
 from .ground_maps import make_ground_map
 from .mesh_arrays import (
     is_rendered,
@@ -180,7 +180,7 @@ def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> 
         counted[mesh.name_full].places.append(np.array(found.matrix_world, np.float64))
     if not counted:
         raise IcyMoonError("The scene has no meshes to write; build a ground first.")
-    refuse_too_many([(len(each.places), each.vertices, each.triangles) for each in counted.values()], suffix)
+    refuse_too_many_pairs([(len(each.places), each.vertices, each.triangles) for each in counted.values()], suffix)
     # Moved vertices need another evaluated scene, which frees the objects evaluated here. So the places come first.
     ready: dict[str, Triangles] = {}
     moved: dict[str, bpy.types.Mesh] = {}
@@ -193,7 +193,7 @@ def _collect_meshes(scene: bpy.types.Scene, suffix: str, settings: Settings) -> 
             ready[item.data.name_full] = read_mesh_triangles(item.data)
     for name, original in moved.items():
         with open_rendered_mesh(
-            original, counted[name].places[0], settings.quality.threads, find_still_spacing_m(settings.surface)
+            original, counted[name].places[0], settings.quality.threads, find_undisplaced_spacing_m(settings.surface)
         ) as made:
             ready[name] = read_mesh_triangles(made)
     return [PlacedMesh(each.kind, *ready[name], np.array(each.places)) for name, each in counted.items()]
@@ -224,7 +224,7 @@ def lower_quality(planned: PlannedPair) -> PlannedPair:
     if planned.id not in known:
         return planned
     plain = merged(settings, {"quality": {"denoiser": "NONE", "device": "CPU"}, "hapke": {"backend": "AUTO"}})
-    return PlannedPair(make_pair_id(plain, make_extra(plain) + describe_blur_identity(plain)), plain, 0.0)
+    return PlannedPair(make_pair_id(plain, make_build_facts(plain) + describe_blur_identity(plain)), plain, 0.0)
 
 
 def run_job(

@@ -52,7 +52,7 @@ def _list_cards(cycles: bpy.types.AddonPreferences, backend: str) -> list[Any]:
     return [device for device in cycles.get_devices_for_type(backend) if device.type == backend]
 
 
-def find_ticked_cards() -> Cards:
+def find_selected_cards() -> Cards:
     """The graphics cards that the user has ticked in the preferences of Blender; empty for no card and for all
     cards.
     """

@@ -112,7 +112,7 @@ def write_meshes(meshes: Sequence[PlacedMesh], suffix: str, settings: Settings, 
     return [name]
 
 
-def refuse_too_many(counts: Sequence[tuple[int, int, int]], suffix: str) -> None:
+def refuse_too_many_pairs(counts: Sequence[tuple[int, int, int]], suffix: str) -> None:
     """Raise IcyMoonError if a file without instances would have too many triangles.
 
     ``counts`` are places, vertices and triangles of each mesh.

@@ -69,7 +69,10 @@ class SceneRays:
         self._stage: Stage | None = None
 
     def prepare(self) -> Stage:
-        """The stage for the present scene. Raises CannotTrace, and MemoryError if the trees need too much memory."""
+        """The stage for the present scene.
+
+        Raises CannotTrace, and MemoryError if the trees need too much memory.
+        """
         self._refresh()
         if self._refused:
             raise CannotTrace(self._refused[0])
@@ -144,7 +147,7 @@ class SceneRays:
         return World(made[0]), World(made[1])
 
     def close(self) -> None:
-        """Free the trees."""
+        """Free the memory of the search trees."""
         if self._stage is not None:
             self._stage.ground_tracer.close()
             self._stage.sky_tracer.close()

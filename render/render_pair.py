@@ -45,7 +45,7 @@ from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, list
 from ..support.number_text import format_count
 from . import cycles_occlusion, cycles_settings, passes, separate_lights, truth_without_light
 from .baked_light import IndirectLight
-from .cost.estimate import count_bytes_left, count_pixels
+from .cost.estimate import count_pixels, estimate_remaining_bytes
 from .ground_maps import make_heights, make_materials
 from .lander_record import make_lander_json
 from .object_labels import label_temporarily
@@ -122,7 +122,7 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
         probe.write_bytes(b"")
         system.remove(probe)
         free = shutil.disk_usage(dataset).free
-    left = count_bytes_left(pairs, dataset, again)
+    left = estimate_remaining_bytes(pairs, dataset, again)
     needed = left + _TEMPORARY_BYTES_PER_PIXEL * max(count_pixels(pair.settings) for pair in pairs) if left else 0.0
     if needed > free:
         raise IcyMoonError(
@@ -158,7 +158,7 @@ def render_pair(
         part.mkdir(parents=True)
     try:
         found = _render_into(part, built, scene, planned, report, indirect, rays)
-        if why := indirect.find_why_unfit(found.get("indirect"), planned.settings.quality.bake_noise):
+        if why := indirect.find_why_traced(found.get("indirect"), planned.settings.quality.bake_noise):
             traced = IndirectLight(why_traced=why, tried=indirect.lights)
             found = _render_into(part, built, scene, planned, report, traced, rays)
         found["seconds"]["build"] = round(seconds_build, 3)
@@ -439,7 +439,7 @@ def _open_ray_stage(rays: SceneRays, whose: str, fix: str) -> Stage:
         return rays.prepare()
     except CannotTrace as reason:
         raise IcyMoonError(
-            f"The truth {whose} comes from rays, which is not possible here: {reason}; {fix}, or change that."
+            f"The truth {whose} comes from rays, which is not possible here: {reason}; {fix}, or remove this cause."
         ) from None
 
 
@@ -533,8 +533,7 @@ def _report_unreadable(planned: PlannedPair) -> Iterator[None]:
         yield
     except (ValueError, KeyError, OverBudgetError) as error:
         raise IcyMoonError(
-            f"The images that Blender wrote of pair {planned.id} cannot be put together ({error}); "
-            "render the pair again."
+            f"The images that Blender wrote for pair {planned.id} cannot be joined ({error}); render the pair again."
         ) from None
 
 

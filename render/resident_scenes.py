@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from ..nodes.build_scene import make_extra
+from ..nodes.build_scene import make_build_facts
 from ..settings.blender import scene_properties
 from ..settings.description import check, defaults, merged
 from ..settings.topics.scene import Settings
@@ -38,7 +38,7 @@ class ResidentScenes:
         """
         self._send = send
         complete = merged(defaults(), check(settings, "settings"))
-        pairs = expand_headings(complete, make_extra(complete))
+        pairs = expand_headings(complete, make_build_facts(complete))
         send("progress", fraction=0.0, message="Building the scene")
         try:
             render_from(self._source, pairs, dataset, send, again)

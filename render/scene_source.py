@@ -16,7 +16,7 @@ from ..nodes.change_scene import adapt_scene
 from ..nodes.ground.user_ground import warn_of_cost
 from ..physics import scene_checks
 from ..physics.camera.blur import describe_blur_identity
-from ..physics.mesh.finer_in_view import find_still_spacing_m
+from ..physics.mesh.finer_in_view import find_undisplaced_spacing_m
 from ..settings import rebuilt_parts
 from ..settings.pair_ids import make_pair_id
 from ..settings.topics.scene import Settings
@@ -47,7 +47,7 @@ class FixedScene:
     def __enter__(self) -> Self:
         self._scene = self._held.enter_context(open_render_scene(self._built, self._frame))
         self.rays = self._held.enter_context(
-            closing(SceneRays(self._scene, find_still_spacing_m(self._built.settings.surface)))
+            closing(SceneRays(self._scene, find_undisplaced_spacing_m(self._built.settings.surface)))
         )
         return self
 
@@ -109,7 +109,7 @@ class ScenesFromSettings:
             self._held.close()
             self._scene = self._held.enter_context(open_render_scene(built, bpy.context.scene.frame_current))
             self.rays = self._held.enter_context(
-                closing(SceneRays(self._scene, find_still_spacing_m(built.settings.surface)))
+                closing(SceneRays(self._scene, find_undisplaced_spacing_m(built.settings.surface)))
             )
         assert self._scene is not None
         self._built = built
@@ -136,7 +136,7 @@ def _same_scene_and_light(one: Settings, other: Settings) -> bool:
         part(one) == part(other)
         for part in (
             rebuilt_parts.select_scene,
-            rebuilt_parts.select_look,
+            rebuilt_parts.select_appearance,
             rebuilt_parts.select_light,
             rebuilt_parts.select_lander,
         )

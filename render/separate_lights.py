@@ -72,7 +72,9 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
             undo.callback(setattr, datablock, name, getattr(datablock, name))
             setattr(datablock, name, value)
 
-        undo.callback(lambda: sun_inputs.aim_surfaces(_find_sun_materials(built), sun, built.planetshine, built.lamps))
+        undo.callback(
+            lambda: sun_inputs.set_light_inputs(_find_sun_materials(built), sun, built.planetshine, built.lamps)
+        )
         for item in list(built.collection.all_objects):
             if item.get(TAG) in light.dark:
                 set_value(item, "hide_render", True)
@@ -80,10 +82,10 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
                 if each.lightgroup:
                     set_value(each, "lightgroup", light.group)
         if light.lamp is not None:
-            sun_inputs.aim_surfaces(_find_sun_materials(built), sun_inputs.Sun.of_lamp(light.lamp), None)
+            sun_inputs.set_light_inputs(_find_sun_materials(built), sun_inputs.Sun.of_lamp(light.lamp), None)
         else:
             shining = replace(sun, irradiance_wm2=(0.0, 0.0, 0.0)) if "sun" in light.dark else sun
-            sun_inputs.aim_surfaces(_find_sun_materials(built), shining, built.planetshine)
+            sun_inputs.set_light_inputs(_find_sun_materials(built), shining, built.planetshine)
         yield
 
 

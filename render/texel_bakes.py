@@ -44,7 +44,7 @@ def add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack
     return image
 
 
-def aim_bake(tree: bpy.types.NodeTree, image: bpy.types.Image, undo: ExitStack) -> None:
+def direct_bake_to_image(tree: bpy.types.NodeTree, image: bpy.types.Image, undo: ExitStack) -> None:
     """Direct a bake of a surface to an image, until ``undo``."""
     before, node = tree.nodes.active, tree.nodes.new("ShaderNodeTexImage")
     node.image = image

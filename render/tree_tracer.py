@@ -58,7 +58,7 @@ class TreeTracer:
         )
 
     def close(self) -> None:
-        """Free the trees."""
+        """Free the memory of the search trees."""
         self._trees = []
 
     def intersect(self, origin: Array, direction: Array, near: float, far: float) -> Hits:
@@ -85,7 +85,7 @@ class TreeTracer:
         )
         for first in range(0, count, _MOST_RAYS):
             part = np.arange(first, min(count, first + _MOST_RAYS))
-            ray, place, entry = self._spheres.find_entered(
+            ray, place, entry = self._spheres.find_entered_spheres(
                 origin if origin.ndim == 1 else origin[part], direction[part], far[part]
             )
             ray = part[ray]
@@ -171,7 +171,7 @@ class _Spheres:
         while len(self._levels[0][1]) > 1:
             self._levels.insert(0, _group_spheres(*self._levels[0]))
 
-    def find_entered(self, origin: Array, direction: Array, far: Array) -> tuple[Array, Array, Array]:
+    def find_entered_spheres(self, origin: Array, direction: Array, far: Array) -> tuple[Array, Array, Array]:
         """Pairs of rays (n, 3) and spheres that they enter: the ray, the sphere, and the distance in units of the ray's
         direction.
 

@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 import bpy
 
 from ..nodes import painted_errors
-from ..nodes.build_scene import Built, find_built, make_extra, separate_copies
+from ..nodes.build_scene import Built, find_built, make_build_facts, separate_from_copies
 from ..settings.blender import scene_properties
 from ..settings.description import check, defaults, merged, overlay
 from ..settings.topics.scene import Settings
@@ -152,7 +152,7 @@ def list_job_pairs(job: dict[str, Any]) -> list[PlannedPair]:
     # Each pair is built from its own settings, so nothing has to be turned.
     return [
         PlannedPair(pair.id, pair.settings, 0.0)
-        for pair in expand_headings(settings, make_extra(settings) + _repeat_text(job))
+        for pair in expand_headings(settings, make_build_facts(settings) + _repeat_text(job))
     ]
 
 
@@ -193,7 +193,7 @@ def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
     built = find_built(scene) if scene else None
     if scene is None or built is None:
         raise IcyMoonError(f"{job['blend']} contains no built Icy Moon scene; press Build Scene and render again.")
-    separate_copies(built)
+    separate_from_copies(built)
     settings = merged(defaults(), check(job["settings"], "job"))
     return built, scene.frame_current, expand_headings(settings, built.extra + _repeat_text(job))
 

@@ -27,7 +27,7 @@ from .landform_releases import check_release, fill_in_releases, keep_missing_tab
 from .table import TOPICS
 from .topics import trust_boundary
 from .topics.declaration import Parts, Setting, Value
-from .topics.scene import Settings, typed, typed_table
+from .topics.scene import Settings, copy_typed_table, typed
 
 #: Similarity from which an error suggests a known word for an unknown one, see ``suggestions.suggest_nearest``.
 MIN_SIMILARITY = 0.4
@@ -278,11 +278,11 @@ def ask_to_update(where: str, written_by: str) -> Iterator[None]:
 
 
 def merged(*parts: Parts) -> Settings:
-    """One description from several partial ones. Later ones override earlier ones."""
+    """One description from several partial ones. Later descriptions override earlier ones."""
     result = Settings()
     for part in parts:
         for topic, values in part.items():
-            result.setdefault(topic, typed_table(topic, {})).update(typed_table(topic, values))
+            result.setdefault(topic, copy_typed_table(topic, {})).update(copy_typed_table(topic, values))
     return fill_in_releases(result)
 
 
@@ -299,7 +299,7 @@ def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapp
     for topic, values in settings.items():
         for key, value in values.items():
             if key not in base.get(topic, {}) or base[topic][key] != value:
-                found.setdefault(topic, typed_table(topic, {}))[key] = value
+                found.setdefault(topic, copy_typed_table(topic, {}))[key] = value
     return found
 
 

@@ -76,7 +76,7 @@ def _find_words(typed: str) -> tuple[tuple[float, frozenset[str]], ...]:
 
 
 def _score(entry: _Entry, typed: str) -> float | None:
-    """How far from the label a word is found, 0 for a whole word of it; None without a match."""
+    """Distance of a match from the label, 0 for a whole word of the label; None without a match."""
     for tier, words in enumerate(entry.words):
         for score, found in _find_words(typed):
             if not words.isdisjoint(found):

@@ -70,7 +70,7 @@ def keep_missing_table(topic: str, values: Mapping[str, Any], where: str) -> dic
     return dict(values)
 
 
-def refuse_missing(settings: Mapping[str, Mapping[str, Any]], where: str) -> None:
+def refuse_missing_landforms(settings: Mapping[str, Mapping[str, Any]], where: str) -> None:
     """Raise IcyMoonError if a description has a landform that is not installed in this Python."""
     for topic, values in settings.items():
         if topic.startswith(PREFIX) and topic not in TOPICS:

@@ -112,7 +112,7 @@ def select_materials(settings: Settings) -> Parts:
     return _select_settings(settings, _LOOK)
 
 
-def select_look(settings: Settings) -> Parts:
+def select_appearance(settings: Settings) -> Parts:
     """``select_materials``, with the distance of a lamp in place of the Sun, whether there are other lamps, and for
     each surface whether subsurface light is traced.
     """

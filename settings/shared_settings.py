@@ -1,4 +1,4 @@
-"""Settings that many descriptions share, stated once, so that a file of many of them stays small."""
+"""Settings that many descriptions share, stored once to keep files with many descriptions small."""
 
 from __future__ import annotations
 

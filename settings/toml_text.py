@@ -33,7 +33,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
     """A description as TOML text that ``load`` reads back to the same values.
 
-    A landform of a plug-in that is off is left out, so that whoever lacks the plug-in can read the text.
+    A plug-in's landform that is off is left out, so that the text can be read without the plug-in.
     """
     lines = []
     for topic, values in settings.items():

@@ -233,7 +233,7 @@ def write_curves(rows: Sequence[MeasuredError], out: Path) -> list[Path]:
     """Write a picture for each rig: the means of ``SHOWN_NUMBERS`` against each error, a line for each method."""
     rigs, methods = (list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("rig", "method"))
     if not rigs:
-        raise IcyMoonError("There is nothing to draw; measure a pair first.")
+        raise IcyMoonError("There are no results to draw; measure a pair first.")
     return [_write_curves(rows, rig, methods, out / f"curves_{k}.png") for k, rig in enumerate(rigs, 1)]
 
 

@@ -29,7 +29,7 @@ def export_for_prediction(
 ) -> list[str]:
     """Write ``<out>/<pair>/im0.png``, ``im1.png`` and ``calib.txt`` of all pairs at ``paths``, and ``README.txt``.
 
-    The images are those that matchers get here. Returns a sentence for each pair that failed; these are events
+    The images are the same as matchers get here. Returns a sentence for each pair that failed; these are events
     {"type": "error", "message"} too. Raises IcyMoonError if there is no pair or ``out`` cannot be written.
     """
     sources = find_sources(paths)

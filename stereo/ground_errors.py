@@ -125,8 +125,8 @@ def _sample_at(errors: DepthErrors, place: Array, depth: Array) -> tuple[Array, 
     return errors.error_m[rows[at], columns[at]], seen
 
 
-def choose_better_known(one: VertexErrors, other: VertexErrors) -> VertexErrors:
-    """For each vertex the better known of two results; of equal kinds, the one seen from nearer."""
+def choose_better_result(one: VertexErrors, other: VertexErrors) -> VertexErrors:
+    """For each vertex the better known of two results; of equal kinds, the result seen from nearer."""
     take = (other.kind < one.kind) | ((other.kind == one.kind) & (other.depth_m < one.depth_m))
     return VertexErrors(
         *(

@@ -1,4 +1,4 @@
-"""Measuring one pair by all methods of an evaluation, in this process or in another one."""
+"""Measuring one pair by all methods of an evaluation, in this process or in another process."""
 
 from __future__ import annotations
 

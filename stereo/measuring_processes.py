@@ -113,7 +113,7 @@ class MeasuringProcesses:
 
 
 class _Process:
-    """One measuring process."""
+    """A process that measures pairs."""
 
     def __init__(self, setup: dict[str, Any], said: queue.SimpleQueue[Any]) -> None:
         try:

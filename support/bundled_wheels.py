@@ -29,7 +29,7 @@ def has_bundled_wheels(root: Path = ROOT) -> bool:
     return any((root / "wheels").glob("*.whl"))
 
 
-def announce_folder(extensions: Path) -> None:
+def share_wheels(extensions: Path) -> None:
     """Give our child processes the folder in which Blender has unpacked the wheels. ``extensions`` is the folder of the
     user's extensions. Does nothing in other builds than store builds."""
     version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
@@ -38,8 +38,8 @@ def announce_folder(extensions: Path) -> None:
         os.environ[WHEELS_VARIABLE] = f"{sys.prefix}{os.pathsep}{folder}"
 
 
-def withdraw_folder() -> None:
-    """Undo ``announce_folder``."""
+def unshare_wheels() -> None:
+    """Undo ``share_wheels``."""
     os.environ.pop(WHEELS_VARIABLE, None)
 
 

@@ -1,4 +1,4 @@
-"""Atomic writing of files: a crash leaves the old file or the new one, never a part of it."""
+"""Atomic writing of files: a crash leaves the old or the new file, never a part of a file."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def is_of_file_manager(name: str) -> bool:
     return bool(_FILE_MANAGER_NAMES.fullmatch(name))
 
 
-def list_put_there(folder: Path, pattern: str = "*") -> list[Path]:
+def list_user_files(folder: Path, pattern: str = "*") -> list[Path]:
     """The sorted paths in a folder that match a pattern, without the files of file managers in any folder of the
     path."""
     return [
@@ -114,7 +114,7 @@ def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
     scope = system.find_process_scope()
     for part in folder.glob(f"{pattern}.{glob.escape(system.find_computer_name())}-*-*{PART_SUFFIX}"):
         writer = part.name.removesuffix(PART_SUFFIX).rsplit("-", 2)[1]
-        if writer.isdecimal() and system.is_gone(int(writer), scope) and part.is_file() and not part.is_symlink():
+        if writer.isdecimal() and system.has_ended(int(writer), scope) and part.is_file() and not part.is_symlink():
             yield part
 
 
@@ -232,10 +232,10 @@ def parse_path(text: str, name: str) -> Path:
     except ValueError:
         longest = 0
     if longest == 0 or "\0" in path:
-        raise IcyMoonError(f"{name} is {shorten(text)!r}, with characters that no path can have; write another.")
+        raise IcyMoonError(f"{name} is {shorten(text)!r}, with characters that a path cannot have; write another path.")
     if longest > _LONGEST_NAME_BYTES or len(path) > _LONGEST_PATH_CHARACTERS:
         raise IcyMoonError(
-            f"{name} is {shorten(text)!r}, longer than file systems take ({_LONGEST_NAME_BYTES} bytes for a "
+            f"{name} is {shorten(text)!r}, longer than file systems allow ({_LONGEST_NAME_BYTES} bytes for a "
             f"name, {_LONGEST_PATH_CHARACTERS} for a path); choose a shorter one."
         )
     return Path(path)

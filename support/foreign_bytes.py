@@ -213,7 +213,7 @@ class ForeignBytes:
         return Cursor(self.part(start, self.size - start if count is None else count), self.budget, start)
 
     def content(self) -> bytes:
-        """All bytes."""
+        """All bytes of the file."""
         return self.part(0, self.size)
 
     def text(self) -> str:
@@ -253,7 +253,7 @@ def read(
         size = stream.seek(0, io.SEEK_END)
         if size > most:
             raise IcyMoonError(
-                f"{path} has {size / 1e6:.0f} MB, and {most / 1e6:g} MB are the most that is read; make it smaller."
+                f"{path} has {size / 1e6:.0f} MB, and {most / 1e6:g} MB are the most that can be read; make it smaller."
             )
         with explain_errors(path, kind, fix):
             return parse(ForeignBytes(stream, size, Budget(memory), path.name))

@@ -103,7 +103,7 @@ def _read_head(body: bytes) -> PngHead:
 def _unfilter(filters: Array, stored: Array) -> Array:
     """The bytes (rows, columns, bytes) of pixels that are stored as differences, by the filter (rows,) of each row.
 
-    A pixel depends on the left, the upper and the upper left one. So all pixels on a diagonal are computed together.
+    A pixel depends on the left, the upper and the upper left pixel. So all pixels on a diagonal are computed together.
     """
     import numpy as np
 

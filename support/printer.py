@@ -92,7 +92,10 @@ def print_usage(text: str, to_error: bool) -> None:
 
 
 def emit(kind: str, /, **facts: object) -> None:
-    """Print one message to the process that started this one: a JSON line with its ``type``. Raises as ``say`` does."""
+    """Print one message to the process that started this process: a JSON line with its ``type``.
+
+    Raises as ``say`` does.
+    """
     emit_json({"type": kind, **facts})
 
 

@@ -1,4 +1,4 @@
-"""Suggests a known word for an unknown one."""
+"""Suggests a known word for an unknown word."""
 
 from __future__ import annotations
 

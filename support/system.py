@@ -444,7 +444,7 @@ def start(
     return subprocess.Popen(list(command), env=environment, **{"stdin": subprocess.DEVNULL, **streams, **apart})
 
 
-def start_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
+def start_dependent(command: Sequence[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
     """Start a program as ``start`` does. The program calls ``stop_with_starter`` and so ends when this process ends.
 
     Its errors go to its output.
@@ -462,13 +462,13 @@ def start_detached(
     command: Sequence[str], environment: Mapping[str, str] | None, held: IO[bytes], log: IO[bytes], stop: Path
 ) -> subprocess.Popen[bytes]:
     """As ``start``, for a program that may outlive this process. It holds the lock ``held`` of ``lock_for_child`` and
-    writes to ``log``. ``stop`` names the file by which ``interrupt_other`` stops it."""
+    writes to ``log``. ``stop`` names the file by which ``interrupt_detached`` stops it."""
     remove(stop)
     told = _stop_environment(environment, str(stop)) if is_windows() else environment
     return start(command, told, stdin=held, stdout=log, stderr=subprocess.STDOUT)
 
 
-def call_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> int:
+def call_dependent(command: Sequence[str], environment: Mapping[str, str] | None = None) -> int:
     """Run a program that calls ``stop_with_starter`` to its end, with our own output, and return its exit status."""
     with subprocess.Popen(list(command), stdin=subprocess.PIPE, env=_stop_environment(environment, "-")) as process:
         try:
@@ -483,7 +483,7 @@ def _stop_environment(environment: Mapping[str, str] | None, how: str) -> dict[s
 
 
 def interrupt(process: subprocess.Popen[bytes]) -> None:
-    """Ask a program of ``start_ours`` to stop."""
+    """Ask a program of ``start_dependent`` to stop."""
     with suppress(OSError):  # it has ended just now
         if not is_windows():
             process.send_signal(signal.SIGINT)
@@ -491,7 +491,7 @@ def interrupt(process: subprocess.Popen[bytes]) -> None:
             process.stdin.close()  # no signal reaches a process without our console
 
 
-def interrupt_other(pid: int, stop: Path) -> None:
+def interrupt_detached(pid: int, stop: Path) -> None:
     """Ask a program of ``start_detached`` and all that it has started to stop; an earlier process may have begun it."""
     with suppress(OSError):
         if is_windows():
@@ -500,7 +500,7 @@ def interrupt_other(pid: int, stop: Path) -> None:
             os.killpg(pid, signal.SIGINT)
 
 
-def kill_other(pid: int) -> None:
+def kill_detached(pid: int) -> None:
     """End a program of ``start_detached`` at once, with all that it has started."""
     with suppress(OSError):
         if is_windows():
@@ -540,8 +540,10 @@ def lower_priority() -> None:
 
 
 def stop_with_starter(at_once: bool = False) -> None:
-    """Stop when the process that started this one by ``start_ours`` ends or requests it: as by Ctrl-C, and 3 s later in
-    any case; immediately with ``at_once``."""
+    """Stop when the process that started this one by ``start_dependent`` ends or requests it.
+
+    The stop is as by Ctrl-C, and 3 s later in any case; immediately with ``at_once``.
+    """
     how = os.environ.pop(_STOP_VARIABLE, "")
     if how:
         threading.Thread(target=_end_as_told, args=(how, at_once), daemon=True).start()
@@ -622,7 +624,7 @@ def find_process_scope() -> str:
     return find_computer_name()
 
 
-def is_gone(pid: int, where: str) -> bool:
+def has_ended(pid: int, where: str) -> bool:
     """Whether a process of the scope ``where``, see ``find_process_scope``, has certainly ended."""
     if not where or where != find_process_scope() or not 0 < pid < 2**31:
         return False

@@ -67,4 +67,4 @@ def _is_abandoned(owner: dict[str, Any]) -> bool:
     """Whether the process that made a folder has certainly ended."""
     here = system.find_process_scope()
     rebooted = owner["computer"] == system.find_computer_name() and owner["place"].split(" ")[0] != here.split(" ")[0]
-    return bool(here and owner["place"]) and (rebooted or system.is_gone(owner["pid"], owner["place"]))
+    return bool(here and owner["place"]) and (rebooted or system.has_ended(owner["pid"], owner["place"]))

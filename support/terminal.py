@@ -82,7 +82,7 @@ def check_least(options: argparse.Namespace, least: int, *names: str) -> None:
             raise IcyMoonError(f"--{name.replace('_', '-')} is {value}; give {least} or more.")
 
 
-def list_named(names: Sequence[str]) -> list[str]:
+def parse_list_option(names: Sequence[str]) -> list[str]:
     """The names that an option states; an empty list for ``ALL_WORD``."""
     return [] if list(names) == [ALL_WORD] else list(names)
 

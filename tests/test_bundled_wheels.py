@@ -37,7 +37,7 @@ def store(monkeypatch, tmp_path):
 def test_a_plain_extension_has_none_and_announces_none(monkeypatch, tmp_path):
     monkeypatch.delenv(bundled_wheels.WHEELS_VARIABLE, raising=False)
     assert not bundled_wheels.has_bundled_wheels()
-    bundled_wheels.announce_folder(tmp_path)
+    bundled_wheels.share_wheels(tmp_path)
     assert bundled_wheels.WHEELS_VARIABLE not in os.environ
     (tmp_path / "wheels").mkdir()
     assert not bundled_wheels.has_bundled_wheels(tmp_path)
@@ -49,10 +49,10 @@ def test_blenders_python_loads_the_wheels_before_what_is_installed(store):
     """As a program it takes the numpy of the wheels, which stands in here for a package of another version."""
     (store / "numpy.py").write_text("__version__ = '1.26.99'\n")
     (store / "cv2.py").write_text("__version__ = '4.11.0'\n")
-    bundled_wheels.announce_folder(store.parents[3])
+    bundled_wheels.share_wheels(store.parents[3])
     facts = check({**os.environ})
     assert (facts["numpy"], facts["cv2"]) == ("1.26.99", "4.11.0")
-    bundled_wheels.withdraw_folder()
+    bundled_wheels.unshare_wheels()
     assert check({**os.environ})["numpy"] != "1.26.99"
 
 

@@ -300,6 +300,6 @@ def test_programs_of_ours_have_one_thread_for_short_products_unless_another_numb
     ask = [sys.executable, "-c", "import os; print(os.environ['OPENBLAS_NUM_THREADS'])"]
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     for environment, threads in ((None, b"1"), ({**os.environ, "OPENBLAS_NUM_THREADS": "3"}, b"3")):
-        with system.start_ours(ask, environment) as process:
+        with system.start_dependent(ask, environment) as process:
             assert process.stdout is not None
             assert process.stdout.read().strip() == threads

@@ -16,7 +16,7 @@ from icymoon.render.pairs.pair_folder import is_complete
 from icymoon.render.pairs.publish_pair import publish_pair
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import runner as running
-from icymoon.render.workers.detached_process import DetachedProcess, find_left_running
+from icymoon.render.workers.detached_process import DetachedProcess, find_unwatched_process
 from icymoon.render.workers.pair_claims import Claims
 from icymoon.render.workers.process import Process
 from icymoon.render.workers.runner import Runner, WorkerOptions
@@ -344,7 +344,7 @@ def test_who_is_stopped_while_a_program_runs_ends_it_and_tidies_up(drive, gone):
 def test_a_call_ends_with_who_called(drive):
     code = (
         f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.support import system\n"
-        f"system.call_ours({[*talks()[:2], 'import os; print(os.getpid(), flush=True)' + chr(10) + talks()[2]]!r})"
+        f"system.call_dependent({[*talks()[:2], 'import os; print(os.getpid(), flush=True)' + chr(10) + talks()[2]]!r})"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
     child = int(parent.stdout.readline())
@@ -363,20 +363,20 @@ def test_what_goes_on_alone_is_found_again_and_stopped(drive, attached, end):
     first_word(process)
     with pytest.raises(IcyMoonError, match="running already"):
         DetachedProcess.start(talks(), drive / "running" / "one", FACTS)
-    assert find_left_running(drive / "running") is None
+    assert find_unwatched_process(drive / "running") is None
     if attached:
         process.leave = True
         process.stop()
         with pytest.raises(IcyMoonError, match="running already"):  # although nobody watches it
             DetachedProcess.start(talks(), drive / "running" / "one", FACTS)
-        process = find_left_running(drive / "running")
+        process = find_unwatched_process(drive / "running")
         assert process is not None
     end(process)
     messages = heard(process)
     assert not process.running
     if end is DetachedProcess.cancel:
         assert messages[-1].get("what") == "stopped"
-    assert find_left_running(drive / "running") is None
+    assert find_unwatched_process(drive / "running") is None
     again = DetachedProcess.start(talks(), drive / "running" / "one", FACTS)
     first_word(again)
     time.sleep(0.6)  # more than twice as long as between two looks for a wish to stop

@@ -28,7 +28,7 @@ from .polar.data_set import (
     read_terrains,
 )
 from .polar.label_agreement import LabelAgreement, measure_label_agreement
-from .polar.lamp import HeightTable, cast_onto_sand, fit_lamps
+from .polar.lamp import HeightTable, fit_lamps, trace_lamp_to_sand
 from .polar.sand import Sand, assign_outlines, measure_sand
 from .polar.scans import LeftOut, find_left_out
 from .polar.scene import Frame, Masks, describe_scene, find_frame, read_twin, write_ground
@@ -310,7 +310,7 @@ def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: d
             if not len(faces):
                 continue
             top = points[np.unique(faces)]
-            cast = cast_onto_sand(top, lamp, table)
+            cast = trace_lamp_to_sand(top, lamp, table)
             away = sand.middles[k] - lamp[:2]
             along = (cast[:, :2] - sand.middles[k]) @ away / np.linalg.norm(away)
             if along.max() < _LEAST_SHADOW_M:

@@ -87,7 +87,7 @@ def _wrap_text(text: str) -> list[str]:
 
 
 def replace_sections(page: str, results: Sequence[Result]) -> str:
-    """Replace the sections of these results in the page. A new section is inserted before the last one."""
+    """Replace the sections of these results in the page. A new section is inserted before the last section."""
     for result in results:
         new = make_markdown_section(result)
         found = _find_section(page, result.comparison)

@@ -76,7 +76,7 @@ def _make_ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[
 
 
 def describe_surface(preset: str, backend: str) -> Settings:
-    """The surface of a preset alone."""
+    """A surface preset's settings, without the rest of its scene."""
     return merged(defaults(), load_preset(f"surfaces/{preset}"), check({"hapke": {"backend": backend}}, "whole disc"))
 
 

@@ -24,7 +24,7 @@ from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.stereo.datasets.visibility import find_better_reading, find_fault_of_right
 from icymoon.stereo.evaluated_pairs import RenderedPair, find_sources
 from icymoon.stereo.images.image_values import to_grey
-from icymoon.stereo.measure.fit_check import READINGS, find_fault, find_misfit, find_places
+from icymoon.stereo.measure.fit_check import READINGS, find_common_places, find_fault, find_misfit
 from icymoon.stereo.measure.prepare_pair import LoadedPair, PreparedPair, load_pair
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
@@ -179,7 +179,7 @@ def main(options: argparse.Namespace) -> None:
         pairs += 1
         camera, left, right = prepared.pair.camera, to_grey(prepared.left), to_grey(prepared.right)
         watch = Stopwatch()
-        places, exchanged = find_places(left, right), find_places(right, left)
+        places, exchanged = find_common_places(left, right), find_common_places(right, left)
         for name, (make, kind, wanted) in FAULTS.items():
             values = make(prepared)
             fault = find_fault(values, kind, camera, places) or find_misfit(values, kind, camera, places)

@@ -24,7 +24,7 @@ from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.pairs.pair_folder import EYES, find_pair_folders, read_pair, read_unchanged_pair
 from icymoon.settings.topics.camera import RigSettings
 from icymoon.stereo.images.views import read_eye
-from icymoon.stereo.measure.prepare_pair import make_check_eyes
+from icymoon.stereo.measure.prepare_pair import make_self_check_eyes
 from icymoon.stereo.measure.self_check import Eye, find_visibility, run_self_check
 from icymoon.support.arrays import Array
 
@@ -206,7 +206,7 @@ def _between(depth: Array, sign: int) -> Array:
 def read_eyes(folder: Path) -> tuple[Eye, Eye, StereoCamera, dict[str, Any]]:
     """The eyes of a pair, its camera and its settings, in the form of ``stereo.measure.prepare_pair``."""
     pair = read_unchanged_pair(folder)
-    left, right = make_check_eyes(pair, pair.settings, {eye: read_eye(pair, eye)[1] for eye in EYES})
+    left, right = make_self_check_eyes(pair, pair.settings, {eye: read_eye(pair, eye)[1] for eye in EYES})
     return left, right, pair.camera, pair.settings
 
 

@@ -166,7 +166,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
         Mistake(
             "mesh in the wrong unit",
             "A mesh is so large that its unit must be wrong",
-            "which is no landing site",
+            "outside the size of a landing site",
             "set source.scale",
         ),
         Mistake(

@@ -13,7 +13,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import write_text
 from ...support.foreign_bytes import explain_errors
 from ..cahvor import Cahvor, make_cahvor_text, make_model_from_pinhole, make_pds_text, read_model
-from .options import Reading, Stated, as_cahvore, describe_skew
+from .options import Reading, Stated, convert_to_cahvore, describe_skew
 
 #: The coordinate system that labels name.
 _FRAME_NAME = "REFERENCE_AXES"
@@ -43,7 +43,7 @@ def _camera(model: Cahvor, name: str) -> CalibratedCamera:
 
 def why_not_cahv(camera: CalibratedCamera) -> str:
     """A phrase on why CAHVORE cannot store a camera; empty if it can."""
-    return describe_skew(camera) if as_cahvore(camera) else f"no lens equal to {camera.lens.name}"
+    return describe_skew(camera) if convert_to_cahvore(camera) else f"no lens equal to {camera.lens.name}"
 
 
 def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
@@ -59,7 +59,12 @@ def find_nearest_model(camera: CalibratedCamera) -> Cahvor:
     """The model that is equal to a camera, or fitted to its lens of Brown and Conrady. Raises IcyMoonError without such
     a model, or if the fit is off by more than ``FIT_LIMIT_PX``."""
     lens = camera.lens
-    if isinstance(lens, Brown) and as_cahvore(camera) is None and len(lens.shortened()) <= 5 and not camera.skew_px:
+    if (
+        isinstance(lens, Brown)
+        and convert_to_cahvore(camera) is None
+        and len(lens.shortened()) <= 5
+        and not camera.skew_px
+    ):
         return make_model_from_pinhole(
             camera.matrix, camera.rotation, camera.centre_m, camera.size_px, lens.coefficients[:5]
         )
@@ -70,7 +75,7 @@ def find_nearest_model(camera: CalibratedCamera) -> Cahvor:
 
 def to_cahv_model(camera: CalibratedCamera) -> Cahvor:
     """The CAHV, CAHVOR or CAHVORE model of a camera with such a lens, see ``why_not_cahv``."""
-    camera = as_cahvore(camera) or camera
+    camera = convert_to_cahvore(camera) or camera
     right, down, a = camera.rotation
     h, v = camera.fx_px * right + camera.cx_px * a, camera.fy_px * down + camera.cy_px * a
     plain = (camera.centre_m, a, h, v, camera.width_px, camera.height_px)

@@ -104,8 +104,8 @@ def _parse_head(path: Path, text: str) -> Head:
         raise IcyMoonError(f"{path}: has no cameras; {_FIX}.")
     if len(tables) > MOST_CAMERAS:
         raise IcyMoonError(
-            f"{place.at('camera', MOST_CAMERAS)}: a head has {MOST_CAMERAS} cameras at most, not {len(tables)}; take "
-            "some out."
+            f"{place.at('camera', MOST_CAMERAS)}: a head has at most {MOST_CAMERAS} cameras, not {len(tables)}; "
+            "remove some."
         )
     entries = [_Entry(table, place.at("camera", k)) for k, table in enumerate(tables)]
     cameras = tuple(entry.make() for entry in entries)
@@ -114,14 +114,14 @@ def _parse_head(path: Path, text: str) -> Head:
         same = first.setdefault(camera.name.lower(), k)
         if same != k:
             raise IcyMoonError(
-                f"{place.at('camera', k, 'name')}: {quote(camera.name)} is the name of another camera too; give each "
-                "its own."
+                f"{place.at('camera', k, 'name')}: {quote(camera.name)} is also the name of another camera; give "
+                "each camera its own name."
             )
     return Head(cameras, tuple(dict.fromkeys([path, *(file for entry in entries for file in entry.files)])))
 
 
 class _Entry:
-    """A ``[[camera]]`` table."""
+    """Reads one ``[[camera]]`` table of a head file."""
 
     def __init__(self, table: Mapping[str, Any], place: Place) -> None:
         self._table, self._place = table, place

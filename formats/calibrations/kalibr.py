@@ -31,7 +31,7 @@ _FIX = "give the file camchain.yaml that kalibr_calibrate_cameras wrote"
 
 
 def read_kalibr(paths: Sequence[Path], _: Stated) -> Reading:
-    """Read all cameras of a camchain, in the axes of its first one."""
+    """Read all cameras of a camchain, in the axes of its first camera."""
     (path,) = paths
     return read(path, _parse, _KIND, _FIX, MOST_BYTES)
 

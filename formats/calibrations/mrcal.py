@@ -21,8 +21,8 @@ from .options import (
     MOST_BYTES,
     Reading,
     Stated,
-    as_brown,
-    as_cahvore,
+    convert_to_brown,
+    convert_to_cahvore,
     describe_skew,
     format_numbers,
     make_brown,
@@ -89,8 +89,8 @@ def _lens(name: str, numbers: list[float]) -> LensModel:
         return Cahvore(_axis(*numbers[:2]), tuple(numbers[2:5]), tuple(numbers[5:]), linearity)
     if name not in _PARAMETER_COUNTS:
         raise RefusedError(
-            f"has the lens model {quote(name)}, which is not read; write it as another one by "
-            "mrcal-convert-lensmodel LENSMODEL_OPENCV8."
+            f"has the lens model {quote(name)}, which is not supported; convert it with mrcal-convert-lensmodel "
+            "LENSMODEL_OPENCV8."
         )
     if len(numbers) != _PARAMETER_COUNTS[name]:
         raise ValueError(f"{name} has {len(numbers) + 4} intrinsics, not {_PARAMETER_COUNTS[name] + 4}")
@@ -106,7 +106,11 @@ def _axis(alpha: float, beta: float) -> tuple[float, ...]:
 
 def why_not_mrcal(camera: CalibratedCamera) -> str:
     """A phrase on why mrcal cannot store a camera; empty if it can."""
-    return describe_skew(camera) if as_brown(camera) or as_cahvore(camera) else f"no lens like {camera.lens.name}"
+    return (
+        describe_skew(camera)
+        if convert_to_brown(camera) or convert_to_cahvore(camera)
+        else f"no lens like {camera.lens.name}"
+    )
 
 
 def write_mrcal(rig: CalibratedRig, paths: Sequence[Path]) -> None:
@@ -116,7 +120,7 @@ def write_mrcal(rig: CalibratedRig, paths: Sequence[Path]) -> None:
 
 
 def _text(camera: CalibratedCamera) -> str:
-    camera = as_brown(camera) or as_cahvore(camera) or camera
+    camera = convert_to_brown(camera) or convert_to_cahvore(camera) or camera
     lens = camera.lens
     if isinstance(lens, Cahvore):
         x, y, z = lens.axis

@@ -54,7 +54,7 @@ class Reading:
     notes: tuple[str, ...] = ()
 
 
-def as_brown(camera: CalibratedCamera) -> CalibratedCamera | None:
+def convert_to_brown(camera: CalibratedCamera) -> CalibratedCamera | None:
     """The same camera with an equal lens of Brown and Conrady; None if there is no equal lens."""
     lens = camera.lens
     if isinstance(lens, Brown):
@@ -68,7 +68,7 @@ def as_brown(camera: CalibratedCamera) -> CalibratedCamera | None:
     )
 
 
-def as_fisheye(camera: CalibratedCamera) -> CalibratedCamera | None:
+def convert_to_fisheye(camera: CalibratedCamera) -> CalibratedCamera | None:
     """The same camera with an equal fisheye lens of Kannala and Brandt; None if there is no equal lens."""
     lens = camera.lens
     if isinstance(lens, Fisheye):
@@ -80,7 +80,7 @@ def as_fisheye(camera: CalibratedCamera) -> CalibratedCamera | None:
     return replace(camera, lens=Fisheye((*lens.radial[1:], 0.0, 0.0)))
 
 
-def as_cahvore(camera: CalibratedCamera) -> CalibratedCamera | None:
+def convert_to_cahvore(camera: CalibratedCamera) -> CalibratedCamera | None:
     """The same camera with an equal lens of CAHVOR or CAHVORE, or as a pinhole; None if there is no equal lens."""
     lens = camera.lens
     if isinstance(lens, Cahvore):
@@ -102,7 +102,7 @@ def _is_along(lens: Cahvore) -> bool:
 
 def to_opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | Fisheye]:
     """The same camera with an equal lens of OpenCV, and that lens. Raises ValueError if there is no equal lens."""
-    same = as_brown(camera) or as_fisheye(camera)
+    same = convert_to_brown(camera) or convert_to_fisheye(camera)
     if same is None or isinstance(same.lens, Cahvore):
         raise ValueError(f"no lens like {camera.lens.name}")
     return same, same.lens

@@ -18,7 +18,15 @@ from ...support.errors import IcyMoonError
 from ...support.files import write_text
 from ...support.foreign_bytes import explain_errors
 from ..ros_camera import RosCamera, read_ros_camera
-from .options import Reading, Stated, as_brown, as_fisheye, find_why_no_opencv_lens, format_numbers, make_brown
+from .options import (
+    Reading,
+    Stated,
+    convert_to_brown,
+    convert_to_fisheye,
+    find_why_no_opencv_lens,
+    format_numbers,
+    make_brown,
+)
 
 _KIND = "a calibration of ROS"
 #: Largest deviation of R times its transpose from 1 without a note; camera_calibration writes five digits.
@@ -73,7 +81,7 @@ def make_ros_pair(rig: CalibratedRig) -> tuple[RosCamera, RosCamera]:
     """
     eyes = rig.cameras[:2]
     turns = rectifying_rotations(rig)
-    same = [as_brown(camera) or as_fisheye(camera) or camera for camera in eyes]
+    same = [convert_to_brown(camera) or convert_to_fisheye(camera) or camera for camera in eyes]
     focal = float(np.mean([[camera.fx_px, camera.fy_px] for camera in same]))
     cx, cy = np.mean([[camera.cx_px, camera.cy_px] for camera in same], axis=0).tolist()
     # Position of the right eye along x of the rectified axes.

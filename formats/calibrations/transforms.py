@@ -1,6 +1,6 @@
 """``transforms.json`` of nerfstudio and instant-ngp: a frame for each camera, in OpenGL's axes.
 
-Pixels are counted from the corner of the first one. Values of a frame replace those of the whole file.
+Pixels are counted from the corner of the first pixel. Values of a frame replace those of the whole file.
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ _SIMULATION_MODIFIERS = {
 }
 _OF_TIME = {"WAVE", "BUILD", "OCEAN", "MESH_CACHE", "MESH_SEQUENCE_CACHE"}
 _OF_CLIPS = {"CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_TRACK"}
-#: Inputs that ``sun_inputs.aim_surfaces`` sets for each render: prefixes of their identifiers, by name and kind of the
-#: node.
+#: Inputs that ``sun_inputs.set_light_inputs`` sets for each render: prefixes of their identifiers, by name and kind of
+#: the node.
 _AIMED_INPUTS = {
     ("Sun Direction", "ShaderNodeCombineXYZ"): ("X", "Y", "Z"),
     ("Surge Blur", "ShaderNodeMath"): ("Value",),
@@ -284,7 +284,7 @@ class BlockHasher:
             (socket.identifier, socket.bl_idname, self.ordered(getattr(socket, "default_value", None)))
             for side in (node.inputs, node.outputs)
             for socket in side
-            if not (aimed and not socket.is_output and is_aimed(node, socket.identifier))
+            if not (aimed and not socket.is_output and is_light_input(node, socket.identifier))
         ]
 
     def of_collection(self, collection: bpy.types.Collection) -> list[Any]:
@@ -392,8 +392,8 @@ def is_random_by_object(tree: bpy.types.NodeTree | None) -> bool:
     )
 
 
-def is_aimed(node: bpy.types.Node, socket: str) -> bool:
-    """Whether an input of a node describes the Sun or the planet, and so is set for every render."""
+def is_light_input(node: bpy.types.Node, socket: str) -> bool:
+    """Whether a node's input describes the Sun or the planet and is therefore set for every render."""
     prefixes = _AIMED_INPUTS.get((node.name, node.bl_idname))
     return prefixes is not None and socket.startswith(prefixes)
 

@@ -216,7 +216,7 @@ def _list_reasons() -> dict[tuple[str, str], str]:
 
 
 def why_left_out(struct: bpy.types.bpy_struct, name: str) -> str | None:
-    """Why a property does not count, or None if it does."""
+    """The reason why a property does not count; None if it counts."""
     found = next((_list_reasons()[kind, name] for kind in _list_kinds(struct) if (kind, name) in _list_reasons()), None)
     if found is None and issubclass(struct, bpy.types.Node) and name.startswith(("bl_", "active_")):
         return "definition of the kind of node, or selection of one of its items"

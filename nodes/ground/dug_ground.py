@@ -218,8 +218,9 @@ def join_patch(ground: MeshedGround, grid: ExcavationGrid, heights_m: Array) -> 
 
 
 def _fill_gap(outer_m: Array, inner_m: Array) -> Array:
-    """Triangles (m, 3), counter-clockwise, between an outer loop (n, 2) and an inner one (k, 2), by the number of their
-    corners in both, the outer first."""
+    """Triangles (m, 3), counter-clockwise, between an outer loop (n, 2) and an inner loop (k, 2); corners are numbered
+    through both loops, the outer first.
+    """
     points = np.concatenate([outer_m, inner_m]) - inner_m.mean(axis=0)
     edges = [
         (first + k, first + (k + 1) % count)

@@ -1,6 +1,6 @@
 """The sheet that a user paints masks on: a grid of vertices over the patch, with a vertex group for each mask.
 
-It lies on the built ground, but is not of it, so a build that makes the ground again leaves it and its weights alone.
+It lies on the built ground but is a separate object, so a new build of the ground keeps it and its weights.
 A vertex is the centre of a pixel, so the weights are the mask, without interpolation. It is the user's own object:
 not rendered, and in no pair.
 """
@@ -86,7 +86,7 @@ def make_group(sheet: bpy.types.Object, group: str, mask: Array | None) -> None:
 
 
 def remove_group(sheet: bpy.types.Object, group: str) -> None:
-    """Remove a vertex group, and the sheet with its last one."""
+    """Remove a vertex group, and the sheet together with its last group."""
     if found := sheet.vertex_groups.get(group):
         sheet.vertex_groups.remove(found)
     if not sheet.vertex_groups:

@@ -19,8 +19,8 @@ def find_metres_per_unit(scene: bpy.types.Scene) -> float:
 def read_object_mesh(
     item: bpy.types.Object, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph
 ) -> tuple[Array, Array]:
-    """Vertices (n, 3), float64, in metres and world coordinates, and triangles (m, 3), int32, of an object and of what
-    it instances.
+    """Vertices (n, 3), float64, in metres and world coordinates, and triangles (m, 3), int32, of an object and its
+    instances.
 
     Raises IcyMoonError if they have no area, or more triangles than a ground may have.
     """

@@ -1,4 +1,4 @@
-"""Ground around the patch of a height map, out to a stated distance, from its file and a coarser one."""
+"""Ground around the patch of a height map, out to a stated distance, from its file and a coarser file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ...physics.mesh.blend_maps import BlendedMaps, LevelMeans, blend_maps
 from ...physics.mesh.height_map import HeightMap
 from ...physics.mesh.heights_on_mesh import SurroundedGround
 from ...physics.mesh.horizon import drop_m, horizon_m
-from ...physics.mesh.nested_rings import Level, build_rings, keep_known
+from ...physics.mesh.nested_rings import Level, build_rings, drop_unknown_vertices
 from ...physics.mesh.open_directions import find_open_directions
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
@@ -93,7 +93,7 @@ def surround(of: MapOfSite, coarse: Path | None, settings: Settings) -> Surround
 
 
 def _refuse_without_map(of: MapOfSite, coarse: Path | None, frame: MapFrame | None) -> None:
-    """Raise IcyMoonError where a map has no place, so that nothing else can be laid beside it."""
+    """Raise IcyMoonError for a map without a position, because no second map can be placed beside it."""
     if frame is not None:
         return
     if coarse is not None:
@@ -204,9 +204,9 @@ def _warn_of_end(settings: Settings, levels: list[Level], heights_m: list[Array]
 
 def _build(levels: list[Level], heights_m: list[Array], radius_m: float) -> SurroundedGround:
     mesh = build_rings(levels)
-    heights = np.concatenate([each[level.find_own()] for level, each in zip(levels, heights_m, strict=True)])
+    heights = np.concatenate([each[level.find_ring_vertices()] for level, each in zip(levels, heights_m, strict=True)])
     curved = heights - drop_m(np.hypot(mesh.places[:, 0], mesh.places[:, 1]), radius_m)
-    positions, faces = keep_known(mesh, curved)
+    positions, faces = drop_unknown_vertices(mesh, curved)
     return SurroundedGround(positions, faces, 2 * levels[0].half_m, levels[0].cell_m, radius_m)
 
 

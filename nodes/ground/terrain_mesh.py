@@ -13,7 +13,7 @@ from ...physics.mesh.finer_in_view import is_carried_by_grid, is_relief_geometry
 from ...physics.mesh.graded_mesh import GradedGround, grade_ground
 from ...physics.mesh.ground_interface import Surface
 from ...physics.mesh.preview_ground import make_preview_ground
-from ...physics.terrain.roughness.roughness import list_asked_statistics
+from ...physics.terrain.roughness.roughness import list_stated_statistics
 from ...physics.terrain.roughness.statistics import Roughness, measure_roughness, power_spectrum
 from ...physics.terrain.terrain import Terrain, law_range_m
 from ...settings.topics.ground import TerrainSettings
@@ -153,7 +153,7 @@ def _mark_spacing(mesh: bpy.types.Mesh, spacing_m: Array) -> None:
     attribute.data.foreach_set("value", np.minimum(spacing_m, _UNMOVED_M).astype(np.float32))
 
 
-def leave_unmoved(mesh: bpy.types.Mesh) -> None:
+def mark_relief_as_bump(mesh: bpy.types.Mesh) -> None:
     """Mark a mesh so that fine relief is bump everywhere."""
     _mark_spacing(mesh, np.full(len(mesh.vertices), np.inf))
 
@@ -189,7 +189,7 @@ def describe_patch_statistics(heights: Array | None, terrain: TerrainSettings) -
     found = measure_patch_roughness(heights, terrain)
     if found is None:
         return {}
-    return {"baseline_m": found.baseline_m, "asked": list_asked_statistics(terrain), "made": found.numbers()}
+    return {"baseline_m": found.baseline_m, "asked": list_stated_statistics(terrain), "made": found.numbers()}
 
 
 def make_roughness_table(heights: Array | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:

@@ -165,11 +165,12 @@ def _check_size(path: Path, extents_m: Array, fix: str, fix_height: str, to_hori
         fix = f"cut off what is far from the site, or {fix}"
     if not _LEAST_SIZE_M <= widest <= most:
         raise IcyMoonError(
-            f"{path}: is {widest:.3g} m wide, which is no landing site ({_LEAST_SIZE_M:g} to {most:g} m); {fix}"
+            f"{path}: is {widest:.3g} m wide, outside the size of a landing site ({_LEAST_SIZE_M:g} to {most:g} m); "
+            f"{fix}"
         )
     if not relief <= _MOST_SIZE_M:
         raise IcyMoonError(
-            f"{path}: has a relief of {relief:.3g} m, which is no landing site (at most "
+            f"{path}: has a relief of {relief:.3g} m, too much for a landing site (at most "
             f"{_MOST_SIZE_M:g} m); {fix_height}"
         )
     warnings = []
@@ -194,7 +195,7 @@ def _check_against_camera(path: Path, positions: Array, faces: Array, height_m: 
     ]
 
 
-def turn_up(positions: Array, kind: str, up_axis: str) -> tuple[Array, str]:
+def rotate_up_axis(positions: Array, kind: str, up_axis: str) -> tuple[Array, str]:
     """Vertices of ``read_mesh``, rotated so that ``up_axis`` of the file is z, and that axis."""
     usual = "Y" if kind in ("OBJ", "glTF") else "Z"
     axis = usual if up_axis == "AUTO" else up_axis
@@ -210,7 +211,7 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     kind = mesh_file.detect_kind(path)
     positions, faces, uv = read_mesh(path)
     warnings = [*_warn_of_rounding(path, positions), *_warn_of_ignored_unit(path, kind)]
-    positions, axis = turn_up(positions * source.scale, kind, source.up_axis)
+    positions, axis = rotate_up_axis(positions * source.scale, kind, source.up_axis)
     before = mesh_faults.examine_mesh(positions, faces)
     fine = _is_fine(halve_edges.edge_length_m(positions, faces), float(settings.rig.height_m))
     unlikely = _check_size(path, np.array(before.extents_m), _SET_SCALE, "fix the vertices that stand out.", fine)
@@ -344,8 +345,9 @@ def _find_origin_m(source: SourceSettings) -> tuple[float, float]:
 def _place_heights(
     heights: Array, pixel: tuple[float, float], read: import_heights.Heights, source: SourceSettings, size_m: float
 ) -> tuple[HeightMap, tuple[float, float, float], dict[str, Any]]:
-    """A map about the origin of the site, by how much it was moved, and its place: by its own system unless the
-    settings state the size of its pixels."""
+    """A map about the origin of the site, its shift, and its position, which is from its coordinate system unless the
+    settings state the size of its pixels.
+    """
     if read.place is not None and read.corner_m is not None and not source.metres_per_pixel > 0:
         zero_m = float(np.median(heights)) if source.centre else 0.0
         moved = (-read.place.origin[0], -read.place.origin[1], -zero_m)
@@ -469,5 +471,5 @@ def _find_pixel_size(path: Path, read: import_heights.Heights, source: SourceSet
     if source.metres_per_pixel > 0:
         return (source.metres_per_pixel,) * 2
     if read.pixel_m is None or (source.site != "OFFSET" and read.place is None):
-        map_site.refuse_unplaced(path, read.unplaced, source)
+        map_site.refuse_unknown_pixel_size(path, read.unplaced, source)
     return read.pixel_m

@@ -64,8 +64,8 @@ class _Globe:
         )
         radii = tree.scaled("Radii", centred, 1 / shape.radius)
         # The mesh is flat between its vertices, the globe is not.
-        self.sphere = tree.vector("NORMALIZE", "Sphere", self.along_pole("Stretched", radii, self._stretch))
-        self.normal = tree.vector("NORMALIZE", "Normal", self.along_pole("Upright", self.sphere, self._stretch))
+        self.sphere = tree.vector("NORMALIZE", "Sphere", self.stretch_along_pole("Stretched", radii, self._stretch))
+        self.normal = tree.vector("NORMALIZE", "Normal", self.stretch_along_pole("Upright", self.sphere, self._stretch))
         self.incidence = tree.math(
             "MAXIMUM", "Cosine of Incidence", self.dot("To the Sun", self.normal, planet.sun), 0.0
         )
@@ -79,7 +79,7 @@ class _Globe:
         b = b if isinstance(b, bpy.types.NodeSocket) else tuple(map(float, b))
         return self.tree.vector("DOT_PRODUCT", label, a, b)
 
-    def along_pole(self, label: str, a: Socket, more: float) -> Socket:
+    def stretch_along_pole(self, label: str, a: Socket, more: float) -> Socket:
         """A vector whose part along the pole is longer by a factor 1 + ``more``."""
         up = self.tree.scaled(
             f"{label} Pole",
@@ -93,7 +93,7 @@ class _Globe:
         rise = float(self.planet.sun @ self.planet.pole)
         if not self.planet.rings or abs(rise) < 1e-6:
             return 1.0
-        tree, place = self.tree, self.along_pole("On the Globe", self.sphere, -self.planet.flattening)
+        tree, place = self.tree, self.stretch_along_pole("On the Globe", self.sphere, -self.planet.flattening)
         way = self.dot("Way to the Ring Plane", place, -self.planet.pole / rise)
         sunward = tree.scaled("Sunward", tuple(map(float, self.planet.sun)), way)
         radius = tree.vector("LENGTH", "Radius of the Crossing", tree.vector("ADD", "Crossing", place, sunward))
@@ -140,7 +140,7 @@ def _add_bands(globe: _Globe, face: Face) -> Socket:
     tree = globe.tree
     sine = globe.dot("Sine of Latitude", globe.normal, globe.planet.pole)
     if face.ripple_deg > 0:
-        stretched = globe.along_pole("Ripple Place", globe.sphere, _RIPPLE_STRETCH - 1)
+        stretched = globe.stretch_along_pole("Ripple Place", globe.sphere, _RIPPLE_STRETCH - 1)
         noise = tree.noise("Ripples", {"Vector": stretched}, 1 / _RIPPLE_LENGTH, 2.0).outputs[0]
         # Blender's noise is around 0.5, with a standard deviation of about 0.1.
         wave = tree.math(

@@ -24,7 +24,7 @@ _BOX_SIDES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 
 
 
 def extinction_1_m(veil: VeilSettings) -> float:
-    """Share of the light that a metre takes from a beam, over short ways: the optical depth of a metre."""
+    """Share of a beam's light that is lost per metre over short paths: the optical depth per metre."""
     return float(veil.optical_depth) / float(veil.top_m)
 
 

@@ -1,8 +1,8 @@
 """Fractures inside ice, seen through its surface: white veils on planes that lie deeper the further one looks in.
 
 The view is refracted into the ice and followed to the next plane of each of three sets, so that a veil moves behind the
-surface as the camera does, as real ones do. A plane is open in patches. The brightness there depends on the angle:
-light that meets a gap of air flatly is reflected totally. The true depth is the depth of the surface, as for all ice.
+surface with the camera, as in real ice. A plane is open in patches. The brightness there depends on the angle: light
+that meets a gap of air flatly is reflected totally. The true depth is the depth of the surface, as for all ice.
 
 Guesses are the directions of the sets, the shapes of the patches, the brightness of a veil, and its light, which is
 taken from the surface above it. Joints of glacier ice on Earth come in sets; no image shows fractures of either moon.

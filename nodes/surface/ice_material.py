@@ -140,12 +140,14 @@ def _add_principled(
     if not smooth or normal is None:
         return seen
     bare = surface | {"grain_amplitude_m": 0.0}  # its albedo needs no correction for light lost between bumps
-    return reflectance_laws.add_seen_or_not(tree, seen, _add_snow(tree, f"Smooth {label}", bare, wanted, varied, None))
+    return reflectance_laws.mix_by_camera_ray(
+        tree, seen, _add_snow(tree, f"Smooth {label}", bare, wanted, varied, None)
+    )
 
 
 @dataclass(frozen=True)
 class _Places:
-    """Random offsets, so that each pattern of a seed lies elsewhere. Patterns in three dimensions have three."""
+    """Random offsets that give each pattern of a seed another position. Patterns in three dimensions have three."""
 
     patches: float
     grain: Sequence[float]
@@ -172,7 +174,7 @@ class _Places:
 
 @dataclass(frozen=True)
 class _Ice:
-    """Arguments that the layers of Principled ice share: those for ``_add_principled``, and those for glints."""
+    """Arguments that the layers of Principled ice share: for ``_add_principled``, and for glints."""
 
     tree: Tree
     surface: SurfaceSettings

@@ -175,7 +175,7 @@ def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> 
     )
 
 
-def add_seen_or_not(tree: Tree, seen: Socket, other: Socket) -> Socket:
+def mix_by_camera_ray(tree: Tree, seen: Socket, other: Socket) -> Socket:
     """Shader socket of the closure ``seen`` for camera rays, and ``other`` for all other rays.
 
     Cycles does not evaluate the nodes of the side that it does not need.
@@ -190,7 +190,7 @@ def add_lambert(ground: Ground, albedo: float, smooth: bool) -> Socket:
     seen = ground.tree.diffuse("Lambert", colour, ground.normal)
     if not smooth or ground.normal is None:
         return seen
-    return add_seen_or_not(ground.tree, seen, ground.tree.diffuse("Smooth Lambert", colour))
+    return mix_by_camera_ray(ground.tree, seen, ground.tree.diffuse("Smooth Lambert", colour))
 
 
 def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> Socket:

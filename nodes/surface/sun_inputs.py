@@ -120,7 +120,7 @@ def _set_input(socket: bpy.types.NodeSocket, value: Numbers) -> None:
         socket.default_value = value
 
 
-def aim_surfaces(
+def set_light_inputs(
     materials: Iterable[bpy.types.Material],
     sun: Sun,
     shine: bpy.types.Object | None,
@@ -191,7 +191,7 @@ def describe_hapke(materials: Iterable[bpy.types.Material]) -> dict[str, Any] | 
     return known and {**known, "neighbours_as_here": sorted(varying)}
 
 
-def exempt_from_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.types.Object]) -> None:
+def exclude_from_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.types.Object]) -> None:
     """Exclude objects that trace a lamp themselves from its light."""
     linking, tracing = lamp.light_linking, list(tracing)
     if linking.receiver_collection is not None and linking.receiver_collection.get(TAG) == SHARED:
@@ -219,7 +219,7 @@ def prepare_for_cycles(
     materials = list(materials)
     depsgraph = scene.view_layers[0].depsgraph
     depsgraph.update()  # otherwise a new or rotated lamp has no world matrix yet
-    aim_surfaces(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world), shine, lamps)
+    set_light_inputs(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world), shine, lamps)
     if any(map(is_osl, materials)):
         if not compat.has_osl() or scene.cycles.device == "GPU":
             raise IcyMoonError(

@@ -29,7 +29,7 @@ _OF_ANY_NODE = {prop.identifier for prop in bpy.types.Node.bl_rna.properties}
 _GROUP_NAME = "Icy Moon Field"
 
 
-class NotTranslatable(ValueError):  # noqa: N818  it is an answer, not a fault
+class NoGeometryNodeError(ValueError):
     """Geometry nodes have no node for one of a shader."""
 
 
@@ -42,7 +42,7 @@ class _Translation:
         self._made: dict[str, Any] = {}
 
     def translate(self, socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """The output in the group that corresponds to an output in the shader. Raises NotTranslatable."""
+        """The output in the group that corresponds to an output in the shader. Raises NoGeometryNodeError."""
         node = socket.node
         if node.bl_idname == "ShaderNodeNewGeometry" and socket.identifier == "Position":
             return self._make(node.name, "GeometryNodeInputPosition").outputs[0]
@@ -52,7 +52,7 @@ class _Translation:
             self.attributes.add(node.attribute_name)
             return next(each for each in made.outputs if each.enabled)
         if node.bl_idname not in _SHARED_NODES:
-            raise NotTranslatable(node.bl_idname)
+            raise NoGeometryNodeError(node.bl_idname)
         if node.name not in self._made:
             self._copy(node, self._make(node.name, node.bl_idname))
         return next(each for each in self._made[node.name].outputs if each.identifier == socket.identifier)
@@ -77,8 +77,8 @@ def evaluate_field(socket: bpy.types.NodeSocket, points: Array, mesh: bpy.types.
     """Values (k,) float32 of a shader's output at ``points`` (k, 3) of the world, which are ``some`` vertices (k,) of
     ``mesh``.
 
-    Raises NotTranslatable where geometry nodes cannot compute them, or the mesh has not the attributes of its vertices
-    that they are computed from.
+    Raises NoGeometryNodeError if geometry nodes cannot compute them, or if the mesh lacks the vertex attributes that
+    they need.
     """
     group = bpy.data.node_groups.new(_GROUP_NAME, "GeometryNodeTree")
     held: list[tuple[Any, Any]] = [(bpy.data.node_groups, group)]
@@ -125,7 +125,7 @@ def _add_output(group: bpy.types.NodeTree, value: bpy.types.NodeSocket) -> None:
 def _copy_attribute(name: str, source: bpy.types.Mesh, target: bpy.types.Mesh, some: Array) -> None:
     values = read_numbers(source, name)
     if values is None:
-        raise NotTranslatable(name)
+        raise NoGeometryNodeError(name)
     target.attributes.new(name, "FLOAT", "POINT").data.foreach_set("value", np.ascontiguousarray(values[some]))
 
 

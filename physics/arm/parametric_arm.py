@@ -140,7 +140,7 @@ def solve_inverse_kinematics(
 
 def choose_inverse_solution(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD) -> Array:
     """Angles (..., 5) in radians that put the tip at world points in metres; NaN out of reach or beyond a limit. Of two
-    solutions the one farther from the limits is taken. Points may be NaN.
+    solutions the solution farther from the limits is taken. Points may be NaN.
     """
     joints, margins = solve_inverse_kinematics(arm, x, y, z, pitch)
     best = (np.nan_to_num(margins[1], nan=-np.inf) > np.nan_to_num(margins[0], nan=-np.inf))[..., None]

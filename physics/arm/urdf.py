@@ -217,7 +217,7 @@ class _Reader:
         return low, high
 
     def _read_mimic(self, name: str, item: ElementTree.Element) -> tuple[str, float, float] | None:
-        """Name, factor and offset of the joint that this one mimics; None for an independent joint."""
+        """Name, factor and offset of the joint that this joint mimics; None for an independent joint."""
         mimic = item.find("mimic")
         if mimic is None:
             return None

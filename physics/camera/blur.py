@@ -1,7 +1,8 @@
 """Blur in the rendered light: depth of field, and motion of the rig during the exposure and the readout.
 
 Both depend on settings of the camera response (aperture, exposure time). Other changes of these settings need no new
-render. A pair therefore stores the response that it was rendered for; developing it with another one gives a warning.
+render. A pair therefore stores the response that it was rendered for; developing it with another exposure time gives a
+warning.
 """
 
 from __future__ import annotations
@@ -87,13 +88,13 @@ def find_blur(settings: Settings) -> Blur | None:
         return None
     if 0 < focus <= 1e-3 * float(rig.focal_length_mm):
         raise IcyMoonError(
-            f"rig.focus_distance_m is {focus:g} m, and a lens of {rig.focal_length_mm:g} mm focuses "
-            "beyond its focal length only; raise it, or set it to 0 for everything sharp."
+            f"rig.focus_distance_m is {focus:g} m, but a lens of {rig.focal_length_mm:g} mm focuses only beyond its "
+            "focal length; raise it, or set it to 0 for everything sharp."
         )
     seconds = float(rig.motion_exposure_s) or float(sensor.exposure_s)
     if moves and rig.motion_exposure_s == 0 and sensor.auto_exposure:
         raise IcyMoonError(
-            "The camera moves, and how long it exposes is not known before the render; set "
+            "The camera moves, but its exposure time is not known before the render; set "
             "rig.motion_exposure_s, or switch sensor.auto_exposure off."
         )
     if moves and np.linalg.norm(turn) * (seconds + readout) > _MOST_TURN_DEG:

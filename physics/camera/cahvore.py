@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from ...support.arrays import Array
-from .invert_growing import first_root, invert
+from .invert_growing import find_smallest_positive_root, invert
 
 #: Maximum number of steps of Newton's method.
 _MOST_NEWTON_STEPS = 60
@@ -83,7 +83,7 @@ def _polynomial(chi: Array, r: Array) -> Array:
 
 def _fold(r: Array) -> float:
     """The smallest tangent (or chi) at which the polynomial stops growing; infinite if it always grows."""
-    return math.sqrt(first_root([5 * r[2], 3 * r[1], 1 + r[0]]))
+    return math.sqrt(find_smallest_positive_root([5 * r[2], 3 * r[1], 1 + r[0]]))
 
 
 def _widest(linearity: float) -> float:

@@ -1,7 +1,7 @@
 """Calibrated cameras as other programs state them: any focal lengths, skew, principal point, lens and pose.
 
-Pixels are counted from the centre of the first one, (0, 0), as in OpenCV, ROS, Kalibr and mrcal: coordinates are half a
-pixel less than in ``stereo_camera``. Distances are in metres. A pose is the rotation and the translation of x = R X +
+Pixels are counted from the centre of the first pixel, (0, 0), as in OpenCV, ROS, Kalibr and mrcal: coordinates are half
+a pixel less than in ``stereo_camera``. Distances are in metres. A pose is the rotation and the translation of x = R X +
 t, from reference axes to the camera's: x right, y down, z forward.
 """
 
@@ -23,7 +23,7 @@ ROTATION_TOLERANCE = 1e-6
 _LARGEST_PX = 1e8
 #: Largest distance, m.
 _LARGEST_M = 1e9
-#: From K with pixels counted from the centre of the first one to K with pixels counted from its corner.
+#: From K with pixels counted from the centre of the first pixel to K with pixels counted from its corner.
 CORNER = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0]])
 
 
@@ -129,7 +129,8 @@ class CalibratedRig:
             raise ValueError("a rig has at least one camera")
 
     def relative_pose(self, camera: int = 1) -> tuple[Array, Array]:
-        """R (3, 3) and t (3,) of x = R X + t from the axes of the first camera to the axes of another one, in metres.
+        """R (3, 3) and t (3,) of x = R X + t from the axes of the first camera to the axes of another camera, in
+        metres.
 
         OpenCV's stereoCalibrate calls them R and T.
         """
@@ -146,15 +147,15 @@ class CalibratedRig:
 def rectifying_rotations(rig: CalibratedRig) -> tuple[Array, Array]:
     """Rotations (3, 3) from the axes of the first two cameras to the axes of their rectified pair.
 
-    As in Bouguet's method and OpenCV's stereoRectify, each eye turns by half of the rotation between them, and then so
-    that x lies along the baseline. Raises ValueError for eyes at one position, or one above the other.
+    As in Bouguet's method and OpenCV's stereoRectify, each eye turns by half of the rotation between them, and then
+    until x is along the baseline. Raises ValueError for eyes at one position, or one above the other.
     """
     rotation, translation = rig.relative_pose()
     half = from_vector(-to_vector(rotation) / 2)
     along = half @ translation
     length = float(np.linalg.norm(along))
     if not length > 1e-12:  # which rounding leaves
-        raise ValueError("both eyes are at one place")
+        raise ValueError("both eyes have the same position")
     if abs(along[0]) < abs(along[1]):
         raise ValueError("one eye is above the other")
     x_axis = np.array([math.copysign(1.0, along[0]), 0.0, 0.0])

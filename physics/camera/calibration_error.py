@@ -105,7 +105,7 @@ def make_rectifying_map(camera: StereoCamera, rig: RigSettings, errors: Calibrat
     return np.asarray(found)
 
 
-def refuse_errors(errors: CalibrationErrorSettings, where: object) -> None:
+def refuse_calibration_errors(errors: CalibrationErrorSettings, where: object) -> None:
     """Raise IcyMoonError if there is an error, because true disparities do not fit images rectified with it."""
     for key, value in list_stated_errors(errors).items():
         raise IcyMoonError(

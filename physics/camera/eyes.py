@@ -62,7 +62,7 @@ def make_camera_with_eyes(settings: Settings) -> StereoCamera:
 def add_calibrated_eyes(camera: StereoCamera, settings: Settings) -> StereoCamera:
     """A rig with the calibrated eyes of settings, if they have them, and the panorama that these eyes need. Raises
     ValueError for impossible lens parameters."""
-    found = replace(camera, eyes=eyes_of(settings))
+    found = replace(camera, eyes=make_calibrated_eyes(settings))
     return replace(found, panorama=_find_panorama(found)) if found.eyes else found
 
 
@@ -74,7 +74,7 @@ def find_light_px(settings: Settings) -> tuple[int, int]:
         return StereoCamera.from_settings(settings.rig).rendered_px
 
 
-def eyes_of(settings: Settings) -> tuple[CalibratedCamera, CalibratedCamera] | None:
+def make_calibrated_eyes(settings: Settings) -> tuple[CalibratedCamera, CalibratedCamera] | None:
     """The calibrated eyes, left first, in the axes of the left eye of the parallel rig; None for a rig of two equal
     eyes. Raises ValueError for impossible lens parameters.
     """

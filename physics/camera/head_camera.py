@@ -1,8 +1,8 @@
 """Cameras beside the stereo pair, each with a name, a role, a projection and a pose.
 
 A projection takes pixels to rays and points to pixels, in the camera's own axes: x right, y down, z forward. Pixels are
-counted from the centre of the first one. A pinhole, a fisheye and a calibrated camera are ``CalibratedCamera``; the two
-others are here.
+counted from the centre of the first pixel. A pinhole, a fisheye and a calibrated camera are ``CalibratedCamera``; the
+two others are here.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Equirectangular:
 
     @property
     def step_rad(self) -> float:
-        """Angle of a pixel."""
+        """Angle between neighbouring pixels in radians."""
         return math.radians(self.field_deg) / self.width_px
 
     @property
@@ -111,7 +111,7 @@ class Equirectangular:
 Projection = CalibratedCamera | Orthographic | Equirectangular
 
 
-def rays_of(projection: Projection, pixels: Array) -> tuple[Array, Array]:
+def make_rays_of_pixels(projection: Projection, pixels: Array) -> tuple[Array, Array]:
     """Origins and directions (..., 3) of the rays of pixels (..., 2) in the camera's axes, in metres; directions have
     length 1, and are NaN outside the field of view."""
     if not isinstance(projection, CalibratedCamera):
@@ -232,7 +232,7 @@ def camera_json(camera: HeadCamera, to_world: Array, image: str, truth: str) -> 
         facts["width_m"] = own.width_m
     else:
         facts["field_deg"] = own.field_deg
-    axes = "x right, y down, z forward; pixels are counted from the corner of the first one"
+    axes = "x right, y down, z forward; pixels are counted from the corner of the first pixel"
     return {
         **facts,
         "mapping": f"{_MAPPINGS[type(own)]}; {axes}",

@@ -26,12 +26,12 @@ def invert(function: Callable[[Array], Array], values: Array, limit: float) -> A
         return np.where((values >= 0) & (values <= function(np.full_like(values, limit))), (low + high) / 2, np.nan)
 
 
-def positive_roots(polynomial: Sequence[float] | Array) -> Array:
+def find_positive_roots(polynomial: Sequence[float] | Array) -> Array:
     """The positive roots of a polynomial, whose highest power comes first, in order."""
     roots = np.roots(polynomial)
     return np.sort(roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)])
 
 
-def first_root(polynomial: Sequence[float] | Array) -> float:
+def find_smallest_positive_root(polynomial: Sequence[float] | Array) -> float:
     """The smallest positive root of a polynomial, whose highest power comes first; infinite without one."""
-    return float(min(positive_roots(polynomial), default=math.inf))
+    return float(min(find_positive_roots(polynomial), default=math.inf))

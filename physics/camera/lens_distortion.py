@@ -13,7 +13,7 @@ import numpy as np
 from ...settings.topics.camera import RigSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from .invert_growing import first_root, invert, positive_roots
+from .invert_growing import find_positive_roots, find_smallest_positive_root, invert
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
 #: Maximum number of steps of Newton's method.
@@ -133,8 +133,8 @@ def _folds(k: tuple[float, ...]) -> tuple[Array, float]:
     below = np.poly1d([*k[7:4:-1], 1.0])
     r2 = np.poly1d([1.0, 0.0])
     slope = above * below + 2 * r2 * (above.deriv() * below - above * below.deriv())
-    pole = first_root(below.coeffs)
-    folds = positive_roots(slope.coeffs)
+    pole = find_smallest_positive_root(below.coeffs)
+    folds = find_positive_roots(slope.coeffs)
     return folds[folds < pole], pole
 
 

@@ -18,7 +18,7 @@ from ...support.arrays import Array
 from ...support.file_schemas import is_number
 from ...support.files import quote
 from . import cahvore, lens_distortion
-from .invert_growing import first_root, invert
+from .invert_growing import find_smallest_positive_root, invert
 
 #: Possible numbers of coefficients of Brown and Conrady's model, in OpenCV's order k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4.
 BROWN_COUNTS = (5, 8, 12)
@@ -79,7 +79,7 @@ class Fisheye:
     def widest_rad(self) -> float:
         """The largest angle off the axis that the lens shows."""
         k1, k2, k3, k4 = self.coefficients
-        return min(math.pi, math.sqrt(first_root([9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0])))
+        return min(math.pi, math.sqrt(find_smallest_positive_root([9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0])))
 
     def _distance(self, angle: Array) -> Array:
         """Distance from the principal point, in the normalised image, of an angle in rad off the axis."""

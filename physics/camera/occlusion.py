@@ -1,7 +1,7 @@
 """Points that one eye of a parallel rig sees and that are hidden from the other eye.
 
 Columns and rows are pixel indices; the half pixel to the coordinates of pixel centres cancels between the eyes.
-Disparity is the left column minus the right one.
+Disparity is the left column minus the right column.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ class PoseSequence:
         """Velocity in m/s and rotation vector in rad/s, (n, 3) each, in the axes of the camera at each pose.
 
         They follow from the parabola through a pose and its neighbours; beside an end or a gap (see ``gaps``) from the
-        straight line to the one neighbour. A pose between two gaps has no motion.
+        straight line to the only neighbour. A pose between two gaps has no motion.
         """
         steps, gaps = np.diff(self.seconds), self.gaps(longest_s)
         moved = np.diff(self.position_m, axis=0)

@@ -14,7 +14,7 @@ from .stereo_camera import StereoCamera
 
 
 def make_calibrated_rig(settings: Settings) -> CalibratedRig:
-    """Both eyes of complete settings as calibrated cameras, in the axes of the left one.
+    """Both eyes of complete settings as calibrated cameras, in the axes of the left eye.
 
     Raises ValueError for numbers that no lens has.
     """

@@ -48,19 +48,19 @@ class RollingShutter:
         """
         return self.row_s * (np.asarray(row, np.float64) - (self.rows - 1) / 2)
 
-    def find_moves(self, row: Array, along_m: float = 0.0) -> Array:
-        """Poses (n, 4, 4) of an eye while rows (n,) are read, in its axes at the middle of the readout. The eye is
-        ``along_m`` to the right of the left one.
+    def find_row_poses(self, row: Array, along_m: float = 0.0) -> Array:
+        """Poses (n, 4, 4) of an eye at the readout times of rows (n,), in its axes at the middle of the readout. The
+        eye is ``along_m`` to the right of the left eye.
         """
         moves = np.stack([find_pose_after(self, float(time)) for time in self.find_time_s(row)])
         moves[:, :3, 3] += along_m * (moves[:, :3, 0] - (1.0, 0.0, 0.0))
         return moves
 
     def list_poses(self, pose: Array, along_m: float = 0.0, margin: int = 0) -> Array:
-        """Poses (rows + 2 margins, 4, 4) in the world of an eye ``along_m`` to the right of the left one, row by row;
+        """Poses (rows + 2 margins, 4, 4) in the world of an eye ``along_m`` to the right of the left eye, row by row;
         ``pose`` (4, 4) is its pose in the middle, and ``margin`` the number of rows above and below the image.
         """
-        return np.asarray(pose @ self.find_moves(np.arange(-margin, self.rows + margin), along_m))
+        return np.asarray(pose @ self.find_row_poses(np.arange(-margin, self.rows + margin), along_m))
 
     def to_json(self) -> dict[str, Any]:
         """The table ``rolling_shutter`` of exports."""
@@ -96,7 +96,7 @@ def move_to_middle(points: Array, shutter: RollingShutter | None) -> Array:
     """Move points (H, W, 3) from the axes of the left eye at their rows to its axes at the middle of the readout."""
     if shutter is None:
         return points
-    moves = shutter.find_moves(np.arange(points.shape[0]))
+    moves = shutter.find_row_poses(np.arange(points.shape[0]))
     return np.asarray(np.einsum("rij,rcj->rci", moves[:, :3, :3], points) + moves[:, None, :3, 3])
 
 

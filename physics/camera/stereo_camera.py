@@ -32,7 +32,7 @@ CAMERA_SHAPE = {
 
 @dataclass(frozen=True)
 class StereoCamera:
-    """Two identical, parallel pinhole cameras, the right one ``baseline_m`` along the left one's x.
+    """Two identical, parallel pinhole cameras, the right camera ``baseline_m`` along the left camera's x.
 
     The principal point is in pixel-corner coordinates: pixel (column u, row v) has its centre at (u + 0.5, v + 0.5), so
     a ray through it is ((u + 0.5 - cx) / f, (v + 0.5 - cy) / f, 1).
@@ -160,7 +160,7 @@ class StereoCamera:
         }
 
     def find_offset_m(self, eye: str) -> float:
-        """Distance in metres of an eye from the left one, along its x."""
+        """Distance in metres of an eye from the left eye, along its x."""
         return 0.0 if eye == "left" else self.baseline_m
 
     def eyes_json(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Clods of many sizes on a heap of spoil: few large ones and many small ones, as falling spoil breaks up.
+"""Clods of many sizes on a heap of spoil: a few large and many small, as falling spoil breaks up.
 
 Each clod slides from where it fell over the bare heap, until friction stops it. Friction is lower for clods that are
 large among their neighbours: a large clod rolls over small ones as over a smooth floor, so large clods lie at the foot

@@ -46,7 +46,7 @@ def gravity_m_s2(settings: Settings) -> float:
     body = str(settings.light.body).upper()
     if body not in GRAVITY_M_S2:
         raise IcyMoonError(
-            f"The gravity of {body} is not known, which decides whether walls stand; state excavation.gravity_m_s2."
+            f"The gravity of {body} is unknown, but it decides whether walls stand; state excavation.gravity_m_s2."
         )
     return GRAVITY_M_S2[body]
 

@@ -39,7 +39,7 @@ class SpoilHeap:
 
     @property
     def length_m(self) -> float:
-        """Length of the line."""
+        """Length in metres of the line along which the heap lies."""
         return math.dist(self.start_m, self.end_m)
 
     def thickness(self, grid: ExcavationGrid, volume_m3: float, lumps_m: Numbers = 0.0, crest_m: float = 0.0) -> Array:

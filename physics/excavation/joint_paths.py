@@ -41,7 +41,7 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
     states, width = int(settings.excavation.states), float(settings.excavation.width_m)
     if (beyond := table[:, 0].max()) >= states:
         raise IcyMoonError(
-            f"{path}: has a state {beyond:g}, but excavation.states is {states}, so that the last is "
+            f"{path}: has a state {beyond:g}, but excavation.states is {states}, so the last state is "
             f"{states - 1}; raise excavation.states."
         )
     poses = [_interpolate_poses(table[table[:, 0] == state, 1:]) for state in range(1, states)]

@@ -69,8 +69,9 @@ class Pull:
         return np.where(over, np.interp(along, self.along_m, self.depth_m), -np.inf)
 
     def beside(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
-        """Distance in metres of points from the blade's path (0 on it), and the depth at the nearest point of the
-        path."""
+        """Distance in metres of points from the blade's path (0 on the path), and the depth at the nearest point of the
+        path.
+        """
         along, right = self.place(x_m, y_m)
         nearest = np.clip(along, self.along_m[0], self.along_m[-1])
         out = np.hypot(along - nearest, np.maximum(np.abs(right) - self.width_m / 2, 0.0))

@@ -62,7 +62,7 @@ def _read_recorded_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
     states = int(excavation.states)
     if (beyond := table[:, 0].max()) >= states:
         raise IcyMoonError(
-            f"{path}: has a state {beyond:g}, but excavation.states is {states}, so that the last is "
+            f"{path}: has a state {beyond:g}, but excavation.states is {states}, so the last state is "
             f"{states - 1}; raise excavation.states."
         )
     made: list[list[Pull]] = []

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...support.arrays import Array
-from ..rocks.place_rocks import HeightAt, Rocks, lay_rocks_again
+from ..rocks.place_rocks import HeightAt, Rocks, move_rocks
 from ..rocks.rock_shapes import RockShape
 
 #: Loss of height in metres that counts as dug away.
@@ -71,7 +71,7 @@ def settle_rocks(
     places = rocks.position_m[:, :2].copy()
     for k in falls[np.argsort(surface(*places[falls].T), kind="stable")]:
         places[k] = _roll_rock(places, int(k), rocks.diameter_m, surface)
-    position, rotation = lay_rocks_again(
+    position, rotation = move_rocks(
         rocks, falls, places[falls], surface, lambda x, y: surface(x, y) - change_m(x, y), shapes
     )
     all_positions, all_rotations = rocks.position_m.copy(), rocks.rotation.copy()

@@ -196,8 +196,8 @@ def find_positions(body: str, date_utc: str, latitude_deg: float, longitude_deg:
         moon = BODIES[body.strip().upper()]
     except KeyError:
         raise IcyMoonError(
-            f"light.body is {body!r}; without kernels only {' and '.join(BODIES)} are known, give "
-            "light.kernels or set light.directions_from to ANGLES."
+            f"light.body is {body!r}; without kernels only {' and '.join(BODIES)} are known; give light.kernels or "
+            "set light.directions_from to ANGLES."
         ) from None
     days = days_since_j2000(date_utc)
     place, axes = site_frame(moon.radii_km, latitude_deg, longitude_deg)

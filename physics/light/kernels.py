@@ -156,7 +156,7 @@ def _resolve_named_kernels(meta: Path, named: tuple[str, ...], folder: Path | No
             file = (meta.parent / name).resolve()
             is_there = file.is_file()
         except (OSError, ValueError, RuntimeError):
-            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which can be no file; correct it.") from None
+            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is not a valid file name; correct it.") from None
         if not file.is_relative_to(inside):
             raise IcyMoonError(
                 f"{meta} names {shorten(name)!r}, and only kernels in {inside} are loaded; copy it there."

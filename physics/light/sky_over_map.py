@@ -40,7 +40,7 @@ def find_sky_place(settings: Settings, place: Mapping[str, Any] | None) -> SkyPl
     return SkyPlace(latitude, longitude, north)
 
 
-def warn_sky_of_other_place(light: LightSettings, place: Mapping[str, Any] | None) -> list[str]:
+def warn_sky_of_another_site(light: LightSettings, place: Mapping[str, Any] | None) -> list[str]:
     """Sentences if directions follow from a date, and the ``place`` on a map (``geotiff.MapPlace.to_json``) is not the
     place of the ``light`` settings, or the map's up is not north."""
     if light.directions_from == "ANGLES" or place is None or place["latitude_deg"] is None:

@@ -1,4 +1,4 @@
-"""A fine map and a coarser one as the heights of one ground: the fine one where it is known, then the coarse one."""
+"""A fine map and a coarser map as the heights of one ground: the fine one where it is known, then the coarse one."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def blend_maps(levels: Sequence[Level], fine: Sequence[LevelMeans], coarse: Sequ
     ]
     differences, areas = [], []
     for level, f, c, w in zip(levels, known, others, weights, strict=True):
-        band = level.find_own() & (w > 0.0) & (w < 1.0) & np.isfinite(f) & np.isfinite(c)
+        band = level.find_ring_vertices() & (w > 0.0) & (w < 1.0) & np.isfinite(f) & np.isfinite(c)
         differences.append((f - c)[band])
         areas.append(np.full(int(band.sum()), level.cell_m**2))
     difference, area = np.concatenate(differences), np.concatenate(areas)

@@ -63,7 +63,7 @@ def relief_height_m(surface: SurfaceSettings) -> float:
     return float(_HEIGHT_OVER_RMS * RMS_OVER_AMPLITUDE * surface.grain_amplitude_m)
 
 
-def carried_share(surface: SurfaceSettings, spacing_m: float) -> float:
+def resolved_share(surface: SurfaceSettings, spacing_m: float) -> float:
     """Share of the RMS height of fine relief that vertices ``spacing_m`` apart carry."""
     waves = relief_wavelengths_m(surface)
     share = np.clip((1.0 - spacing_m / waves) / (1.0 - CARRIED_SPACING), 0.0, 1.0)
@@ -71,8 +71,8 @@ def carried_share(surface: SurfaceSettings, spacing_m: float) -> float:
     return math.sqrt(float(share**2 @ weight / weight.sum()))
 
 
-def find_still_spacing_m(surface: SurfaceSettings) -> float:
-    """Vertex spacing in metres from which fine relief leaves vertices unmoved; infinite if it may move all vertices."""
+def find_undisplaced_spacing_m(surface: SurfaceSettings) -> float:
+    """Vertex spacing in metres above which fine relief does not move vertices; infinite if it may move all vertices."""
     return float(surface.grain_size_m) if surface.relief == "REAL" else math.inf
 
 
@@ -81,7 +81,7 @@ def advise_on_displacement(settings: Settings, spacing_m: float) -> list[str]:
     surface = settings.surface
     if surface.relief != "DISPLACEMENT" or surface.grain_amplitude_m == 0.0:
         return []
-    share = carried_share(surface, spacing_m)
+    share = resolved_share(surface, spacing_m)
     if share > _REPORTED_SHARE:
         return []
     return [
@@ -143,5 +143,5 @@ def is_carried_by_grid(settings: Settings) -> bool:
     terrain = settings.terrain
     return (
         is_relief_geometry(settings)
-        and carried_share(settings.surface, terrain.size_m / (terrain.resolution - 1)) > 0.0
+        and resolved_share(settings.surface, terrain.size_m / (terrain.resolution - 1)) > 0.0
     )

@@ -15,7 +15,7 @@ from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain
 from .break_walls import SHARE_BEFORE_BREAKING, break_walls, breaks_walls
 from .cut_along_lines import Line, cut_along_lines
-from .finer_in_view import PARTS_OF_SIDE, carried_share, nearest_ground_m
+from .finer_in_view import PARTS_OF_SIDE, nearest_ground_m, resolved_share
 from .horizon import drop_m
 from .split_triangles import split_triangles
 from .vertex_spacing import CARRIED_WAVELENGTH, VertexSpacing, choose_vertex_spacing
@@ -191,7 +191,7 @@ class GradedGround:
         spacing_m = relief.spacing_px * nearest_ground_m(settings.rig) / at.pixels_per_radian if relief else math.inf
         return (
             f"Fine relief as fine as the image takes a mesh of {many} vertices. This one keeps to mesh.most "
-            f"({settings.mesh.most}), so {carried_share(settings.surface, spacing_m):.0%} of the height of the "
+            f"({settings.mesh.most}), so {resolved_share(settings.surface, spacing_m):.0%} of the height of the "
             "nearest relief is geometry and the rest is bump. Raise mesh.most, or set surface.relief to BUMP."
         )
 

@@ -23,7 +23,7 @@ class Surface(Protocol):
         ...
 
 
-def fine_part_of_heights(roughness: Surface, x_m: Array, y_m: Array, longest_m: float, shortest_m: float) -> Array:
+def compute_fine_heights(roughness: Surface, x_m: Array, y_m: Array, longest_m: float, shortest_m: float) -> Array:
     """The part of a procedural ground's heights with wavelengths from ``shortest_m`` to ``longest_m``, in metres."""
     if shortest_m >= longest_m:
         return np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array, Numbers
-from .ground_interface import Surface, fine_part_of_heights
+from .ground_interface import Surface, compute_fine_heights
 
 #: Magnitude from which on a value is no height: the most negative float32 is a usual mark of missing heights.
 NO_HEIGHT = 1e30
@@ -62,7 +62,7 @@ class HeightMap:
         inside = (x >= west - slack) & (x <= east + slack) & (y >= south - slack) & (y <= north + slack)
         total = np.where(inside, self._bilinear(x, y), np.nan)
         if self.roughness is not None:
-            total = total + fine_part_of_heights(self.roughness, x, y, self.resolution_m, shortest_m)
+            total = total + compute_fine_heights(self.roughness, x, y, self.resolution_m, shortest_m)
         return total
 
     def _bilinear(self, x: Array, y: Array) -> Array:

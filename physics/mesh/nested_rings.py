@@ -1,8 +1,8 @@
 """A mesh of a square patch and rings around it, whose cells double in width from ring to ring, without a crack.
 
-The cells of a ring are twice as wide as those inside of it. Each of its innermost cells therefore has a fifth vertex,
-in the middle of its inner side, which belongs to the finer cells, and is cut into three triangles; other cells are cut
-into two. Two triangles share each edge inside the mesh.
+The cells of a ring are twice as wide as the cells of the next inner ring. Each of its innermost cells therefore has a
+fifth vertex, in the middle of its inner side, which belongs to the finer cells, and is cut into three triangles; other
+cells are cut into two. Two triangles share each edge inside the mesh.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Level:
 
     @property
     def across(self) -> int:
-        """Cells from the inner square to the outer one."""
+        """Cells from the inner square to the outer square."""
         return (self.outer - self.inner) // 2
 
     @property
@@ -48,11 +48,11 @@ class Level:
 
     @property
     def triangles(self) -> int:
-        """Number of its triangles."""
+        """Number of triangles of this ring."""
         return 2 * (self.outer**2 - self.inner**2) + 4 * self.inner
 
-    def find_own(self) -> Array:
-        """Which points (outer + 1, outer + 1) of its lattice are vertices of it, beyond the inner square."""
+    def find_ring_vertices(self) -> Array:
+        """Mask (outer + 1, outer + 1) of the lattice points that are vertices of the ring, outside the inner square."""
         own = np.ones((self.outer + 1, self.outer + 1), bool)
         if self.inner:
             inside = slice(self.across, self.across + self.inner + 1)
@@ -87,7 +87,7 @@ def plan_levels(cells: int, size_m: float, reach_m: float, pixel_at: Callable[[f
 @dataclass(frozen=True)
 class RingMesh:
     """Positions (n, 2) of vertices in metres and triangles (m, 3), counter-clockwise from above: the vertices of the
-    levels from the patch outward, each in the order of ``Level.find_own``, rows from the south."""
+    levels from the patch outward, each in the order of ``Level.find_ring_vertices``, rows from the south."""
 
     places: Array
     faces: Array
@@ -99,7 +99,7 @@ def build_rings(levels: Sequence[Level]) -> RingMesh:
     faces: list[Array] = []
     count, before = 0, np.empty((0, 0), np.int64)
     for level in levels:
-        own = level.find_own()
+        own = level.find_ring_vertices()
         index = np.full(own.shape, -1, np.int64)
         index[own] = count + np.arange(own.sum())
         count += int(own.sum())
@@ -143,7 +143,7 @@ def _join_to_inside(index: Array, before: Array, level: Level) -> list[Array]:
     ]
 
 
-def keep_known(mesh: RingMesh, heights_m: Array) -> tuple[Array, Array]:
+def drop_unknown_vertices(mesh: RingMesh, heights_m: Array) -> tuple[Array, Array]:
     """Positions (k, 3) and triangles (m, 3) of the part of a mesh whose vertices have finite heights (n,)."""
     faces = mesh.faces[np.isfinite(heights_m)[mesh.faces].all(axis=1)]
     used = np.zeros(len(heights_m), bool)

@@ -21,7 +21,7 @@ from .graded_mesh import GradedGround, GradedMesh
 from .vertex_spacing import (
     CARRIED_WAVELENGTH,
     VertexSpacing,
-    count_cut,
+    count_added,
     find_farthest_ground_m,
     make_grading_view,
 )
@@ -56,7 +56,7 @@ class PreviewGround(GradedGround):
             return self.ground.heights(x_m, y_m, np.maximum(shortest_m, self.shortest_m))
         return super().heights(x_m, y_m, shortest_m)
 
-    def heights_as_fine_as_mesh(self, x_m: Array, y_m: Array) -> Array:
+    def compute_mesh_heights(self, x_m: Array, y_m: Array) -> Array:
         """Heights in metres with the wavelengths that the mesh carries at places (n, …)."""
         at = self.grading.view
         east, north = np.asarray(x_m) - at.x_m, np.asarray(y_m) - at.y_m
@@ -128,6 +128,6 @@ def _space_vertices(ground: Terrain, settings: Settings, most: int, flat: bool) 
     spacing_px = _FIRST_SPACING_PX
     for _ in range(_SEARCH_STEPS):
         grading = made(spacing_px)
-        number = grading.rings.vertices + count_cut(grading, settings.rig)
+        number = grading.rings.vertices + count_added(grading, settings.rig)
         spacing_px *= math.sqrt(number / most)
     return made(spacing_px)

@@ -11,10 +11,13 @@ from ...support.arrays import Array
 
 @dataclass(frozen=True)
 class SplitMesh:
-    """A mesh after the cut. Its first vertices are the vertices from before the cut. Each added vertex is the mean of
-    three earlier ones, ``parents`` (a, 3), with ``weights`` (a, 3). ``faces`` (m, 3) int32 are the triangles, uncut
-    ones first; ``cut`` (m,) is true for parts of a cut triangle. ``bordering`` (n,) is true for a vertex that touches,
-    or lies on an edge of, an uncut triangle."""
+    """A mesh after the cut.
+
+    Its first vertices are the vertices from before the cut. Each added vertex is the mean of three earlier vertices,
+    ``parents`` (a, 3), with ``weights`` (a, 3). ``faces`` (m, 3) int32 are the triangles, uncut ones first; ``cut``
+    (m,) is true for parts of a cut triangle. ``bordering`` (n,) is true for a vertex that touches, or lies on an edge
+    of, an uncut triangle.
+    """
 
     parents: Array
     weights: Array

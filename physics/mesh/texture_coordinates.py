@@ -1,7 +1,7 @@
 """UV coordinates of a triangle mesh: the position on an image of each corner of each face.
 
 They belong to corners, not to vertices, because the two sides of a seam lie apart on the image. ``uv`` is (m, 3, 2)
-float32: u to the right and v up, with 0 at the image's lower left corner and 1 at its upper right one.
+float32: u to the right and v up, with 0 at the image's lower left corner and 1 at its upper right corner.
 """
 
 from __future__ import annotations

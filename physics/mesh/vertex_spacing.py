@@ -141,8 +141,8 @@ def find_fine_relief(settings: Settings) -> FineRelief | None:
     return find_relief_in_mesh(settings, make_grading_view(settings.rig).pixels_per_radian)
 
 
-def count_cut(grading: VertexSpacing, rig: RigSettings, most: float = math.inf) -> int:
-    """Number of vertices that fine relief adds on level ground; 0 if there are more than ``most`` without them. They
+def count_added(grading: VertexSpacing, rig: RigSettings, most: float = math.inf) -> int:
+    """Number of vertices that fine relief adds on level ground; 0 if the mesh without them has more than ``most``. They
     are counted before they are made, because narrow images can ask for more vertices than any memory holds."""
     relief, at = grading.relief, grading.view
     if relief is None or grading.rings.vertices > most:
@@ -288,10 +288,10 @@ def choose_vertex_spacing(ground: Terrain, settings: Settings) -> VertexSpacing:
     relief = find_relief_in_mesh(settings, at.pixels_per_radian)
     error, wider, wanted = float(mesh.error_px), 1.0, 0.0
     grading = made(error)
-    wanted = _count_vertices(grading) + count_cut(grading, settings.rig, mesh.most)
+    wanted = _count_vertices(grading) + count_added(grading, settings.rig, mesh.most)
     if wanted <= mesh.most and grading.rings.vertices <= mesh.most:
         return made(error)  # with the final ``wanted``
-    while relief is not None and grading.rings.vertices + count_cut(grading, settings.rig, mesh.most) > mesh.most:
+    while relief is not None and grading.rings.vertices + count_added(grading, settings.rig, mesh.most) > mesh.most:
         coarser = relief.spacing_px * relief.parts / (relief.parts - 1) if relief.parts > 1 else math.inf
         relief = replace(relief, parts=relief.parts - 1, spacing_px=coarser) if relief.parts > 2 else None
         grading = made(error)

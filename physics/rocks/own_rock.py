@@ -64,7 +64,7 @@ def make_own_shape(vertices: Array, triangles: Array, where: str) -> tuple[RockS
     """
     if len(triangles) > MOST_TRIANGLES:
         raise IcyMoonError(
-            f"{where}: a rock has at most {MOST_TRIANGLES} triangles, and this one {len(triangles)}; decimate it."
+            f"{where}: a rock has at most {MOST_TRIANGLES} triangles, but this one has {len(triangles)}; decimate it."
         )
     if not np.isfinite(vertices).all():
         raise IcyMoonError(f"{where}: the mesh has vertices that are not finite numbers; export it again.")

@@ -82,7 +82,7 @@ def read_mask(path: Path) -> Array:
 def _read_mask(path: Path, written_ns: int, size: int) -> Array:
     values = read(path, _parse_mask, "a mask", _FIX, _MOST_BYTES, _MOST_MEMORY)
     if not np.isfinite(values).all() or values.min() < 0 or values.max() > 1:
-        raise IcyMoonError(f"{path}: a mask has numbers from 0 to 1, and this one others; scale it.")
+        raise IcyMoonError(f"{path}: a mask has numbers from 0 to 1, but this one has others; scale it.")
     values.setflags(write=False)
     return values
 
@@ -94,7 +94,7 @@ def _parse_mask(foreign: ForeignBytes) -> Array:
     elif foreign.name.lower().endswith(".npy"):
         values = parse_npy(foreign, "fiub").astype(np.float32)
     else:
-        raise RefusedError(f"is no PNG or NPY file; {_FIX}.")
+        raise RefusedError(f"is not a PNG or NPY file; {_FIX}.")
     if values.ndim != 2 or not values.size or values.size > _MOST_PIXELS:
         raise RefusedError(
             f"has the shape {values.shape}; a mask is an array (rows, columns), of at most {_MOST_PIXELS} pixels."

@@ -34,7 +34,7 @@ _BURIAL_VARIATION = 0.1
 
 @dataclass(frozen=True)
 class Rocks:
-    """``n`` rocks: first the rocks on the patch, largest first, then those beyond it, largest first. ``position_m`` (n,
+    """``n`` rocks: the rocks on the patch, largest first, then the rocks beyond it, largest first. ``position_m`` (n,
     3) are the centres, ``rotation`` (n, 3) Euler angles XYZ in radians, ``scale_m`` (n, 3) the scale of a shape of unit
     size; ``level`` and ``shape`` (n,) select the shape. ``diameter_m`` (n,) is the diameter of a circle with the
     covered area, ``reach_m`` (n,) the largest horizontal distance from the centre. ``smallest_m`` is the smallest
@@ -213,9 +213,9 @@ def _list_kept(rocks: RocksSettings, size_m: float, seed: int, parts: list[Array
 def _choose_seen(
     parts: list[tuple[Array, Array]], kept: list[Array], site_m: tuple[float, float, float], most: int | None
 ) -> tuple[Array, Array]:
-    """Masks (n,) of the rocks on the patch and of those beyond it that look largest from a site, at most ``most`` of
-    both together. ``parts`` are the places (n, 2) and diameters (n,) in metres of each, ``kept`` (n,) whether they are
-    there."""
+    """Masks (n,) of the rocks on the patch and beyond it that look largest from a site, at most ``most`` rocks in
+    total. ``parts`` are the places (n, 2) and diameters (n,) in metres of each, ``kept`` (n,) whether they are there.
+    """
     looks = [
         np.where(there, d / np.hypot(xy[:, 0] - site_m[0], xy[:, 1] - site_m[1]), -1.0)
         for (xy, d), there in zip(parts, kept, strict=True)
@@ -294,7 +294,7 @@ def _lay_rocks(
     )
 
 
-def lay_rocks_again(
+def move_rocks(
     rocks: Rocks,
     which: Array,
     xy: Array,

@@ -150,7 +150,7 @@ def make_size_law(rocks: RocksSettings) -> SizeLaw:
     if largest < smallest:
         raise IcyMoonError(
             f"rocks.largest_m ({largest:g} m) is below rocks.smallest_m ({smallest:g} m); "
-            "raise the one or lower the other."
+            "raise the first or lower the second."
         )
     if rocks.law == "GOLOMBEK":
         return GolombekLaw(float(rocks.coverage), smallest, largest)

@@ -44,8 +44,7 @@ class HapkeParameters:
     b_s0, h_s: amplitude and half-width parameter of the shadow-hiding opposition effect. b_c0, h_c: the same of
     coherent backscatter. theta_bar: mean slope angle of the roughness that is not resolved, in radians, 0 to < π/2.
     filling_factor: share of the volume that grains fill, 0 (K = 1) to < 0.7522. h_function: "1981", "1993" or "2002",
-    the approximation of the H function. Parameters belong to
-        the one that they were fitted with.
+    the approximation of the H function. Parameters belong to the H function that they were fitted with.
 
     Raises IcyMoonError where a parameter is physically impossible.
     """

@@ -15,7 +15,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ..random_numbers.seeds import make_ground_generator
 from .noise.lattice_noise import gradient_noise_3d
-from .roughness.roughness import RELIEF_SPAN, carried_share, fit_amplitudes, octave_wavelengths_m
+from .roughness.roughness import RELIEF_SPAN, fit_amplitudes, octave_wavelengths_m, resolved_share
 from .roughness.structure_function import structure_function
 
 _DIMENSIONS = 3
@@ -40,7 +40,7 @@ def relief_heights_m(
     total, weight, variance = np.zeros(len(points_m)), np.ones(len(points_m)), 0.0
     mixing, unit_variance = float(ground.multifractality), float(structure_function(np.array(9.0), _DIMENSIONS)) / 2
     for k in np.flatnonzero((wavelength <= longest_m) & (amplitude > 0)):
-        share = carried_share(wavelength[k], shortest_m)
+        share = resolved_share(wavelength[k], shortest_m)
         if not np.any(share):
             break
         signal = gradient_noise_3d(np.asarray(points_m, np.float64) / wavelength[k] + offsets[k], keys[k])

@@ -71,8 +71,8 @@ def _make_endless_hills(settings: HillsSettings, random: np.random.Generator) ->
     largest, smallest, baseline = (float(settings[k]) for k in ("largest_m", "smallest_m", "slope_baseline_m"))
     if smallest > largest:
         raise IcyMoonError(
-            f"hills.smallest_m ({smallest:g} m) is longer than hills.largest_m ({largest:g} m); lower "
-            "the one or raise the other."
+            f"hills.smallest_m ({smallest:g} m) is longer than hills.largest_m ({largest:g} m); lower the first or "
+            "raise the second."
         )
     octaves = 1 + round(math.log(largest / smallest, _LACUNARITY))
     if octaves > MOST_OCTAVES:

@@ -16,7 +16,7 @@ from ...settings.topics.ground import TerrainLayer
 from ...support.arrays import Array, Numbers
 from .noise.bases_and_fractals import BASES, FRACTALS
 from .noise.lattice_noise import gradient_noise
-from .roughness.roughness import carried_share
+from .roughness.roughness import resolved_share
 from .roughness.structure_function import NOISE_DEVIATION
 
 #: Number of points over which a layer's mean and RMS are taken.
@@ -55,7 +55,7 @@ class NoiseLayer:
             x_m, y_m = self._warp_points(x_m, y_m)
 
         def signal(k: int) -> Numbers:
-            share = carried_share(self.scale_m / self.lacunarity**k, shortest_m)
+            share = resolved_share(self.scale_m / self.lacunarity**k, shortest_m)
             if not np.any(share):
                 return self.signal_mean
             return self.signal_mean + share * (self.signal(k, x_m, y_m) - self.signal_mean)

@@ -25,10 +25,10 @@ from .roughness.roughness import (
     LAW_FROM,
     LAW_TO,
     RoughSurface,
-    carried_share,
     fit_amplitudes,
     make_rough_surface,
     octave_wavelengths_m,
+    resolved_share,
 )
 from .roughness.structure_function import structure_function
 
@@ -89,7 +89,7 @@ class Terrain:
         total = self._sum_ground(x, y, shortest_m)
         for landform in self.landforms:
             # Only a uniform mesh leaves out landforms that are too fine for it; a graded mesh bounds their error.
-            share = landform.carried_share(shortest_m) if np.ndim(shortest_m) == 0 else 1.0
+            share = landform.resolved_share(shortest_m) if np.ndim(shortest_m) == 0 else 1.0
             if share:
                 total += share * landform.heights(x, y, shortest_m)
         if self.mantle_thickness_m:
@@ -186,7 +186,7 @@ def _share_lost_to_mesh(ground: TerrainSettings, shortest_m: float) -> float:
     if not LAW_FROM * wavelength[-1] <= lag <= LAW_TO * wavelength[0]:
         return 0.0
     squares = fit_amplitudes(wavelength, ground.hurst) ** 2 * structure_function(lag / wavelength)
-    return 1.0 - math.sqrt(carried_share(wavelength, shortest_m) ** 2 @ squares / squares.sum())
+    return 1.0 - math.sqrt(resolved_share(wavelength, shortest_m) ** 2 @ squares / squares.sum())
 
 
 def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
@@ -219,7 +219,7 @@ def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
     }
     landforms |= make_plugin_landforms(settings, lambda key: np.random.default_rng(0))
     for topic, landform in landforms.items():
-        share = landform.carried_share(shortest_m) if landform else 1.0
+        share = landform.resolved_share(shortest_m) if landform else 1.0
         if landform and share < 1.0:
             notes.append(
                 f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "

@@ -93,8 +93,10 @@ def _has_long_exponent(values: Array, is_digit: Array) -> bool:
 
 
 class LinePatterns:
-    """Patterns of lines that ``check`` has passed. ``check`` gets a line, and raises ValueError or UnusualTextError for
-    a wrong one."""
+    """Patterns of lines that ``check`` has passed.
+
+    ``check`` gets a line, and raises ValueError or UnusualTextError for a wrong line.
+    """
 
     def __init__(self, check: Callable[[bytes], object]) -> None:
         self._check, self._known = check, set[bytes]()

@@ -40,7 +40,7 @@ def probe_blender(blender: str) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=4)
-def ask_abilities(blender: str) -> Abilities:
+def query_abilities(blender: str) -> Abilities:
     """The abilities of a Blender, asked once. Raises IcyMoonError if it reports nothing."""
     facts = probe_blender(blender)
     return Abilities(facts["osl"], facts["denoiser"], bool(facts["devices"]))
@@ -75,9 +75,9 @@ def needs_full_build(settings: Settings) -> bool:
     return bool(describe_lack(settings, Abilities(osl=False, denoiser=False, gpu=False)))
 
 
-def find_lack(wanted: Iterable[Settings], blender: str) -> str:
-    """A sentence on a feature that a Blender lacks for some of these settings, and for how many of them; empty if it
-    lacks nothing. Blender is started only if some of the settings need an optional feature.
+def find_missing_feature(wanted: Iterable[Settings], blender: str) -> str:
+    """A sentence on a feature that a Blender lacks for some of these settings, with their number; empty if it lacks
+    nothing. Blender is started only if some of the settings need an optional feature.
 
     Raises IcyMoonError if Blender reports nothing.
     """
@@ -88,7 +88,7 @@ def find_lack(wanted: Iterable[Settings], blender: str) -> str:
             asked.append(settings)
     if not asked:
         return ""
-    able = ask_abilities(blender)
+    able = query_abilities(blender)
     found = [lack for lack in (describe_lack(settings, able) for settings in asked) if lack]
     if not found or count == 1:
         return "".join(found)
@@ -98,6 +98,6 @@ def find_lack(wanted: Iterable[Settings], blender: str) -> str:
 
 def check_abilities(wanted: Iterable[Settings], blender: str) -> None:
     """Raise IcyMoonError if a Blender lacks a feature that some of these settings need, or if it does not answer."""
-    lack = find_lack(wanted, blender)
+    lack = find_missing_feature(wanted, blender)
     if lack:
         raise IcyMoonError(lack)

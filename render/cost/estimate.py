@@ -396,7 +396,7 @@ def estimate_plan(pairs: Sequence[PlannedPair], dataset: Path | None = None, spe
     keys = [
         tuple(
             make_settings_key(part, pair)
-            for part in (rebuilt_parts.select_scene, rebuilt_parts.select_look, rebuilt_parts.select_light)
+            for part in (rebuilt_parts.select_scene, rebuilt_parts.select_appearance, rebuilt_parts.select_light)
         )
         for pair in pairs
     ]
@@ -534,7 +534,7 @@ def _correct_by_pairs(ratios: Sequence[float], speed: Speed | None, gpu: bool) -
     return math.exp(mean), weight**-0.5
 
 
-def count_bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = False) -> float:
+def estimate_remaining_bytes(pairs: Sequence[PlannedPair], dataset: Path, again: bool = False) -> float:
     """Bytes that rendering these pairs will write. Complete pairs correct the estimate; they count only if they are
     rendered ``again``."""
     there = {pair.id for pair in pairs if is_complete(pair.folder(dataset))}

@@ -15,7 +15,7 @@ from ...support.system import count_processors
 from ..plans.triangle_count import count_triangles
 from ..workers.job_commands import Job, render_job
 from ..workers.process import Message
-from .blender_abilities import ask_abilities
+from .blender_abilities import query_abilities
 from .estimate import estimate_work
 from .machine_speed import Speed, remember_speed
 
@@ -78,7 +78,7 @@ def measure_speed(blender: str, device: str, scratch: Path, hear: Callable[[Mess
 
     Raises IcyMoonError if the render or the disk fails.
     """
-    denoiser = ask_abilities(blender).denoiser
+    denoiser = query_abilities(blender).denoiser
     speed = read_speed(render_job(Job(scratch, make_small_render(device, denoiser)), blender, hear), device, denoiser)
     remember_speed(speed)
     return speed

@@ -204,8 +204,8 @@ def _list_shortcuts(settings: Settings) -> list[_Shortcut]:
     return [*found, _Shortcut("truth", "DEPTH", "FULL", "depth only", "normals and labels")]
 
 
-def list_leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
-    """Settings by name, each with one more part of the scene's light left out than the one before."""
+def list_settings_with_less_light(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
+    """Settings by name; each step leaves out one more part of the scene's light."""
     return {
         part.without: {"quality": {part.key: part.lean}}
         for part in _list_shortcuts(settings)
@@ -244,7 +244,7 @@ def _make_isotropic_hapke(settings: Settings) -> dict[str, Any]:
 
 def list_candidates(settings: Settings, able: Abilities = _FULL_BUILD, images: int = 1) -> list[Variant]:
     """The renderable ways to compute the light of a scene in a Blender with the abilities ``able``, cheapest by
-    expected cost first. A search may stop at the first one that is good enough.
+    expected cost first. A search may stop at the first candidate that is good enough.
 
     ``images`` is the number of images of a ground under one Sun, which share the cost of baking; for one image alone,
     light is baked only in its view.

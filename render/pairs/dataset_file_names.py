@@ -1,8 +1,8 @@
 """The names of Icy Moon's files in a data set's folder; only such files are ever removed. Imports no Blender.
 
 Anyone may have written a plan, a claim or a folder. So each id from a file is checked before it becomes part of a path.
-Each removal goes through ``remove_ours``, which proves that its target lies in one of our folders and has one of our
-names.
+Each removal goes through ``remove_own_file``, which proves that its target lies in one of our folders and has one of
+our names.
 """
 
 from __future__ import annotations
@@ -110,13 +110,13 @@ def find_reason_to_keep(path: Path, dataset: Path) -> str:
         return "it is a link or lies behind one"
     if path.is_dir() and inside != "pairs":
         return "it is a folder"
-    foreign = list_files_not_ours(path) if inside == "pairs" and _PAIR_ID.fullmatch(path.name) else []
+    foreign = list_foreign_files(path) if inside == "pairs" and _PAIR_ID.fullmatch(path.name) else []
     if not foreign:
         return ""
     return "it is not a folder" if foreign[0] == path else f"{foreign[0].name} in it is not Icy Moon's"
 
 
-def list_files_not_ours(folder: Path) -> list[Path]:
+def list_foreign_files(folder: Path) -> list[Path]:
     """Files, folders and links in a pair's folder that Icy Moon did not write; the path itself if it is not a
     folder."""
     if not folder.is_dir():
@@ -130,7 +130,7 @@ def list_files_not_ours(folder: Path) -> list[Path]:
     ]
 
 
-def remove_ours(path: Path, dataset: Path) -> bool:
+def remove_own_file(path: Path, dataset: Path) -> bool:
     """Remove a file or folder of Icy Moon from a data set, and return whether it is gone. Files of others stay."""
     with suppress(OSError):
         if not find_reason_to_keep(path, dataset):

@@ -72,7 +72,7 @@ class Pair:
 
     @property
     def has_eyes(self) -> bool:
-        """Whether it has the images of both eyes, beside those of the head."""
+        """Whether it has the images of both eyes, besides the images of the head."""
         return _has_eyes(self.settings)
 
     def image(self, eye: str) -> Path:

@@ -16,7 +16,7 @@ from pathlib import Path
 from ...support.errors import IcyMoonError
 from ...support.files import explain_disk_errors, make_part_path
 from ...support.system import flush, rename
-from .dataset_file_names import find_reason_to_keep, is_pair_name, remove_ours
+from .dataset_file_names import find_reason_to_keep, is_pair_name, remove_own_file
 from .pair_folder import is_whole
 
 
@@ -78,14 +78,14 @@ def discard_unfinished(part: Path) -> None:
     with suppress(OSError):
         if not find_reason_to_keep(part, dataset):
             rename(part, doomed)
-            remove_ours(doomed, dataset)
+            remove_own_file(doomed, dataset)
 
 
 def check_place(folder: Path) -> None:
     """Raise IcyMoonError if a file or folder of others takes the place of a pair."""
     if why := find_reason_to_keep(folder, folder.parent.parent):
         raise IcyMoonError(
-            f"{folder} takes the place of the pair and is kept: {why}; move it, or choose another folder."
+            f"{folder} is in the place of the pair and is not replaced: {why}; move it, or choose another folder."
         )
 
 

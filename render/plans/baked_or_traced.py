@@ -83,7 +83,7 @@ def make_light_key(settings: Settings) -> str:
     return json.dumps(
         [
             rebuilt_parts.select_scene(settings),
-            rebuilt_parts.select_look(settings),
+            rebuilt_parts.select_appearance(settings),
             rebuilt_parts.select_light(settings),
             quality.diffuse_bounces,
             quality.bake_samples,

@@ -78,9 +78,9 @@ _FILE_SETTINGS = [
 class PlanDesign:
     """The content of a plan from which its pairs are combined.
 
-    ``base`` are settings, where a later variation overrides an earlier one. ``seeds`` and ``grounds`` (the number of
-    grounds of the scenes) come with their place in the file. ``draw_again`` means that sweeps draw new values for each
-    seed. ``at_most`` limits the number of pairs. ``files`` is the folder of the user's own files.
+    ``base`` are settings, where a later variation overrides an earlier variation. ``seeds`` and ``grounds`` (the number
+    of grounds of the scenes) come with their place in the file. ``draw_again`` means that sweeps draw new values for
+    each seed. ``at_most`` limits the number of pairs. ``files`` is the folder of the user's own files.
     """
 
     base: tuple[Variation, ...] = ()

@@ -149,7 +149,7 @@ class Plan:
         return f"Splits of the scenes: {shown}" if shown else ""
 
     def describe_stand_ins(self) -> list[str]:
-        """Sentences on the stand-ins in the pairs for files of the GUISS paper; empty without stand-ins."""
+        """Sentences on the stand-ins that replace files of the GUISS paper in the pairs; empty without stand-ins."""
         return describe_stand_ins(self.check().pairs, [each.files for each in self.designs if each.files])
 
 
@@ -324,7 +324,7 @@ def _read_seeds(value: object, place: Place) -> tuple[int | list[int], Place]:
 
 
 def _add_sweep(designs: Sequence[PlanDesign], table: Mapping[str, Any], place: Place) -> list[PlanDesign]:
-    """Designs with one more sweep, or with this sweep in place of the one that it replaces."""
+    """Designs with one more sweep, or with this sweep in place of the sweep that it replaces."""
     kinds = (*setting_sweeps.KINDS, *pose_sweeps.KINDS)
     kind, replaces = table.get("kind"), _read_text(table, "replaces", place) or None
     if kind not in kinds:

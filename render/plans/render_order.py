@@ -18,7 +18,7 @@ from .planned_pair import PlannedPair
 
 _PARTS_BY_COST: tuple[Callable[[Settings], Parts], ...] = (
     rebuilt_parts.select_scene,
-    rebuilt_parts.select_look,
+    rebuilt_parts.select_appearance,
     rebuilt_parts.select_light,
     rebuilt_parts.select_lander,
     rebuilt_parts.select_camera,

@@ -32,7 +32,7 @@ def list_files_by_name(folder: Path) -> dict[str, list[Path]]:
 
 
 def replace_stand_ins(settings: Settings, there: dict[str, list[Path]]) -> dict[str, dict[str, Any]]:
-    """The settings that show the user's own files ``there`` (see ``list_files_by_name``) in place of stand-ins; empty
+    """The settings that use the user's files ``there`` (see ``list_files_by_name``) instead of stand-ins; empty
     if no file has the name of a stand-in in complete ``settings``. Raises IcyMoonError for two files of one name.
     """
     changes: dict[str, dict[str, Any]] = {}

@@ -54,8 +54,8 @@ def make_trajectory(sweep: Sweep, base: Settings, ground: Callable[[Settings], R
     procedural = base.source.kind == "PROCEDURAL"
     if procedural and base.mesh.kind == "GRADED" and len(poses) > 1:
         raise IcyMoonError(
-            f"{sweep.place}: mesh.kind is GRADED, which makes triangles for one site, so each pose would see "
-            "another ground; set mesh.kind to GRID, or take ground from a file."
+            f"{sweep.place}: mesh.kind is GRADED, which makes triangles for one site, so each pose would see a "
+            "different ground; set mesh.kind to GRID, or take ground from a file."
         )
     z = poses.position_m[:, 2]
     if above_ground:

@@ -1,4 +1,4 @@
-"""A process that may outlive the one that started it, and that a later one can attach to. Imports no Blender.
+"""A process that may outlive its starter, and that a later process can attach to. Imports no Blender.
 
 Its output goes to a log file instead of a pipe. It inherits a locked file as its standard input, and the system
 releases the lock at every kind of end. The watcher holds another lock. So a process number that the system gives again
@@ -122,7 +122,7 @@ class DetachedProcess(ProcessOutput):
         """Ask the process to stop, and kill it if it runs on for a few seconds."""
         self.cancelled = True
         if self._is_alive():
-            system.interrupt_other(self._pid, self._stem.with_suffix(".stop"))
+            system.interrupt_detached(self._pid, self._stem.with_suffix(".stop"))
         threading.Thread(target=self._kill_if_running, daemon=True).start()
 
     def _kill_if_running(self) -> None:
@@ -130,7 +130,7 @@ class DetachedProcess(ProcessOutput):
         while self._is_alive() and time.monotonic() < end:
             time.sleep(_POLL_S)
         if self._is_alive():
-            system.kill_other(self._pid)
+            system.kill_detached(self._pid)
 
     def stop(self) -> None:
         """End the process at once and wait until it is gone; with ``leave``, only stop watching it."""
@@ -140,13 +140,13 @@ class DetachedProcess(ProcessOutput):
             return
         if self._is_alive():
             self.cancelled = True
-            system.kill_other(self._pid)
+            system.kill_detached(self._pid)
         while self._is_alive():
             time.sleep(_POLL_S)
         self._close()
 
 
-def find_left_running(folder: Path) -> DetachedProcess | None:
+def find_unwatched_process(folder: Path) -> DetachedProcess | None:
     """A process without a watcher whose files lie in ``folder``; None without such a process."""
     for file in sorted(folder.glob("*.lock")):
         found = DetachedProcess.attach(file.with_suffix(""))

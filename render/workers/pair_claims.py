@@ -31,7 +31,7 @@ from ...support.files import (
 )
 from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
-from ..pairs.dataset_file_names import is_claim_name, pairs_folder, remove_ours
+from ..pairs.dataset_file_names import is_claim_name, pairs_folder, remove_own_file
 from ..pairs.publish_pair import resolve_leftover
 
 CLAIMS_FOLDER = "claims"
@@ -214,7 +214,7 @@ class Claims:
         return [path for path in self._folder.glob("*.*") if is_claim_name(path)]
 
     def _remove(self, path: Path) -> None:
-        remove_ours(path, self._dataset)
+        remove_own_file(path, self._dataset)
 
     def _resolve_leftovers(self, pair: str) -> None:
         for part in self._pairs.glob(f"{pair}.*{PART_SUFFIX}"):
@@ -235,7 +235,7 @@ class Claims:
         except FileNotFoundError:
             return True
         holder = _read_claim(claim)
-        if holder and system.is_gone(holder["pid"], holder["place"]):
+        if holder and system.has_ended(holder["pid"], holder["place"]):
             return True
         age = self._read_clock() - touched
         return age > STALE_S or (age < -STALE_S and self._is_frozen_ahead(claim, touched))

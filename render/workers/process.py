@@ -83,7 +83,7 @@ class Process(ProcessOutput):
         """Start ``command`` (a list, never a shell line). Raises IcyMoonError if it cannot start."""
         super().__init__()
         try:
-            self._process = system.start_ours(command, environment)
+            self._process = system.start_dependent(command, environment)
         except OSError as error:
             raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; check its path.") from None
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
@@ -110,7 +110,7 @@ class Process(ProcessOutput):
 
     @property
     def pid(self) -> int:
-        """Number of the process."""
+        """Process id."""
         return self._process.pid
 
     @property

@@ -55,8 +55,8 @@ class WorkerOptions:
     """Options of the worker processes.
 
     ``count`` processes render with ``threads`` threads each (0: all) in the Blender ``blender``. A process renders at
-    most ``most_scenes`` scenes before another one replaces it. A process that sends nothing for ``silence_s`` seconds
-    is ended. For ``cards`` see ``choose_worker_cards``.
+    most ``most_scenes`` scenes before another process replaces it. A process that sends nothing for ``silence_s``
+    seconds is ended. For ``cards`` see ``choose_worker_cards``.
     """
 
     count: int
@@ -202,7 +202,7 @@ class Runner:
         return [pair for pair in worker.pairs if pair.id not in self.failed and pair.id not in self._complete]
 
     def _reassign(self, worker: _Worker) -> None:
-        """Give the pairs that a worker has not begun to another worker. If the first one continues, it finds them
+        """Give the pairs that a worker has not begun to another worker. If the first worker continues, it finds them
         complete or claimed.
         """
         waiting = [pair for pair in self._get_pairs_left(worker) if pair.id != worker.current]

@@ -18,7 +18,7 @@ from ...settings.pair_ids import affects_pixels, find_value_in_id, make_counter,
 from ...settings.table import list_all_settings
 from ...support.errors import IcyMoonError, describe_error
 from ...support.file_schemas import FILE_NAME, SHA256, Each, find_fault
-from ...support.files import hash_file, list_put_there, quote, read_text
+from ...support.files import hash_file, list_user_files, quote, read_text
 from ...support.foreign_bytes import parse_json
 from ...support.number_text import format_count
 from ..pairs.baked_file import LIGHT, parse_name
@@ -30,9 +30,9 @@ from ..pairs.dataset_file_names import (
     is_pair_name,
     is_regular_file,
     is_unfinished_name,
-    list_files_not_ours,
+    list_foreign_files,
     pairs_folder,
-    remove_ours,
+    remove_own_file,
 )
 from ..pairs.head_files import image_file, truth_file
 from ..pairs.pair_folder import EYES, Pair, check_pair, is_complete, read_pair
@@ -92,8 +92,8 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
     planned = {pair.id: pair for pair in read_frozen_plan(dataset).pairs} if has_plan else _find_unplanned(dataset)
     if remove_broken and not has_plan:
         raise IcyMoonError(
-            f"{dataset} has no {PLAN}, so icymoon batch could not make again what --remove takes away; "
-            "run verify without it, and remove yourself what you do not need."
+            f"{dataset} has no {PLAN}, so icymoon batch could not render again the files that --remove deletes; run "
+            "verify without --remove, and delete files yourself."
         )
     working = Claims(dataset).find_claimed_elsewhere()
     problems: list[Problem] = []
@@ -111,7 +111,7 @@ def verify_data_set(dataset: Path, remove_broken: bool = False) -> Findings:
     problems += _check_light(dataset, stated, working, _describe_repair(has_plan))
     told = {problem.what for problem in problems if problem.kind == "foreign"}  # with the reason why it stays
     for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
-        if not remove_ours(path, dataset) and path.name not in told:
+        if not remove_own_file(path, dataset) and path.name not in told:
             why = find_reason_to_keep(path, dataset) or "the disk does not allow it"
             problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; check it yourself."))
     notes = [
@@ -135,7 +135,7 @@ def _find_unplanned(dataset: Path) -> dict[str, None]:
         for path in sorted(pairs_folder(dataset).glob("*"))
         if is_pair_name(path) and not is_unfinished_name(path)
     )
-    renamed = [path.parent for path in list_put_there(pairs_folder(dataset), "*/pair.json")]
+    renamed = [path.parent for path in list_user_files(pairs_folder(dataset), "*/pair.json")]
     if not found and renamed:
         raise IcyMoonError(
             _describe_misplaced(renamed[0])
@@ -226,7 +226,7 @@ def _describe_repair(has_plan: bool) -> str:
 
 def _find_foreign_files(folder: Path) -> Iterator[str]:
     """A sentence on the files in a pair's folder that Icy Moon did not write, except links."""
-    if paths := [path for path in list_files_not_ours(folder) if not path.is_symlink()]:
+    if paths := [path for path in list_foreign_files(folder) if not path.is_symlink()]:
         more = f" and {len(paths) - 1} more are" if paths[1:] else " is"
         yield f"{paths[0]}{more} not Icy Moon's; move {'them' if paths[1:] else 'it'} out of the pair's folder."
 
@@ -388,7 +388,7 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
         yield Problem("foreign", LIGHT, f"{folder} is a link, so its light counts as absent; replace it by its target.")
         return
     checksums: dict[str, str] = {}
-    for path in list_put_there(folder):
+    for path in list_user_files(folder):
         parts = parse_name(path.name)
         if is_unfinished_name(path) and path.name.split("-")[0].split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
@@ -448,7 +448,7 @@ def _is_edited(folder: Path) -> bool:
 
 def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool) -> Iterator[Problem]:
     """Problems of files that belong to no planned pair."""
-    for path in list_put_there(pairs_folder(dataset)):
+    for path in list_user_files(pairs_folder(dataset)):
         name = path.name.split(".")[0]
         if is_unfinished_name(path):
             aside = _may_be_intact(path) and not is_complete(path.with_name(name))
@@ -470,7 +470,7 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
                 _describe_misplaced(path)
                 or (f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it out of the data set."),
             )
-    for path in list_put_there(dataset / CLAIMS_FOLDER):
+    for path in list_user_files(dataset / CLAIMS_FOLDER):
         if is_unfinished_name(path):
             if path.name.split(".")[0] not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
@@ -478,7 +478,7 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
             yield Problem("foreign", path.name, f"{path} is not a claim.")
         elif path.name.split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)
-    for path in list_put_there(dataset):
+    for path in list_user_files(dataset):
         if is_unfinished_name(path):
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif path.name not in _EXPECTED_FILES:

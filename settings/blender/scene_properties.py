@@ -19,7 +19,7 @@ from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ..change_announcements import COLOURS, announce, batch_changes, count_changes, make_update_callback
 from ..description import check, to_canonical
-from ..landform_releases import fill_in_releases, refuse_missing
+from ..landform_releases import fill_in_releases, refuse_missing_landforms
 from ..mirrored_properties import make_mirror
 from ..table import TOPICS, list_all_settings
 from ..topics.declaration import EFFECTS, Setting, Value
@@ -96,7 +96,7 @@ def _make_variations() -> object:
         "ICYMOON_PG_varied",
         "A setting that varies",
         {
-            "setting": bpy.props.StringProperty(name="Setting", update=update, description="Which setting varies"),
+            "setting": bpy.props.StringProperty(name="Setting", update=update, description="Setting that varies"),
             "ticks": bpy.props.CollectionProperty(type=tick, name="Values", description="The values of a choice"),
             **make_varied_fields(update=update),
         },
@@ -317,7 +317,7 @@ def read_settings(group: bpy.types.PropertyGroup) -> Settings:
     Anyone may have made the scene. Raises IcyMoonError if a settings file with these values would be refused, and if
     the scene has settings of a landform whose package this Blender lacks.
     """
-    if left := find_left_landforms(group):
+    if left := find_missing_landforms(group):
         raise IcyMoonError(
             f"This scene has settings of {', '.join(left)}, a landform of a package that is not "
             "installed in this Blender; install it, or make a new scene."
@@ -325,7 +325,7 @@ def read_settings(group: bpy.types.PropertyGroup) -> Settings:
     return check(read_unchecked(group), "This scene")
 
 
-def find_left_landforms(group: bpy.types.PropertyGroup) -> list[str]:
+def find_missing_landforms(group: bpy.types.PropertyGroup) -> list[str]:
     """Landforms of missing plug-ins that the scene uses."""
     return sorted(
         name
@@ -374,7 +374,7 @@ def write_settings(group: bpy.types.PropertyGroup, settings: Mapping[str, Mappin
 
     Raises IcyMoonError if they have a landform of a plug-in that this Blender does not have.
     """
-    refuse_missing(settings, "These settings")
+    refuse_missing_landforms(settings, "These settings")
     with batch_changes():
         for topic, values in settings.items():
             for key, value in values.items():

@@ -20,7 +20,7 @@ class ConditionScope:
     topic: str
 
     def value(self, name: str) -> Any:
-        """The value of a setting of the same topic (``key``) or of another one (``topic.key``)."""
+        """The value of a setting of the same topic (``key``) or of another topic (``topic.key``)."""
         topic, dot, key = name.partition(".")
         return getattr(getattr(self.root, topic), key) if dot else getattr(getattr(self.root, self.topic), name)
 

@@ -78,10 +78,10 @@ OUR_TOPICS: dict[str, Topic] = {key: table.topic for key, table in TABLES.items(
 
 def typed(tables: Parts) -> Settings:
     """A copy of a description whose tables and entries of lists have their declared types."""
-    return Settings({topic: typed_table(topic, values) for topic, values in tables.items()})
+    return Settings({topic: copy_typed_table(topic, values) for topic, values in tables.items()})
 
 
-def typed_table(topic: str, values: Mapping[str, Any]) -> AttributeDict:
+def copy_typed_table(topic: str, values: Mapping[str, Any]) -> AttributeDict:
     """A copy of one table with its declared type. The table of an unknown topic keeps undeclared keys."""
     table: AttributeDict = TABLES.get(topic, AttributeDict)(values)
     for key, entry in ENTRIES.get(topic, {}).items():

@@ -59,7 +59,7 @@ def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
 def _apply_roughness(
     wi: mi.Vector3f, wo: mi.Vector3f, mu_n: mi.Float, mu_f: mi.Float, tan_theta: float
 ) -> tuple[mi.Float, mi.Float, mi.Float]:
-    """Effective cosines of the ray nearer to the normal and of the other one, and the shadowing (Hapke 1984)."""
+    """Effective cosines of the ray nearer to the normal and of the other ray, and the shadowing (Hapke 1984)."""
     import drjit as dr
     import mitsuba as mi
 

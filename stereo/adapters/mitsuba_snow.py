@@ -6,8 +6,8 @@
     mitsuba_snow.register()
     scene = mi.load_file("scene_left.xml")
 
-Needs ``mitsuba_hapke.py`` beside it, and what that needs. The parameter is ``albedo``, the spherical one. Source:
-Kokhanovsky and Zege 2004, Applied Optics 43, 1589.
+Needs ``mitsuba_hapke.py`` beside it, and the packages of that file. The parameter is ``albedo``, the spherical one.
+Source: Kokhanovsky and Zege 2004, Applied Optics 43, 1589.
 """
 
 from __future__ import annotations

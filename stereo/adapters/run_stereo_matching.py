@@ -57,7 +57,7 @@ def _refuse_pickles() -> None:
         if options.get("weights_only") is False:
             raise RuntimeError(
                 f"{arguments[0] if arguments else 'the checkpoint'} contains more than parameters, "
-                "which may be code, so it is not read; save its parameters alone: "
+                "which may be code, so it is not loaded; save only its parameters: "
                 "torch.save(model.state_dict(), FILE)"
             )
         return load(*arguments, **{**options, "weights_only": True})

@@ -40,8 +40,8 @@ class _Frame:
     parent: str
     poses: dict[Decimal, Array] = field(default_factory=dict)
 
-    def stands_still(self) -> bool:
-        """Whether all its poses are the same, as in a fixed transform that is sent repeatedly."""
+    def is_static(self) -> bool:
+        """Whether all its poses are equal, as in a fixed transform that is sent repeatedly."""
         first, *others = self.poses.values()
         return all(np.array_equal(first, other) for other in others)
 
@@ -119,7 +119,7 @@ def _find_moving_frame(name: str, found: Mapping[str, _Frame]) -> tuple[str, Arr
     frame. A frame that moves itself, or without a moving ancestor, is returned with the unit matrix."""
     base, pose = name, np.eye(4)
     passed = set()
-    while base in found and base not in passed and found[base].stands_still():
+    while base in found and base not in passed and found[base].is_static():
         passed.add(base)
         pose = next(iter(found[base].poses.values())) @ pose
         base = found[base].parent
@@ -129,7 +129,7 @@ def _find_moving_frame(name: str, found: Mapping[str, _Frame]) -> tuple[str, Arr
 def _refuse_moving_parent(bag: Path, name: str, base: str, found: Mapping[str, _Frame]) -> None:
     """Refuse a frame that moves in a parent that moves too: its poses are not a path over the ground."""
     parent, _ = _find_moving_frame(found[base].parent, found)
-    if parent not in found or parent == base or found[parent].stands_still():
+    if parent not in found or parent == base or found[parent].is_static():
         return
     what = f"{shorten(name)} stands on {shorten(base)}, which moves" if name != base else f"{shorten(name)} moves"
     raise IcyMoonError(

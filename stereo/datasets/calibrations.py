@@ -34,7 +34,7 @@ def make_centred_camera(focal_px: float, baseline_m: float, width: int, height: 
     return StereoCamera(width, height, focal_px, width / 2, height / 2, baseline_m)
 
 
-def make_stated_camera(
+def make_common_camera(
     focal_px: float, cx: float, cy: float, baseline_m: float, width: int, height: int
 ) -> StereoCamera:
     """The camera that a data set states for all of its images."""
@@ -94,7 +94,7 @@ def _check_square(path: Path, focal_px: float, others: Mapping[str, float]) -> N
 
 
 def _find_principal_offset_px(path: Path, fields: dict[str, str], left_px: float) -> float:
-    """Column of the right principal point minus ``left_px``, the column of the left one.
+    """Column of the right principal point minus ``left_px``, the column of the left principal point.
 
     The two matrices or ``doffs`` state it; without both it is 0. Raises IcyMoonError if they contradict each other.
     """
@@ -132,7 +132,7 @@ def read_sintel_camera(path: Path, baseline_m: float, width: int, height: int) -
     if mark != _SINTEL_MARK:
         raise IcyMoonError(f"{path} is not a camera of Sintel; {_DOWNLOAD_AGAIN}.")
     _check_camera(path, matrix[0], baseline_m)
-    return make_stated_camera(matrix[0], matrix[2], matrix[5], baseline_m, width, height)
+    return make_common_camera(matrix[0], matrix[2], matrix[5], baseline_m, width, height)
 
 
 def read_exported_camera(path: Path, width: int, height: int) -> StereoCamera:

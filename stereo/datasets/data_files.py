@@ -70,7 +70,7 @@ def resolve_inside(root: Path, name: str | Path) -> Path:
     except (OSError, RuntimeError):  # a link that leads to itself
         return path
     except ValueError:
-        raise IcyMoonError(f"{root} names a file with characters that no path can have; write another name.") from None
+        raise IcyMoonError(f"{root} names a file with characters that a path cannot have; write another.") from None
     if not inside:
         raise IcyMoonError(f"{path} is outside of {root}, and only files in a data set are read; copy it there.")
     return path
@@ -211,7 +211,7 @@ def _read_sintel_disparity(path: Path) -> Array:
     """Disparity of a Sintel PNG, whose R, G and B are its three digits: 4, 1/64 and 1/16384 px."""
     image = read_image(path)
     if image.ndim != 3:
-        raise IcyMoonError(f"{path} has no colours, in which Sintel codes disparities; download it again.")
+        raise IcyMoonError(f"{path} has no colours, but Sintel stores disparities as colours; download it again.")
     blue, green, red = (image[..., k].astype(np.float64) for k in range(3))
     return np.asarray(4 * red + green / 64 + blue / 16384)
 
@@ -270,7 +270,7 @@ def read_numbers(path: Path, fields: dict[str, str], key: str, count: int) -> Se
     them.
     """
     if key not in fields:
-        raise IcyMoonError(f"{path} has no {key}, without which disparities give no depths; add it.")
+        raise IcyMoonError(f"{path} has no {key}, which is needed to convert disparities to depths; add it.")
     try:
         values = [float(word) for word in fields[key].replace("[", " ").replace("]", " ").replace(";", " ").split()]
     except ValueError:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.errors import IcyMoonError
-from ...support.files import list_put_there
+from ...support.files import list_user_files
 from . import calibrations
 from .data_files import MapFile, resolve_inside
 from .foreign_pair import CameraReader, ForeignPair, UnusablePair, make_safe_name, open_foreign_pair
@@ -93,7 +93,7 @@ def _find_kitti_2012(path: Path) -> list[FoundPair]:
 def _find_kitti_pairs(
     root: Path, layout: str, eyes: tuple[str, str], truths: tuple[str, str], calibration: str, matrices: tuple[str, str]
 ) -> Iterator[FoundPair]:
-    for image in list_put_there(root / eyes[0], "*_10.png"):
+    for image in list_user_files(root / eyes[0], "*_10.png"):
         if _KITTI_FRAME.fullmatch(image.name):
             yield open_foreign_pair(
                 image.stem,
@@ -141,7 +141,7 @@ def _find_folders_with(path: Path, name: str) -> list[Path]:
     """The folder itself, or the folders in it, that contain a file of this name."""
     if (path / name).is_file():
         return [path]
-    return [file.parent for file in list_put_there(path, f"*/{name}")]
+    return [file.parent for file in list_user_files(path, f"*/{name}")]
 
 
 def _folder_name(root: Path, folder: Path) -> str:
@@ -178,7 +178,9 @@ def _find_sceneflow(path: Path) -> list[FoundPair]:
     if not passes or not (root / "disparity").is_dir():
         return []
     # The images are PNG or WebP.
-    images = next(filter(None, (list_put_there(root / passes[0], f"**/left/*.{kind}") for kind in ("png", "webp"))), [])
+    images = next(
+        filter(None, (list_user_files(root / passes[0], f"**/left/*.{kind}") for kind in ("png", "webp"))), []
+    )
     found = []
     for image in images:
         inner = image.relative_to(root / passes[0])
@@ -200,7 +202,7 @@ def _make_sceneflow_pair(root: Path, rendering: str, inner: Path, name: str) -> 
         resolve_inside(root, Path(rendering) / inner),
         resolve_inside(root, Path(rendering) / other),
         MapFile(resolve_inside(root, truth)),
-        partial(calibrations.make_stated_camera, focal, *_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE),
+        partial(calibrations.make_common_camera, focal, *_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE),
         truth_right=MapFile(resolve_inside(root, truth_right)) if (root / truth_right).exists() else None,
         either_sign=True,
         notes=("The unit of length of SceneFlow is not the metre: its baseline is 1.",),
@@ -229,7 +231,7 @@ def _find_sintel(path: Path) -> list[FoundPair]:
             "depths; add this folder of Sintel's depth data."
         )
     found = []
-    for image in list_put_there(root / passes[0], "*/*.png"):
+    for image in list_user_files(root / passes[0], "*/*.png"):
         inner = image.relative_to(root / passes[0])
         name = make_safe_name("-".join((inner.parent.name, inner.stem)))
         found.append(open_foreign_pair(name, root, image, partial(_make_sintel_pair, root, passes[0], inner, name)))
@@ -256,7 +258,7 @@ def _make_sintel_pair(root: Path, rendering: str, inner: Path, name: str) -> For
 
 def _find_guiss(path: Path) -> list[FoundPair]:
     found = []
-    for depth in sorted((*list_put_there(path, "*_left.npy"), *list_put_there(path, "*/*_left.npy"))):
+    for depth in sorted((*list_user_files(path, "*_left.npy"), *list_user_files(path, "*/*_left.npy"))):
         left, right = (depth.with_name(depth.name.replace("_left.npy", f"_{eye}.png")) for eye in ("left", "right"))
         if not left.exists():
             continue

@@ -25,7 +25,7 @@ from ..images.disparity_and_occlusion import ESTIMATED, MASK, find_visible_in_ri
 from ..images.image_values import describe_size, to_grey
 from ..matchers.search_range import FIXED, MOST_SEARCHED_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify_pixels, measure_texture
-from ..measure.fit_check import MatchedPlaces, compute_ray_lengths, find_places, is_confirmed
+from ..measure.fit_check import MatchedPlaces, compute_ray_lengths, find_common_places, is_confirmed
 from ..measure.metrics import is_usable
 from ..measure.prepare_pair import PreparedPair
 from ..measure.self_check import SelfCheck
@@ -34,8 +34,8 @@ from .input_faults import (
     WRONG_SIGN_SHARE,
     check_map_size,
     check_truth,
-    find_turned,
-    refuse_turned,
+    find_rotated_images,
+    refuse_rotated_images,
     warn_dark_images,
     warn_unlikely_camera,
 )
@@ -102,9 +102,9 @@ class ForeignPair:
             if not os.path.lexists(path):
                 raise IcyMoonError(f"{path} is missing{note_on_backslashes(path)}; add it, or leave out this pair.")
         left, right = (self._read_grey_image(path) for path in (self.left, self.right))
-        turned = find_turned((self.left, self.right))
+        turned = find_rotated_images((self.left, self.right))
         if left.shape[:2] != right.shape[:2]:
-            refuse_turned(turned)
+            refuse_rotated_images(turned)
             raise IcyMoonError(
                 f"{self.left} is {describe_size(left)}, and {self.right} is {describe_size(right)}; "
                 "give two rectified images of one size."
@@ -117,7 +117,7 @@ class ForeignPair:
                 f"{camera.height_px} px; give the calibration of these images."
             )
         grey = to_grey(left), to_grey(right)
-        places = find_places(*grey)
+        places = find_common_places(*grey)
         disparity, markers, notes, warnings = self._read_true_disparity(camera, left, places, turned)
         truth = camera.depth(disparity)
         visible, known, doubts = self._find_visible(disparity, truth, camera, left, markers)
@@ -160,7 +160,7 @@ class ForeignPair:
         ]
         if turned:
             if not is_confirmed(values, kind, camera, places):
-                refuse_turned(turned)
+                refuse_rotated_images(turned)
             notes.append(
                 "Images state an EXIF orientation by which viewers turn them; their pixels were taken as they "
                 "are stored, which the truth confirms."
@@ -181,7 +181,7 @@ class ForeignPair:
         width, what = disparity.shape[1], "depths" if self.truth.kind == "depth" else "disparities"
         if not np.isfinite(disparity[fits]).any():
             raise IcyMoonError(
-                f"{self.truth.path} has {what} by which no point is in both images of {width} px; "
+                f"{self.truth.path} has {what} for which no point is in both images of {width} px; "
                 "correct them, or the steps, the focal length or the baseline that are stated."
             )
         return np.where(fits, disparity, np.nan), [
@@ -195,7 +195,7 @@ class ForeignPair:
         """The depths along the optical axis, or the disparities, of a map."""
         values = read_map(file)
         if values.shape != image.shape[:2]:
-            refuse_turned(turned)
+            refuse_rotated_images(turned)
             check_map_size(file.path, values.shape, image.shape[:2], file.kind, "the images are")
         if file.along_ray:
             values = values / compute_ray_lengths(camera)
@@ -328,7 +328,7 @@ class PhotographedPair:
     search_range: SearchRange
 
     def rectified_pose(self, eye: str) -> Array | None:
-        """Pose of an ``eye`` in the axes of the left one, which the points use too: x right, y down, z ahead."""
+        """Pose of an ``eye`` in the axes of the left eye, which the points use too: x right, y down, z ahead."""
         pose = np.eye(4)
         pose[0, 3] = self.camera.find_offset_m(eye)
         return pose

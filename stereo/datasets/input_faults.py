@@ -17,7 +17,7 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_headers import UPRIGHT
-from ..measure.fit_check import READINGS, FitFault, MatchedPlaces, find_fault, find_misfit, make_known_places
+from ..measure.fit_check import READINGS, FitFault, MatchedPlaces, find_fault, find_misfit, make_true_places
 from ..measure.metrics import is_usable
 from .data_files import MapFile, read_orientation
 
@@ -84,7 +84,9 @@ def check_truth(pair: PairFiles, values: Array, camera: StereoCamera, places: Ma
             "it beside the images."
         ]
     if fault.kind == "swapped":
-        raise IcyMoonError(f"{pair.left} and {pair.right} fit the truth only the other way round; exchange the images.")
+        raise IcyMoonError(
+            f"{pair.left} and {pair.right} fit the truth only if left and right are exchanged; exchange the images."
+        )
     raise IcyMoonError(f"{path} {_describe_fault(fault, kind)}{_describe_other_causes(fault, kind)}.")
 
 
@@ -223,7 +225,7 @@ def check_prediction(path: Path, disparity: Array, true_depth: Array, camera: St
     if _is_unit_factor(disparity[both] / true_depth[both], 1.0) and not _is_unit_factor(ratio, 1.0):
         raise IcyMoonError(f"{path} has depths in metres; give disparities in px of the left image.")
     fault = find_fault(
-        np.where(is_usable(disparity), disparity, np.nan), "disparity", camera, make_known_places(true_disparity)
+        np.where(is_usable(disparity), disparity, np.nan), "disparity", camera, make_true_places(true_disparity)
     )
     if fault is not None and fault.kind in ("depth", "inverse"):
         what = "depths" if fault.kind == "depth" else "1 / depth"
@@ -267,14 +269,14 @@ def _is_unit_factor(ratio: Array, factor: float) -> bool:
     )
 
 
-def find_turned(images: Sequence[Path]) -> dict[Path, int]:
+def find_rotated_images(images: Sequence[Path]) -> dict[Path, int]:
     """The images that viewers rotate, and their EXIF orientations, 2 to 8."""
     stated = {path: read_orientation(path) for path in images if path.suffix != ".pfm"}
     return {path: orientation for path, orientation in stated.items() if orientation != UPRIGHT}
 
 
-def refuse_turned(turned: Mapping[Path, int]) -> None:
-    """Raise IcyMoonError with the fix if images are ``turned``, see ``find_turned``."""
+def refuse_rotated_images(turned: Mapping[Path, int]) -> None:
+    """Raise IcyMoonError with the fix if images are ``turned``, see ``find_rotated_images``."""
     for path, orientation in turned.items():
         raise IcyMoonError(
             f"{path} states the EXIF orientation {orientation}, by which viewers turn it, and the truth "

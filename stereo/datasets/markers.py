@@ -10,7 +10,7 @@ import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
-from ..measure.fit_check import MatchedPlaces, are_seen_at_disparity, read_as_disparity
+from ..measure.fit_check import MatchedPlaces, are_mostly_at_disparity, read_as_disparity
 
 #: Least share of an image that a plateau has, and the factor by which it is nearer or farther than all other points.
 _LEAST_PLATEAU_SHARE, _PLATEAU_DISTANCE_RATIO = 0.002, 1.5
@@ -49,7 +49,7 @@ def _find_plateau(values: Array, kind: str, camera: StereoCamera, places: Matche
     near, far = sorted((end + camera.doffs_px, beside + camera.doffs_px), reverse=True)
     if not (near >= _PLATEAU_DISTANCE_RATIO * far or (kind == "disparity" and end < 0 < beside)):
         return None
-    return None if are_seen_at_disparity(plateau, end, places) else float(values[plateau][0])
+    return None if are_mostly_at_disparity(plateau, end, places) else float(values[plateau][0])
 
 
 def is_possible(disparity: Array) -> Array:

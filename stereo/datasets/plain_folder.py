@@ -31,7 +31,7 @@ from typing import Any
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.errors import IcyMoonError
 from ...support.file_schemas import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record, is_number
-from ...support.files import list_put_there
+from ...support.files import list_user_files
 from ...support.foreign_bytes import make_path_hint, parse_toml
 from ...support.suggestions import suggest_nearest
 from .data_files import MapFile, read_text, resolve_inside
@@ -164,7 +164,7 @@ def _list_pair_names(root: Path, pattern: str) -> list[str]:
     wildcard = "*".join(glob.escape(part) for part in pattern.split(_NAME_PLACE))
     first, *rest = (re.escape(part) for part in pattern.split(_NAME_PLACE))
     matching = re.compile(first + r"(?P<pair>[^/]+?)" + "(?P=pair)".join(rest))
-    found = (matching.fullmatch(file.relative_to(root).as_posix()) for file in list_put_there(root, wildcard))
+    found = (matching.fullmatch(file.relative_to(root).as_posix()) for file in list_user_files(root, wildcard))
     return sorted({match["pair"] for match in found if match})
 
 

@@ -16,7 +16,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size, to_grey
 from ..images.masks import compute_intersection_over_union
-from ..measure.fit_check import READINGS, TURN_BY_READING, FitFault, find_fault, make_known_places, warp_to_other_eye
+from ..measure.fit_check import READINGS, TURN_BY_READING, FitFault, find_fault, make_true_places, warp_to_other_eye
 from .data_files import MapFile, read_image, read_map
 from .input_faults import WRONG_SIGN_SHARE, round_to_unit_factor
 
@@ -67,10 +67,10 @@ def read_mask(mask: Mask, disparity: Array) -> Array:
         )
     better = find_better_reading(seen, disparity)
     if better is not None:
-        raise IcyMoonError(f"{first} fits the truth only {better}; write it so.")
+        raise IcyMoonError(f"{first} fits the truth only {better}; write it that way.")
     if not (seen & is_in_frame(find_matching_column(disparity))).any():
         raise IcyMoonError(
-            f"{first} marks no pixel that by the truth is in both images; give the mask of the "
+            f"{first} marks no pixel that both images show according to the truth; give the mask of the "
             "points that the right eye sees too, or leave it out."
         )
     return np.asarray(seen)
@@ -133,7 +133,7 @@ def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, dispar
         raise IcyMoonError(f"{file.path} has no known value in any pixel; give the right eye's truth, or leave it out.")
     what = "depths" if file.kind == "depth" else "disparities"
     if np.mean(values[known] < 0) >= WRONG_SIGN_SHARE:
-        raise IcyMoonError(f"{file.path} has negative {what}, and those of the left eye are positive; negate them.")
+        raise IcyMoonError(f"{file.path} has negative {what}, but the left eye's are positive; negate them.")
     fault = find_fault_of_right(values, file.kind, camera, disparity)
     if fault is None:
         return []
@@ -160,4 +160,4 @@ def find_fault_of_right(values: Array, kind: str, camera: StereoCamera, disparit
     # Mirrored, the right eye is the left eye of a pair. Its points are where the left eye's truth puts them.
     right = make_right_camera(camera)
     mirrored = replace(right, cx_px=camera.width_px - right.cx_px)
-    return find_fault(values[:, ::-1], kind, mirrored, make_known_places(warp_to_other_eye(disparity, "left")[:, ::-1]))
+    return find_fault(values[:, ::-1], kind, mirrored, make_true_places(warp_to_other_eye(disparity, "left")[:, ::-1]))

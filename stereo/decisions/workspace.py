@@ -68,7 +68,7 @@ class Workspace:
 
     @property
     def grid(self) -> Grid:
-        """Its cells."""
+        """The grid of cells of the workspace."""
         return self.truth.dem.grid
 
 

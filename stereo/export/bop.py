@@ -1,8 +1,8 @@
 """The layout of the BOP benchmark for 6-DoF poses (Hodan et al. 2018; README of bop_toolkit): the lander's links.
 
 ``models/obj_000001.ply`` and so on in millimetres, with the origin at the middle of their box; ``test/000000`` has the
-left images and ``test/000001`` the right ones, with an image for each pair. Principal points count from the corner of
-the first pixel, as the toolkit's renderer has them.
+left images and ``test/000001`` the right images, one image per pair. Principal points count from the corner of the
+first pixel, as the toolkit's renderer has them.
 """
 
 from __future__ import annotations
@@ -184,7 +184,7 @@ def _make_pixel_facts(whole: Array, seen: Array, depth: Array) -> dict[str, Any]
 
 
 def _find_bounding_box(mask: Array) -> list[int]:
-    """x, y, width and height of a mask; -1 where it is empty, as BOP has it."""
+    """x, y, width and height of a mask; -1 for an empty box, as BOP defines it."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return [-1, -1, -1, -1]

@@ -96,7 +96,7 @@ def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
 
 
 def make_centred_matrix(camera: StereoCamera) -> Array:
-    """K with pixels counted from the centre of the first one."""
+    """K with pixels counted from the centre of the first pixel."""
     matrix = np.array(camera.matrix)
     matrix[:2, 2] -= 0.5
     return matrix
@@ -117,7 +117,7 @@ def _write_colmap(each: Each, out: Path) -> None:
     ``images.txt`` and ``points3D.txt``, and ``scene-0000/transforms.json`` of nerfstudio.
 
     Pairs of the same ground, surface and light are one scene. Images are rectified; both programs count pixels from the
-    corner of the first one, as we do. Points come from the true depth and are seen by both eyes.
+    corner of the first pixel, as we do. Points come from the true depth and are seen by both eyes.
     """
     models: dict[str, _ColmapModel] = {}
 
@@ -140,7 +140,7 @@ def _write_colmap(each: Each, out: Path) -> None:
 def _make_scene_key(pair: LoadedPair) -> str:
     parts = [
         part(pair.pair.settings)
-        for part in (rebuilt_parts.select_geometry, rebuilt_parts.select_look, rebuilt_parts.select_light)
+        for part in (rebuilt_parts.select_geometry, rebuilt_parts.select_appearance, rebuilt_parts.select_light)
     ]
     return json.dumps(
         [

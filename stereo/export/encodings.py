@@ -67,7 +67,7 @@ def quantise_flow(flow_px: Array) -> tuple[Array, list[Loss]]:
 
 
 def encode_run_lengths(pixels: Array, count: int) -> list[int]:
-    """COCO's uncompressed run lengths of a mask: zeros and ones in turn, column by column.
+    """COCO's uncompressed run lengths of a mask: alternating runs of zeros and ones, column by column.
 
     ``pixels`` are the ascending indices of the mask's pixels, in the same order, in an image of ``count`` pixels.
     """

@@ -25,7 +25,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from ...formats.geotiff import MAP_FORMULA
-from ...physics.camera.calibration_error import refuse_errors
+from ...physics.camera.calibration_error import refuse_calibration_errors
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES, describe_rolling_shutter
 from ...support.arrays import Array
@@ -93,7 +93,7 @@ class _PairReader:
         for done, folder in enumerate(self._folders, 1):
             try:
                 pair = load_pair(folder, self._response)
-                refuse_errors(pair.settings.calibration_error, folder)
+                refuse_calibration_errors(pair.settings.calibration_error, folder)
             except Exception as error:
                 self._tell_failure(error, folder)
                 continue
@@ -255,7 +255,7 @@ def _write_kitti(each: Each, out: Path) -> None:
 def _make_kitti_calibration(pair: LoadedPair) -> str:
     camera = pair.pair.camera
     lines = []
-    # KITTI counts pixels from the centre of the first one, half a pixel from our corner.
+    # KITTI counts pixels from the centre of the first pixel, half a pixel from our corner.
     for name, shift in (("02", 0.0), ("03", -camera.focal_baseline_px_m)):
         matrix = (camera.focal_px, 0, camera.cx_px - 0.5, shift, 0, camera.focal_px, camera.cy_px - 0.5, 0, 0, 0, 1, 0)
         lines.append(f"S_rect_{name}: {camera.width_px:.6e} {camera.height_px:.6e}\n")
@@ -273,7 +273,7 @@ def _write_middlebury(pair: LoadedPair, folder: Path) -> None:
 
 
 def make_middlebury_text(camera: StereoCamera) -> str:
-    """The camera in the lines of Middlebury's ``calib.txt``: pixels from the centre of the first one, lengths in mm."""
+    """The camera as Middlebury's ``calib.txt``: pixels from the centre of the first pixel, lengths in mm."""
     eyes = "".join(
         f"cam{eye}=[{camera.focal_px:.9g} 0 {camera.cx_px - 0.5 + eye * camera.doffs_px:.9g}; "
         f"0 {camera.focal_px:.9g} {camera.cy_px - 0.5:.9g}; 0 0 1]\n"

@@ -72,7 +72,7 @@ def open_bag(bag: Path) -> Iterator[tuple[Callable[[str, Any, int], None], Any]]
     from rosbags.typesys import Stores, get_typestore
 
     if bag.exists():
-        raise IcyMoonError(f"{bag} exists already, and a bag is not written over; remove it or choose another folder.")
+        raise IcyMoonError(f"{bag} exists already, and a bag is not overwritten; remove it or choose another folder.")
     types = get_typestore(Stores.ROS2_JAZZY)
     part = make_part_path(bag)
     with explain_disk_errors("write to", part):
@@ -95,7 +95,7 @@ def open_bag(bag: Path) -> Iterator[tuple[Callable[[str, Any, int], None], Any]]
 
 
 def _find_time_ns(pair: LoadedPair, count: int) -> int:
-    """Nanoseconds of a pair, the one after ``count`` others. Raises IcyMoonError for a time outside ROS' range."""
+    """Nanoseconds of the pair that follows ``count`` other pairs. Raises IcyMoonError for a time outside ROS' range."""
     stamp = pair.settings.rig.stamp
     time = int(Decimal(stamp) * _NS_PER_S) if stamp else count * _NS_PER_S
     if not 0 <= time < _MOST_SECONDS * _NS_PER_S:

@@ -1,7 +1,6 @@
 """The exports ``webdataset`` and ``sceneflow``: lean copies for training, split by scene, with a data card.
 
-Images and disparities are those that the pairs were developed to; what training varies by itself needs no copy, see
-``torch_data``.
+Images and disparities are the developed ones of the pairs. Variations during training need no copy, see ``torch_data``.
 """
 
 from __future__ import annotations
@@ -157,7 +156,9 @@ def _write_webdataset(each: Each, out: Path) -> None:
     IcyMoonError if there are shards already.
     """
     if any(out.glob("*.tar")):
-        raise IcyMoonError(f"{out} has shards already, and they would mix; remove them or choose another folder.")
+        raise IcyMoonError(
+            f"{out} already contains shards, which would mix with the new ones; remove them or choose another folder."
+        )
     index, shards = _Index(), _Shards(out)
 
     def write(pair: LoadedPair) -> list[Loss]:

@@ -3,8 +3,8 @@
 OpenCV and OpenEXR have had memory errors, and files of a few kB can keep them busy for minutes. So another process
 decodes foreign images. It starts with the first such image and stays: it receives a line of JSON and a file, and
 answers with a line of JSON and the pixels. Its memory and time are limited in proportion to the stated size. A decoder
-that crashes or takes longer is ended, and the next image gets a new one. The decoder ends when its input ends, at every
-kind of end of this process.
+that crashes or takes longer is ended, and the next image gets a new decoder. The decoder ends when its input ends, at
+every kind of end of this process.
 
 Pixels whose size differs from the file's header are refused.
 """
@@ -69,11 +69,11 @@ def decode_exr(path: Path, channel: Channel, all_bytes: int) -> Array:
 
 
 class _DecoderDiedError(Exception):
-    """The decoder has ended."""
+    """The process that decodes images has ended."""
 
 
 class _Decoder:
-    """A process that decodes images for this one."""
+    """A process that decodes images for the present process."""
 
     def __init__(self) -> None:
         from ...render.workers.job_commands import python_command

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...physics.camera.calibration_error import refuse_errors
+from ...physics.camera.calibration_error import refuse_calibration_errors
 from ...physics.camera.sensor import expose_level_s, meter_level
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.lamps import find_light_factors, is_light_scaled
@@ -53,7 +53,7 @@ class Crops:
 
         The noise of a pixel differs from the noise in the whole image, with the same strength.
         """
-        refuse_errors(settings.calibration_error, pair.folder)
+        refuse_calibration_errors(settings.calibration_error, pair.folder)
         if not _depends_on_single_pixels(pair, settings):
             return None
         rows, groups = range(crop.rows.start, crop.rows.stop), is_light_scaled(settings)
@@ -88,9 +88,10 @@ class Crops:
 
 
 def read_whole(pair: Pair, settings: Settings) -> dict[str, Array]:
-    """The developed images ``left`` and ``right``, 0 to 1, (H, W) or (H, W, 3), and the truth of the left one, (H, W):
-    ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``."""
-    refuse_errors(settings.calibration_error, pair.folder)
+    """The developed images ``left`` and ``right``, 0 to 1, (H, W) or (H, W, 3), and the truth of the left image, (H,
+    W): ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``.
+    """
+    refuse_calibration_errors(settings.calibration_error, pair.folder)
     light, views = zip(
         *(read_eye(pair, eye, _list_unneeded_passes(is_light_scaled(settings))) for eye in EYES), strict=True
     )

@@ -158,8 +158,8 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
     """Develop both eyes with the same response and exposure, and with independent noise.
 
     ``left`` and ``right`` are the light that falls into the eyes, see ``views.read_eye``. The response in ``settings``
-    may differ from the one that the pair was rendered with. The same pair, data set seed and noise seed always give
-    the same noise.
+    may differ from the response that the pair was rendered with. The same pair, data set seed and noise seed always
+    give the same noise.
     """
     sensor, seed = settings.sensor, int(pair.settings.dataset.seed)
     pitch_m = pixel_pitch_m(sensor, settings.rig)

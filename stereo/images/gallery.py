@@ -26,8 +26,8 @@ _CAPTION_PX, _LINE_PX = 48, 16
 def write_picture(pair_folder: Path, file: Path, stops: float = 0.0) -> None:
     """Write the view of a pair's left eye as a JPEG for screens, in colour, at the camera's automatic exposure.
 
-    ``stops`` is the logarithm, to the base 2, of a factor on that exposure. Matchers get a linear image; this one has
-    the gamma of screens, so it is brighter, and it has no noise.
+    ``stops`` is the logarithm, to the base 2, of a factor on that exposure. Matchers get a linear image; this picture
+    has the gamma of screens, so it is brighter, and it has no noise.
     """
     pair = read_pair(pair_folder)
     radiance = read_radiance(pair)

@@ -11,7 +11,7 @@ import numpy as np
 from ...physics.camera import exposure_brackets
 from ...physics.camera.colour import mix_to_grey
 from ...physics.camera.deposits import apply_deposits, compute_blocked_share
-from ...physics.camera.head_camera import HeadCamera, is_plain, rays_of, show_points
+from ...physics.camera.head_camera import HeadCamera, is_plain, make_rays_of_pixels, show_points
 from ...physics.camera.point_spread import apply_point_spread
 from ...physics.camera.sensor import black_dn, choose_exposure_s
 from ...physics.light.photons import pixel_pitch_m
@@ -72,7 +72,7 @@ class HeadImage:
 
 
 def _rays(camera: HeadCamera) -> tuple[Array, Array]:
-    return rays_of(camera.projection, make_pixel_grid(*camera.projection.size_px))
+    return make_rays_of_pixels(camera.projection, make_pixel_grid(*camera.projection.size_px))
 
 
 def read_head_views(pair: Pair) -> Iterator[HeadView]:
@@ -85,7 +85,7 @@ def read_head_views(pair: Pair) -> Iterator[HeadView]:
 
 
 def read_head_view(pair: Pair, camera: HeadCamera) -> HeadView:
-    """One camera, see ``read_head_views``."""
+    """The view of one camera beside the pair, see ``read_head_views``."""
     image = pair.folder / image_file(camera.name)
     truth = image if is_plain(camera.projection) else pair.folder / truth_file(camera.name)
     light, seen = exr.read_light(image), exr.read_distances(truth)
@@ -112,8 +112,10 @@ def _check_size(path: Path, image: Array, size_px: tuple[int, int]) -> None:
 
 
 def develop_head_view(pair: Pair, view: HeadView, settings: Settings) -> HeadImage:
-    """Develop the image of a camera with the response of the pair's sensor, an exposure of its own and noise of its
-    own. The same pair, camera and seeds always give the same noise."""
+    """Develop the image of a camera with the response of the pair's sensor, and with its own exposure and noise.
+
+    The same pair, camera and seeds always give the same noise.
+    """
     sensor, seed, name = settings.sensor, int(pair.settings.dataset.seed), f"camera {view.camera.name}"
     pitch_m = pixel_pitch_m(sensor, settings.rig)
     channels = Channels(settings.light, sensor, pitch_m)

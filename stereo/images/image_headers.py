@@ -75,7 +75,7 @@ def check_size(width: int, height: int, most_pixels: int | None = None) -> int:
         raise RefusedError(f"states {width} x {height} px, an image without pixels; make it again.")
     if width * height > most:
         raise RefusedError(
-            f"states {width} x {height} px, and {most} pixels are the most that is read; make it smaller."
+            f"states {width} x {height} px, and {most} pixels are the most that can be read; make it smaller."
         )
     return width * height
 
@@ -241,8 +241,8 @@ def _read_bounded_content(foreign: ForeignBytes) -> bytes:
     """The content of a file whose size in pixels is known only after it is read."""
     if foreign.size > _MOST_PACKED_BYTES:
         raise RefusedError(
-            f"has {foreign.size / 1e6:.0f} MB, and {_MOST_PACKED_BYTES / 1e6:.0f} MB are the most that is "
-            "read of its kind; make it smaller."
+            f"has {foreign.size / 1e6:.0f} MB, and {_MOST_PACKED_BYTES / 1e6:.0f} MB are the most that can be read "
+            "of this kind; make it smaller."
         )
     return foreign.content()
 

@@ -153,7 +153,7 @@ def _rectified_rays(camera: StereoCamera) -> Array:
 
 
 def make_pixel_grid(width: int, height: int) -> Array:
-    """Columns and rows (H, W, 2) of the centres of pixels, from the centre of the first one."""
+    """Columns and rows (H, W, 2) of the centres of pixels, from the centre of the first pixel."""
     return np.stack(np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)), axis=-1)
 
 

@@ -67,7 +67,7 @@ def check(network: Network, options: Mapping[str, Any]) -> None:
 
 
 def find_checkpoint(network: Network, options: Mapping[str, Any]) -> Path:
-    """The checkpoint file of a network: the one in the options, or the default one."""
+    """The checkpoint file of a network: the checkpoint in the options, or the default checkpoint."""
     if options["checkpoint"]:
         return parse_path(options["checkpoint"], f"{network.method}.checkpoint")
     folder = os.environ.get(FOLDER_VARIABLE) or Path.home() / ".local" / "share" / "icymoon" / "checkpoints"
@@ -159,7 +159,7 @@ def _check_archive(path: Path) -> None:
         return
     if unfolded > path.stat().st_size:
         raise IcyMoonError(
-            f"{path} unfolds to {unfolded / 1e6:.0f} MB, and checkpoints are not packed; download it again."
+            f"{path} unfolds to {unfolded / 1e6:.0f} MB, but checkpoints are not compressed; download it again."
         )
 
 

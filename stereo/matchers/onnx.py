@@ -285,7 +285,7 @@ def _run_network(
         raise IcyMoonError(
             f"onnx.model {_find_model_path(options).name} was stopped after {most_s:.0f} s for {run_width} x "
             f"{run_height} px; if it is only slow, give a larger onnx.timeout_s than "
-            f"{options['timeout_s']:g}; if it has a loop without end, export it again without."
+            f"{options['timeout_s']:g}; if it contains an endless loop, export it again without the loop."
         ) from None
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(

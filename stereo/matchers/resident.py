@@ -16,7 +16,7 @@ from typing import Any
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from .options import Option
-from .resident_process import Program, ask_resident, start_resident
+from .resident_process import Program, match_with_resident, start_resident
 from .result import Result
 from .search_range import AUTO, SearchRange
 from .user_programs import require_program, split_arguments
@@ -57,7 +57,7 @@ def load(options: dict[str, Any]) -> None:
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images as the program answers it."""
-    return ask_resident(_make_program(options), left, right, camera, options.get("range_px"))
+    return match_with_resident(_make_program(options), left, right, camera, options.get("range_px"))
 
 
 def files(options: dict[str, Any]) -> list[str]:

@@ -68,7 +68,7 @@ class _ProgramError(Exception):
 
 
 class _Resident:
-    """A running program."""
+    """A matcher's program that was started and answers pairs."""
 
     def __init__(self, program: Program) -> None:
         """Start it and wait until it is ready. Raises _ProgramError; IcyMoonError if there is no temporary folder."""
@@ -262,7 +262,7 @@ def start_resident(program: Program) -> None:
             raise _record_failure(program, failure) from None
 
 
-def ask_resident(
+def match_with_resident(
     program: Program,
     left: Array,
     right: Array,

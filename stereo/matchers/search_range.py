@@ -1,7 +1,8 @@
 """The disparities that a matcher searches: from the rig, from the truth, or as the user states.
 
 ``disparities=auto`` (or ``max_disparity=auto``) searches the disparities that the rig can see; ``disparities=truth``
-searches the ones that the pair contains, which no camera knows and the report states. Numbers are searched as stated.
+searches the true disparities of the pair, which no camera knows; the report states this. Numbers are searched as
+stated.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ def require_range(method: str, word: str, option: str, ranges: Mapping[str, Sear
         return ranges[word]
     if word == AUTO:
         return SearchRange(0, _UNKNOWN_RIG_PX - 1, FIXED)
-    raise IcyMoonError(f"{method}.{option} is {word}, but no true disparity is known here; give auto or a number.")
+    raise IcyMoonError(f"{method}.{option} is {word}, but the true disparity is unknown here; give auto or a number.")
 
 
 def _enclose_disparities(low_px: float, high_px: float, width_px: int, source: str) -> SearchRange:

@@ -17,7 +17,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import parse_path
 from .options import Option
 from .resident import TIME_LIMITS
-from .resident_process import ADAPTERS, Program, ask_resident, start_resident
+from .resident_process import ADAPTERS, Program, match_with_resident, start_resident
 from .result import Result
 from .user_programs import require_program
 
@@ -60,7 +60,7 @@ def load(options: dict[str, Any]) -> None:
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
-    return ask_resident(_make_program(options), left, right, camera)
+    return match_with_resident(_make_program(options), left, right, camera)
 
 
 def _checkpoint_path(options: dict[str, Any]) -> Path:

@@ -248,7 +248,7 @@ class _DigitCounts:
         ]
 
     def _table(self, groups: int, cells: Array, counts: Array) -> Array:
-        """Counts in all groups before each one, of all digits below each one."""
+        """For each group and digit, the count in all earlier groups of all smaller digits."""
         # Imported here, because Blender has no OpenCV, and paints errors by other functions of these modules.
         import cv2
 
@@ -257,7 +257,9 @@ class _DigitCounts:
         return np.asarray(cv2.integral(table, sdepth=cv2.CV_32S)).ravel()
 
     def below(self, prefixes: Array, limits: Array) -> list[Array]:
-        """For pairs of a prefix and a limit, the counts of smaller digits: of all, and of the ones in each region."""
+        """For pairs of a prefix and a limit, the counts of smaller digits: of all digits, and of the digits in each
+        region.
+        """
         group, rest = prefixes >> _GROUP_BITS, prefixes & _GROUP_SIZE - 1  # far faster than to divide
         cell = group * self._columns + limits
         before = self._tables[0].take(cell)

@@ -71,13 +71,13 @@ class Estimate:
 
     @property
     def number(self) -> float | None:
-        """The value, or None."""
+        """The value; None if it is unknown."""
         return self.value if np.isfinite(self.value) and np.isfinite(self.error) else None
 
 
 @dataclass(frozen=True)
 class TruthOffsets:
-    """The corrections that make the truth of both eyes agree, each as if it were the only one needed."""
+    """The corrections that make the truth of both eyes agree, each computed as the only correction."""
 
     shift_px: Estimate = Estimate()  # of the right eye along the rows
     scale: Estimate = Estimate()  # share by which the stated f·B is too large
@@ -198,7 +198,7 @@ def _fit_robustly(
 
 
 def measure_light_offsets(left: Array, right: Array, column: Array, visible: Array) -> LightOffsets:
-    """Compare the radiance (H, W) of both eyes: the left one where ``visible``, with the right one at ``column``."""
+    """Compare the radiance (H, W) of both eyes: the left where ``visible``, with the right at ``column``."""
     width = column.shape[1]
     with np.errstate(invalid="ignore"):
         where = visible & (column >= 1) & (column <= width - 2)
@@ -351,8 +351,7 @@ def _interpolate_peak(curve: Array, steps: Array) -> Array:
 
 
 def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: Array) -> Estimate:
-    """The share of the points of the left image (H, W), found with certainty in the right image, that are not at the
-    true ``disparity``.
+    """The share of reliable matches between the left (H, W) and the right image that contradict the true ``disparity``.
 
     Works on reduced images, which have less noise. NaN if too few places are found.
     """

@@ -104,21 +104,21 @@ class MatchedPlaces:
     step: int
 
     def are_enough(self) -> bool:
-        """Whether there are enough places, in either order of the images, for a verdict."""
+        """Whether there are enough matched places for a verdict, in either order of the images."""
         return any(
             _is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _LEAST_PLACES_SHARE
             for each in (self.left, self.swapped)
         )
 
 
-def find_places(left: Array, right: Array) -> MatchedPlaces:
+def find_common_places(left: Array, right: Array) -> MatchedPlaces:
     """Places that grey images (H, W) of any range have in common, by block matching in both directions."""
     step = max(1, math.ceil(left.shape[1] / _REDUCED_COLUMNS))
     small = [_to_8_bit(_reduce(image, step)) for image in (left, right)]
     return MatchedPlaces(_match_both_ways(small[0], small[1]), _match_both_ways(small[1], small[0]), step)
 
 
-def make_known_places(disparity: Array) -> MatchedPlaces:
+def make_true_places(disparity: Array) -> MatchedPlaces:
     """The true disparity (H, W) of a pair, NaN where unknown, as places that are known."""
     step = max(1, math.ceil(disparity.shape[1] / _REDUCED_COLUMNS))
     thinned = disparity[step // 2 :: step, step // 2 :: step] / step
@@ -235,7 +235,7 @@ def is_confirmed(values: Array, kind: str, camera: StereoCamera, places: Matched
     )
 
 
-def are_seen_at_disparity(where: Array, disparity_px: float, places: MatchedPlaces) -> bool:
+def are_mostly_at_disparity(where: Array, disparity_px: float, places: MatchedPlaces) -> bool:
     """Whether the images show most of the pixels ``where`` (H, W) at one disparity, as of a wall that faces them."""
     inside = _thin(where.astype(np.float64), places.step) > 0
     there = _measure_agreeing_share(np.where(where, disparity_px, np.nan), places.left, places.step)

@@ -158,7 +158,7 @@ def compute_total_metrics(
 
     Rates are (wrong + missing) / true. For quantiles (``median_m`` is one) a missing measurement has an infinite error,
     so a quantile is infinite if too many are missing. For ``dod`` every pair with a missing pixel disagrees; the
-    argument ``dod`` is the one among the measured pixels. NaN if there is no true pixel.
+    argument ``dod`` is the value over the measured pixels. NaN if there is no true pixel.
     """
     return compute_total_metrics_of_errors(Errors(depth, true_depth), Errors(disparity, true_disparity), dod)
 
@@ -199,8 +199,8 @@ def _find_quantiles(errors: Errors, shares: Sequence[float], total: int) -> list
 def compute_error_curve(prediction: Array, truth: Array) -> list[float]:
     """Share of all true pixels that are measured with an error within each of ERROR_STEPS_M; NaN without truth.
 
-    A missing measurement is within none of them, so the curve ends at the coverage: it shows coverage and accuracy
-    together.
+    A missing measurement counts as outside every limit, so the curve ends at the coverage and shows coverage and
+    accuracy together.
     """
     return compute_error_curve_of_errors(Errors(prediction, truth))
 

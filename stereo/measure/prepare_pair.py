@@ -142,7 +142,7 @@ def load_pair(folder: Path, response: Mapping[str, Mapping[str, Any]], measuring
     eyes = {eye: read_eye(pair, eye, _list_unneeded_passes(eye, settings) if measuring else ()) for eye in EYES}
     light, views = ({eye: taken for eye, (taken, _) in eyes.items()}, {eye: flat for eye, (_, flat) in eyes.items()})
     images = develop(pair, light["left"], light["right"], settings)
-    left, right = make_check_eyes(pair, settings, views)
+    left, right = make_self_check_eyes(pair, settings, views)
     views = {name: _label_unseen(views[name], eye.seen) for name, eye in (("left", left), ("right", right))}
     depth = {name: np.where(eye.seen, eye.depth, np.nan) for name, eye in (("left", left), ("right", right))}
     visible = find_visibility(left, right, pair.camera)
@@ -262,7 +262,7 @@ def none_if_not_finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def make_check_eyes(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:
+def make_self_check_eyes(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:
     """The left and the right eye of a pair for its self-check, from the views of ``views.read_eye``."""
     left, right = (
         Eye(

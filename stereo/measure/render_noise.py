@@ -1,6 +1,6 @@
 """The share of a pair's texture that is below the render noise, from its two eyes, the truth and the error of its bake.
 
-The right image is warped to the left one by the true disparity. The difference is then the noise of both, and a rest
+The right image is warped to the left image by the true disparity. The difference is then the noise of both, and a rest
 from interpolation and from light that depends on the view. It is compared with the texture around each pixel: where the
 texture is weaker than the noise (signal-to-noise ratio below 1), matchers compare noise.
 

@@ -63,7 +63,7 @@ class Eye:
 
 @dataclass(frozen=True)
 class SelfCheck:
-    """The result. A number is None if it cannot be determined: without common pixels, relief, light or texture."""
+    """The result. A number is None if common pixels, relief, light or texture are missing."""
 
     photometric_disagreement: float | None  # median relative difference of left and right radiance of a point
     photometric_offset_px: float | None  # shift of the right image that fits best; 0 in a right pair
@@ -167,7 +167,7 @@ def _determines_fit(light: LightOffsets) -> bool:
 
 
 def _measure_disagreement(left: Eye, right: Eye, column: Array, visible: Array) -> float | None:
-    """Median relative difference of the left radiance and the right one, moved by the true disparity.
+    """Median relative difference of the left radiance and the right radiance, moved by the true disparity.
 
     In a good pair this is render noise and the part of the light that is not Lambertian. With a wrong f·B or exchanged
     eyes it is the whole contrast of the texture.

@@ -49,7 +49,7 @@ class DSMNet(nn.Module):
 
 
 def concatenate_shifts(left: Tensor, right: Tensor, planes: int) -> Tensor:
-    """(N, 2 C, planes, h, w): left features beside the right ones at every shift; 0 outside the right image."""
+    """(N, 2 C, planes, h, w): left features beside the right features at every shift; 0 outside the right image."""
     count, channels, height, width = left.shape
     volume = left.new_zeros(count, 2 * channels, planes, height, width)
     for shift in range(min(planes, width)):

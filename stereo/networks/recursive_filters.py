@@ -75,9 +75,9 @@ def _scan_weights(guide: Tensor) -> Tensor:
 def _scan_rows(x: Tensor, weights: Tensor) -> Tensor:
     """o[r, c] = w · (x[r, c], o[r-1, c], o[r-1, c-1], o[r-1, c+1], o[r, c-1]), all rows side by side.
 
-    In order of t = c + 2 r all that a pixel needs comes earlier: 1 the left and the upper right one,
-    2 the upper one, 3 the upper left one. So the pixels of one t, one of every second column in every row,
-    are worked out at once.
+    In order of t = c + 2 r all that a pixel needs comes earlier: 1 the left and the upper right pixel, 2 the upper
+    pixel, 3 the upper left pixel. So the pixels of one t, one of every second column in every row, are worked out at
+    once.
     """
     count, channels, height, width = x.shape
     steps = width + 2 * (height - 1)

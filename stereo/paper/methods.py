@@ -1,4 +1,4 @@
-"""The four matchers of the GUISS paper with its options, and the reasons why some of them cannot run here."""
+"""The four matchers of the GUISS paper with its options, and the reasons why some matchers cannot run here."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DISPARITIES_STEP_PX, _LEAST_WINDOW = 16, 5
 
 
 def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], dict[str, str]]:
-    """The matchers that can run, and for each other one, by name, a sentence with the reason.
+    """The matchers that can run, and by name, a sentence with the reason for each matcher that cannot.
 
     ``scale`` is the size of the images over the paper's; window and range of StereoBM are scaled with them.
     ``options`` are ``matcher.key=value``. Raises IcyMoonError for an option that is wrong, and if a matcher cannot run
@@ -43,7 +43,10 @@ def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], di
 
 
 def _describe_matcher(name: str, scale: float) -> str:
-    """A matcher with the paper's options, as ``--methods`` takes it; JPLV's are not printed, so it has its own here."""
+    """A matcher with the paper's options, as ``--methods`` takes it.
+
+    The paper does not print JPLV's options, so JPLV has ours.
+    """
     if name == "jplv" or (scale != 1 and name == "dsmnet"):  # whose crop is for images of the paper's size
         return name
     if scale == 1 or name == "igev":

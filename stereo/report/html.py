@@ -164,7 +164,8 @@ def _list_scenes(sweeps: Sequence[VariedSetting], table: ResultTable) -> str:
 
 
 def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
-    """Names of the pairs to show: all or, if there are too many, the worst ones and as many others at equal steps.
+    """Names of the pairs to show: all pairs, or if there are too many, the worst pairs and as many others at equal
+    steps.
 
     The worst pairs have the most wrong or missing pixels by any method that measured anything. Pairs that count in no
     average are the worst of all.

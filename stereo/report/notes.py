@@ -58,7 +58,7 @@ class Note:
 
     @property
     def sentence(self) -> str:
-        """The whole note."""
+        """The note and its detail as one sentence."""
         return f"{self.brief}: {self.detail}"
 
 

@@ -1,4 +1,4 @@
-"""Methods that fail heavily in few pairs, so that chance decides how many of these failures a data set contains.
+"""Methods that fail heavily in few pairs; chance decides the number of these failures in a data set.
 
 Whether such a method is better on average depends on these failures. The typical scene has none, so a verdict on it
 does not count them. The sign: in at most a tenth of the pairs, a method's excess over the other methods' median is at

@@ -24,7 +24,7 @@ ROW_NAMES: dict[str, Shape] = {"pair": FILE_NAME, "method": TEXT, "key": TEXT}
 
 
 class RowLog:
-    """A JSON-lines file with a row per (pair, method); if there are several, the last one counts.
+    """A JSON-lines file with a row per (pair, method); if there are several, the last row counts.
 
     An appended row is on the disk. Only the place and the ``key`` of each row are in memory. An incomplete row of an
     interrupted run is removed; lines that are no rows of ``shape`` are skipped. Raises IcyMoonError if the disk
@@ -72,7 +72,7 @@ class RowLog:
         return row
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Add one row. If the disk accepts only a part of it, this part is removed."""
+        """Add one row. If the disk accepts only a part of the row, this part is removed."""
         rest = memoryview((json.dumps(row, allow_nan=False) + "\n").encode())
         with explain_disk_errors("write", self._path), self._path.open("ab", buffering=0) as stream:
             end = stream.tell()

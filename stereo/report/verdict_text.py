@@ -74,7 +74,7 @@ def _describe_difference(entry: Mapping[str, Any]) -> str:
 
 
 def _describe_unseen(scenes: int) -> str:
-    """The limit of all tests of these scenes: failures that occur in none of them. If a share q of all scenes had one,
+    """A limit of every test on these scenes: failures that occur in no scene. If a share q of all scenes had one,
     this many scenes would contain none with a probability of (1 - q)^scenes.
     """
     return (

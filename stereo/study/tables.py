@@ -64,7 +64,7 @@ def write_study(study: Study, found: Mapping[str, Any], out: Path) -> str:
     return text
 
 
-def put_between_marks(page: Path, text: str) -> str:
+def replace_between_marks(page: Path, text: str) -> str:
     """The content of a page with a text between its marks. Raises IcyMoonError if it has none."""
     before = read_text(page)
     if BEGIN not in before or END not in before:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...render.cost.error_tolerance import Tolerance, combine_verdicts
-from ...render.cost.quality_variants import Variant, list_candidates, list_leaner_settings, make_reference
+from ...render.cost.quality_variants import Variant, list_candidates, list_settings_with_less_light, make_reference
 from ...settings.description import changed, merged
 from ...settings.toml_text import to_toml
 from ...support.files import explain_disk_errors, write_text
@@ -54,7 +54,7 @@ def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, 
     methods = parse_methods(bench.methods, own=bench.own)
     best = make_reference(bench.settings, bench.samples)
     ladder = list_candidates(bench.settings, check_abilities(bench, best.settings), bench.images)
-    parts = list_leaner_settings(bench.settings)
+    parts = list_settings_with_less_light(bench.settings)
     counter = RenderCounter(bench.on_event, best.repeats + len(ladder) + len(parts))
     file = bench.out / "auto.toml"
     with explain_disk_errors("write to", bench.out):

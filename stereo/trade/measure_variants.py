@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...render.cost.blender_abilities import Abilities, ask_abilities, describe_lack
+from ...render.cost.blender_abilities import Abilities, describe_lack, query_abilities
 from ...render.cost.quality_variants import GROUPS, SHAPES, Variant, list_variants, make_reference
 from ...render.workers.job_commands import Job, render_job
 from ...render.workers.process import Message
@@ -118,7 +118,7 @@ def check_abilities(bench: TradeBench, settings: Settings) -> Abilities:
 
     Raises IcyMoonError if it cannot render these settings.
     """
-    able = ask_abilities(bench.blender)
+    able = query_abilities(bench.blender)
     if lack := describe_lack(settings, able):
         raise IcyMoonError(lack)
     if not able.denoiser:

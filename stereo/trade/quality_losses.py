@@ -87,7 +87,7 @@ def read_reference(
     first, light = renders[0], average_light(renders)
     mean = float(average_bands(light["left"].radiance).mean())
     if not mean > 0:
-        raise IcyMoonError(f"{folders[0]} is black, so nothing can be compared; put the Sun above the horizon.")
+        raise IcyMoonError(f"{folders[0]} is black, so it cannot be compared; put the Sun above the horizon.")
     exposed = merged(first.settings, {"sensor": {"auto_exposure": False, "exposure_s": first.images.exposure_s}})
     cost = _measure_cost(renders)["cpu_s"]
     untallied = Reference(

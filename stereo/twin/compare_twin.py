@@ -314,7 +314,7 @@ def measure_matcher(
 ) -> tuple[Array, dict[str, float]]:
     """The disparity (H, W) of a method on grey images, and the MATCHED numbers over the pixels that are ``seen``.
 
-    The right image is matched too, mirrored and with the left one in its place. Errors are NaN without a ``truth``,
+    The right image is matched too, mirrored and exchanged with the left image. Errors are NaN without a ``truth``,
     and count pixels whose true place is in the right image; which ones are hidden there no photograph tells.
     """
     ranges = {AUTO: search}
@@ -346,7 +346,7 @@ def find_consistent(left: Array, right: Array) -> Array:
 
 
 def _choose_scale(disparities: Any) -> Scale:
-    """The colours of all disparity maps of a pair."""
+    """The colour range of all disparity maps of a pair."""
     known = np.concatenate([each[np.isfinite(each)] for each in disparities])
     low, high = (float(q) for q in np.quantile(known, (0.01, 0.99))) if known.size else (1.0, 64.0)
     return Scale(max(low, 0.1), max(high, low * 1.05, 0.2), VIRIDIS, DISPARITY_TITLE)

@@ -96,7 +96,7 @@ def _make_section(twin: Twin, record: Mapping[str, Any], pictures: Path, methods
 
 
 def _draw_curves(records: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Histogram, gradients and spectrum of both sides as SVG: thin lines for pairs, thick ones for their means."""
+    """Histogram, gradients and spectrum of both sides as SVG: thin lines for pairs, thick lines for their means."""
     found: list[str] = []
     with matplotlib.rc_context(STYLE):
         for key, title, label, logarithmic in (

@@ -32,7 +32,7 @@ _LEAST_DISPARITY_PX = 0.5
 
 @dataclass(frozen=True)
 class Photographs:
-    """A photographed pair: a name for results, the files of both eyes, and of the true depth of the left one."""
+    """A photographed pair: a name for results, the files of both eyes, and of the true depth of the left image."""
 
     name: str
     left: Path

@@ -17,7 +17,7 @@ from ...settings.description import check, merged
 from ...settings.topics.declaration import Parts
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
-from ..measure.fit_check import READINGS, MatchedPlaces, find_fault, find_places
+from ..measure.fit_check import READINGS, MatchedPlaces, find_common_places, find_fault
 from .photographs import Photographs, Rectification
 from .pose import Pose, fit_pose
 
@@ -66,7 +66,8 @@ class Described:
 
 
 def plan_twins(pairs: Sequence[Photographs], described: Described, rectification: Rectification) -> list[Twin]:
-    """The twin of each pair. Each has its own seed, the first one the seed of the settings, and so another ground.
+    """The twin of each pair. Each twin has its own seed and so another ground; the first twin has the seed of the
+    settings.
 
     Height, pitch and roll follow from the true depth, unless the user states one of them. All files are read. Raises
     IcyMoonError.
@@ -75,7 +76,7 @@ def plan_twins(pairs: Sequence[Photographs], described: Described, rectification
     twins, first = [], int(described.complete().dataset.seed)
     for number, photographs in enumerate(pairs):
         left, right = (rectification.read_grey(path, eye) for path, eye in zip(photographs.files, EYES, strict=False))
-        places = find_places(left, right)
+        places = find_common_places(left, right)
         doubts = [*_doubt_order(photographs, places)]
         pose, own = None, Settings()
         if photographs.depth:
@@ -91,7 +92,7 @@ def plan_twins(pairs: Sequence[Photographs], described: Described, rectification
 
 
 def _doubt_order(photographs: Photographs, places: MatchedPlaces) -> Iterator[str]:
-    """A sentence if the images match better with the right one first, or in too few places for the calibration."""
+    """A sentence if the images match better with the right image first, or in too few places for the calibration."""
     stated, swapped = (int(np.isfinite(each).sum()) for each in (places.left, places.swapped))
     if not places.are_enough():
         yield (

@@ -110,7 +110,7 @@ def _compute_mean(values: Array) -> float:
 
 
 def make_csv(twins: Sequence[Twin], records: Sequence[Mapping[str, Any]], methods: Sequence[Method]) -> str:
-    """A row for each side of each pair, with all of its numbers; shares are from 0 to 1, and unknown ones empty."""
+    """A row for each side of each pair, with all its numbers; shares are from 0 to 1, and unknown shares are empty."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     heads = [quantity.key for quantity in STATISTICS]

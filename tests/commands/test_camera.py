@@ -67,9 +67,9 @@ def test_the_rig_is_that_of_its_models(tmp_path, text, capsys):
         ((0.3, 0.1, 0), 0.0, "side by side"),
         ((0.3, 0, 0.1), 0.0, "side by side"),
         ((-0.3, 0.1, 0), 0.0, "side by side"),
-        ((0, 0.3, 0), 0.0, "0.3 m above the other.* turn the images of both by 90"),
+        ((0, 0.3, 0), 0.0, "0.3 m above the other.* rotate the images of both eyes by 90"),
         ((0.01, -0.3, 0), 0.0, "0.3 m above the other"),
-        ((0, 0, 0), 0.0, "at one place"),
+        ((0, 0, 0), 0.0, "have the same position"),
         ((300.0, 0, 0), 0.0, r"right\.txt: the eyes are 300 m .* the vector C is in metres; .* divide it by 1000"),
     ],
 )
@@ -153,7 +153,7 @@ def test_what_is_no_calibration_of_ros_is_a_sentence(tmp_path, capsys, before, a
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ("0., 500., 240.25", "0., 700., 240.25", "not square, in projection_matrix too (fx 500, fy 700 px)"),
+        ("0., 500., 240.25", "0., 700., 240.25", "not square, also in projection_matrix (fx 500, fy 700 px)"),
         ("camera_name: narrow_stereo", "binning_x: 2\nbinning_y: 2", "write the same binning_x, binning_y and roi"),
     ],
 )
@@ -198,7 +198,7 @@ def test_eyes_in_the_wrong_order_are_named(tmp_path):
 
 def test_one_file_is_no_pair(tmp_path):
     (left, _), (of_jpl, _) = ros_pair(tmp_path), written(tmp_path)
-    for path, words in ((left, "states no baseline"), (of_jpl, "at one place")):
+    for path, words in ((left, "states no baseline"), (of_jpl, "have the same position")):
         with pytest.raises(IcyMoonError, match=words):
             read_rig(path, path)
 
@@ -206,7 +206,7 @@ def test_one_file_is_no_pair(tmp_path):
 def test_a_pair_of_ros_one_above_the_other_has_its_own_sentence(tmp_path):
     left, right = ros_pair(tmp_path)
     change(right, ("-100.0, 0., 500., 240.25, 0.,", "0., 0., 500., 240.25, -100.,"))
-    with pytest.raises(IcyMoonError, match=r"0\.2 m above the other.* turn the images of both by 90 degrees"):
+    with pytest.raises(IcyMoonError, match=r"0\.2 m above the other.* rotate the images of both eyes by 90 degrees"):
         read_rig(left, right)
 
 
@@ -418,12 +418,14 @@ def test_projections_of_no_rectified_pair_are_refused(tmp_path, before, after, w
     """The reason is of projection_matrix, which alone could serve where the lenses differ."""
     left, right = ros_pair(tmp_path)
     change(right, ("data: [-0.3,", "data: [-0.2,"), (before, after))
-    with pytest.raises(IcyMoonError, match=rf"50 px in distortion, .* no rectified pair: .*{words}"):
+    with pytest.raises(IcyMoonError, match=rf"50 px in distortion, .* does not make a rectified pair: .*{words}"):
         read_rig(left, right)
 
 
 def test_eyes_of_two_kinds_of_camera_are_refused(tmp_path):
-    with pytest.raises(IcyMoonError, match=r"differ by 100 px in focal length, .* no rectified pair: .*calibrate both"):
+    with pytest.raises(
+        IcyMoonError, match=r"differ by 100 px in focal length, .* not make a rectified pair: .*calibrate both"
+    ):
         read_rig(*ros_pair(tmp_path, f="600.", shift="-120.0"))
     paths = []
     for name, along, more in (("left", 0.0, 0.0), ("right", 0.3, 100.0)):
@@ -457,7 +459,7 @@ def test_toed_in_models_lead_to_the_rectified_ones_beside_them(tmp_path):
     ("text", "what"),
     [
         ("cam0:\n  cam_overlaps: [1]\n  camera_model: pinhole\n", "is a camchain of Kalibr"),
-        ("%YAML:1.0\n---\nimage_width: 640\n", "is a calibration in the YAML of OpenCV"),
+        ("%YAML:1.0\n---\nimage_width: 640\n", "is a calibration of OpenCV, not of ROS"),
     ],
 )
 def test_files_that_are_like_a_calibration_of_ros_are_named(tmp_path, text, what):
@@ -577,7 +579,7 @@ def test_two_of_many_cameras_are_chosen(tmp_path, capsys):
     ("words", "told"),
     [
         (["--to", "mrcal"], "--to mrcal needs files to write"),
-        (["--out", "x"], "add --to with one"),
+        (["--out", "x"], "add --to with a format"),
         (["--to", "cahv", "--out", "x", "y"], "no lens equal to Brown-Conrady"),
     ],
 )
@@ -624,7 +626,7 @@ def test_the_rig_of_rectified_images_keeps_both_principal_points(tmp_path):
     [
         ({"bent": -0.1}, "has distortion .* leave out --rectified"),
         ({"turn": 0.02}, r"1\.15 degrees; give the calibration of the rectified images"),
-        ({"unlike": 1.01}, "one focal length"),
+        ({"unlike": 1.01}, "the same focal length"),
     ],
 )
 def test_a_calibration_of_images_that_are_not_rectified_is_refused(tmp_path, fault, words):
@@ -731,7 +733,7 @@ def test_what_is_read_is_not_overwritten(tmp_path, capsys):
     out = tmp_path / "x" / ".." / "camchain.yaml"
     (tmp_path / "x").mkdir()
     assert main(["camera", str(path), "--to", "kalibr", "--out", str(out)]) == 1
-    assert "is read here and would be overwritten" in capsys.readouterr().err
+    assert "is also an input and would be overwritten" in capsys.readouterr().err
     assert path.read_bytes() == before
     assert main(["camera", str(path), "--to", "mrcal", "--out", str(tmp_path / "a"), str(tmp_path / "a")]) == 1
     assert "twice; name a file for each camera" in capsys.readouterr().err

@@ -33,7 +33,7 @@ def test_a_folder_of_files_has_to_replace_something(tmp_path, capsys):
 def test_tables_of_others_are_not_overwritten(tmp_path, capsys, name):
     (tmp_path / name).write_text("mine")
     assert main(["reproduce", "guiss", "--dry-run", "--out", str(tmp_path)]) == 1
-    assert f"{name} is there already" in capsys.readouterr().err
+    assert f"{name} already exists" in capsys.readouterr().err
     assert (tmp_path / name).read_text() == "mine"
 
 

@@ -150,7 +150,7 @@ def test_chunks_that_unfold_to_another_size_are_refused(tmp_path, chunk, compres
 
 @pytest.mark.parametrize("entry", [channel(across=2), channel(down=2), channel(kind=0)])
 def test_what_is_not_of_every_pixel_or_no_float_is_not_decoded_here(entry):
-    with pytest.raises(ValueError, match="not of floats"):
+    with pytest.raises(ValueError, match="does not store floats"):
         list(decode_parts(exr(chunk_list(entry))))
 
 

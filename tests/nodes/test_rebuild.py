@@ -185,7 +185,7 @@ def test_copies_of_what_is_built_are_the_persons_own():
     built.collection.objects.link(rock)
     found = scenes.find_built(scene)
     assert (found.terrain, found.edited, found.edited_parts()) == (terrain, True, set())
-    scenes.separate_copies(found)
+    scenes.separate_from_copies(found)
     assert held(found) == before
     built = scenes.build_scene(scene, complete(ROUGHER))
     assert held(built) == before
@@ -209,7 +209,7 @@ def test_the_full_copy_of_a_scene_is_a_built_scene_of_its_own(settings):
     built = render.bring_up_to_date(copy, scene_properties.read_settings(copy.icymoon))
     assert built.terrain not in (None, first.terrain)
     assert not built.edited
-    assert built.extra == first.extra == scenes.make_extra(built.settings)
+    assert built.extra == first.extra == scenes.make_build_facts(built.settings)
     assert "press Build Scene" in scenes.why_shared(built)
     light = copy.icymoon.light
     light.sun_elevation_deg += 5.0

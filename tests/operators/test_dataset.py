@@ -39,7 +39,7 @@ def described(scene, tmp_path, monkeypatch):
     group.plan, group.folder, group.leave_running = str(tmp_path / "plan.toml"), str(tmp_path / "set"), False
     dataset.readout.update(plan="", lines=[], set_aside=[], last=None)
     yield scene
-    process = dataset.find_left_running(tmp_path / "running")
+    process = dataset.find_unwatched_process(tmp_path / "running")
     if process is not None:
         process.stop()
 

@@ -30,7 +30,7 @@ def rendered(small):
 def editor(monkeypatch):
     """An Image Editor that shows the image, as in a window; there is none here."""
     areas = [SimpleNamespace(tag_redraw=lambda: None)]
-    monkeypatch.setattr(image_editor, "find_showing", lambda image: areas)
+    monkeypatch.setattr(image_editor, "find_editors_showing", lambda image: areas)
     monkeypatch.setattr(image_editor, "zoom_to_fit", lambda area: None)
     return areas
 
@@ -67,7 +67,7 @@ def test_the_last_pair_of_a_data_set_is_shown_without_another_process(rendered, 
     assert bpy.ops.icymoon.show_last_pair() == {"FINISHED"}
     np.testing.assert_array_equal(pixels(), picture)
     monkeypatch.setitem(dataset.readout, "last", folder / "gone")
-    with pytest.raises(RuntimeError, match="does not exist any more; render the data set again"):
+    with pytest.raises(RuntimeError, match="no longer exists; render the data set again"):
         bpy.ops.icymoon.show_last_pair()
 
 

@@ -198,7 +198,7 @@ def test_a_fault_ends_the_job_with_a_sentence(told, context, capsys, monkeypatch
     monkeypatch.setattr(Operator, where, meet_fault)
     operator.modal(context, TIMER)
     operator.modal(context, TIMER)
-    assert operator.said == ["Try was ended by a fault (KeyError: 'mesh'); start it again, and please report this."]
+    assert operator.said == ["Try was ended by an error (KeyError: 'mesh'); start it again, and please report this."]
     assert (operator.cleaned, len(context.window_manager.removed), session.job) == ([True], 1, None)
     assert "KeyError" in capsys.readouterr().err  # a defect keeps its traceback
     assert operator.modal(context, TIMER) == {"FINISHED"}

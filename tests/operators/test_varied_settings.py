@@ -42,7 +42,7 @@ def tiny(scene, tmp_path, monkeypatch):
     scene_properties.write_settings(scene.icymoon, {**TINY, "dataset": {"folder": str(tmp_path / "set")}})
     dataset.readout.update(plan="", lines=[], set_aside=[], last=None)
     yield scene
-    process = dataset.find_left_running(tmp_path / "running")
+    process = dataset.find_unwatched_process(tmp_path / "running")
     if process is not None:
         process.stop()
 

@@ -53,10 +53,10 @@ def test_a_walk_is_worth_it_where_a_pixel_is_as_small():
     assert scene_requirements.traces_random_walk(exact, "surface")
     assert not scene_requirements.traces_random_walk(described({"quality": {"walk_px": 0.0}}), "surface")
     assert not scene_requirements.traces_random_walk(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")
-    assert rebuilt_parts.select_look(high) != rebuilt_parts.select_look(settings)
-    assert rebuilt_parts.select_look(described(SNOW, {"rig": {"pitch_deg": 50.0}})) == rebuilt_parts.select_look(
-        settings
-    )
+    assert rebuilt_parts.select_appearance(high) != rebuilt_parts.select_appearance(settings)
+    assert rebuilt_parts.select_appearance(
+        described(SNOW, {"rig": {"pitch_deg": 50.0}})
+    ) == rebuilt_parts.select_appearance(settings)
 
 
 def test_what_is_left_out_is_told_with_its_reason():

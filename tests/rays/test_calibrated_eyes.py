@@ -44,7 +44,7 @@ def stage(turn, *parts):
     return Stage(found, EmbreeTracer(LIBRARY, found), nothing, EmbreeTracer(LIBRARY, nothing))
 
 
-def eyes_of(camera, turn):
+def make_calibrated_eyes(camera, turn):
     return {
         name: CalibratedEye(own, camera.focal_px, turn, turn @ np.array([along, 0.0, 0.0]))
         for name, own, along in zip(("left", "right"), camera.eyes, (0.0, camera.baseline_m), strict=True)
@@ -88,7 +88,7 @@ def test_a_point_of_one_eye_is_where_the_other_one_has_it_in_all_directions(name
     90 degrees off the axis, so there its rounding moves a point along the ray, and no pixel is left out for it."""
     camera = make_camera_with_eyes(head_settings(name))
     scene = stage(TURN, around())
-    truth = trace_eyes(scene, eyes_of(camera, TURN), camera.baseline_m, NEAR, FAR)
+    truth = trace_eyes(scene, make_calibrated_eyes(camera, TURN), camera.baseline_m, NEAR, FAR)
     for first, second in ((0, 1), (1, 0)):
         own, other = camera.eyes[first], camera.eyes[second]
         depth = truth[("left", "right")[first]].depth_m.astype(np.float64)
@@ -109,7 +109,7 @@ def test_a_point_of_one_eye_is_where_the_other_one_has_it_in_all_directions(name
 def test_a_point_of_one_eye_is_where_the_other_and_the_rectified_pair_have_it(name):
     camera = make_camera_with_eyes(head_settings(name))
     scene = stage(TURN, hills())
-    truth = trace_eyes(scene, eyes_of(camera, TURN), camera.baseline_m, NEAR, FAR)
+    truth = trace_eyes(scene, make_calibrated_eyes(camera, TURN), camera.baseline_m, NEAR, FAR)
     for first, second in ((0, 1), (1, 0)):
         own, other = camera.eyes[first], camera.eyes[second]
         depth = truth[("left", "right")[first]].depth_m.astype(np.float64)
@@ -140,7 +140,7 @@ def test_rectified_truth_is_found_again_on_the_sensors(name):
     camera = make_camera_with_eyes(head_settings(name))
     z = np.array([[-40, -40, 4.0], [40, -40, 6.0], [40, 40, 6.0], [-40, 40, 4.0]])
     scene = stage(np.eye(3), (z, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)))
-    raw = trace_eyes(scene, eyes_of(camera, np.eye(3)), camera.baseline_m, NEAR, FAR)
+    raw = trace_eyes(scene, make_calibrated_eyes(camera, np.eye(3)), camera.baseline_m, NEAR, FAR)
     plain = {
         eye: Eye(
             *camera.rectified.rendered_px, camera.focal_px, camera.cx_px, camera.cy_px, np.eye(3), np.array([x, 0, 0])
@@ -168,7 +168,7 @@ def test_what_a_block_hides_from_the_other_eye_is_what_its_shadow_covers(name):
     camera = make_camera_with_eyes(head_settings(name))
     far = np.array([[-40, -40, 3.0], [40, -40, 3.0], [40, 40, 3.0], [-40, 40, 3.0]])
     scene = stage(np.eye(3), (far, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)), block())
-    truth = trace_eyes(scene, eyes_of(camera, np.eye(3)), camera.baseline_m, NEAR, FAR)
+    truth = trace_eyes(scene, make_calibrated_eyes(camera, np.eye(3)), camera.baseline_m, NEAR, FAR)
     for eye, own, other in zip(("left", "right"), camera.eyes, camera.eyes[::-1], strict=True):
         found = truth[eye]
         points = points_of(own, pixels_of(own), found.depth_m.astype(np.float64))
@@ -190,7 +190,9 @@ def test_depth_ends_90_degrees_off_the_axis_and_labels_do_not():
     settings.left_eye.fx_px = settings.left_eye.fy_px = 18.0  # 300 degrees wide
     settings.left_eye.update(k1=0.0, k2=0.0, k3=0.0, k4=0.0)
     camera = make_camera_with_eyes(settings)
-    truth = trace_eyes(stage(np.eye(3), around()), eyes_of(camera, np.eye(3)), camera.baseline_m, NEAR, FAR)["left"]
+    truth = trace_eyes(
+        stage(np.eye(3), around()), make_calibrated_eyes(camera, np.eye(3)), camera.baseline_m, NEAR, FAR
+    )["left"]
     ahead = camera.eyes[0].unproject(pixels_of(camera.eyes[0]))
     behind, blind = ahead[..., 2] <= 0, np.isnan(ahead[..., 2])
     assert 0.2 < behind.mean() < 0.8

@@ -329,7 +329,7 @@ def test_ground_with_an_image_of_much_contrast_is_not_taken_for_ground_without_b
     image = png(tmp_path / "q.png", values)
     own = {"set": "OWN", "albedo_file": str(image), "width_m": 1.0, "repeat": "TURNED"}
     settings = complete(ROUGH, {"textures": own, "dataset": {"headings": 1}})
-    (pair,) = expand_headings(settings, scenes.make_extra(settings))
+    (pair,) = expand_headings(settings, scenes.make_build_facts(settings))
     run(tmp_path / "set", [pair])
     assert stated(pair, tmp_path / "set")["indirect"]["method"] == "BAKED"
 

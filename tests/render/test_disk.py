@@ -64,7 +64,7 @@ def test_blenders_own_files_take_no_more_than_there_is_room_for(registered, tmp_
 
 def test_a_disk_that_holds_the_pairs_is_not_refused(tmp_path: Path, monkeypatch):
     pairs = expand_headings(complete(VIEW, {"dataset": {"headings": 20}}))
-    expected = estimate.count_bytes_left(pairs, tmp_path)
+    expected = estimate.estimate_remaining_bytes(pairs, tmp_path)
     room = render_pair._TEMPORARY_BYTES_PER_PIXEL * estimate.count_pixels(pairs[0].settings)
     for free, fits in ((1.01 * expected + room, True), (0.99 * expected + room, False)):
         monkeypatch.setattr(render_pair.shutil, "disk_usage", lambda path, free=free: SimpleNamespace(free=free))

@@ -98,7 +98,7 @@ def test_the_window_uses_what_is_ticked_in_the_preferences(cycles, kind, ticked,
     cycles.compute_device_type = kind
     for device in cycles.devices:
         device.use = device.name in ticked
-    assert graphics_cards.find_ticked_cards() == found
+    assert graphics_cards.find_selected_cards() == found
     environment = jobs.make_environment_with_cards("GPU", {"A": "b"})
     assert environment == ({"A": "b", ENVIRONMENT: str(found)} if found.numbers else {"A": "b"})
     assert jobs.make_environment_with_cards("CPU", {"A": "b"}) == {"A": "b"}

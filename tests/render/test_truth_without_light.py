@@ -112,7 +112,7 @@ def test_all_is_back_after_a_failure(tmp_path, monkeypatch):
     built = build_scene(empty_scene(), settings)
     before = [(lamp.name, lamp.energy) for lamp in bpy.data.lights]
     monkeypatch.setattr(render_pair.cycles_occlusion, "read_disparity", fail)
-    with pytest.raises(render_pair.IcyMoonError, match="cannot be put together"):
+    with pytest.raises(render_pair.IcyMoonError, match="cannot be joined"):
         render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     assert before == [(lamp.name, lamp.energy) for lamp in bpy.data.lights]
     assert any(energy > 0 for _, energy in before)

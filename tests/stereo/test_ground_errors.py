@@ -123,7 +123,7 @@ def test_of_two_pairs_the_nearest_measurement_is_shown():
 
     near, far, none = seen(0.25, MEASURED, 2.0), seen(0.5, MEASURED, 9.0), seen(np.nan, MISSING, 1.0)
     for one, other in ((near, far), (far, near), (near, none), (none, near)):
-        assert ground_errors.choose_better_known(one, other).error_m == 0.25
+        assert ground_errors.choose_better_result(one, other).error_m == 0.25
 
 
 @pytest.mark.parametrize("full_m", [0.05, 1.0, 7.0])

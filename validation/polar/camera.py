@@ -183,9 +183,9 @@ _COARSE_STEPS = np.array([1.0, *_POSE_STEPS, 0.1, 0.1])
 
 
 def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: Array) -> tuple[float, Array]:
-    """A pose for a position from the middles of rocks, and how many of them it meets.
+    """The camera pose of a position, fitted to the centres of rocks, and the number of rocks that it fits.
 
-    Parameters are the focal length, the six of the pose, and how the right eye's principal point is off.
+    Parameters are the focal length, the six numbers of the pose, and the offset of the right eye's principal point.
     """
     middles = np.array([(rock.vertices.min(axis=0) + rock.vertices.max(axis=0)) / 2 for rock in terrain.rocks])
     seen = [

@@ -31,7 +31,7 @@ _MASK_SHAPE = (int(HEIGHT_PX * _MASK_SCALE), int(WIDTH_PX * _MASK_SCALE))
 class LabelAgreement:
     """Intersections over union of labels with labels, by position; NaN where nothing can be compared.
 
-    ``rocks`` compares one lamp with another, ``shadows`` the left eye with the right one.
+    ``rocks`` compares one lamp with another, ``shadows`` the left eye with the right eye.
     """
 
     rocks: dict[str, float]
@@ -87,7 +87,7 @@ def _measure_shadow_label_overlap(
 ) -> float:
     left, right = View(position, "L"), View(position, "R")
     laid = [
-        camera.eyes[right].project(cast_to_sand(camera.eyes[left], _densify_outline(each), table))
+        camera.eyes[right].project(trace_pixels_to_sand(camera.eyes[left], _densify_outline(each), table))
         for each in terrain.polygons(left, azimuth, SHADOW)
     ]
     rock = _fill_outlines(terrain.polygons(right, azimuth, ROCK))
@@ -105,7 +105,7 @@ def _densify_outline(outline: Array) -> Array:
     return np.concatenate(found)
 
 
-def cast_to_sand(eye: Eye, pixels: Array, heights: Callable[[Array], Array]) -> Array:
+def trace_pixels_to_sand(eye: Eye, pixels: Array, heights: Callable[[Array], Array]) -> Array:
     """The points (n, 3) at which the downward rays of pixels (n, 2) meet the sand, by iteration."""
     way = eye.rays(pixels) @ eye.turn
     level = np.zeros(len(pixels))

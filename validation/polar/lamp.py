@@ -62,7 +62,7 @@ class HeightTable:
         )
 
 
-def cast_onto_sand(points: Array, lamp: Array, heights: Callable[[Array], Array]) -> Array:
+def trace_lamp_to_sand(points: Array, lamp: Array, heights: Callable[[Array], Array]) -> Array:
     """The points (n, 3) at which the rays from a lamp through points (n, 3) meet the sand, by iteration."""
     way = points - lamp
     fall = np.maximum(lamp[2] - points[:, 2], 1e-3)
@@ -95,7 +95,7 @@ def locate_surveyed_lamp(azimuth: int, sand: Sand) -> Array:
 
 def _select_outline_points(points: Array, lamp: Array, level_m: float) -> Array:
     """The points of (n, 3) on the outline of the shadow on level sand."""
-    cast = cast_onto_sand(points, lamp, lambda xy: np.full(len(xy), level_m))
+    cast = trace_lamp_to_sand(points, lamp, lambda xy: np.full(len(xy), level_m))
     angle = 2 * np.pi * np.arange(_OUTLINE_DIRECTIONS) / _OUTLINE_DIRECTIONS
     toward = np.stack([np.cos(angle), np.sin(angle)])
     # Shadows are long and thin: equal steps of direction would miss the corners of their tips.
@@ -136,7 +136,7 @@ class Shadows:
 
     def measure_agreement(self, azimuth: int, lamp: Array, heights: Callable[[Array], Array]) -> float:
         """Mean intersection over union of the shadows of a lamp, over the positions."""
-        cast = cast_onto_sand(self.points[azimuth], lamp, heights)
+        cast = trace_lamp_to_sand(self.points[azimuth], lamp, heights)
         found = []
         for (view, at), (rock, shadow) in self.seen.items():
             if at == azimuth:
@@ -178,7 +178,9 @@ def _node_offset_m(table: HeightTable, sand: Sand, k: int) -> float:
 def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[int, Array]) -> Sand:
     """Raise or lower the sand at nodes at the ends of shadows while that improves the agreement of the shadows."""
     raised = sand.raised.copy()
-    reached = {azimuth: cast_onto_sand(shadows.points[azimuth], lamp, table)[:, :2] for azimuth, lamp in lamps.items()}
+    reached = {
+        azimuth: trace_lamp_to_sand(shadows.points[azimuth], lamp, table)[:, :2] for azimuth, lamp in lamps.items()
+    }
     used = {
         k: [azimuth for azimuth, points in reached.items() if (np.hypot(*(points - node).T) < _NODE_REACH_M).any()]
         for k, node in enumerate(sand.nodes)

@@ -84,7 +84,7 @@ class Frame:
         rays = np.column_stack([(pixels + self.corner) / self.focal_px, np.ones(len(pixels))])
         return fitted.project(fitted.place_m + rays @ self.axes)
 
-    def to_ours(self, points: Array) -> Array:
+    def to_world_axes(self, points: Array) -> Array:
         """Convert points (n, 3) from the data set's world to ours."""
         return np.asarray((points - self.origin) @ self.world.T)
 
@@ -160,7 +160,7 @@ def write_ground(folder: Path, frame: Frame, sand: Sand, rocks: Sequence[Rock]) 
     for rock in rocks:
         _, above = sand.visible(rock)
         triangles.append(above + sum(map(len, vertices)))
-        vertices.append(frame.to_ours(rock.vertices))
+        vertices.append(frame.to_world_axes(rock.vertices))
     found = {kept: folder / f"ground_{frame.position}{'_rocks' if kept else ''}.ply" for kept in (False, True)}
     folder.mkdir(parents=True, exist_ok=True)
     write_triangles(found[False], points, faces)
@@ -170,7 +170,7 @@ def write_ground(folder: Path, frame: Frame, sand: Sand, rocks: Sequence[Rock]) 
 
 def describe_scene(frame: Frame, lamp: Array, mesh: Path) -> Settings:
     """The complete settings of a photograph: our rig, a lamp near the ground, the mesh, lunar regolith on it."""
-    way, eye = (frame.to_ours(point[None])[0] for point in (lamp, frame.left))
+    way, eye = (frame.to_world_axes(point[None])[0] for point in (lamp, frame.left))
     distance = float(np.linalg.norm(way))
     forward = frame.world @ frame.axes[2]
     middle = np.array(frame.size) / 2 + frame.corner

@@ -15,7 +15,7 @@ from ....settings.topics.landforms import CratersSettings
 from ....support.arrays import Array, Numbers
 from ....support.errors import IcyMoonError
 from ...rocks.size_laws import PowerLaw
-from ..roughness.roughness import carried_share
+from ..roughness.roughness import resolved_share
 from .landform import Landform, smooth_step
 
 #: Distance in crater radii at which the ejecta end.
@@ -34,7 +34,7 @@ def draw_craters(settings: CratersSettings, random: np.random.Generator, size_m:
     if smallest > largest:
         raise IcyMoonError(
             f"craters.smallest_m ({smallest:g} m) is larger than craters.largest_m ({largest:g} m); "
-            "lower the one or raise the other."
+            "lower the first or raise the second."
         )
     side = size_m + _EJECTA_RADII * largest
     sizes = PowerLaw(float(settings.coverage), smallest, largest, index)
@@ -106,7 +106,7 @@ def _height_change_m(bowl: Array, dx: Array, dy: Array, before: Array, shortest_
     size, depth, rim = bowl
     r = np.sqrt(dx * dx + dy * dy) * (2.0 / size)
     made = crater_profile(r, depth, rim) - before * (1.0 - smooth_step((r - _WIPED_RADII) / (1.5 - _WIPED_RADII)))
-    return made * carried_share(_WAVELENGTH_SHARE * size, shortest_m)
+    return made * resolved_share(_WAVELENGTH_SHARE * size, shortest_m)
 
 
 def _reached(centre: Array, reach: Array, points: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import gradient_noise
 from ..noise.voronoi import find_voronoi_cells
-from ..roughness.roughness import carried_share
+from ..roughness.roughness import resolved_share
 
 #: Largest slope of a facet toward either axis, heights and lengths in facets.
 _FACET_TILT = 0.45
@@ -55,11 +55,11 @@ class Landform:
         """The landform for a mesh that has edges along its crests."""
         return replace(self, heights=self.crests.heights) if self.crests else self
 
-    def carried_share(self, shortest_m: Numbers) -> Numbers:
+    def resolved_share(self, shortest_m: Numbers) -> Numbers:
         """Share of the heights on a mesh whose shortest wavelength is ``shortest_m``: 1 if the smallest length spans at
         least 1.5 vertex spacings, 0 if it spans one or less. The share changes smoothly, so that a mesh that gets
         coarser shows no step."""
-        return carried_share(2.0 * self.finest_m, shortest_m)
+        return resolved_share(2.0 * self.finest_m, shortest_m)
 
 
 def draw_key(random: np.random.Generator) -> int:

@@ -1,4 +1,4 @@
-"""Ridges: the double ridges with a trough between that cross Europa's plains, young ones over old ones.
+"""Ridges: double ridges with a central trough, as on Europa's plains; young ridges cross old ridges.
 
 On Europa: hundreds of metres wide on average (to 5 km), up to a few hundred metres high, a V-shaped trough
 shallower than the ridge is high, flanks mostly under 20 degrees (Encyclopedia of Planetary Landforms).

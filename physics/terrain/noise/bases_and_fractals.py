@@ -82,7 +82,7 @@ def sum_hetero_terrain(signal: Octaves, octaves: int, roughness: float) -> Numbe
 
 
 def sum_hybrid_multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers:
-    """Hybrid multifractal: each octave scaled by the one before, so that valleys are smooth at all heights."""
+    """Hybrid multifractal: the octave before scales each octave, so valleys are smooth at all heights."""
     total = weight = signal(0)
     for k in range(1, octaves):
         weight = np.minimum(weight, 1.0)

@@ -171,7 +171,7 @@ def value_noise(x: Array, y: Array, key: int) -> Array:
     """Values in [-1, 1) at lattice points, linear between them.
 
     Summed over octaves of ratio 2 this is mid-point displacement: each octave puts a random
-    displacement at points that the coarser ones had only interpolated.
+    displacement at points that the coarser octaves only interpolated.
     """
     cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
     values = cells.lookup(to_uniform)

@@ -56,7 +56,7 @@ def octave_wavelengths_m(terrain: TerrainSettings) -> Array:
     if inner > outer:
         raise IcyMoonError(
             f"terrain.inner_scale_m ({inner:g} m) is longer than terrain.outer_scale_m ({outer:g} m); "
-            "lower the one or raise the other."
+            "lower the first or raise the second."
         )
     steps = math.ceil(math.log(outer / inner) / math.log(lacunarity) - 1e-6)
     if steps >= MOST_OCTAVES:
@@ -122,7 +122,7 @@ def _fit_cached_amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensi
     return tuple(np.sqrt(_fit_squared_amplitudes(squares, target, model, squares, most)))
 
 
-def list_asked_statistics(terrain: TerrainSettings) -> dict[str, float | None]:
+def list_stated_statistics(terrain: TerrainSettings) -> dict[str, float | None]:
     """The statistics that ``terrain`` settings state for the random surface, with the keys of ``Roughness.numbers``.
 
     The RMS height is for endless ground with these octaves. Raises IcyMoonError if the cut-offs contradict each other.
@@ -192,7 +192,7 @@ class RoughSurface:
         variance = 0.0
         varies = np.ndim(shortest_m) > 0
         for k, wavelength in enumerate(self.wavelength_m):
-            carried = carried_share(wavelength, shortest_m)
+            carried = resolved_share(wavelength, shortest_m)
             if not np.any(carried):
                 break
             if self.amplitude_m[k] == 0.0:
@@ -213,7 +213,7 @@ class RoughSurface:
         return total
 
 
-def carried_share(wavelength_m: Numbers, shortest_m: Numbers) -> Numbers:
+def resolved_share(wavelength_m: Numbers, shortest_m: Numbers) -> Numbers:
     """Share of a wave that a mesh carries: 1 from 1.5 times its shortest wavelength on, 0 below that wavelength."""
     shortest_m = np.maximum(shortest_m, 1e-300)
     share = np.clip(2.0 * (wavelength_m / shortest_m) - 2.0, 0.0, 1.0)

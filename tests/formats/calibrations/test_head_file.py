@@ -114,7 +114,7 @@ def test_a_camera_states_what_its_calibration_leaves_open(tmp_path):
 @pytest.mark.parametrize(
     ("text", "clause"),
     [
-        (PINHOLE + PINHOLE.replace('"one"', '"ONE"'), "line 11: .*name of another camera too"),
+        (PINHOLE + PINHOLE.replace('"one"', '"ONE"'), "line 11: .*also the name of another camera"),
         (PINHOLE.replace("PINHOLE", "PINHOL"), "line 5 .*did you mean 'PINHOLE'"),
         (PINHOLE.replace("= 60", "= 0"), "line 8 .*from 0.1 to 170"),
         (PINHOLE.replace("= 60", "= 400"), "line 8 .*from 0.1 to 170"),
@@ -147,7 +147,7 @@ def test_a_camera_states_what_its_calibration_leaves_open(tmp_path):
         ("camera = 3\n", "has no cameras"),
         ("[rig]\nwidth_px = 3\n", "a head has no 'rig'"),
         ("\x89PNG", "is not a TOML file"),
-        (17 * PINHOLE, "16 cameras at most, not 17"),
+        (17 * PINHOLE, "at most 16 cameras, not 17"),
     ],
 )
 def test_what_is_no_head_is_refused_by_one_sentence(tmp_path, text, clause):

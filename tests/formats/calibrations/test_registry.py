@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from icymoon.formats.calibrations.options import Stated, as_brown, as_cahvore, as_fisheye
+from icymoon.formats.calibrations.options import Stated, convert_to_brown, convert_to_cahvore, convert_to_fisheye
 from icymoon.formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
 from icymoon.formats.yaml_text import parse_yaml, write_number
 from icymoon.physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
@@ -110,7 +110,7 @@ def test_what_is_written_is_read_again(tmp_path, name, suffix, lens):
     found = read_calibration(paths).rig
     assert_same(found, rig)
     for one, given in zip(found.cameras, rig.cameras, strict=True):
-        same = as_brown(given) or given
+        same = convert_to_brown(given) or given
         if name != "cahv":  # which has other lenses for the same light
             assert np.abs(one.matrix - same.matrix).max() < 1e-12 * 1280
 
@@ -131,15 +131,19 @@ def test_skew_is_held_by_opencvs_fisheye_alone(tmp_path, name, suffix):
 def test_lenses_that_are_equal_stand_for_each_other():
     """1 + r0 of CAHVOR is a factor of the focal length."""
     one = CalibratedCamera(640, 480, 400.0, 390.0, 310.0, 250.0, Cahvore((0.0, 0.0, 1.0), (0.02, -0.2, 0.05)))
-    brown = as_brown(one)
+    brown = convert_to_brown(one)
     assert brown.fx_px == pytest.approx(408)
     assert_same(CalibratedRig((brown,)), CalibratedRig((one,)))
     fisheye = CalibratedCamera(640, 480, 400.0, 390.0, 310.0, 250.0, LENSES["short fisheye"])
-    general = as_cahvore(fisheye)
+    general = convert_to_cahvore(fisheye)
     assert isinstance(general.lens, Cahvore)
     assert_same(CalibratedRig((general,)), CalibratedRig((fisheye,)))
-    assert as_fisheye(general).lens == fisheye.lens
-    assert as_brown(fisheye) is as_cahvore(CalibratedCamera(9, 9, 9.0, 9.0, 4.0, 4.0, LENSES["fisheye"])) is None
+    assert convert_to_fisheye(general).lens == fisheye.lens
+    assert (
+        convert_to_brown(fisheye)
+        is convert_to_cahvore(CalibratedCamera(9, 9, 9.0, 9.0, 4.0, 4.0, LENSES["fisheye"]))
+        is None
+    )
 
 
 #: The rig of all files below. Its right camera differs in all but the size.

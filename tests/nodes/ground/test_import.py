@@ -305,7 +305,7 @@ def test_a_site_with_the_ground_out_to_its_horizon_is_read_whole(tmp_path):
         (positions * 2e4, 9e4, r"source\.scale"),
     ):
         path = write_ply(tmp_path / "b.ply", *with_horizon(found, faces, far_m))
-        with pytest.raises(IcyMoonError, match=rf"which is no landing site .*{words}"):
+        with pytest.raises(IcyMoonError, match=rf"outside the size of a landing site .*{words}"):
             scenes.build_scene(empty_scene(), own(path))
 
 

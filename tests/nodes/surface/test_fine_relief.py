@@ -9,11 +9,11 @@ from extremes import rays
 from icymoon.benchmarks.light.furnace import plane, radiance
 from icymoon.nodes import build_scene as scenes
 from icymoon.nodes import preview
-from icymoon.nodes.ground.terrain_mesh import SPACING, leave_unmoved
+from icymoon.nodes.ground.terrain_mesh import SPACING, mark_relief_as_bump
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.surface.patches_and_grain import add_grain, add_grain_by_fineness
 from icymoon.nodes.tree.builder import Tree, list_non_socket_values
-from icymoon.physics.mesh.finer_in_view import carried_share
+from icymoon.physics.mesh.finer_in_view import resolved_share
 from icymoon.render import cycles_settings
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings
@@ -245,7 +245,7 @@ def test_octaves_by_fineness_add_up_to_grain(tmp_path, one_seed):
         empty_scene()
         settings = complete(NEAR_ICE, coarse, {"surface": {"relief": relief}})
         built = scenes.build_scene(bpy.context.scene, settings)
-        leave_unmoved(built.terrain.data)
+        mark_relief_as_bump(built.terrain.data)
         assert built.terrain.data.materials[0].displacement_method == "BUMP"  # a vertex in 6 cm carries nothing
         ice = build_material("Again", settings.surface, 1, TERRAIN, None, settings, by_fineness=True)
         assert ice.displacement_method == ("DISPLACEMENT" if relief == "REAL" else "BUMP")
@@ -277,7 +277,7 @@ def test_vertices_carry_the_octaves_that_the_law_names(spacing_m):
     mesh.attributes.new(SPACING, "FLOAT", "POINT").data.foreach_set("value", [spacing_m] * len(mesh.vertices))
     moved, painted, whole = (radiance(bpy.context.scene, 0.0, 6.4, 256) - 9.0).reshape(-1, 3).T
     np.testing.assert_allclose(moved + painted, whole, atol=1e-4)
-    assert moved.std() / whole.std() == pytest.approx(carried_share(surface, spacing_m), abs=0.05)
+    assert moved.std() / whole.std() == pytest.approx(resolved_share(surface, spacing_m), abs=0.05)
 
 
 def radiance_of_left_eye(built, folder):

@@ -385,7 +385,7 @@ def test_without_osl_and_on_a_gpu_nodes_are_taken_and_it_is_said(monkeypatch):
     built = scenes.build_scene(empty_scene(), settings)
     assert any("without Open Shading Language" in warning for warning in built.warnings)
     assert not any(sun_inputs.is_osl(material) for material in built.materials)
-    assert built.extra == scenes.make_extra(settings) != ""  # a pair of nodes is another than one of OSL
+    assert built.extra == scenes.make_build_facts(settings) != ""  # a pair of nodes is another than one of OSL
     for model in ("HAPKE", "SNOW"):
         refused = complete({"surface": {**BARE, "model": model}, "hapke": {"backend": "OSL"}, "terrain": FLAT})
         with pytest.raises(IcyMoonError, match=r"hapke\.backend"):

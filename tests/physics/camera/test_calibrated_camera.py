@@ -269,7 +269,7 @@ def test_eyes_are_rectified_as_opencv_does(turn, shift):
         assert np.abs(found - other).max() < 1e-12
 
 
-@pytest.mark.parametrize(("shift", "words"), [((0, 0, 0), "at one place"), ((0.1, 0.3, 0), "above the other")])
+@pytest.mark.parametrize(("shift", "words"), [((0, 0, 0), "the same position"), ((0.1, 0.3, 0), "above the other")])
 def test_eyes_that_have_no_rectified_pair_are_refused(shift, words):
     with pytest.raises(ValueError, match=words):
         rectifying_rotations(rig(shift, (0, 0, 0)))

@@ -18,7 +18,7 @@ from icymoon.physics.camera.head_camera import (
     is_plain,
     make_fisheye,
     make_pinhole,
-    rays_of,
+    make_rays_of_pixels,
     show_points,
 )
 from icymoon.physics.camera.lens_models import Brown, Cahvore, Fisheye
@@ -41,7 +41,7 @@ def _pixels(size: tuple[int, int]) -> np.ndarray:
 def test_a_point_on_the_ray_of_a_pixel_is_shown_at_that_pixel(name):
     projection = PROJECTIONS[name]
     pixels = _pixels(projection.size_px)
-    origin, direction = rays_of(projection, pixels)
+    origin, direction = make_rays_of_pixels(projection, pixels)
     np.testing.assert_allclose(np.linalg.norm(direction, axis=-1), 1.0, rtol=1e-12)
     shown = show_points(projection, origin + 3.7 * direction)
     np.testing.assert_allclose(shown, pixels, atol=1e-9 if name != "distorted" else 1e-6)
@@ -60,9 +60,9 @@ def test_fields_are_those_across_the_width():
     """The outer border of the first and of the last pixel, half a pixel beyond their centres, spans the field."""
     borders = np.array([[-0.5, 23.5], [63.5, 23.5]])
     for projection, field in ((make_pinhole(64, 48, 60.0), 60.0), (make_fisheye(64, 48, 170.0), 170.0)):
-        _, (left, right) = rays_of(projection, borders)
+        _, (left, right) = make_rays_of_pixels(projection, borders)
         assert np.degrees(np.arccos(left @ right)) == pytest.approx(field, abs=1e-9)
-    origin, direction = rays_of(Orthographic(64, 48, 4.0), borders)
+    origin, direction = make_rays_of_pixels(Orthographic(64, 48, 4.0), borders)
     assert origin[1, 0] - origin[0, 0] == pytest.approx(4.0)
     np.testing.assert_array_equal(direction, [[0.0, 0.0, 1.0]] * 2)
 
@@ -89,7 +89,7 @@ def test_the_rendered_image_shows_all_that_the_camera_sees(name):
         return
     assert isinstance(rendered, CalibratedCamera)
     assert isinstance(projection, CalibratedCamera)
-    _, direction = rays_of(projection, _pixels(projection.size_px))
+    _, direction = make_rays_of_pixels(projection, _pixels(projection.size_px))
     places = show_points(rendered, direction)
     # Splines ask for two pixels on either side.
     assert (places >= 1).all()
@@ -115,7 +115,9 @@ def test_an_entry_gives_the_same_camera_again(name):
     assert (again.name, again.role, again.model, again.frame) == ("one", "arm", "M", "ZERO")
     np.testing.assert_array_equal(again.pose, pose)
     pixels = _pixels(projection.size_px)
-    for one, other in zip(rays_of(again.projection, pixels), rays_of(projection, pixels), strict=True):
+    for one, other in zip(
+        make_rays_of_pixels(again.projection, pixels), make_rays_of_pixels(projection, pixels), strict=True
+    ):
         np.testing.assert_allclose(one, other, atol=1e-12)
 
 

@@ -8,7 +8,7 @@ import pytest
 from icymoon.formats.geotiff import MapPlace
 from icymoon.formats.map_projection import MapSystem, find_local_scale
 from icymoon.physics.light.sky import compute_sky, describe_sky
-from icymoon.physics.light.sky_over_map import find_sky_place, warn_sky_of_other_place
+from icymoon.physics.light.sky_over_map import find_sky_place, warn_sky_of_another_site
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.topics.light import LightSettings
 from icymoon.settings.topics.scene import Settings, typed
@@ -23,17 +23,17 @@ def place(latitude: float | None, longitude: float | None, north: float = 0.0) -
 
 
 def test_a_site_elsewhere_is_said_and_its_fix_silences_it():
-    (said,) = warn_sky_of_other_place(light(latitude_deg=10.0, longitude_deg=27.5), place(89.927, -180.0))
+    (said,) = warn_sky_of_another_site(light(latitude_deg=10.0, longitude_deg=27.5), place(89.927, -180.0))
     fixed = dict(re.findall(r"light\.(\w+) to (-?[\d.]+\d)", said))
     assert set(fixed) == {"latitude_deg", "longitude_deg"}
-    assert not warn_sky_of_other_place(
+    assert not warn_sky_of_another_site(
         light(**{key: float(value) for key, value in fixed.items()}), place(89.927, -180.0)
     )
 
 
 @pytest.mark.parametrize(("latitude", "longitude"), [(-80.05, 0.0), (-80.0, 360.0), (-80.0, -360.0)])
 def test_the_same_site_is_not_doubted(latitude, longitude):
-    assert not warn_sky_of_other_place(light(latitude_deg=-80.0, longitude_deg=0.0), place(latitude, longitude))
+    assert not warn_sky_of_another_site(light(latitude_deg=-80.0, longitude_deg=0.0), place(latitude, longitude))
 
 
 @pytest.mark.parametrize("pole", [90.0, -90.0])
@@ -44,26 +44,26 @@ def test_at_a_pole_the_longitude_is_a_direction(pole):
     for x, y in ((0.0, 0.0), (1e-10, -1e-10), (0.0, 500.0), (500.0, 0.0), (-300.0, -300.0)):
         at = find_local_scale(system, x, y)
         there = place(at.latitude_deg, at.longitude_deg, at.north_deg)
-        (said,) = warn_sky_of_other_place(light(latitude_deg=pole, longitude_deg=10.0), there)
+        (said,) = warn_sky_of_another_site(light(latitude_deg=pole, longitude_deg=10.0), there)
         turns.add(re.search(r"(\S+)° clockwise", said)[1])
         fixed = float(re.search(r"set light\.longitude_deg to (\S+),", said)[1])
         assert fixed == pytest.approx(40.0, abs=2e-4)
-        assert not warn_sky_of_other_place(light(latitude_deg=pole, longitude_deg=fixed), there)
+        assert not warn_sky_of_another_site(light(latitude_deg=pole, longitude_deg=fixed), there)
     # Seen from above, longitude goes counterclockwise about the north pole, and the north of a meridian turns with it.
     assert turns == {"30.0" if pole > 0 else "-30.0"}
 
 
 def test_a_map_whose_up_is_not_north_turns_the_sun_of_a_date():
-    (said,) = warn_sky_of_other_place(light(latitude_deg=80.0, longitude_deg=-90.0), place(80.0, -90.0, -90.0))
+    (said,) = warn_sky_of_another_site(light(latitude_deg=80.0, longitude_deg=-90.0), place(80.0, -90.0, -90.0))
     assert "90.0° off" in said
     assert "azimuth plus 270.0°" in said
-    assert not warn_sky_of_other_place(light(latitude_deg=80.0, longitude_deg=-90.0), place(80.0, -90.0, -0.5))
+    assert not warn_sky_of_another_site(light(latitude_deg=80.0, longitude_deg=-90.0), place(80.0, -90.0, -0.5))
 
 
 def test_angles_and_files_without_a_map_are_not_doubted():
-    assert not warn_sky_of_other_place(light(directions_from="ANGLES"), place(45.0, 10.0, 30.0))
-    assert not warn_sky_of_other_place(light(), place(None, None))
-    assert not warn_sky_of_other_place(light(), None)
+    assert not warn_sky_of_another_site(light(directions_from="ANGLES"), place(45.0, 10.0, 30.0))
+    assert not warn_sky_of_another_site(light(), place(None, None))
+    assert not warn_sky_of_another_site(light(), None)
 
 
 def sited(kind: str = "DEGREES", **light: object) -> Settings:

@@ -166,13 +166,13 @@ def test_displacement_that_loses_relief_says_how_much():
     assert finer_in_view.advise_on_displacement(settings, 0.001) == []
     (sentence,) = finer_in_view.advise_on_displacement(settings, 0.02)
     assert "20 mm apart" in sentence
-    assert f"{finer_in_view.carried_share(settings.surface, 0.02):.0%}" in sentence
+    assert f"{finer_in_view.resolved_share(settings.surface, 0.02):.0%}" in sentence
     assert finer_in_view.advise_on_displacement(described(), 0.02) == []
 
 
 def test_the_share_that_is_carried_falls_from_all_to_nothing():
     surface = described().surface
-    shares = [finer_in_view.carried_share(surface, spacing) for spacing in (0.004, 0.006, 0.01, 0.02, 0.04, 0.05)]
+    shares = [finer_in_view.resolved_share(surface, spacing) for spacing in (0.004, 0.006, 0.01, 0.02, 0.04, 0.05)]
     assert shares[0] == 1.0
     assert shares[-1] == 0.0
     assert all(a > b for a, b in itertools.pairwise(shares))

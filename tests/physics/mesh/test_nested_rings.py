@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from icymoon.physics.mesh.horizon import dip_deg, drop_m
-from icymoon.physics.mesh.nested_rings import build_rings, count_cells, keep_known, plan_levels
+from icymoon.physics.mesh.nested_rings import build_rings, count_cells, drop_unknown_vertices, plan_levels
 from icymoon.physics.mesh.open_directions import find_open_directions
 
 #: Cells of the patch, its side, the distance of the end and the width of the pixels, in metres.
@@ -65,7 +65,7 @@ def test_triangles_without_a_height_are_left_out():
     levels = plan("the site's patch")
     mesh = build_rings(levels)
     east = mesh.places[:, 0] > 100.0
-    positions, faces = keep_known(mesh, np.where(east, np.nan, 1.0))
+    positions, faces = drop_unknown_vertices(mesh, np.where(east, np.nan, 1.0))
     assert positions[:, 0].max() <= 100.0
     assert len(positions) == (~east).sum()
     assert np.unique(faces).size == len(positions)

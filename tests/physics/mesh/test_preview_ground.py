@@ -121,7 +121,7 @@ def test_rocks_have_their_outlines_of_the_fine_ground():
 
     # Vertices of the fine ground are about a centimetre apart at the site.
     true = lay(lambda x, y: ground.heights(x, y, 0.01), shapes)
-    found = lay(coarse.heights_as_fine_as_mesh, [shapes[-1]] * 3)
+    found = lay(coarse.compute_mesh_heights, [shapes[-1]] * 3)
     eye = np.array([rig.x_m, rig.y_m, float(ground.heights(rig.x_m, rig.y_m)) + rig.height_m])
     shares = []
     for k in np.argsort(-found.diameter_m / np.linalg.norm(found.position_m - eye, axis=1))[:30]:

@@ -118,7 +118,7 @@ def test_a_png_counts_as_it_is_stored(tmp_path):
         ("a.npy", np.full((2, 2), np.nan), "numbers from 0 to 1"),
         ("a.npy", np.ones((2, 2, 3)), "an array .rows, columns."),
         ("a.npy", np.ones((0, 2)), "an array .rows, columns."),
-        ("a.tif", b"II*\0", "is no PNG or NPY file; save it as PNG"),
+        ("a.tif", b"II*\0", "is not a PNG or NPY file; save it as PNG"),
         ("a.png", b"\x89PNG\r\n\x1a\n", "a mask"),
         ("a.png", None, "cannot be read"),
     ],

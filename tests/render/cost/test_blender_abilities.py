@@ -8,7 +8,7 @@ import os
 import pytest
 from icymoon.commands import batch, cli
 from icymoon.render.cost import blender_abilities, measure_speed
-from icymoon.render.cost.blender_abilities import Abilities, describe_lack, find_lack, needs_full_build
+from icymoon.render.cost.blender_abilities import Abilities, describe_lack, find_missing_feature, needs_full_build
 from icymoon.render.cost.estimate import estimate_work
 from icymoon.render.cost.quality_presets import list_qualities
 from icymoon.render.cost.quality_variants import list_candidates, list_variants
@@ -32,7 +32,7 @@ def scene(*parts: dict) -> Settings:
 @pytest.fixture
 def blender(tmp_path):
     """A Blender as Debian builds it: neither denoiser nor OSL. It notes what it is asked, and renders nothing."""
-    blender_abilities.ask_abilities.cache_clear()
+    blender_abilities.query_abilities.cache_clear()
     program = tmp_path / "blender"
     said = json.dumps(
         {
@@ -48,7 +48,7 @@ def blender(tmp_path):
     program.write_text(f"#!/bin/sh\nfor last; do :; done\necho \"$last\" >> '{tmp_path}/asked'\necho '{said}'\n")
     program.chmod(0o755)
     yield program
-    blender_abilities.ask_abilities.cache_clear()
+    blender_abilities.query_abilities.cache_clear()
 
 
 def asked(blender):
@@ -88,10 +88,14 @@ def test_only_what_the_settings_ask_for_is_lacking(part, said):
 
 
 def test_a_blender_is_asked_once_and_only_for_what_not_every_one_has(blender):
-    assert find_lack([scene()] * 3, str(blender)) == ""
+    assert find_missing_feature([scene()] * 3, str(blender)) == ""
     assert asked(blender) == []
-    assert "which 2 of 3 pairs need; set" in find_lack([scene(DENOISED), scene(), scene(DENOISED)], str(blender))
-    assert find_lack([scene(DENOISED)], str(blender)).startswith("This Blender was built without OpenImageDenoise; ")
+    assert "which 2 of 3 pairs need; set" in find_missing_feature(
+        [scene(DENOISED), scene(), scene(DENOISED)], str(blender)
+    )
+    assert find_missing_feature([scene(DENOISED)], str(blender)).startswith(
+        "This Blender was built without OpenImageDenoise; "
+    )
     assert asked(blender) == ["probe"]
 
 
@@ -170,4 +174,4 @@ def test_a_machine_is_measured_without_the_denoiser_that_it_lacks(tmp_path):
 
 def test_a_blender_that_cannot_be_asked_is_told_of(tmp_path):
     with pytest.raises(IcyMoonError, match="check its path"):
-        find_lack([scene(DENOISED)], str(tmp_path / "none"))
+        find_missing_feature([scene(DENOISED)], str(tmp_path / "none"))

@@ -263,12 +263,14 @@ def test_the_share_of_sky_is_that_of_a_level_ground(pitch_deg, share):
 def test_bytes_that_are_left_are_those_of_the_pairs_that_are_not_there(tmp_path):
     pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 5)))
     each, stated = estimate.estimate_bytes(pairs[0].settings), estimate.STATED_BYTES
-    assert estimate.count_bytes_left(pairs, tmp_path) == pytest.approx(4 * (each + stated))
+    assert estimate.estimate_remaining_bytes(pairs, tmp_path) == pytest.approx(4 * (each + stated))
     for pair in pairs[:3]:
         finish(tmp_path, pair, 1.0, size=each)  # twice what is expected, in two files
-    assert estimate.count_bytes_left(pairs, tmp_path) == pytest.approx(2 * each + stated, rel=1e-3)
-    assert estimate.count_bytes_left(pairs, tmp_path, again=True) == pytest.approx(8 * each + 4 * stated, rel=1e-3)
-    assert estimate.estimate_plan(pairs, tmp_path).left_bytes == estimate.count_bytes_left(pairs, tmp_path)
+    assert estimate.estimate_remaining_bytes(pairs, tmp_path) == pytest.approx(2 * each + stated, rel=1e-3)
+    assert estimate.estimate_remaining_bytes(pairs, tmp_path, again=True) == pytest.approx(
+        8 * each + 4 * stated, rel=1e-3
+    )
+    assert estimate.estimate_plan(pairs, tmp_path).left_bytes == estimate.estimate_remaining_bytes(pairs, tmp_path)
 
 
 def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):

@@ -8,7 +8,7 @@ from icymoon.render.cost.quality_variants import (
     GROUPS,
     SHAPES,
     list_candidates,
-    list_leaner_settings,
+    list_settings_with_less_light,
     list_variants,
     make_reference,
 )
@@ -106,10 +106,10 @@ def test_what_may_be_left_out_is_varied_to_what_it_is_not():
 @pytest.mark.parametrize("overrides", [(), WALK, ("surface.subsurface_weight=0",)])
 def test_a_search_leaves_out_what_costs_something(overrides):
     base = scene("europa_rough_ice", *overrides)
-    for name, part in list_leaner_settings(base).items():
+    for name, part in list_settings_with_less_light(base).items():
         lean = description.merged(base, part)
         assert estimate_work(lean).seconds(0.0) < estimate_work(base).seconds(0.0), name
-        assert name not in list_leaner_settings(lean)
+        assert name not in list_settings_with_less_light(lean)
 
 
 def test_asking_for_what_is_not_there_is_refused():
@@ -247,12 +247,12 @@ def test_a_reference_is_two_renders_of_half_its_samples():
 
 
 def test_a_walk_is_left_out_up_to_the_longest_that_a_setting_takes():
-    found = list_leaner_settings(scene("europa_rough_ice", *WALK))
+    found = list_settings_with_less_light(scene("europa_rough_ice", *WALK))
     assert found["no subsurface scattering"] == {"quality": {"walk_px": 100.0}}
-    assert "no subsurface scattering" not in list_leaner_settings(
+    assert "no subsurface scattering" not in list_settings_with_less_light(
         scene("europa_rough_ice", "surface.subsurface_weight=0")
     )
-    assert "no subsurface scattering" not in list_leaner_settings(
+    assert "no subsurface scattering" not in list_settings_with_less_light(
         scene("europa_rough_ice", *WALK[:1], "surface.subsurface_radius_m=9")
     )  # longer than can be left out
 

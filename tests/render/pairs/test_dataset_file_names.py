@@ -10,7 +10,7 @@ from pathlib import Path
 
 import icymoon
 import pytest
-from icymoon.render.pairs.dataset_file_names import check_id, find_reason_to_keep, remove_ours
+from icymoon.render.pairs.dataset_file_names import check_id, find_reason_to_keep, remove_own_file
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.pairs.publish_pair import publish_pair
 from icymoon.render.plans import frozen_plan as datasets
@@ -110,7 +110,7 @@ def test_links_to_elsewhere_stay_and_so_does_what_they_lead_to(dataset, victim, 
     link(dataset / place, victim)
     sweep(dataset)
     assert (dataset / place).is_symlink()
-    assert not remove_ours(dataset / place, dataset)
+    assert not remove_own_file(dataset / place, dataset)
 
 
 def test_a_link_in_a_pair_of_ours_keeps_it(dataset, victim):
@@ -154,7 +154,7 @@ def test_a_finished_render_does_not_push_a_persons_folder_aside(dataset, again):
     folder.mkdir(parents=True)
     (folder / "notes.txt").write_text("mine")
     part = write_pair(make_part_path(folder), Scene(), camera(32, 24))
-    with pytest.raises(IcyMoonError, match=r"takes the place of the pair and is kept: notes\.txt"):
+    with pytest.raises(IcyMoonError, match=r"is in the place of the pair and is not replaced: notes\.txt"):
         publish_pair(part, folder, lambda: False, again)
     assert everything(dataset / "pairs") == {
         str(folder),
@@ -221,18 +221,18 @@ def test_what_is_ours_goes(dataset):
         path.write_text("{}")
     for path in ours:
         assert find_reason_to_keep(path, dataset) == ""
-        assert remove_ours(path, dataset)
+        assert remove_own_file(path, dataset)
         assert not path.exists()
-    assert remove_ours(dataset / "pairs" / ID, dataset)  # nothing is there: that is what was wanted
+    assert remove_own_file(dataset / "pairs" / ID, dataset)  # nothing is there: that is what was wanted
     assert (dataset / "plan.jsonl").is_file()
-    assert not remove_ours(dataset / "plan.jsonl", dataset)
-    assert not remove_ours(dataset / "pairs", dataset)
+    assert not remove_own_file(dataset / "plan.jsonl", dataset)
+    assert not remove_own_file(dataset / "pairs", dataset)
 
 
 def test_a_data_set_that_is_reached_by_a_link_is_ours(dataset, tmp_path):
     link(tmp_path / "short", dataset)
     (dataset / "pairs" / ID).mkdir(parents=True)
-    assert remove_ours(tmp_path / "short" / "pairs" / ID, tmp_path / "short")
+    assert remove_own_file(tmp_path / "short" / "pairs" / ID, tmp_path / "short")
     assert not (dataset / "pairs" / ID).exists()
 
 

@@ -57,7 +57,7 @@ def test_a_surface_is_dearer_than_a_light_and_a_light_dearer_than_a_camera():
         changed(found, part)
         for part in (
             rebuilt_parts.select_scene,
-            rebuilt_parts.select_look,
+            rebuilt_parts.select_appearance,
             rebuilt_parts.select_light,
             rebuilt_parts.select_camera,
         )
@@ -156,7 +156,7 @@ def test_what_decides_the_order_is_every_setting_but_response_and_run():
     settings = PAIRS[0].settings
     parts = (
         rebuilt_parts.select_scene,
-        rebuilt_parts.select_look,
+        rebuilt_parts.select_appearance,
         rebuilt_parts.select_light,
         rebuilt_parts.select_lander,
         rebuilt_parts.select_camera,

@@ -7,7 +7,7 @@ import sys
 import time
 
 import pytest
-from icymoon.render.workers.detached_process import DetachedProcess, find_left_running
+from icymoon.render.workers.detached_process import DetachedProcess, find_unwatched_process
 from icymoon.support.errors import IcyMoonError
 
 TALKS = (
@@ -39,21 +39,21 @@ def test_it_is_heard_to_the_end(tmp_path):
     assert process.returncode == 0
     assert process.cause == "last words"
     assert not process.running
-    assert find_left_running(tmp_path) is None
+    assert find_unwatched_process(tmp_path) is None
 
 
 def test_it_goes_on_without_its_watcher_and_is_heard_again(tmp_path):
     first = start(tmp_path, TALKS, "60")
     while not first.poll():
         time.sleep(0.02)
-    assert find_left_running(tmp_path) is None  # it is watched
+    assert find_unwatched_process(tmp_path) is None  # it is watched
     first.leave = True
     first.stop()
     assert not first.running
     assert not first.cancelled
-    second = find_left_running(tmp_path)
+    second = find_unwatched_process(tmp_path)
     assert second.facts["dataset"] == "here"
-    assert find_left_running(tmp_path) is None  # and now again
+    assert find_unwatched_process(tmp_path) is None  # and now again
     assert [m["fraction"] for m in heard(second)] == list(range(60))  # from the beginning: nothing is missed
     assert second.cause == "last words"
 
@@ -67,7 +67,7 @@ def test_it_outlives_the_python_that_started_it(tmp_path):
         "import os; os._exit(1)"
     )
     subprocess.run([sys.executable, "-c", starter], check=False, timeout=60)
-    process = find_left_running(tmp_path)
+    process = find_unwatched_process(tmp_path)
     assert len(heard(process)) == 40
     assert process.returncode is None  # only who started it is told
 
@@ -98,12 +98,12 @@ def test_cancel_and_stop_end_it(tmp_path, attached):
         if attached:
             process.leave = True
             process.stop()
-            process = find_left_running(tmp_path)
+            process = find_unwatched_process(tmp_path)
         end(process)
         heard(process)
         assert process.cancelled
         assert not process.running
-        assert find_left_running(tmp_path) is None
+        assert find_unwatched_process(tmp_path) is None
 
 
 def test_one_that_does_not_obey_is_made_to(tmp_path):
@@ -139,4 +139,4 @@ def test_leftovers_of_what_has_ended_are_not_taken_for_it(tmp_path):
     (tmp_path / "two.lock").write_bytes(b"")
     (tmp_path / "three.lock").write_bytes(b"")
     (tmp_path / "three.json").write_text("nonsense")
-    assert find_left_running(tmp_path) is None
+    assert find_unwatched_process(tmp_path) is None

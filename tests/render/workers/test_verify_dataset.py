@@ -438,7 +438,7 @@ def test_an_edited_pair_without_a_plan_is_whole(dataset):
 def test_nothing_is_removed_without_a_plan(dataset):
     (PAIRS[1].folder(without_plan(dataset)) / "left.exr").write_bytes(b"")
     before = everything(dataset)
-    with pytest.raises(IcyMoonError, match=r"has no plan\.jsonl, so icymoon batch could not make again"):
+    with pytest.raises(IcyMoonError, match=r"has no plan\.jsonl, so icymoon batch could not render again"):
         verify_data_set(dataset, remove_broken=True)
     assert everything(dataset) == before
 

@@ -107,7 +107,7 @@ def test_a_pattern_that_no_file_has_is_told_once(tmp_path):
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("baseline=200\n", "has no baseline, without which disparities give no depths; add it"),
+        ("baseline=200\n", "has no baseline, which is needed to convert disparities to depths; add it"),
         ("cam0=[100 0 47.5; 0 100 31.5; 0 0 1]\n", "has no cam0"),
     ],
 )
@@ -501,7 +501,7 @@ def test_a_small_file_takes_no_large_memory(tmp_path, name):
     with pytest.raises(IcyMoonError, match=r"a\.\w+: (states|is not a whole)"):
         read_map(MapFile(path))
     if name in ("a.png", "a.tif"):
-        with pytest.raises(IcyMoonError, match="pixels are the most that is read"):
+        with pytest.raises(IcyMoonError, match="pixels are the most that can be read"):
             read_image(path)
 
 

@@ -11,7 +11,7 @@ import pairs
 import pytest
 from icymoon.stereo.datasets.markers import find_markers, is_possible
 from icymoon.stereo.evaluated_pairs import find_sources
-from icymoon.stereo.measure.fit_check import find_places
+from icymoon.stereo.measure.fit_check import find_common_places
 from icymoon.support.errors import IcyMoonError
 
 RIG = pairs.camera(192, 144)
@@ -27,7 +27,7 @@ def seen(eye, scene=SCENE):
 
 def seen_with_places(scene=SCENE):
     depth, light = seen("left", scene)
-    return depth, find_places(light, seen("right", scene)[1])
+    return depth, find_common_places(light, seen("right", scene)[1])
 
 
 #: Pixels that have no truth in a data set, a block of textured ground in 2 % of the image.
@@ -90,7 +90,7 @@ def test_a_wall_and_an_even_plane_have_no_marker():
 def test_a_coarse_map_has_no_marker(level):
     """Levels of whole pixels, of which the lowest has twice the depth of the next, in images that tell nothing."""
     disparity = np.clip(np.round(np.linspace(1, 9, 192) / level) * level, level, None)[None].repeat(144, axis=0)
-    places = find_places(np.zeros((144, 192)), np.zeros((144, 192)))
+    places = find_common_places(np.zeros((144, 192)), np.zeros((144, 192)))
     assert find_markers(disparity, "disparity", RIG, places) == ()
     assert find_markers(RIG.focal_baseline_px_m / disparity, "depth", RIG, places) == ()
 

@@ -114,7 +114,7 @@ INSIDE = (np.arange(foreign.WIDTH) >= foreign.SHIFT_PX) & np.ones((foreign.HEIGH
         (INSIDE.astype(np.uint8), "has numbers up to 1, and 255 marks"),
         (255 * (~INSIDE).astype(np.uint8), "fits the truth only with seen and hidden exchanged"),
         (255 * INSIDE[:, ::-1].astype(np.uint8), "fits the truth only mirrored from left to right"),
-        (np.zeros_like(INSIDE, np.uint8), "marks no pixel that by the truth is in both images"),
+        (np.zeros_like(INSIDE, np.uint8), "marks no pixel that both images show according to the truth"),
         (np.arange(96, dtype=np.uint8) * np.ones((64, 1), np.uint8) * 2 + 60, "has many numbers between 0 and 255"),
         (255 * INSIDE[:60].astype(np.uint8), "is 96 x 60 px, and the images are 96 x 64 px"),
     ],

@@ -136,7 +136,7 @@ def test_the_same_pairs_give_the_same_bytes_and_no_mixture(dataset, tmp_path):
         export([dataset], "webdataset", tmp_path / name)
     for path in (tmp_path / "a").iterdir():
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
-    with pytest.raises(IcyMoonError, match="shards already"):
+    with pytest.raises(IcyMoonError, match="already contains shards"):
         export([dataset], "webdataset", tmp_path / "a")
 
 

@@ -110,7 +110,7 @@ def light_around(rays, px_per_rad, period_px):
     return 1 + sum(np.sin(wave * unit[..., axis] + axis) for axis in range(3)) / 4
 
 
-def rays_of(panorama):
+def make_rays_of_pixels(panorama):
     """Directions of the pixels of a panorama; those beyond its circle see what is black."""
     grid = np.arange(panorama.size_px) - (panorama.size_px - 1) / 2
     x, y = np.meshgrid(grid, grid)
@@ -124,7 +124,7 @@ def rays_of(panorama):
 @pytest.mark.parametrize(("period_px", "most"), [(4, 0.02), (8, 1e-3), (16, 1e-4)])
 def test_warping_a_panorama_costs_as_little(name, eye, period_px, most):
     camera, own, lens = lens_of(name, eye)
-    rays, inside = rays_of(camera.panorama)
+    rays, inside = make_rays_of_pixels(camera.panorama)
     texture = np.where(inside, light_around(rays, camera.panorama.px_per_rad, period_px), 0.0)
     warped = lens.distort(texture.astype(np.float32))
     sensor = np.stack(np.meshgrid(np.arange(own.width_px), np.arange(own.height_px)), axis=-1)
@@ -136,7 +136,7 @@ def test_warping_a_panorama_costs_as_little(name, eye, period_px, most):
 def test_the_rectified_light_is_taken_from_the_panorama(name):
     """Linear interpolation of waves of 24 px is off by 2 % of their height at most."""
     camera, _, lens = lens_of(name, "left")
-    rays, _ = rays_of(camera.panorama)
+    rays, _ = make_rays_of_pixels(camera.panorama)
     scale = camera.panorama.px_per_rad
     found = lens.rectify_radiance(light_around(rays, scale, 24).astype(np.float32))
     pixels = np.stack(np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px)), axis=-1)

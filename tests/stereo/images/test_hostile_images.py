@@ -22,7 +22,7 @@ from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map, re
 from icymoon.stereo.images import bounded_decoding
 from icymoon.stereo.images.image_files import read_pfm, read_png
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.system import count_processors, find_process_scope, is_ended_by_time_limit, is_gone
+from icymoon.support.system import count_processors, find_process_scope, has_ended, is_ended_by_time_limit
 
 READERS = {
     "image": read_image,
@@ -79,7 +79,7 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path, read):
         stream.write(png())
         stream.truncate(2**36)
     assert "MB" in refuse(read, tmp_path / "sparse.png")
-    with pytest.raises(IcyMoonError, match="characters that no path can have"):
+    with pytest.raises(IcyMoonError, match="characters that a path cannot have"):
         resolve_inside(tmp_path, "a\0b")
 
 
@@ -255,7 +255,7 @@ def test_the_other_process_ends_with_this_one(tmp_path):
         [sys.executable, "-c", program, str(tmp_path / "a.png")], capture_output=True, timeout=60, check=False
     )
     pid, end = int(ended.stdout), time.monotonic() + 20
-    while not is_gone(pid, find_process_scope()):
+    while not has_ended(pid, find_process_scope()):
         assert time.monotonic() < end
         time.sleep(0.05)
 

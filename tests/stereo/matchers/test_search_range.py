@@ -111,7 +111,7 @@ def test_each_matcher_searches_what_it_is_told(method):
         assert info["search"] == expected
         assert info["options"]["min_disparity"] == expected.least_px
     assert searched(method)["search"] == SearchRange(0, 95, "fixed")
-    with pytest.raises(IcyMoonError, match=f"{method}.{option} is truth, but no true disparity is known"):
+    with pytest.raises(IcyMoonError, match=f"{method}.{option} is truth, but the true disparity is unknown"):
         searched(method, {option: "truth"})
     with pytest.raises(IcyMoonError, match=f"{method}.{option} must be auto or truth or a whole number, not 'wide'"):
         searched(method, {option: "wide"})

@@ -9,10 +9,10 @@ import pairs
 import pytest
 from icymoon.stereo.measure.fit_check import (
     compute_ray_lengths,
+    find_common_places,
     find_fault,
     find_misfit,
-    find_places,
-    make_known_places,
+    make_true_places,
 )
 from icymoon.support.arrays import Array
 
@@ -30,7 +30,7 @@ def seen(eye: str, scene: pairs.Scene = SCENE, noise: float = 0.03) -> tuple[Arr
 
 @pytest.fixture(scope="module")
 def places():
-    return find_places(seen("left")[1], seen("right")[1])
+    return find_common_places(seen("left")[1], seen("right")[1])
 
 
 DEPTH = seen("left")[0]
@@ -81,7 +81,7 @@ def test_a_factor_is_measured(places, kind, factor):
 @pytest.mark.parametrize("scene", [SCENE, pairs.Scene(distance_m=2.5, slope_x=0.35, slope_y=0.5, contrast=0.03)])
 def test_a_sound_map_has_no_small_fault(scene, noise):
     depth = seen("left", scene, noise)[0]
-    found = find_places(seen("left", scene, noise)[1], seen("right", scene, noise)[1])
+    found = find_common_places(seen("left", scene, noise)[1], seen("right", scene, noise)[1])
     for values, kind in ((depth, "depth"), (RIG.disparity(depth), "disparity"), (1.01 * depth, "depth")):
         assert find_misfit(values, kind, RIG, found) is None
 
@@ -102,14 +102,14 @@ def test_the_map_of_another_focal_length_is_noticed(places, zoom):
 
 
 def test_exchanged_images_and_a_map_of_the_other_eye_are_named(places):
-    exchanged = find_places(seen("right")[1], seen("left")[1])
+    exchanged = find_common_places(seen("right")[1], seen("left")[1])
     fault = find_fault(DEPTH, "depth", RIG, exchanged)
     assert fault is not None
     assert fault.kind == "swapped"
     # The rock of the right eye stands elsewhere; most of the ground has nearly the same disparity in both eyes.
     steep = pairs.Scene(distance_m=1.5, slope_x=1.2, slope_y=0.3)
     fault = find_fault(
-        seen("right", steep)[0], "depth", RIG, find_places(seen("left", steep)[1], seen("right", steep)[1])
+        seen("right", steep)[0], "depth", RIG, find_common_places(seen("left", steep)[1], seen("right", steep)[1])
     )
     assert fault is not None
     assert fault.kind == "right_eye"
@@ -136,19 +136,19 @@ def test_a_map_of_something_else_fits_in_no_way(places):
 )
 @pytest.mark.parametrize("values", [DEPTH, DEPTH[::-1], DEPTH * 1000], ids=["sound", "upside down", "millimetres"])
 def test_images_without_common_places_accuse_nobody(light, values):
-    assert find_fault(values, "depth", RIG, find_places(light("left"), light("right"))) is None
+    assert find_fault(values, "depth", RIG, find_common_places(light("left"), light("right"))) is None
 
 
 def test_a_horizon_alone_does_not_tell():
     """Its edge is found in both images, along two rows of tiles; the ground below is noise."""
     sky = pairs.Scene(distance_m=2.5, slope_x=0.35, slope_y=0.5, sky_rows=60, rock=False)
-    found = find_places(*(seen(eye, sky, noise=2.0)[1] for eye in ("left", "right")))
+    found = find_common_places(*(seen(eye, sky, noise=2.0)[1] for eye in ("left", "right")))
     assert find_fault(seen("left", sky)[0][:, ::-1], "depth", RIG, found) is None
 
 
 @pytest.mark.parametrize("kind", ["upside_down", "mirrored", "turned", "depth", "inverse"])
 def test_a_prediction_is_held_against_the_truth(kind):
-    known = make_known_places(np.where(np.arange(192) < 20, np.nan, DISPARITY))
+    known = make_true_places(np.where(np.arange(192) < 20, np.nan, DISPARITY))
     values = {
         "upside_down": DISPARITY[::-1],
         "mirrored": DISPARITY[:, ::-1],

@@ -15,7 +15,7 @@ from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.study import view_measurements as cells_of
 from icymoon.stereo.study.conclusions import draw_conclusions
 from icymoon.stereo.study.design import CONVERGED, Study, find_study, read_study
-from icymoon.stereo.study.tables import BEGIN, END, put_between_marks, write_study
+from icymoon.stereo.study.tables import BEGIN, END, replace_between_marks, write_study
 from icymoon.stereo.study.view_measurements import read_or_measure_cell
 from icymoon.support.errors import IcyMoonError
 
@@ -107,11 +107,11 @@ def test_the_files_tell_what_was_run(study, out, tmp_path):
     assert "mathdefault" not in (out / "noise.svg").read_text()
     page = tmp_path / "page.md"
     page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n", encoding="utf-8")
-    new = put_between_marks(page, text)
+    new = replace_between_marks(page, text)
     assert new.startswith(f"before\n{BEGIN}\n")
     assert new.endswith(f"{END}\nafter\n")
     assert text in new
     assert "\nold\n" not in new
     page.write_text("no marks", encoding="utf-8")
     with pytest.raises(IcyMoonError, match="add them where the tables are to stand"):
-        put_between_marks(page, text)
+        replace_between_marks(page, text)

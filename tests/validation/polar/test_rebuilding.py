@@ -10,8 +10,8 @@ from icymoon.support.errors import IcyMoonError
 from icymoon.validation.comparison import Bench
 from icymoon.validation.polar.camera import Eye, fit_camera, make_camera_rotation, measure_compared_share
 from icymoon.validation.polar.data_set import EYES, ROCK, Polygon, Rock, Terrain, View, read_terrains
-from icymoon.validation.polar.label_agreement import cast_to_sand, measure_label_agreement
-from icymoon.validation.polar.lamp import HeightTable, Shadows, cast_onto_sand, fit_lamps
+from icymoon.validation.polar.label_agreement import measure_label_agreement, trace_pixels_to_sand
+from icymoon.validation.polar.lamp import HeightTable, Shadows, fit_lamps, trace_lamp_to_sand
 from icymoon.validation.polar.sand import measure_sand
 from icymoon.validation.polar.scene import find_frame
 from icymoon.validation.polar_comparison import compare_terrains
@@ -117,14 +117,16 @@ def test_pixels_are_laid_on_the_sand():
     )
     points = np.array([[0.5, -1.0, 0.0], [-1.0, 1.2, 0.0], [0.0, 0.0, 0.0]])
     points[:, 2] = 0.1 + 0.05 * points[:, 0]
-    assert cast_to_sand(eye, eye.project(points), lambda xy: 0.1 + 0.05 * xy[:, 0]) == pytest.approx(points, abs=1e-6)
+    assert trace_pixels_to_sand(eye, eye.project(points), lambda xy: 0.1 + 0.05 * xy[:, 0]) == pytest.approx(
+        points, abs=1e-6
+    )
 
 
 @pytest.mark.heavy
 def test_shadows_fall_where_rays_meet_the_sand(scene):
     _, truth, terrain, _, _ = scene
     points = terrain.rocks[0].vertices
-    found = cast_onto_sand(points, truth.lamp, lambda xy: np.full(len(xy), SAND_M))
+    found = trace_lamp_to_sand(points, truth.lamp, lambda xy: np.full(len(xy), SAND_M))
     assert found == pytest.approx(shadow_on_sand(points, truth.lamp), abs=1e-3)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from icymoon.physics.terrain.roughness.roughness import fit_amplitudes, list_asked_statistics, octave_wavelengths_m
+from icymoon.physics.terrain.roughness.roughness import fit_amplitudes, list_stated_statistics, octave_wavelengths_m
 from icymoon.physics.terrain.roughness.statistics import (
     list_lags,
     measure_roughness,
@@ -213,7 +213,7 @@ def test_the_statistics_that_are_asked_are_those_of_a_patch_of_many_waves(hurst)
     """On 20 m with waves up to 2 m, chance hardly counts."""
     terrain = defaults().terrain | TerrainSettings(outer_scale_m=2.0, hurst=hurst, slope_baseline_m=0.5)
     heights = _built(1, 513, outer_scale_m=2.0, hurst=hurst, slope_baseline_m=0.5)
-    asked, made = list_asked_statistics(terrain), measure_roughness(heights, SIZE / 512, 0.5).numbers()
+    asked, made = list_stated_statistics(terrain), measure_roughness(heights, SIZE / 512, 0.5).numbers()
     assert asked["rms_slope_deg"] == 12.0
     assert made["rms_slope_deg"] == pytest.approx(12.0, rel=0.05)
     assert made["rms_height_m"] == pytest.approx(asked["rms_height_m"], rel=0.1)
