@@ -13,6 +13,7 @@ from ..render.pairs.pair_folder import read_pair
 from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.workers.lidar_request import EFFECTS, ScanRequest
 from ..settings.preset_files import LIDARS, lidar_names
+from ..settings.user_files import hash_content
 from ..stereo.export.ground import build_geometry, refuse_edited
 from ..stereo.export.lidar import check_format, discard_points, read_facts, write_scan
 from ..support.errors import IcyMoonError
@@ -132,7 +133,8 @@ def _find_ground(options: argparse.Namespace) -> tuple[PlannedPair, Path]:
     if options.pair is None:
         if options.out is None:
             raise IcyMoonError("The scan has no folder to go to; give --out, or the folder of a rendered pair.")
-        return expand_headings(read_settings(options))[0], options.out
+        settings = read_settings(options)
+        return expand_headings(settings, hash_content(settings))[0], options.out
     if options.preset or options.settings or options.overrides:
         raise IcyMoonError("A pair has its own settings; leave --preset, --settings and --set out, or the pair.")
     pair = read_pair(options.pair)

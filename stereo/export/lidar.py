@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...formats.lidar_points import find_cells, read_returns
+from ...formats.map_frame import MapFrame, map_frame_from_json
 from ...formats.ply import write_cloud_parts
 from ...physics.camera.rotations import quaternion
 from ...physics.lidar.scan_patterns import PatternKind, ScanPattern
@@ -213,19 +214,20 @@ def _write_las(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
     """LAS 1.4 with points of format 6; the file's ending decides whether it is packed."""
     import laspy
 
-    place = facts.get("site", {}).get("map")
+    site = facts.get("site")
+    frame = map_frame_from_json(site)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.generating_software = "Icy Moon"
     header.system_identifier = str(facts.get("title", ""))[:31].encode("ascii", "replace").decode()
-    origin, scale = _find_map(place)
-    header.offsets = np.floor(_to_map(np.array([facts["position_m"]]), origin, scale)[0])
-    header.scales = np.full(3, _LAS_STEP_M)
+    header.offsets = np.floor(_to_map(np.array([facts["position_m"]]), frame)[0])
+    unit_m = 1.0 if frame is None else frame.unit_m
+    header.scales = np.array([_LAS_STEP_M / unit_m, _LAS_STEP_M / unit_m, _LAS_STEP_M])
     extra = ("range_m", "range_error_m", "energy_j", "electrons", "ice_delay_m")
     header.add_extra_dims(
         [laspy.ExtraBytesParams(name, "f8") for name in extra] + [laspy.ExtraBytesParams("instance", "i8")]
     )
-    if place:
-        text = json.dumps(place).encode()
+    if frame is not None and site is not None:
+        text = json.dumps(site["map"]).encode()
         header.vlrs.append(laspy.VLR("icymoon", 1, "place of the site on a map", text[:65535]))
 
     def write(part_path: Path) -> None:
@@ -233,21 +235,18 @@ def _write_las(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
         with part_path.open("wb") as stream, laspy.LasWriter(stream, header, packed, closefd=False) as out:
             for part in read_points(folder, facts):
                 if len(part):
-                    out.write_points(_make_records(laspy, header, part, _to_map(part.point_m, origin, scale)))
+                    out.write_points(_make_records(laspy, header, part, _to_map(part.point_m, frame)))
 
     write_atomically(path, write)
 
 
-def _find_map(place: Mapping[str, Any] | None) -> tuple[Array, Array]:
-    """Origin (3,) and scale (3,) of map coordinates: origin + metres / scale, see ``geotiff.MapPlace``."""
-    if not place:
-        return np.zeros(3), np.ones(3)
-    x, y = place["origin"]
-    return np.array([x, y, place.get("height_zero_m", 0.0)]), np.array([*place["scale"], 1.0])
-
-
-def _to_map(point_m: Array, origin: Array, scale: Array) -> Array:
-    return np.asarray(origin + point_m / scale)
+def _to_map(point_m: Array, frame: MapFrame | None) -> Array:
+    """Points (n, 3) of the site in the map's unit, with heights in metres of its file; without a map as they are."""
+    if frame is None:
+        return point_m
+    x, y, z = point_m.T
+    easting, northing = frame.to_map(x, y)
+    return np.stack([easting, northing, z + frame.height_zero_m + frame.find_drop_m(x, y)], axis=1)
 
 
 def _make_records(laspy: Any, header: Any, part: ScanPoints, point: Array) -> Any:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from icymoon.commands import lidar
 from icymoon.commands.cli import main
 from icymoon.commands.lidar import find_lidar
+from icymoon.settings.pair_ids import make_pair_id
 from icymoon.settings.preset_files import LIDARS, lidar_names
+from icymoon.settings.user_files import hash_content
 
 
 @pytest.mark.parametrize(
@@ -30,6 +34,19 @@ def test_a_mistake_is_one_sentence(words, part, tmp_path, capsys):
     assert part in told
     assert "Traceback" not in told
     assert not (tmp_path / "out").exists()
+
+
+def test_ground_of_a_users_file_is_planned_with_its_content(tmp_path, monkeypatch):
+    """Without the content in its id, the build refuses the ground as one whose file has changed."""
+    file = tmp_path / "dem.npy"
+    np.save(file, np.zeros((4, 4)))
+    asked = []
+    monkeypatch.setattr(lidar, "build_geometry", lambda planned, *words, **more: asked.append(planned[0]))
+    words = ["--set", "source.kind=HEIGHT_MAP", "--set", f"source.file={file}"]
+    assert main(["lidar", *words, "--out", str(tmp_path / "out")]) == 1  # there is no scan to read
+    settings = asked[0].settings
+    assert asked[0].id == make_pair_id(settings, hash_content(settings))
+    assert asked[0].id != make_pair_id(settings, "")
 
 
 def test_each_shipped_scanner_is_found_by_its_name():

@@ -28,7 +28,16 @@ ALONG = np.array([[1.0, 0, 0], [0, 0.6, -0.8], [0, 0, -1]])
 RANGE_M = np.array([2.0, 10.0, 4.0])
 #: The second return is lost.
 MEASURED_M = np.array([2.5, np.nan, 4.25])
-MAP = {"origin": [1e6, -5e5], "scale": [0.5, 1.0], "height_zero_m": 40.0, "crs": "+proj=stere"}
+#: A place in UTM zone 33 N (EPSG 32633), in a file of kilometres, on a body whose curvature the ground has.
+MAP = {
+    "origin": [4e5, 5.4e6],
+    "scale": [0.5, 1.0],
+    "unit_m": 1000.0,
+    "height_zero_m": 40.0,
+    "body_radius_m": 1e6,
+    "bounds": [390.0, 5390.0, 410.0, 5410.0],
+    "geokeys": {"directory": "1 1 0 1 3072 0 1 32633", "doubles": "", "text": ""},
+}
 
 
 @pytest.fixture
@@ -137,8 +146,12 @@ def test_a_scan_without_points_is_a_file_without_points(tmp_path):
 def test_las_has_the_coordinates_of_the_map(tmp_path):
     laspy = pytest.importorskip("laspy")
     read = laspy.read(write_scan(write_folder(tmp_path, True, MAP), "las"))
-    assert read.xyz[0] == pytest.approx([1e6 + 102.5 / 0.5, -5e5 - 200, 43], abs=5.1e-5)
-    assert b"+proj=stere" in read.vlrs.get_by_id("icymoon")[0].record_data
+    x, y, z = 102.5, -200.0, 3.0
+    drop_m = 1e6 - np.sqrt(1e12 - x**2 - y**2)
+    expected = [(4e5 + x / 0.5) / 1000, (5.4e6 + y) / 1000, z + 40 + drop_m]
+    assert read.xyz[0][:2] == pytest.approx(expected[:2], abs=6e-8)  # kilometres
+    assert read.xyz[0][2] == pytest.approx(expected[2], abs=5.1e-5)
+    assert b'"directory": "1 1 0 1 3072 0 1 32633"' in read.vlrs.get_by_id("icymoon")[0].record_data
 
 
 def test_a_bag_is_read_back(folder, monkeypatch):
