@@ -93,7 +93,7 @@ def _add_device_options(parser: argparse.ArgumentParser) -> None:
 
 def _run_projector(options: argparse.Namespace) -> int:
     settings = read_settings(options)
-    projector = _make_projector(options, settings)
+    projector = make_projector(options, settings)
     pattern = Pattern(
         options.pattern.upper(), options.dots, options.dot_px, options.period_px, options.shifts, options.seed
     )
@@ -131,7 +131,7 @@ def _run_projector(options: argparse.Namespace) -> int:
     return 0
 
 
-def _make_projector(options: argparse.Namespace, settings: Settings) -> Projector:
+def make_projector(options: argparse.Namespace, settings: Settings) -> Projector:
     """The projector of the options, whose field is as wide as the left camera's unless it is stated."""
     camera = StereoCamera.from_settings(settings.rig)
     seen_deg = 2 * math.degrees(math.atan(camera.width_px / 2 / camera.focal_px))
@@ -185,8 +185,20 @@ def _project(settings: Settings, projector: Projector, pattern: Pattern, blender
     with open_scratch_folder() as scratch:
         file = scratch / "projector.json"
         write_json(file, {"projector": vars(projector), "pattern": vars(pattern), "samples": 4})
-        build_geometry(planned, scratch, blender, lambda message: None, str(file), program="project")
+        try:
+            build_geometry(planned, scratch, blender, lambda message: None, str(file), program="project")
+        except IcyMoonError as error:
+            raise IcyMoonError(name_projector(str(error), len(settings.light.lamps) - 1)) from None
         return read_projection(scratch / planned[0].id / "projected.npz")
+
+
+def name_projector(reason: str, number: int) -> str:
+    """A reason against a scene, whose lamp at this place of the list is the projector."""
+    start, end = f"light.lamps[{number}] is ", ", so it lights nothing; "
+    if not reason.startswith(start) or end not in reason:
+        return reason
+    where = reason.removeprefix(start).partition(end)[0]
+    return f"The projector is {where}, so it lights nothing; move it by --place."
 
 
 def _tell_ice(transport_mm: float, depth_m: Any, projector: Projector, pattern: Pattern) -> None:

@@ -44,9 +44,9 @@ def test_an_even_lamp_a_half_and_a_cosine_have_their_closed_flux(tmp_path):
 def test_a_coarse_table_is_linear_between_its_angles_and_its_flux_is_its_integral():
     table = make_table(np.array([0.0, 45.0, 90.0]), np.array([0.0, 90.0, 180.0, 360.0]), np.arange(12.0).reshape(4, 3))
     assert table.find_intensity(15.0, 30.0) == pytest.approx(1 / 3 + 1.0)
-    theta, phi = (np.arange(900) + 0.5) / 10, (np.arange(720) + 0.5) / 2
+    theta, phi = (np.arange(360) + 0.5) / 4, (np.arange(360) + 0.5)
     found = table.find_intensity(theta[:, None], phi[None])
-    sum_of = (found * np.sin(np.radians(theta))[:, None]).sum() * np.radians(0.1) * np.radians(0.5)
+    sum_of = (found * np.sin(np.radians(theta))[:, None]).sum() * np.radians(0.25) * np.radians(1.0)
     assert table.flux == pytest.approx(sum_of, rel=1e-5)
 
 
