@@ -181,10 +181,7 @@ def _make_rows(
 def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
     """The rows of a pair. Missing rows are made and written to the log."""
     content = run.make_digest(source)
-    keys = {TRUE_DEPTH: content} | {
-        m.label: make_json_digest([content, list_method_inputs(m), *list_lidar_inputs(m, source.name)])
-        for m in run.methods
-    }
+    keys = {TRUE_DEPTH: content} | {m.label: _make_row_key(m, source.name, content) for m in run.methods}
     there = {
         label: row
         for label, key in keys.items()
@@ -222,6 +219,11 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
             where = f"{source.folder} by {describe_method(label)}"
             row = _make_failed_row(source.name, label, key, describe_error(error, where))
         yield _log_row(log, row)
+
+
+def _make_row_key(method: Method, pair: str, content: str) -> str:
+    """The digest of everything that determines a row."""
+    return make_json_digest([content, list_method_inputs(method), *list_lidar_inputs(method, pair)])
 
 
 def _check_status(prepared: PreparedPair) -> str:

@@ -339,6 +339,20 @@ def trade_front(figure: Figure) -> None:
     panels[0].legend(fontsize=8)
 
 
+def fusion_curves(figure: Figure) -> None:
+    """Share of pixels off by more than 1 px over the number of range points, for the scenes of ``fusion.json``."""
+    scenes = json.loads((Path(__file__).parent / "fusion.json").read_text(encoding="utf-8"))
+    shown = ("rough ice", "very high relief", "rough ice, weak light")
+    for axes, title in zip(figure.subplots(1, len(shown), sharey=True), shown, strict=True):
+        scene = scenes[title]
+        axes.axhline(scene["stereo"][0], color="#777777", ls=":", label="SGBM")
+        for kind, label in (("interpolation", "interpolation"), ("fill", "SGBM, filled"), ("pick", "SGBM + LiDAR")):
+            axes.loglog(scene["points"], [scene[kind][str(count)][0] for count in scene["points"]], label=label)
+        axes.set(xlabel="Range points", title=title)
+    figure.axes[0].set(ylabel="Off by more than 1 px, %")
+    figure.axes[0].legend(fontsize=8)
+
+
 def ice_waveforms(figure: Figure) -> None:
     """Received power of a laser pulse on a hard surface, on snow and on bubbly ice."""
     columns = figure.subplots(1, 2, sharey=True, sharex=True)
@@ -377,6 +391,7 @@ FIGURES: dict[str, Callable[[Figure], None]] = {
         depth_error,
         cautious_matcher,
         trade_front,
+        fusion_curves,
     )
 }
 

@@ -44,9 +44,9 @@ _FAR = 2.0
 #: Stereo and the interpolation are averaged if they differ by at most this, px.
 _AGREES_PX = 2.0
 #: Preferences for stereo, as a difference of two probabilities; the first is used unless another is better by
-#: ``_SURE`` standard errors.
+#: ``_SURE`` standard errors, where so many more points are in doubt: three of three points may be chance.
 _PREFERENCES = (0.0, -1.0, -0.5, -0.2, -0.1, -0.03, 0.03, 0.1, 0.2, 0.5, 1.0)
-_SURE = 1.5
+_SURE, _DOUBTED = 1.5, 4.0
 #: The normal law's tail is about the logistic law's with this factor, within 0.01.
 _LOGISTIC = 1.702
 
@@ -173,8 +173,9 @@ def _find_preference(evidence: _Evidence, worse: Array) -> float:
         [np.where(evidence.has & (worse <= each), stereo, interpolated).astype(np.float64) for each in _PREFERENCES]
     )
     gain = wrong[0] - wrong
-    sure = gain.mean(axis=1) - _SURE * gain.std(axis=1) / math.sqrt(gain.shape[1]) > 0
-    return _PREFERENCES[int(np.argmax(np.where(sure, gain.mean(axis=1), 0.0)))]
+    total = gain.sum(axis=1)
+    sure = total > _SURE * np.sqrt((gain**2).sum(axis=1) + _DOUBTED)
+    return _PREFERENCES[int(np.argmax(np.where(sure, total, 0.0)))]
 
 
 def _student_density(value: Array, scale: Array) -> Array:

@@ -17,8 +17,10 @@ from icymoon.benchmarks.common import studies
 from icymoon.commands import cli
 from icymoon.settings import description, preset_files
 from icymoon.settings.table import TOPICS
+from icymoon.settings.topics.trust_boundary import split_lidar
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import complete_options
+from icymoon.stereo.matchers.lidar_options import LIDAR, complete_lidar_options
 from icymoon.stereo.matchers.methods import parse_key_value, parse_named_methods, parse_own_matchers
 from icymoon.support.version import ROOT
 from manual import reference
@@ -139,10 +141,14 @@ def _parsed(program: str, words: list[str]) -> str:
             complete_options(method.name, method.options)
         named = ""
     for label in str(options.get("methods") or named).split(","):
-        name, *own = label.split(":")
+        matcher, points = split_lidar(label)
+        if points is not None:
+            given = dict(parse_key_value(text, "--methods") for text in points.split(":") if text)
+            complete_lidar_options(matcher or LIDAR, given)
+        name, *own = matcher.split(":")
         if name == "own":
             name = owned[own.pop(0)].name
-        if label:
+        if matcher:
             complete_options(name, dict(parse_key_value(text, "--methods") for text in own))
     for given in options.get("option") or ():
         for text in [given] if isinstance(given, str) else given:

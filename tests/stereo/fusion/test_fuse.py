@@ -120,6 +120,13 @@ def test_the_matcher_alone_is_unchanged_and_a_seed_is_a_result(scene):
     assert not np.array_equal(once, other)
 
 
+def test_a_search_near_points_replaces_a_stated_range(scene):
+    # Matches lie about the margin of 16 px, which 16 disparities from 0 on do not contain.
+    found, _ = run("sgbm:disparities=16+lidar:points=200:guide=search:rule=stereo", scene)
+    assert np.isfinite(found).mean() > 0.5
+    assert count_wrong(found, scene[2]) < 0.5
+
+
 def test_a_matcher_without_a_range_cannot_search_near_points(scene):
     with pytest.raises(IcyMoonError, match="has no search range that points could limit"):
         run("own:mine+lidar:guide=search", scene, own=("mine:external:command=true {left} {right} {out}",))
