@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..nodes.build_scene import find_collection
 from ..operators import manual, recent_pairs
 from ..operators.session import session
 from .sidebar import Sidebar
@@ -26,12 +27,16 @@ class ICYMOON_PT_recent(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(recent_pairs.list_recent(context.scene))
+        """From the build on: a header that appears at the end of a render would move the panels below it."""
+        return find_collection(context.scene) is not None or bool(recent_pairs.list_recent(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
         shown = session.shown.folder if session.shown is not None else None
         column = self.layout.column(align=True)
-        for pair in recent_pairs.list_recent(context.scene):
+        pairs = recent_pairs.list_recent(context.scene)
+        if not pairs:
+            column.label(text="No pair is rendered")
+        for pair in pairs:
             row = column.split(factor=_PICTURE_SHARE)
             icon = recent_pairs.find_icon(pair)
             if icon is not None:

@@ -553,7 +553,7 @@ def click_header(topic: str) -> Waiting:
     """Open the closed panel of a topic while all but the first are closed, or close it. Where the first panel leaves no
     room for its header, the first panel is closed before."""
     page = module("operators.manual").find_page_of_topic(topic)
-    yield from to(*middle("UI"))
+    yield from to_top_of_sidebar()
     yield from scroll(-400)
     headers = yield from person.find_headers(most=1, page=page)
     if not headers:
@@ -566,11 +566,17 @@ def click_header(topic: str) -> Waiting:
 
 def click_first_header() -> Waiting:
     """Open or close the first panel."""
-    yield from to(*middle("UI"))
+    yield from to_top_of_sidebar()
     yield from scroll(-400)
     yield from to(*(yield from person.find_headers(most=1))[0])
     xdotool("click", 1)
     yield 10 * TICK_S
+
+
+def to_top_of_sidebar() -> Waiting:
+    """Over the first panel: below closed panels the sidebar is empty, and the wheel there zooms the view behind it."""
+    sidebar = region("UI")
+    yield from to(sidebar.x + sidebar.width / 2, sidebar.y + sidebar.height - 1.5 * person.BUTTON_PX)
 
 
 CAMCHAIN = """cam0:
