@@ -40,11 +40,14 @@ _FUSION = (
     Option("margin", 16, "Disparities that are searched on both sides of the interpolation, px", 8, 512, 8),
 )
 
+#: All options, for a matcher with range points.
+LIDAR_OPTIONS = (*_POINTS, *_FUSION)
+
 
 def complete_lidar_options(matcher: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """All options of range points, for a ``matcher`` or for LIDAR alone. Values may be text. Raises IcyMoonError for
     unknown options and bad values."""
-    return resolve_options(LIDAR, _POINTS if matcher == LIDAR else (*_POINTS, *_FUSION), {}, given)
+    return resolve_options(LIDAR, _POINTS if matcher == LIDAR else LIDAR_OPTIONS, {}, given)
 
 
 def describe_lidar_options() -> str:
@@ -52,6 +55,6 @@ def describe_lidar_options() -> str:
     return "\n".join(
         [
             "lidar: Range points of a LiDAR, interpolated; MATCHER+lidar joins them with a matcher",
-            *(f"  {option.key}={option.default} ({option.range}) {option.doc}" for option in (*_POINTS, *_FUSION)),
+            *(f"  {option.key}={option.default} ({option.range}) {option.doc}" for option in LIDAR_OPTIONS),
         ]
     )

@@ -14,6 +14,7 @@ from icymoon.settings.table import list_all_settings
 from icymoon.settings.topics import trust_boundary
 from icymoon.settings.topics.declaration import Setting
 from icymoon.stereo.matchers import complete_options, list_matcher_names, load_matcher
+from icymoon.stereo.matchers.lidar_options import LIDAR_OPTIONS
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.options import Option
 from icymoon.support.errors import IcyMoonError
@@ -21,6 +22,7 @@ from icymoon.support.version import ROOT
 
 MODULES = {name: load_matcher(name) for name in list_matcher_names()}
 OPTIONS = [(name, option) for name, module in MODULES.items() for option in module.OPTIONS]
+OPTIONS += [("sgbm+lidar", option) for option in LIDAR_OPTIONS]
 EVIL = "external:command=/bin/sh -c evil {left} {right} {out}"
 REFUSED = f"dataset.methods names a ({'|'.join(trust_boundary.LOADING_OPTIONS)}), which only you may"
 
