@@ -136,7 +136,7 @@ def _measure_pair(
 
 
 def _match(prepared: PreparedPair, method: Method, ranges: Mapping[str, SearchRange]) -> Array:
-    return match_prepared(method, prepared, ranges)[0]
+    return match_prepared(method, prepared, lambda: ranges)[0]
 
 
 def _redevelop_with_error(loaded: LoadedPair, exact: PreparedPair, key: str, value: float) -> PreparedPair:

@@ -285,7 +285,7 @@ def _match_depth(workspace: Workspace, method: Method) -> tuple[Array, float]:
     """The depth of a method, and the processor seconds that it took."""
     prepared = workspace.prepared
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-    disparity, info = match_prepared(method, prepared, find_search_ranges(prepared, shared))
+    disparity, info = match_prepared(method, prepared, lambda: find_search_ranges(prepared, shared))
     return disparity_to_depth(prepared, disparity), float(info["seconds"])
 
 

@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from itertools import product
 from typing import Any
 
@@ -103,7 +104,7 @@ def measure_curves(
         tell({"type": "progress", "fraction": done / total, "done": done, "total": total, "message": source.name})
         prepared = source.prepare(response)
         shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-        ranges = find_search_ranges(prepared, shared)
+        ranges = cache(partial(find_search_ranges, prepared, shared))
         for method in methods:
             disparity, info = match_prepared(method, prepared, ranges)
             rows.append(

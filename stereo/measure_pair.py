@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -120,7 +120,7 @@ def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask)
             yield _make_row_event(rows[label])
             continue
         try:
-            disparity, info = match_prepared(method, prepared, ranges())
+            disparity, info = match_prepared(method, prepared, ranges)
             info["search"] = info["search"] and info["search"].to_json(shared)
             row = make_result_row(prepared, method, task.keys[label], disparity, info)
             rows[label] = row | {"images": write_method_pictures(prepared, method, disparity, info, run.out)}
@@ -179,13 +179,16 @@ def find_search_ranges(prepared: PreparedPair, shared: Array) -> dict[str, Searc
 
 
 def match_prepared(
-    method: Method, prepared: PreparedPair, ranges: Mapping[str, SearchRange]
+    method: Method, prepared: PreparedPair, ranges: Callable[[], Mapping[str, SearchRange]]
 ) -> tuple[Array, dict[str, Any]]:
-    """The disparity (H, W), px, NaN where invalid, of a method, and an ``info`` as of ``match_checked``."""
+    """The disparity (H, W), px, NaN where invalid, of a method, and an ``info`` as of ``match_checked``.
+
+    ``ranges`` finds the search ranges, which may make the ground of the pair; a prediction needs none.
+    """
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
     camera, pair = prepared.depth_camera, prepared.pair
-    return match_method(method, prepared.left, prepared.right, camera, ranges, pair, prepared.truth)
+    return match_method(method, prepared.left, prepared.right, camera, ranges(), pair, prepared.truth)
 
 
 def _read_stored_disparity(row: Row | None, prepared: PreparedPair, out: Path) -> Array | None:

@@ -52,7 +52,7 @@ class ExcavationSettings(Table, label="Excavation", inside="terrain", since="0.3
         "Blade Width", 0.08, 1.0e-3, 2.0, (0.02, 0.2), "Width of the blade", "geometry", shown=DUG)
     bite_m: float = metres(
         "Bite", 0.05, 0.0, 1.0, (0.0, 0.15),
-        "Depth that the blade digs in each further state; 0 for a series without change",
+        "Depth that the blade digs in each further state; 0 for no change between states",
         "geometry", shown=chosen("path", "LINE", "ARC"))
     radius_m: float = metres(
         "Arc Radius", 0.25, 0.01, 10.0, (0.05, 1.0), "Radius on which the blade swings", "geometry",

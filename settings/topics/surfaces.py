@@ -314,8 +314,8 @@ class HapkeSettings(Table, label="Hapke", inside="surface", shown=chosen("surfac
         section=ADVANCED)
     accuracy: Literal["FAST", "ACCURATE", "REFERENCE"] = choice(
         "Accuracy", "FAST", "Accuracy of light that other ground reflects. Direct sunlight is always exact", "material",
-        ("FAST", "Fast", "Reflected light is weighted like sunlight: 2 to 4 % too dark in the mean, and up to 10 % "
-         "too dark in shadows"),
+        ("FAST", "Fast", "Reflected light is weighted like sunlight. It is 2 to 4 % too dark in the mean, and up to "
+         "10 % in shadows"),
         ("ACCURATE", "Accurate", "Reflected light is within 1 % in the mean, 8 % in shadows. The Sun's disc blurs "
          "the surges exactly; needs OSL and the CPU"),
         ("REFERENCE", "Reference", "Reflected light is within 0.1 % in the mean, 1 % in shadows. Hapke's law for "

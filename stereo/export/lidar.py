@@ -190,7 +190,7 @@ def check_format(kind: str) -> str:
         if importlib.util.find_spec(name) is None:
             return f'{kind.upper()} files need the package {name}; pip install "icymoon[las]".'
     if kind == "ros2":
-        from .ros_bag import check
+        from .bag_file import check
 
         return check()
     return ""
@@ -283,7 +283,7 @@ _ROS_LAYOUT = np.dtype([(name, kind) for name, kind, _ in _ROS_FIELDS])
 
 def _write_bag(path: Path, folder: Path, facts: Mapping[str, Any]) -> None:
     """A bag with ``/lidar/points`` (PointCloud2 in the sensor's axes; t in ns after the stamp) and ``/tf``."""
-    from .ros_bag import WORLD_FRAME, open_bag
+    from .bag_file import WORLD_FRAME, open_bag
 
     matrix = np.array(facts["sensor_to_world"])
     with open_bag(path) as (write, types):

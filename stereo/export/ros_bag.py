@@ -7,9 +7,7 @@ forward), as stereo_image_proc expects.
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -21,10 +19,9 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.files import explain_disk_errors, make_part_path
-from ...support.system import remove_folder, replace
 from ..images.develop import to_8_bit
 from ..measure.prepare_pair import LoadedPair
+from .bag_file import WORLD_FRAME, open_bag
 from .cameras import make_centred_matrix, make_pixel_rays, read_pose, refuse_row_poses
 from .losses import Each
 
@@ -33,15 +30,7 @@ Kinds = Mapping[str, Callable[..., object]]
 
 TITLES = {"ros2": "ROS 2 Bag: images, camera infos, true disparity, true points and poses"}
 FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
-WORLD_FRAME = "map"
 _NS_PER_S, _MOST_SECONDS = 1_000_000_000, 2**31
-
-
-def check() -> str:
-    """The reason why no bag can be written here; empty if it can."""
-    if importlib.util.find_spec("rosbags") is None:
-        return 'The export ros2 needs the package rosbags; pip install "icymoon[ros]".'
-    return ""
 
 
 def write_all(each: Each, out: Path) -> None:
@@ -62,36 +51,6 @@ def write_all(each: Each, out: Path) -> None:
             count += 1
 
         each(write)
-
-
-@contextmanager
-def open_bag(bag: Path) -> Iterator[tuple[Callable[[str, Any, int], None], Any]]:
-    """A new bag (MCAP), which exists once the ``with`` block ends: a function that adds a message to a topic at a time
-    in ns, and rosbags' types of messages. Raises IcyMoonError if there is a bag already, or the disk refuses."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    if bag.exists():
-        raise IcyMoonError(f"{bag} exists already, and a bag is not overwritten; remove it or choose another folder.")
-    types = get_typestore(Stores.ROS2_JAZZY)
-    part = make_part_path(bag)
-    with explain_disk_errors("write to", part):
-        part.mkdir(parents=True)
-    try:
-        # In a separate folder, since a bag has the name of its folder.
-        with Writer(part / bag.name, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            known: dict[str, Any] = {}
-
-            def add(topic: str, message: Any, time: int) -> None:
-                with explain_disk_errors("write to", part):
-                    if topic not in known:
-                        known[topic] = writer.add_connection(topic, message.__msgtype__, typestore=types)
-                    writer.write(known[topic], time, types.serialize_cdr(message, message.__msgtype__))
-
-            yield add, types
-        replace(part / bag.name, bag)
-    finally:
-        remove_folder(part)
 
 
 def _find_time_ns(pair: LoadedPair, count: int) -> int:

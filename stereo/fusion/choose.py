@@ -128,7 +128,9 @@ def _find_distance(points: RangePoints, shape: tuple[int, ...]) -> Array:
     """The distance (H, W), px, from the nearest point."""
     free = np.ones(shape, np.uint8)
     free[np.rint(points.row).astype(int), np.rint(points.column).astype(int)] = 0
-    return np.asarray(cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float64)
+    found = np.asarray(cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float64)
+    # OpenCV's last bits differ from call to call. Squares of distances between pixels are whole numbers.
+    return np.asarray(np.sqrt(np.rint(found**2)))
 
 
 def _gather(stereo: Array, prior: Array, interpolation: Interpolation, points: RangePoints) -> _Evidence:

@@ -43,10 +43,12 @@ def interpolate(column: Array, row: Array, disparity: Array) -> Interpolation:
         raise IcyMoonError(
             "All range points lie on one line of the image, so no surface follows from them; give points beside it."
         )
-    plane = np.linalg.lstsq(design, disparity, rcond=None)[0]
+    plane, _ = _fit_plane(design, disparity)
     moved = np.random.default_rng(0).uniform(-_MOVED_PX, _MOVED_PX, (2, len(column)))
     # The plane's slope takes the points along, so that planes stay exact.
-    return Interpolation(column + moved[0], row + moved[1], disparity + plane[1:] @ moved / _SCALE_PX)
+    return Interpolation(
+        column + moved[0], row + moved[1], disparity + (plane[1] * moved[0] + plane[2] * moved[1]) / _SCALE_PX
+    )
 
 
 @dataclass(frozen=True)
@@ -79,9 +81,7 @@ class Interpolation:
     @cached_property
     def _plane(self) -> tuple[Array, Array]:
         """The plane through all points, (3,) for ``_design``, and the inverse (3, 3) of its normal equations."""
-        design = _design(self.column, self.row)
-        inverse = np.linalg.pinv(design.T @ design)
-        return inverse @ (design.T @ self.disparity), inverse
+        return _fit_plane(_design(self.column, self.row), self.disparity)
 
     def fill(self, shape: tuple[int, ...]) -> Array:
         """Disparities (H, W): linear on each triangle. Outside of all triangles they are the plane through all points,
@@ -98,7 +98,7 @@ class Interpolation:
 
     def _extend(self, column: Array, row: Array) -> Array:
         plane, _ = self._plane
-        rest: Array = self.disparity - _design(self.column, self.row) @ plane
+        rest: Array = self.disparity - _follow_plane(plane, _design(self.column, self.row))
         sides = self.triangulation.neighbors < 0
         if self.triangulation.mask is not None:
             sides &= ~self.triangulation.mask[:, None]
@@ -112,7 +112,7 @@ class Interpolation:
             nearer = far < nearest
             nearest[nearer] = far[nearer]
             value[nearer] = (rest[one] + share * (rest[other] - rest[one]))[nearer]
-        return _design(column, row) @ plane + value
+        return _follow_plane(plane, _design(column, row)) + value
 
     def add_neighbours(self, values: Array, own: bool) -> Array:
         """Sums (n,) of values (n,) over the neighbours of each point, and its ``own`` or without it."""
@@ -175,14 +175,14 @@ class Interpolation:
         share, radius = _solve_triangles(x[:, corners], y[:, corners], x, y)
         radius[share.min(axis=2) < _INSIDE] = np.inf
         best = np.arange(len(chosen)), np.argmin(radius, axis=1)
-        found = np.einsum("gi,gi->g", share[best], z[:, corners][best])
+        found = (share[best] * z[:, corners][best]).sum(axis=1)
         return np.where(np.isfinite(radius[best]), found, np.nan)
 
     def _extend_left_out(self, chosen: Array) -> Array:
         """Disparities of points on the edge of all triangles, by ``_extend`` without them."""
         plane, inverse = self._plane
         design = _design(self.column, self.row)
-        rest: Array = self.disparity - design @ plane
+        rest: Array = self.disparity - _follow_plane(plane, design)
         found = np.empty(len(chosen))
         for place, k in enumerate(chosen.tolist()):
             own = design[k]
@@ -190,7 +190,7 @@ class Interpolation:
             left = 1.0 - own @ inverse @ own
             without = plane - inverse @ own * rest[k] / left if left > 1e-9 else plane
             near = self._neighbours[k]
-            beside = self.disparity[near] - design[near] @ without
+            beside = self.disparity[near] - _follow_plane(without, design[near])
             pairs = np.array([*combinations(range(len(near)), 2)])
             far, share = _find_nearest_on_segment(
                 self.column[k],
@@ -205,6 +205,20 @@ class Interpolation:
 
 def _design(column: Array, row: Array) -> Array:
     return np.stack([np.ones_like(column), column / _SCALE_PX, row / _SCALE_PX], axis=-1)
+
+
+def _fit_plane(design: Array, values: Array) -> tuple[Array, Array]:
+    """The plane (3,) through values (n,) for a ``design`` (n, 3), and the inverse (3, 3) of its normal equations.
+
+    The products are summed row by row: those of BLAS depend in their last bits on where arrays lie in memory.
+    """
+    inverse = np.linalg.pinv((design[:, :, None] * design[:, None, :]).sum(axis=0))
+    return (inverse * (design * values[:, None]).sum(axis=0)).sum(axis=1), inverse
+
+
+def _follow_plane(plane: Array, design: Array) -> Array:
+    """The values (n,) of a plane (3,) for a ``design`` (n, 3)."""
+    return np.asarray(design[:, 0] * plane[0] + design[:, 1] * plane[1] + design[:, 2] * plane[2])
 
 
 def _fit_triangles(triangles: Array, column: Array, row: Array, disparity: Array) -> Array:

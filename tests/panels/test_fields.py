@@ -247,7 +247,7 @@ def test_a_narrow_sidebar_cuts_no_label(scene, monkeypatch, width):
             continue
         layout = Layout()
         fields.draw_field(layout, getattr(scene.icymoon, topic), setting)
-        drawn_text = next(entry[2]["text"] for entry in layout.record if entry[0] in ("prop", "prop_search"))
+        drawn_text = next(entry[2]["text"] for entry in layout.record if entry[0] == "prop")
         labels = [entry[2]["text"] for entry in layout.record if entry[0] == "label"]
         assert all(len(text) <= width for text in labels), setting.key
         if setting.kind in ("int", "float"):

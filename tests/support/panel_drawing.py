@@ -43,6 +43,10 @@ class Layout:
         assert key in data.bl_rna.properties, f"{data} has no {key}"
         self.record.append(("prop", data.path_from_id(key) if data.id_data else key, options))
 
+    def prop_search(self, data: bpy.types.bpy_struct, key: str, _: object, listed: str, **options: object) -> None:
+        assert listed in bpy.data.bl_rna.properties, f"a file has no {listed}"
+        self.prop(data, key, **options)
+
     def operator(self, name: str, *, text: str = "", icon: str = "NONE", **options: object) -> object:
         category, _, verb = name.partition(".")
         assert verb in dir(getattr(bpy.ops, category)), f"there is no operator {name}"

@@ -308,7 +308,7 @@ REMOVES = {
     "operators/variation_pictures.py": "its own temporary folder",
     "stereo/matchers/resident_process.py": "its own temporary folder",
     "stereo/export/lidar.py": "points of an earlier scan, by the names that the next one gives them",
-    "stereo/export/ros_bag.py": "its own part of a bag that was not finished",
+    "stereo/export/bag_file.py": "its own part of a bag that was not finished",
     "stereo/export/training.py": "its own part of a shard that was not finished",
     "stereo/export/whole_folders.py": "its own part of a pair that was not finished",
     "stereo/trade/cheapest_quality.py": "what it writes again",
