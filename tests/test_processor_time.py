@@ -110,6 +110,7 @@ def test_a_slow_test_outside_the_list_is_told_and_then_fails_the_session(tmp_pat
     assert session(tmp_path, SLOW, *workers, most=0.25)[0] == 0
 
 
+@pytest.mark.long
 def test_many_slow_tests_outside_the_list_fail_the_session(tmp_path):
     """Two of 0.3 s take 0.83 of the time beside one of 0.12 s, and one takes 0.71; a listed one does not count."""
     status, said, _ = session(tmp_path, "", together=0.77)

@@ -42,6 +42,7 @@ def pip(*arguments: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.long
 def test_it_holds_every_file_of_the_extension_and_no_test(wheel):
     held = {name.removeprefix("icymoon/") for name in zipfile.ZipFile(wheel).namelist() if ".dist-info" not in name}
     ours = {

@@ -427,6 +427,7 @@ def test_a_data_set_is_rendered_whatever_workers_do_and_verified(drive, blender,
     assert not is_complete(PAIRS[0].folder(dataset))
 
 
+@pytest.mark.long
 def test_a_batch_that_is_stopped_leaves_nothing_but_pairs_and_the_next_one_goes_on(drive, blender):
     plan = drive / "Plan Ω.toml"
     # As PowerShell 5 writes it by >.

@@ -265,6 +265,7 @@ def test_by_operator_with_its_range(shown, evaluated_pair):
     assert not bpy.ops.icymoon.hide_surface.poll()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("evaluated_pair")
 def test_other_sampling_light_and_surface_are_painted_as_the_same(shown):
     _, built, _ = shown

@@ -93,6 +93,7 @@ def test_a_shipped_plan_is_chosen_by_its_name_and_another_by_its_file(described,
         bpy.ops.icymoon.open_plan(filepath=str(tmp_path / "absent.toml"))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_data_set_is_rendered_and_the_scene_is_left_alone(described, tmp_path):
     bpy.data.objects.new("Mine", None)

@@ -40,6 +40,7 @@ def test_a_data_set_that_is_evaluated_while_it_is_rendered_has_them_too(scene, m
     assert "--maps" in dataset.make_batch_command(scene, settings, "plan.toml")
 
 
+@pytest.mark.long
 def test_ground_that_is_on_no_map_has_none_and_the_window_tells_why(scene, tmp_path):
     scene.icymoon.source.kind = "PROCEDURAL"
     assert evaluate.explain_missing_maps(scene) == "Maps need ground from a GeoTIFF with a coordinate system."

@@ -201,6 +201,7 @@ def described(group) -> Settings:
     return found
 
 
+@pytest.mark.long
 def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
     """After every other preset; but the quality that a person chose by a preset of qualities stays."""
     names = preset_files.preset_names()

@@ -95,6 +95,7 @@ def test_faint_planetshine_is_in_no_view_of_it():
     assert view_exposure.is_without_planetshine(bpy.context.scene)
 
 
+@pytest.mark.long
 def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watched):
     built = choose(ROCKS)
     assert len(built.terrain.data.vertices) <= 1.5 * preview.MOST_VERTICES
@@ -114,6 +115,7 @@ def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watch
     assert is_as_built_at_once(built)
 
 
+@pytest.mark.long
 def test_a_second_choice_before_the_first_is_refined_gives_the_second(watched):
     choose(ROCKS)
     refine_ground._refine_next()  # the ground of the first is being made
@@ -122,6 +124,7 @@ def test_a_second_choice_before_the_first_is_refined_gives_the_second(watched):
     assert is_as_built_at_once(look())
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_a_render_before_it_is_refined_is_of_the_full_scene(watched):
     choose(ROCKS)

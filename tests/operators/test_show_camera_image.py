@@ -15,6 +15,7 @@ from icymoon.panels import CLASSES
 from panel_drawing import drawn
 
 
+@pytest.mark.long
 def test_the_rendered_pair_is_exposed_with_the_present_response(small, tmp_path):
     with pytest.raises(RuntimeError, match="press Render Stereo Pair"):
         bpy.ops.icymoon.expose()

@@ -49,6 +49,7 @@ def views_of(scene):
     return read_pair_views(folder, {})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("view", [name for name, *_ in show_pair.VIEWS])
 def test_the_image_is_the_picture_of_the_view(rendered, view):
     assert bpy.ops.icymoon.show_pair(view=view) == {"FINISHED"}

@@ -283,6 +283,7 @@ def test_a_dry_run_counts_the_pairs_with_bakes_of_few_samples(tmp_path):
     assert "In 2 of 3 pairs: Indirect light is baked with only 16 samples." in done.stdout, done.stderr
 
 
+@pytest.mark.long
 def test_a_plan_sets_aside_what_is_refused_and_keeps_the_others(tmp_path):
     file = tmp_path / "plan.toml"
     file.write_text(PLAN)

@@ -168,6 +168,7 @@ def test_shares_put_together_are_the_data_set(reference, tmp_path):
     assert images(dataset) == images(reference)
 
 
+@pytest.mark.long
 def test_a_pair_that_cannot_be_made_is_named_and_the_others_are_there(tmp_path):
     bad = planned({"source": {"kind": "MESH", "file": str(tmp_path / "absent.obj")}})
     dataset = freeze(tmp_path / "set", [bad, *grid(seeds=1)])
@@ -179,6 +180,7 @@ def test_a_pair_that_cannot_be_made_is_named_and_the_others_are_there(tmp_path):
     assert bad.id in json.loads((dataset / "manifest.json").read_text())["set_aside"]
 
 
+@pytest.mark.long
 def test_another_content_than_planned_is_refused(tmp_path):
     ours = planned()
     dataset = freeze(tmp_path, [PlannedPair("0123456789ab", ours.settings, 0.0)])

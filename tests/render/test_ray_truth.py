@@ -204,6 +204,7 @@ def test_cycles_renders_the_truth_of_what_rays_would_not_meet_and_the_pair_state
     assert read_truth(pair.truth("left"), "left").hidden is not None
 
 
+@pytest.mark.long
 def test_blenders_trees_find_the_same_truth_where_there_is_no_embree(tmp_path, monkeypatch):
     """Of rocks on ground that its material moves. Other pixels are those whose ray meets an edge to single precision,
     1e-7 of a pixel wide."""

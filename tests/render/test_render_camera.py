@@ -147,6 +147,7 @@ def toed(tmp_path_factory, registered):
     )[0]
 
 
+@pytest.mark.long
 def test_toed_in_eyes_see_where_their_poses_say(toed):
     left, right = (np.array(toed.data["poses_camera_to_world"][eye]) for eye in EYES)
     # Each is turned toward the other by 4 degrees, about its own vertical, the left one to the right.
@@ -216,6 +217,7 @@ def test_rectified_toed_in_images_lie_on_the_truth_of_the_parallel_rig(toed):
 KEYS = ("M1", "D1", "M2", "D2", "R", "T", "E", "F", "R1", "R2", "P1", "P2", "Q")
 
 
+@pytest.mark.long
 def test_opencv_rectifies_the_raw_export_with_its_calibration(toed, tmp_path):
     for kind in ("raw", "png8"):
         assert export([toed.folder], kind, tmp_path / kind) == []

@@ -22,6 +22,7 @@ TINY: Any = {
 }
 
 
+@pytest.mark.long
 def test_the_worker_stays_and_its_pairs_are_those_of_a_fresh_one(tmp_path):
     scene = Scene(**TINY)
     with icymoon.Worker(threads=1) as worker:
@@ -43,6 +44,7 @@ def test_the_worker_stays_and_its_pairs_are_those_of_a_fresh_one(tmp_path):
             assert np.array_equal(getattr(second.left, each), getattr(other.left, each), equal_nan=True)
 
 
+@pytest.mark.long
 def test_a_worker_that_dies_is_a_sentence_and_the_next_render_starts_another(tmp_path):
     with icymoon.Worker(threads=1) as worker:
         worker.render(Scene(**TINY).settings, tmp_path)

@@ -138,6 +138,7 @@ def test_the_planet_lights_the_ground_only_if_it_can_be_seen(light, lamp, said, 
     assert made == built.statistics["made"]
 
 
+@pytest.mark.long
 def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeypatch):
     from icymoon.render import render_pair
 

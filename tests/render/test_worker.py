@@ -50,6 +50,7 @@ def test_two_processes_give_the_same_truth_and_the_same_images(tmp_path):
             assert np.array_equal(getattr(one, field), getattr(two, field), equal_nan=field == "depth"), field
 
 
+@pytest.mark.long
 def test_the_eyes_have_noise_of_their_own(tmp_path):
     # A wide walk: Blender 4.2 renders a mean free path below a quarter of a pixel as plain diffuse, without noise.
     assert (
@@ -165,6 +166,7 @@ def test_impossible_quality_is_refused_before_the_build(tmp_path):
     assert "quality.device" in done.stderr
 
 
+@pytest.mark.long
 def test_pair_json_says_what_was_done(tmp_path):
     assert run(tmp_path, "dataset.seed=7").returncode == 0
     data = json.loads((find_pairs(tmp_path)[0].folder / "pair.json").read_text())

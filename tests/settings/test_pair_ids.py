@@ -16,6 +16,7 @@ from icymoon.settings.topics.declaration import Value
 from olddata import upgrade_all
 
 
+@pytest.mark.long
 def test_an_id_counts_what_changes_pixels_and_nothing_else():
     base = settings.defaults()
     other: Value

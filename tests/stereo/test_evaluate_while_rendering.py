@@ -38,6 +38,7 @@ def complete(tmp_path_factory):
     return root
 
 
+@pytest.mark.long
 def test_tables_are_those_of_an_evaluation_of_all_and_nothing_is_measured_twice(complete, tmp_path, monkeypatch):
     data, out = tmp_path / "set", tmp_path / "out"
     data.mkdir()
@@ -75,6 +76,7 @@ def test_tables_are_those_of_an_evaluation_of_all_and_nothing_is_measured_twice(
     assert tables[0] == tables[1]
 
 
+@pytest.mark.long
 def test_a_damaged_pair_is_left_for_the_evaluation_that_tells_of_it(complete, tmp_path):
     data, out = tmp_path / "set", tmp_path / "out"
     pairs.write_pair(data / "pairs" / "aaa", SCENES["aaa"])

@@ -91,6 +91,7 @@ def test_a_matplotlibrc_starts_no_program(dataset, tmp_path, monkeypatch):
     assert not (tmp_path / "ran").exists()
 
 
+@pytest.mark.long
 def test_a_text_of_a_data_set_is_no_formula_of_a_chart(tmp_path):
     """Matplotlib takes what stands between two dollars for one, and ends at what is none."""
     for name, body in (("a", "EUROPA"), ("b", "$\\frac{$")):

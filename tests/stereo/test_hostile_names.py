@@ -127,6 +127,7 @@ def test_silence_needs_no_standard_error(tmp_path):
     assert done.stdout == "still closed\n"
 
 
+@pytest.mark.long
 def test_foreign_names_are_shown(tmp_path, capsys):
     folder = foreign.kitti_2015(tmp_path / HOSTILE)
     assert cli.main(["evaluate", str(folder), "--methods", "bm", "--out", str(tmp_path / "out")]) == 0

@@ -49,6 +49,7 @@ def test_as_many_processes_as_there_are_processors_and_pairs_for(monkeypatch, jo
     assert module.choose_process_count(jobs, [Method(name, name, {}) for name in methods], many) == count
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_several_processes_give_what_one_gives(dataset, tmp_path):
     one = evaluate([dataset], parse_methods("bm,sgbm"), tmp_path / "one", jobs=1)
@@ -114,6 +115,7 @@ def test_what_a_killed_evaluation_left_is_removed_and_what_another_writes_is_not
     assert of_a_user.exists()
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 @pytest.mark.skipif(os.name == "nt", reason="no signal ends a process there")
 def test_a_process_that_is_killed_fails_its_pair_and_no_other(dataset, tmp_path, monkeypatch):
@@ -136,6 +138,7 @@ def test_a_process_that_is_killed_fails_its_pair_and_no_other(dataset, tmp_path,
     assert [row["status"] for row in again["rows"]] == ["ok"] * 10
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 @pytest.mark.skipif(os.name == "nt", reason="no signal ends a process there")
 def test_after_kill_9_the_rows_that_were_made_are_kept_and_no_process_stays(dataset, tmp_path):

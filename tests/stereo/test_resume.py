@@ -63,6 +63,7 @@ def test_only_what_is_missing_is_made(dataset, tmp_path, matched):
     assert list(report["pairs"]) == list(once["pairs"])
 
 
+@pytest.mark.long
 def test_other_options_sensors_and_images_are_other_rows(dataset, tmp_path, matched):
     def run(methods="bm", options=(), sensor=None):
         matched.clear()

@@ -24,6 +24,7 @@ def test_the_ball_is_closed_outward_and_round(tmp_path):
     assert np.allclose(read_vertices(tmp_path / "ball.ply"), vertices, atol=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_a_lambert_ball_has_lamberts_phase_curve(tmp_path):
     """Φ(g) = 2/3 A [sin g + (π - g) cos g]/π, Lambert's own (Hapke 2012, section 11.4)."""

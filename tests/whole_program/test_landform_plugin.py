@@ -53,6 +53,7 @@ def saved(tmp_path_factory):
     return folder / "scene.blend"
 
 
+@pytest.mark.long
 def test_it_is_refused_where_the_package_is_not_installed_and_not_left_out(saved):
     bpy.ops.wm.open_mainfile(filepath=str(saved))
     group = bpy.context.scene.icymoon

@@ -181,6 +181,7 @@ def test_shaded_ground_has_the_albedo_of_its_roughness(tmp_path, made_of, accura
         assert np.abs(view.radiance[..., 0][seen] - hemispherical_albedo(law, np.arccos(eye[seen][:, 2]))).max() < 0.012
 
 
+@pytest.mark.long
 def test_the_pair_says_what_neighbours_are_taken_to_be(tmp_path):
     """Only the reference level has the law at the other end of an interreflection, with what holds at this one."""
     described = textured(tmp_path, HALVES, {"backend": "OSL", "accuracy": "REFERENCE", "theta_bar_range_deg": 20.0})

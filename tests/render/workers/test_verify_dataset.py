@@ -367,6 +367,7 @@ PLACES = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("whole", [True, False])
 @pytest.mark.parametrize("place", PLACES)
 def test_a_link_is_reported_and_nothing_behind_it_changes(dataset, tmp_path, place, whole, monkeypatch):

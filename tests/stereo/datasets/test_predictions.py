@@ -215,6 +215,7 @@ def test_foreign_pairs_are_written_for_prediction_too(tmp_path):
         export_for_prediction([tmp_path / "k"], tmp_path / "out", {"sensor": {"bits": 12}})
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_command_line_evaluates_predictions_alone(dataset, truth, tmp_path):
     for name in ("one", "two"):

@@ -63,6 +63,7 @@ def test_models_at_their_poses_cover_what_cycles_saw_of_them(rendered, scene):
     assert (union & seen).sum() / (union | seen).sum() > 0.98
 
 
+@pytest.mark.long
 def test_models_are_centred_in_millimetres_with_their_facts(rendered):
     facts = read(rendered[1] / "models" / "models_info.json")
     assert len(facts) == 9  # body, mast, two legs and five links of the arm

@@ -64,6 +64,7 @@ def test_only_the_reports_own_script_may_run(many):
     assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", html)
 
 
+@pytest.mark.long
 def test_each_varied_setting_has_a_plot(many):
     html = (many / "report.html").read_text(encoding="utf-8")
     charts = re.findall(r'<svg [^>]*class="chart".*?</svg>', html, re.DOTALL)

@@ -74,6 +74,7 @@ def test_every_heading_of_the_ranking_sorts_both_ways(page):
     assert [row[0] for row in rows(page, "ranking")] == ["SGBM", "StereoBM"]
 
 
+@pytest.mark.long
 def test_the_address_keeps_view_condition_and_sorting(page, address):
     page.click("document.querySelector('input[value=visible]')")
     page.click(f"{HEADINGS}[2]")
@@ -163,6 +164,7 @@ def test_the_table_of_pairs_is_filtered_sorted_and_turned(page):
     assert [row[2] for row in rows(page, "all-pairs")] == ["suspect"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [420, 1280])
 def test_no_width_makes_the_page_wider_than_the_screen(page, width):
     page.resize(width, 900, dark=True)

@@ -86,6 +86,7 @@ def evaluation(tmp_path_factory):
     return root / "out", rows, facts
 
 
+@pytest.mark.long
 def test_the_pictures_are_those_of_the_pair_and_a_failure_has_none(evaluation):
     out, rows, facts = evaluation
     table = ResultTable(["bm", "sgbm"], list(facts))

@@ -258,6 +258,7 @@ def test_the_steps_of_a_front_are_not_noise():
     assert [each["name"] for each in find_distinct_steps(found, "sgbm")] == ["8 samples", "14 samples", "256 samples"]
 
 
+@pytest.mark.long
 def test_the_report_holds_everything(tmp_path):
     reference: dict[str, Any] = {
         "name": "64 samples",
@@ -288,6 +289,7 @@ def test_the_report_holds_everything(tmp_path):
     assert "https:" not in page
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [0.04, 0.08])
 def test_the_noise_of_the_reference_is_subtracted_from_losses(noise, tmp_path):
     """Against a reference as noisy as itself a variant seems to lose nothing; against a clean one it does."""

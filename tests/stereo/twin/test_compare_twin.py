@@ -81,6 +81,7 @@ def records(tmp_path, count, surface, methods=METHODS):
     return found
 
 
+@pytest.mark.long
 def test_a_twin_with_the_same_settings_is_equal_within_its_noise(tmp_path):
     """Eleven pairs whose noise alone differs: what is measured differs by what noise does, and no interval of a
     difference leaves out 0."""
@@ -99,6 +100,7 @@ def test_a_twin_with_the_same_settings_is_equal_within_its_noise(tmp_path):
     assert by_key["wrong", "sgbm"].means["photograph"] < 0.3, "the depth of the photograph is its truth"
 
 
+@pytest.mark.long
 def test_a_twin_of_another_surface_differs_and_the_page_shows_it(tmp_path):
     methods = parse_methods("sgbm")
     rows, _ = summarise(records(tmp_path, 11, PALE, methods), methods)

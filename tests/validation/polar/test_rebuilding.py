@@ -59,6 +59,7 @@ def test_the_camera_is_found(scene):
         assert np.abs(eye.project(points) - truth.eyes[view].project(points)).max() < 1.0
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_labels_of_other_rocks_are_refused(scene):
     _, _, terrain, _, _ = scene
@@ -82,6 +83,7 @@ def test_rocks_without_an_outline_count():
     assert measure_compared_share(replace(terrain, rocks=rocks[:4]), {view: found[:4]}) == 1.0
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_a_camera_that_a_few_rocks_of_another_terrain_agree_with_is_refused(scene, monkeypatch):
     _, _, terrain, _, _ = scene

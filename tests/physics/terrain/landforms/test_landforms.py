@@ -354,6 +354,7 @@ def test_pits_that_meet_share_one_floor_between_cusps():
     assert few.min() == many.min() == pytest.approx(-0.5)
 
 
+@pytest.mark.long
 def test_talus_lies_at_the_foot_of_walls_at_its_angle_of_repose():
     bare, dressed = (
         _grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=0.3, wall_deg=75.0, talus=share), 10.0, 1001)
