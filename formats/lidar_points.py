@@ -25,6 +25,8 @@ ROWS_AT_ONCE = 2**16
 #: Bytes that are copied at once.
 _COPIED_AT_ONCE = 2**22
 _FIX = "scan the scene again"
+#: End of the names of arrays with three columns.
+_POINTS = "point_m"
 
 
 class ReturnWriter:
@@ -97,13 +99,19 @@ def find_cells(beam: Array, pattern: ScanPattern) -> tuple[Array, Array, Array]:
 
 
 def read_returns(path: Path, names: Sequence[str], rows: int = ROWS_AT_ONCE) -> Iterator[dict[str, Array]]:
-    """Arrays of equal length of a ``lidar.npz`` by their names, ``rows`` entries at a time; those that it lacks are
-    left out. Raises IcyMoonError if the file is damaged."""
+    """Arrays of a ``lidar.npz`` by their names, ``rows`` entries at a time; those that it lacks are left out.
+
+    Points have three columns, other arrays one, so a part needs little memory whatever the file states. Raises
+    IcyMoonError if the file is damaged, has arrays of other shapes, or arrays of different lengths.
+    """
     with explain_errors(path, "returns of a laser scanner", _FIX), zipfile.ZipFile(path) as archive:
         present = set(archive.namelist())
         streams = {name: archive.open(f"{name}.npy") for name in names if f"{name}.npy" in present}
-        shapes = {name: _read_header(stream) for name, stream in streams.items()}
-        count = min((shape[0] for shape, _ in shapes.values()), default=0)
+        shapes = {name: _read_header(stream, name) for name, stream in streams.items()}
+        counts = {shape[0] for shape, _ in shapes.values()}
+        if len(counts) > 1:
+            raise ValueError("arrays have different lengths")
+        count = max(counts, default=0)
         for start in range(0, count, rows):
             size = min(rows, count - start)
             yield {
@@ -114,10 +122,10 @@ def read_returns(path: Path, names: Sequence[str], rows: int = ROWS_AT_ONCE) -> 
             }
 
 
-def _read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+def _read_header(stream: IO[bytes], name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
     if np.lib.format.read_magic(stream) != (1, 0):
         raise ValueError("an array has an unknown version")
     shape, by_columns, dtype = np.lib.format.read_array_header_1_0(stream)
-    if by_columns or dtype.hasobject:
-        raise ValueError("an array is not of numbers in rows")
+    if by_columns or dtype.kind not in "biuf" or shape[1:] != ((3,) if name.endswith(_POINTS) else ()) or not shape:
+        raise ValueError(f"{name} is not an array of numbers in rows, or has another number of columns")
     return shape, dtype

@@ -11,6 +11,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..camera.pose_sequence import CAMERA_IN
 from ..camera.rotations import from_quaternion, rotation_error
+from ..light.photons import LIGHT_M_S, PLANCK_J_S
 from .beam import compute_overlap
 from .returns import Reported
 from .scan_patterns import ScanPattern
@@ -19,8 +20,6 @@ from .scan_patterns import ScanPattern
 _ROTATION_TOLERANCE = 1e-6
 #: Full width at half maximum of a Gaussian over its standard deviation.
 PULSE_FWHM = 2.0 * float(np.sqrt(2.0 * np.log(2.0)))
-#: Planck's constant times the speed of light in J m.
-_PLANCK_LIGHT_J_M = 6.62607015e-34 * 299792458.0
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ class Instrument:
 
     def count_photons(self, energy_j: Array) -> Array:
         """The mean number of photons in an energy."""
-        return np.asarray(energy_j * (self.wavelength_m / _PLANCK_LIGHT_J_M))
+        return np.asarray(energy_j * (self.wavelength_m / (PLANCK_J_S * LIGHT_M_S)))
 
 
 _LENGTHS = {

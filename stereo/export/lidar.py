@@ -20,6 +20,7 @@ from ...formats.map_frame import MapFrame, map_frame_from_json
 from ...formats.ply import write_cloud_parts
 from ...physics.camera.rotations import quaternion
 from ...physics.lidar.scan_patterns import PatternKind, ScanPattern
+from ...physics.light.photons import LIGHT_M_S, PLANCK_J_S
 from ...render.pairs.dataset_file_names import is_regular_file
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -56,17 +57,15 @@ _RETURN_NAMES = (
     "number",
     "row",
     "time_s",
-    "measured_range_m",
-    "measured_electrons",
-    "ice_edge_m",
 )
+#: Arrays of scans with a detector or ice.
+_SENSED_NAMES = ("measured_range_m", "measured_electrons", "ice_edge_m")
 _ALARM_NAMES = ("false_beam", "false_range_m", "false_point_m")
 #: Step of LAS coordinates in metres; 32 bits of them reach 214 km.
 _LAS_STEP_M = 1e-4
 #: Most points of a message, about 40 MB.
 _POINTS_A_MESSAGE = 10**6
 _NS_PER_S = 1_000_000_000
-_PLANCK_LIGHT_J_M = 6.62607015e-34 * 299792458.0
 
 
 @dataclass(frozen=True)
@@ -106,10 +105,12 @@ def count_points(facts: Mapping[str, Any]) -> int:
 
 
 def read_points(folder: Path, facts: Mapping[str, Any]) -> Iterator[ScanPoints]:
-    """The points of a scan in parts: those of returns in the order of their beams, then false alarms."""
+    """The points of a scan in parts: those of returns in the order of their beams, then false alarms. Raises
+    IcyMoonError if the file of the scan is damaged."""
     path, position = folder / "lidar.npz", np.array(facts["position_m"])
-    photons_1_j = facts["wavelength_nm"] * 1e-9 / _PLANCK_LIGHT_J_M
-    for part in read_returns(path, _RETURN_NAMES):
+    photons_1_j = facts["wavelength_nm"] * 1e-9 / (PLANCK_J_S * LIGHT_M_S)
+    for part in read_returns(path, (*_RETURN_NAMES, *_SENSED_NAMES)):
+        _refuse_missing(path, part, _RETURN_NAMES)
         range_m = part.get("measured_range_m", part["range_m"])
         kept = np.isfinite(range_m)
         with np.errstate(invalid="ignore"):
@@ -130,7 +131,13 @@ def read_points(folder: Path, facts: Mapping[str, Any]) -> Iterator[ScanPoints]:
             part.get("ice_edge_m", np.zeros(len(kept)))[kept],
         )
     for part in read_returns(path, _ALARM_NAMES):
+        _refuse_missing(path, part, _ALARM_NAMES)
         yield _make_alarm_points(part, facts)
+
+
+def _refuse_missing(path: Path, part: Mapping[str, Array], names: Collection[str]) -> None:
+    if missing := [name for name in names if name not in part]:
+        raise IcyMoonError(f"{path} lacks {missing[0]}; {_FIX}.")
 
 
 def _make_alarm_points(part: Mapping[str, Array], facts: Mapping[str, Any]) -> ScanPoints:

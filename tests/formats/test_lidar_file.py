@@ -209,6 +209,23 @@ def test_returns_are_written_in_parts_as_numpy_writes_them(tmp_path: Path):
     assert "absent" not in parts[0]
 
 
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {"range_m": np.zeros((4, 10**6), np.int8)},  # 65 GB for the rows of a part
+        {"range_m": np.zeros(4), "point_m": np.zeros((4, 2))},
+        {"range_m": np.array(1.0)},
+        {"range_m": np.array(["a"])},
+        {"range_m": np.zeros(4), "point_m": np.zeros((3, 3))},
+    ],
+    ids=["wide", "plane", "number", "text", "lengths"],
+)
+def test_returns_of_another_shape_are_one_sentence(tmp_path, arrays):
+    np.savez(tmp_path / "a.npz", **arrays)
+    with pytest.raises(IcyMoonError, match="scan the scene again"):
+        list(read_returns(tmp_path / "a.npz", ["range_m", "point_m"]))
+
+
 def test_damaged_returns_are_one_sentence(tmp_path):
     (tmp_path / "a.npz").write_bytes(b"PK no archive")
     with pytest.raises(IcyMoonError, match="scan the scene again"):

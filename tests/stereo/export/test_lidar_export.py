@@ -203,3 +203,12 @@ def test_a_missing_package_and_a_missing_scan_are_one_sentence(monkeypatch, tmp_
     assert check_format("ply") == ""
     with pytest.raises(IcyMoonError, match=r"lidar.json is missing"):
         write_scan(tmp_path, "ply")
+
+
+@pytest.mark.parametrize("lacking", ["true_range_m", "false_range_m"])
+def test_a_scan_without_an_array_is_one_sentence(folder, lacking):
+    with np.load(folder / "lidar.npz") as stored:
+        kept = {name: stored[name] for name in stored.files if name != lacking}
+    np.savez(folder / "lidar.npz", **kept)
+    with pytest.raises(IcyMoonError, match=f"lacks {lacking}; scan the scene again"):
+        write_scan(folder, "ply")
