@@ -7,29 +7,18 @@ import pytest
 from icymoon.benchmarks.light.furnace import albedo as furnace
 from icymoon.nodes.build_scene import build_scene
 from icymoon.nodes.built_scene import find_built
-from icymoon.nodes.datablocks.fingerprint import list_own_nodes
+from icymoon.nodes.datablocks.fingerprint import is_stand_in, list_own_nodes
 from icymoon.nodes.preview import show_settings
 from icymoon.nodes.stored_build import read_build, write_build
 from icymoon.nodes.surface.ice_material import build_material
-from icymoon.nodes.surface.own_groups import explain_unusable_group, is_stand_in
+from icymoon.nodes.surface.own_groups import explain_unusable_group
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.description import check, defaults, merged
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import TERRAIN
+from own_groups import make_group
 
 NAME = "Soot"
-
-
-def make_group(factor, name=NAME, kind="NodeSocketFloat", output="Albedo Factor", takes=()):
-    """A group that gives a constant, whatever its inputs."""
-    group = bpy.data.node_groups.new(name, "ShaderNodeTree")
-    for taken in takes:
-        group.interface.new_socket(taken, in_out="INPUT", socket_type="NodeSocketVector")
-    group.interface.new_socket(output, in_out="OUTPUT", socket_type=kind)
-    value = group.nodes.new("ShaderNodeValue")
-    value.name, value.outputs[0].default_value = "Factor", factor
-    group.links.new(value.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
-    return group
 
 
 def ask(scene, name=NAME, **surface):
@@ -47,7 +36,7 @@ def test_a_white_furnace_measures_albedo_times_factor_within_its_bounds(scene, f
     changes = {"model": "LAMBERT", "albedo": 0.8, "albedo_group": NAME, "grain_amplitude_m": 0.0}
 
     def build():
-        make_group(factor)
+        make_group(NAME, factor)
         return build_material("Test", defaults().surface | changes, 1, TERRAIN)
 
     measured = furnace(build, view_m=1.0)
@@ -55,7 +44,7 @@ def test_a_white_furnace_measures_albedo_times_factor_within_its_bounds(scene, f
 
 
 def test_inputs_of_the_contract_are_connected(small):
-    make_group(0.5, takes=("Position", "Normal", "Else"))
+    make_group(NAME, 0.5, takes=("Position", "Normal", "Else"))
     node = next(list_own_nodes(build_scene(small, ask(small)).materials))
     linked = {socket.name: socket.links[0].from_socket.name for socket in node.inputs if socket.is_linked}
     assert linked == {"Position": "Position", "Normal": "True Normal"}
@@ -63,7 +52,7 @@ def test_inputs_of_the_contract_are_connected(small):
 
 def test_the_scene_counts_as_edited_and_its_id_follows_the_group_but_not_its_name(small):
     settings = ask(small)
-    group = make_group(0.5)
+    group = make_group(NAME, 0.5)
     built = build_scene(small, settings)
     assert built.edited
     first = built.extra
@@ -76,7 +65,7 @@ def test_the_scene_counts_as_edited_and_its_id_follows_the_group_but_not_its_nam
 
 
 def test_builds_and_sliders_keep_the_group(small):
-    group = make_group(0.5)
+    group = make_group(NAME, 0.5)
     built = build_scene(small, ask(small))
     show_settings(built, ask(small, albedo=0.6), 17)
     assert set(groups_of(built)) == {group}
@@ -94,7 +83,7 @@ def test_a_build_of_another_process_gets_the_group_of_this_file(small, tmp_path)
         stored.extra  # noqa: B018 - no pair gets an id
     write_build(stored, tmp_path / "stored.blend")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    group = make_group(0.5)
+    group = make_group(NAME, 0.5)
     built = build_scene(bpy.context.scene, settings, take_over=lambda: read_build(tmp_path / "stored.blend"))
     assert set(groups_of(built)) == {group}
     assert built.edited
@@ -102,7 +91,7 @@ def test_a_build_of_another_process_gets_the_group_of_this_file(small, tmp_path)
 
 
 def test_a_saved_file_has_it(small, tmp_path):
-    make_group(0.5)
+    make_group(NAME, 0.5)
     extra = build_scene(small, ask(small)).extra
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "own.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "own.blend"))
@@ -114,8 +103,8 @@ def test_a_saved_file_has_it(small, tmp_path):
     [
         (lambda: None, "This file has no node group named Soot"),
         (lambda: bpy.data.node_groups.new(NAME, "GeometryNodeTree"), "is not a group of shader nodes"),
-        (lambda: make_group(1.0, output="Albedo"), "has no output Albedo Factor of the type Float"),
-        (lambda: make_group(1.0, kind="NodeSocketColor"), "has no output Albedo Factor of the type Float"),
+        (lambda: make_group(NAME, 1.0, output="Albedo"), "has no output Albedo Factor of the type Float"),
+        (lambda: make_group(NAME, 1.0, kind="NodeSocketColor"), "has no output Albedo Factor of the type Float"),
     ],
 )
 def test_a_group_that_cannot_be_used_is_a_sentence(scene, make, sentence):
