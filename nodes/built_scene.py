@@ -25,6 +25,7 @@ from .datablocks.fingerprint import (
     find_built_objects,
     find_differing,
     find_edited_parts,
+    is_stand_in,
     list_own_nodes,
     read_marks,
     update_marks,
@@ -182,7 +183,7 @@ class Built:
     @property
     def edited(self) -> bool:
         """Whether the user has edited or added something since the scene was built."""
-        own = any(not own_groups.is_stand_in(node.node_tree) for node in list_own_nodes(self.materials))
+        own = any(not is_stand_in(node.node_tree) for node in list_own_nodes(self.materials))
         return own or bool(find_added_objects(self.collection)) or bool(self.edited_parts())
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..physics.lidar.beam import GOLDEN_ANGLE
 from ..support.arrays import Array
 from ..support.labels import ROCK, TERRAIN
 from .shapes import World
@@ -12,7 +13,6 @@ from .surface import Tracer
 #: Rays that look for the inner sides of surfaces. More than half of those that meet ground or rocks must see them, so
 #: that a hole or an overhang does not count.
 _RAYS = 96
-_GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
 def find_enclosure(world: World, tracer: Tracer, position: Array) -> int | None:
@@ -23,7 +23,7 @@ def find_enclosure(world: World, tracer: Tracer, position: Array) -> int | None:
     k = np.arange(_RAYS) + 0.5
     height = 1.0 - 2.0 * k / _RAYS
     level = np.sqrt(1.0 - height**2)
-    turn = k * _GOLDEN_ANGLE
+    turn = k * GOLDEN_ANGLE
     direction = np.stack([level * np.cos(turn), level * np.sin(turn), height], axis=1)
     hits = tracer.intersect(np.asarray(position, np.float64), direction, 0.0, np.inf)
     met, inner = dict.fromkeys((TERRAIN, ROCK), 0), dict.fromkeys((TERRAIN, ROCK), 0)

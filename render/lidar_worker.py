@@ -39,7 +39,6 @@ from ..support.printer import emit
 from .geometry_worker import lower_quality
 from .ground_files import make_frame_facts
 from .ground_maps import find_extent, make_materials
-from .ray_stage import CannotTrace
 from .scene_source import ScenesFromSettings
 from .worker import list_job_pairs, run_to_exit
 from .workers.job_commands import read_job
@@ -59,13 +58,7 @@ def run_job(
             built, scene, _ = source.prepare(lower_quality(planned))
             albedo = None if "patches" in asked.without else _map_albedo(built, scene, lidar, folder / planned.id)
             assert source.rays is not None
-            try:
-                stage = source.rays.prepare()
-            except CannotTrace as reason:
-                raise IcyMoonError(
-                    f"The scene cannot be scanned by rays, because {reason}; change the scene so that its truth is "
-                    "traced by rays."
-                ) from None
+            stage = source.rays.require("The scene cannot be scanned")
             _scan_scene(folder / planned.id, built, stage, lidar, asked, albedo)
     send("done", folders=[str(folder / planned.id) for planned in pairs])
 

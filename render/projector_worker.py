@@ -26,7 +26,6 @@ from ..support.files import explain_disk_errors, write_atomically
 from ..support.printer import emit
 from .geometry_worker import lower_quality
 from .pairs.pair_folder import EYES
-from .ray_stage import CannotTrace
 from .ray_truth import make_rendered_eye
 from .scene_source import ScenesFromSettings
 from .worker import list_job_pairs, run_to_exit
@@ -52,13 +51,7 @@ def run_job(job: dict[str, Any], folder: Path, asked: ProjectRequest, send: Call
             send("progress", fraction=k / len(pairs), message=f"Project {k + 1} of {len(pairs)}")
             built, _, _ = source.prepare(lower_quality(planned))
             assert source.rays is not None
-            try:
-                stage = source.rays.prepare()
-            except CannotTrace as reason:
-                raise IcyMoonError(
-                    f"Patterns cannot be projected by rays, because {reason}; change the scene so that its truth is "
-                    "traced by rays."
-                ) from None
+            stage = source.rays.require("Patterns cannot be projected")
             lens, camera = built.camera.data, make_camera_with_eyes(planned.settings)
             poses = find_eye_poses(built.camera.matrix_world, lens.stereo.interocular_distance)
             place = asked.projector.place(poses["left"])

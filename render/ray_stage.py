@@ -23,6 +23,7 @@ from ..rays.stereo_truth import Stage
 from ..rays.surface import Tracer
 from ..support.arrays import Array
 from ..support.blender import compat
+from ..support.errors import IcyMoonError
 from ..support.labels import INSTANCE_ATTRIBUTE
 from .displaced_vertices import displace_corners, is_moved
 from .mesh_arrays import (
@@ -77,6 +78,16 @@ class SceneRays:
         if self._refused:
             raise CannotTrace(self._refused[0])
         return self._open_stage()
+
+    def require(self, what: str) -> Stage:
+        """The stage of ``prepare``. Raises IcyMoonError where there is none, of which ``what``, such as "The scene
+        cannot be scanned", is the start."""
+        try:
+            return self.prepare()
+        except CannotTrace as reason:
+            raise IcyMoonError(
+                f"{what} by rays, because {reason}; change the scene so that its truth is traced by rays."
+            ) from None
 
     @contextmanager
     def open_ground(self, rocks: bool) -> Iterator[tuple[World, Tracer]]:

@@ -81,18 +81,13 @@ def find_refusal(settings: Settings) -> str:
         (rig.eyes != "ALIKE", "has calibrated eyes", "set rig.eyes to ALIKE"),
         (rig.toe_in_deg != 0, "has toed-in eyes", "set rig.toe_in_deg to 0"),
         (rig.readout_s != 0, "has a rolling shutter", "set rig.readout_s to 0"),
-        (find_moves(settings), "moves while it is exposed", "set rig.speed_… and rig.turn_… to 0"),
+        (bool(describe_blur_identity(settings)), "moves while it is exposed", "set rig.speed_… and rig.turn_… to 0"),
         (settings.quality.denoiser != "NONE", "is denoised without its light groups", "set quality.denoiser to NONE"),
         (settings.dataset.headings != 1, "has several headings", "set dataset.headings to 1"),
     ):
         if bad:
             return f"A pattern cannot be projected, because the camera {what}; {fix}."
     return ""
-
-
-def find_moves(settings: Settings) -> bool:
-    """Whether images of the scene are blurred by motion or defocus."""
-    return bool(describe_blur_identity(settings))
 
 
 @dataclass(frozen=True)

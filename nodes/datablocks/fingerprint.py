@@ -59,6 +59,11 @@ def list_own_nodes(materials: Iterable[bpy.types.Material | None]) -> Iterator[b
                 yield node
 
 
+def is_stand_in(group: bpy.types.NodeTree | None) -> bool:
+    """Whether the node group of ``list_own_nodes`` only stands for a group of another file."""
+    return group is None or group.get(TAG) == STAND_IN
+
+
 def find_instanced_objects(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """The objects that an object instances through the node groups of its modifiers."""
     for tree in (getattr(modifier, "node_group", None) for modifier in item.modifiers):
@@ -128,7 +133,7 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
             ]
     if _is_wanted("added", wanted):
         others = sorted(hash_marks([item in shown, deep.mark(item)]) for item in find_added_objects(collection))
-        others += sorted(hash_marks(deep.content(group)) for group in groups if group.get(TAG) != STAND_IN)
+        others += sorted(hash_marks(deep.content(group)) for group in groups if not is_stand_in(group))
         found |= {"added": others} if others else {}
     return Reading(
         {part: hash_marks(content) for part, content in found.items()},

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import bpy
 
 from ...support.errors import IcyMoonError
-from ..datablocks.fingerprint import OWN_GROUP, STAND_IN, TAG, list_own_nodes
+from ..datablocks.fingerprint import OWN_GROUP, STAND_IN, TAG, is_stand_in, list_own_nodes
 from ..tree.builder import Node, Socket, Tree
 from ..tree.formula import Number
 
@@ -53,11 +53,6 @@ def explain_unusable_group(name: str) -> str:
     if FACTOR not in outputs or outputs[FACTOR].socket_type != "NodeSocketFloat":
         return f"The node group {name} has no output {FACTOR} of the type Float; add it in the Shader Editor."
     return ""
-
-
-def is_stand_in(group: bpy.types.NodeTree | None) -> bool:
-    """Whether a group only stands for a group of another file."""
-    return group is None or group.get(TAG) == STAND_IN
 
 
 def connect_own_groups(materials: Iterable[bpy.types.Material | None]) -> None:

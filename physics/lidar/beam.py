@@ -21,7 +21,7 @@ SubRayCount = Literal[1, 20, 60]
 #: Number of rays next to each other ray, as in a hexagonal grid.
 _NEIGHBOURS = 6
 #: The angle from one point of Vogel's spiral to the next.
-_GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def make_sub_rays(count: int) -> SubRays:
         return SubRays(np.zeros((1, 2)), np.ones(1))
     k = np.arange(count // 2)
     radius = np.sqrt(-np.log1p(-(k + 0.5) / len(k)) / 2)
-    half = np.stack([radius * np.cos(k * _GOLDEN_ANGLE), radius * np.sin(k * _GOLDEN_ANGLE)], axis=1)
+    half = np.stack([radius * np.cos(k * GOLDEN_ANGLE), radius * np.sin(k * GOLDEN_ANGLE)], axis=1)
     moments = half.T @ half / len(k)
     half = half @ np.linalg.inv(np.linalg.cholesky(moments)).T / 2
     half = half[np.argsort(np.hypot(*half.T), kind="stable")]
