@@ -535,9 +535,9 @@ def open_all_panels() -> Waiting:
     fields = 0
     for k in range(2, 8):
         yield from to(headers[0][0], headers[0][1] - 24 * k)
-        with in_region("UI"):
-            fields += bpy.ops.ui.copy_data_path_button.poll()
-    check(fields, "dragging over the headers opened no panel")
+        fields += person.over_setting("", of="terrain")
+    yield from screenshot("panels_0")
+    check(fields, "dragging over the headers left the topmost panel closed")
     yield from click_first_header()
     for part in range(1, 20):
         yield from away()
@@ -547,6 +547,11 @@ def open_all_panels() -> Waiting:
             break
     check(part > 2, f"all panels take {part} pages only")
     yield from scroll(-400)
+
+
+def open_ground_panel() -> Waiting:
+    """Open the panel with the settings of the ground."""
+    yield from click_header("terrain")
 
 
 def click_header(topic: str) -> Waiting:
@@ -1670,8 +1675,12 @@ STEPS = (
 )
 NAMES = [step.__name__ for step in STEPS]
 _LATER = calibration_by_mouse, camera_by_click, escape_a_render
-#: From the opened tab to a measured pair.
-FIRST_STEPS = [step for step in STEPS[: STEPS.index(evaluate_by_mouse) + 1] if step not in _LATER]
+#: From the opened tab to a measured pair, with one panel open.
+FIRST_STEPS = [
+    open_ground_panel if step is open_all_panels else step
+    for step in STEPS[: STEPS.index(evaluate_by_mouse) + 1]
+    if step not in _LATER
+]
 
 
 def write(finished: bool) -> None:

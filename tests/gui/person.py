@@ -157,14 +157,14 @@ def over_button(operator: str, **options: str) -> bool:
     return command.startswith(f"bpy.ops.{operator}(") and all(f'{k}="{v}"' in command for k, v in options.items())
 
 
-def over_setting(path: str) -> bool:
-    """Whether the mouse is over the field of a setting."""
+def over_setting(path: str, of: str = "") -> bool:
+    """Whether the mouse is over the field of a setting, or of any setting ``of`` a group."""
     with in_region("UI"):
         if not bpy.ops.ui.copy_data_path_button.poll():
             return False
         manager().clipboard = ""
         bpy.ops.ui.copy_data_path_button()
-    return manager().clipboard.endswith(path)
+    return f".{of}" in manager().clipboard and manager().clipboard.endswith(path)
 
 
 def _look(
@@ -317,12 +317,14 @@ def find_headers(most: int = 1000, **options: str) -> Generator[float, None, lis
 
 def drag_over(headers: Sequence[Place]) -> Waiting:
     """Drag up over the headers of closed panels one below the other, which opens them all."""
-    x, first, last, count = headers[0][0], headers[0][1], headers[-1][1], 5 * len(headers)
+    # Near the upper edge of the first: Blender opens what the mouse has passed.
+    x, first, last, count = headers[0][0], headers[0][1] + 0.4 * BUTTON_PX, headers[-1][1], 5 * len(headers)
     yield from to(x, last)
     xdotool("mousedown", 1)
     for k in range(count):
         point(x, last + (first - last) * k / (count - 1))
         yield 0.05
+    yield 5 * TICK_S  # a button that is let go before Blender has seen the last move leaves the first panel closed
     xdotool("mouseup", 1)
     yield 5 * TICK_S
 
