@@ -14,7 +14,6 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from threading import Event
 from typing import Any, NoReturn
 
 import bpy
@@ -32,7 +31,7 @@ from .pairs.pair_folder import is_complete
 from .plans.planned_pair import PlannedPair, expand_headings
 from .render_pair import check_space, render_pair
 from .scene_source import FixedScene, ScenesFromSettings
-from .workers.first_use_of_card import report_while_compiling
+from .workers.first_use_of_card import FirstSample, report_while_compiling
 from .workers.job_commands import read_job, read_planned_pairs
 from .workers.out_of_memory import describe_shortage
 from .workers.pair_claims import Claims
@@ -80,7 +79,7 @@ def render_from(
     check_space(dataset, pairs, again)
     claims = Claims(dataset)
     shared = SharedLight(dataset, claims)
-    sampled = Event()  # set once Cycles has rendered anything here
+    first_sample = FirstSample()
     try:
         for k, planned in enumerate(pairs):
             with claims.hold(planned.id) as mine:
@@ -88,7 +87,7 @@ def render_from(
                     raise IcyMoonError(f"Another process is rendering pair {planned.id}; wait for it.")
                 try:
                     if mine:
-                        _render_one(source, planned, dataset, send, shared, again, k, len(pairs), sampled)
+                        _render_one(source, planned, dataset, send, shared, again, k, len(pairs), first_sample)
                 except IcyMoonError as error:
                     if claims.is_lost(planned.id) and keep_going:
                         continue  # the new holder has also removed the files that this process had begun
@@ -108,7 +107,7 @@ def _render_one(
     again: bool,
     k: int,
     total: int,
-    sampled: Event,
+    first_sample: FirstSample,
 ) -> None:
     label = f"Pair {k + 1} of {total}"
     folder = planned.folder(dataset)
@@ -119,7 +118,7 @@ def _render_one(
     def report(fraction: float) -> None:
         shared.claims.report_progress()
         if fraction > 0:
-            sampled.set()
+            first_sample.note()
         tell(fraction)
 
     rendered = again or not is_complete(folder)
@@ -131,8 +130,8 @@ def _render_one(
         built, scene, build_s = source.prepare(planned)
         assert source.rays is not None
         with (
-            report_while_compiling(sampled, partial(tell, 0.0, f"{label}: {_COMPILING_MESSAGE}"))
-            if planned.settings.quality.device == "GPU" and not sampled.is_set()
+            report_while_compiling(first_sample, partial(tell, 0.0, f"{label}: {_COMPILING_MESSAGE}"))
+            if planned.settings.quality.device == "GPU" and not first_sample.has_come
             else nullcontext()
         ):
             indirect = baked_light.provide_baked_light(built, scene, planned, shared)

@@ -12,24 +12,41 @@ from contextlib import contextmanager
 REPORT_INTERVAL_S, _MOST_COMPILING_S = 20.0, 1800.0
 
 
+class FirstSample:
+    """Whether Cycles has rendered anything in this process. A report that begins before does not end after."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self.has_come = False
+
+    def note(self) -> None:
+        """State that a sample has come, once a report in progress has ended."""
+        with self._changed:
+            self.has_come = True
+            self._changed.notify_all()
+
+    def call_until_it_comes(self, tell: Callable[[], None], interval_s: float, most_s: float) -> None:
+        """Call ``tell`` every ``interval_s`` seconds, for ``most_s`` seconds at most."""
+        until = time.monotonic() + most_s
+        with self._changed:
+            while not self._changed.wait_for(lambda: self.has_come, interval_s) and time.monotonic() < until:
+                tell()
+
+
 @contextmanager
-def report_while_compiling(sampled: threading.Event, tell: Callable[[], None]) -> Iterator[None]:
-    """Call ``tell`` every ``REPORT_INTERVAL_S`` seconds from another thread, until the context ends or ``sampled`` is
-    set.
+def report_while_compiling(first_sample: FirstSample, tell: Callable[[], None]) -> Iterator[None]:
+    """Call ``tell`` every ``REPORT_INTERVAL_S`` seconds from another thread, until the context ends or the first
+    sample comes.
 
     A driver compiles for a graphics card when Cycles first renders or bakes on it, and Cycles reports nothing
     meanwhile. After half an hour the reports stop, so that a hung worker can be noticed.
     """
 
-    def watch() -> None:
-        until = time.monotonic() + _MOST_COMPILING_S
-        while not sampled.wait(REPORT_INTERVAL_S) and time.monotonic() < until:
-            tell()
-
-    thread = threading.Thread(target=watch, daemon=True)
+    arguments = tell, REPORT_INTERVAL_S, _MOST_COMPILING_S
+    thread = threading.Thread(target=first_sample.call_until_it_comes, args=arguments, daemon=True)
     thread.start()
     try:
         yield
     finally:
-        sampled.set()
+        first_sample.note()
         thread.join()

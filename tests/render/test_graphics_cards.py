@@ -168,7 +168,7 @@ def test_a_worker_that_hangs_becomes_silent(monkeypatch):
     monkeypatch.setattr(first_use_of_card, "REPORT_INTERVAL_S", 0.01)
     monkeypatch.setattr(first_use_of_card, "_MOST_COMPILING_S", 0.0)
     told = []
-    with first_use_of_card.report_while_compiling(threading.Event(), lambda: told.append(1)):
+    with first_use_of_card.report_while_compiling(first_use_of_card.FirstSample(), lambda: told.append(1)):
         time.sleep(0.2)
     assert told == []
 
@@ -178,9 +178,28 @@ def test_nothing_is_told_after_a_pair_has_failed(monkeypatch):
     told = []
     with (
         pytest.raises(IcyMoonError),
-        first_use_of_card.report_while_compiling(threading.Event(), lambda: told.append(1)),
+        first_use_of_card.report_while_compiling(first_use_of_card.FirstSample(), lambda: told.append(1)),
     ):
         raise IcyMoonError("It failed.")
     before = len(told)
     time.sleep(0.1)
     assert len(told) == before
+
+
+def test_no_report_ends_after_the_first_sample():
+    first_sample, told = first_use_of_card.FirstSample(), []
+    begun = threading.Event()
+
+    def tell():
+        begun.set()
+        time.sleep(0.05)
+        told.append(first_sample.has_come)
+
+    thread = threading.Thread(target=first_sample.call_until_it_comes, args=(tell, 0.001, 60.0))
+    thread.start()
+    assert begun.wait(60.0)
+    first_sample.note()
+    before = len(told)
+    thread.join()
+    assert before >= 1
+    assert told == [False] * before
