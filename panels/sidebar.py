@@ -5,7 +5,6 @@ from __future__ import annotations
 import bpy
 
 from ..nodes import measured_surface, painted_errors, preview
-from ..nodes.build_scene import find_collection
 from ..operators import (
     dataset,
     evaluate,
@@ -13,12 +12,12 @@ from ..operators import (
     lamp_list,
     live_preview,
     manual,
+    next_step,
     noise_layers,
     presets,
     refine_ground,
     results,
     shadow_warning,
-    show_pair,
     sidebar_text,
     view_exposure,
     view_resolution,
@@ -76,18 +75,6 @@ _STATUS_ROOM = f"{refine_ground.NOTE}. {shadow_warning.BRIEF}"
 _BAR_SHARE = 0.76
 
 
-def find_next_step(scene: bpy.types.Scene) -> str:
-    """What leads on from the present state of a scene."""
-    if find_collection(scene) is None:
-        return "Next: Build Scene"
-    pairs = show_pair.find_kept_pairs(scene)
-    if not pairs:
-        return "Next: Render Stereo Pair"
-    if not results.read_summary(scene):
-        return "Next: Evaluate Stereo Pair" if len(pairs) == 1 else "Next: Evaluate Whole Data Set"
-    return "Next: Stereo Error, below"
-
-
 def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw the progress of the running job, with a button that stops it; or how the last job ended, and the next step.
 
@@ -96,7 +83,7 @@ def draw_job(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     job, column = session.job, layout.column(align=True)
     if job is None:
         column.label(text=session.ended or "No job is running")
-        column.label(text=find_next_step(scene))
+        column.label(text=next_step.find_next_step(scene))
         return
     text, below = job.shown
     row = column.split(factor=_BAR_SHARE, align=True)

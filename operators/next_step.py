@@ -1,0 +1,52 @@
+"""What leads on from the present state of a scene to a measured stereo error."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import bpy
+
+from ..nodes.build_scene import find_collection
+from ..render.pairs.pair_folder import read_pair
+from ..settings.blender import scene_properties
+from ..settings.table import list_all_settings
+from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from . import results
+from .show_pair import find_kept_pairs
+
+
+def find_next_step(scene: bpy.types.Scene) -> str:
+    """The button or panel that comes next. A pair of other settings than the present ones is rendered again."""
+    if find_collection(scene) is None:
+        return "Next: Build Scene"
+    pairs = find_kept_pairs(scene)
+    if not pairs or (len(pairs) == 1 and _is_of_other_settings(scene, pairs[0])):
+        return "Next: Render Stereo Pair"
+    found = results.kept_results(scene)
+    evaluated = found is not None and (found.scope == "DATASET" or {path.name for path in pairs} <= {*found.pairs})
+    if evaluated and not results.list_changed_settings(scene):
+        return "Next: Stereo Error, below"
+    return "Next: Evaluate Stereo Pair" if len(pairs) == 1 else "Next: Evaluate Whole Data Set"
+
+
+def _is_of_other_settings(scene: bpy.types.Scene, folder: Path) -> bool:
+    """Whether the pair was rendered with other settings than the scene's present ones, of those that its images depend
+    on. A pair that cannot be read is as it was."""
+    rendered = _read_settings(folder, (folder / "pair.json").stat().st_mtime_ns)
+    present = scene_properties.read_for_display(scene.icymoon)
+    return rendered is not None and any(
+        rendered[topic][setting.key] != present[topic][setting.key]
+        for topic, setting in list_all_settings()
+        if setting.effect not in ("run", "response")
+    )
+
+
+@lru_cache(maxsize=4)
+def _read_settings(folder: Path, written_ns: int) -> Settings | None:
+    """The settings of a pair whose record was written at that time; None if it cannot be read."""
+    try:
+        return read_pair(folder).settings
+    except IcyMoonError:
+        return None

@@ -1,0 +1,39 @@
+"""The line of the sidebar that names the next step."""
+
+import bpy
+import pytest
+from evaluations import ROW, write_evaluation
+from icymoon.operators import next_step, results
+from icymoon.operators.session import session
+from icymoon.settings.blender import scene_properties
+
+
+@pytest.fixture
+def rendered(small):
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    assert next_step.find_next_step(small) == "Next: Render Stereo Pair"
+    assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
+    yield small
+    session.reset()
+
+
+def evaluate(scene):
+    settings = scene_properties.read_settings(scene.icymoon)
+    write_evaluation(results.find_evaluation_folder(settings, "SCENE"), ROW)
+    results.keep_results(scene, "SCENE", settings, scene.icymoon.pairs.split())
+
+
+def test_a_pair_of_other_settings_is_rendered_again(rendered):
+    assert next_step.find_next_step(rendered) == "Next: Evaluate Stereo Pair"
+    rendered.icymoon.dataset.methods = "bm"
+    assert next_step.find_next_step(rendered) == "Next: Evaluate Stereo Pair"
+    before = rendered.icymoon.light.sun_elevation_deg
+    rendered.icymoon.light.sun_elevation_deg = before + 5
+    assert next_step.find_next_step(rendered) == "Next: Render Stereo Pair"
+    rendered.icymoon.light.sun_elevation_deg = before
+    evaluate(rendered)
+    assert next_step.find_next_step(rendered) == "Next: Stereo Error, below"
+    rendered.icymoon.dataset.methods = "sgbm"
+    assert next_step.find_next_step(rendered) == "Next: Evaluate Stereo Pair"
+    rendered.icymoon.light.sun_elevation_deg = before + 5
+    assert next_step.find_next_step(rendered) == "Next: Render Stereo Pair"
