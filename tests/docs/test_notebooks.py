@@ -31,7 +31,7 @@ def test_outputs_that_differ_are_found():
             assert_alike("a 1.0 b 57%", other)
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", notebooks.names())

@@ -53,7 +53,7 @@ def test_each_passes_its_check(name, capsys):
     assert main(["check-plugin", name]) == 0, capsys.readouterr().out
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("project", examples(), ids=lambda project: project.name)
 def test_pip_installs_each_from_its_folder(project, tmp_path):

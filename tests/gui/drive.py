@@ -526,6 +526,8 @@ def camera_by_click() -> Waiting:
 
 def open_all_panels() -> Waiting:
     """Drag up over the closed headers, which opens them all, and look at them from top to bottom."""
+    if "open_ground_panel" in {record["step"] for record in steps}:
+        yield from click_header("terrain")  # which closes it
     panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")]
     topics = sum(not hasattr(panel, "bl_parent_id") for panel in panels) - 1  # without the main panel
     yield from click_first_header()  # so that all others are in sight
@@ -1638,8 +1640,8 @@ STEPS = (
     calibration_by_mouse,
     build_by_mouse,
     undo_and_redo,
-    camera_by_click,  # while most panels are closed: a button among all of them is found after minutes only
-    open_all_panels,
+    camera_by_click,
+    open_ground_panel,
     slide_by_mouse,
     render_by_mouse,
     pair_on_the_screen,
@@ -1649,6 +1651,7 @@ STEPS = (
     painted_errors,
     show_error,
     camera_image_follows,
+    open_all_panels,  # so late because a button among all of them is found after minutes only
     render_a_data_set,
     vary_by_plus,
     vary_by_mouse,
@@ -1675,12 +1678,8 @@ STEPS = (
 )
 NAMES = [step.__name__ for step in STEPS]
 _LATER = calibration_by_mouse, camera_by_click, escape_a_render
-#: From the opened tab to a measured pair, with one panel open.
-FIRST_STEPS = [
-    open_ground_panel if step is open_all_panels else step
-    for step in STEPS[: STEPS.index(evaluate_by_mouse) + 1]
-    if step not in _LATER
-]
+#: From the opened tab to a measured pair.
+FIRST_STEPS = [step for step in STEPS[: STEPS.index(evaluate_by_mouse) + 1] if step not in _LATER]
 
 
 def write(finished: bool) -> None:

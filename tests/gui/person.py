@@ -173,7 +173,7 @@ def _look(
     """Look all over the sidebar, rows nearest to ``start`` (down from its top) first."""
     sidebar = region("UI")
     # At the very edge a click would drag the edge.
-    for down in sorted(range(20, sidebar.height - 12, 9), key=lambda down: abs(down - start)):
+    for down in sorted(range(20, sidebar.height - 12, 12), key=lambda down: abs(down - start)):
         for across in columns:
             place = sidebar.x + across * sidebar.width, sidebar.y + sidebar.height - down
             yield from to(*place)

@@ -73,7 +73,7 @@ def test_the_view_is_as_bright_as_the_image(built, pair):
     assert view == pytest.approx(image, rel=0.02)
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.heavy
 @pytest.mark.parametrize("name", ["scenes/europa_chaos", "scenes/europa_sublimation_pits", "gallery/rugged_1_low"])
 def test_the_estimate_knows_which_ground_has_faces_that_face_the_sun(tmp_path, name):

@@ -25,7 +25,7 @@ def test_there_are_the_papers_eleven():
 KEYS = [item.key for item in MESHES]
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("key", heavy_but(["ATHABASCA"], KEYS, set(KEYS) - {"ATHABASCA", "GAEA_RIDGY"}))
 def test_a_mesh_is_as_stated(key):
     item, mesh = find_mesh_item(key), reconstruct(key)

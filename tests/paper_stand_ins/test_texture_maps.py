@@ -34,7 +34,7 @@ def test_there_are_the_papers_fourteen():
     )
 
 
-@pytest.mark.ci_takes(4)
+@pytest.mark.long
 @pytest.mark.parametrize("key", KEYS)
 def test_opposite_edges_continue(small, key):
     maps = small[key]

@@ -18,7 +18,7 @@ FULL = {"quality": {"files": "FULL"}}
 PLANET = {"light": {"planet": True, "planet_elevation_deg": 40.0}}
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     "change",
     heavy_but(

@@ -279,7 +279,7 @@ def test_with_overscan_no_pixel_of_the_sensor_is_dark_and_truth_stays_what_it_wa
     assert ours.pair.camera.rendered_px > (180, 120)
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.long
 @pytest.mark.parametrize(
     "rig",
     [

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 from descriptions import DESCRIPTIONS
 from hypothesis import given
+from hypothesis import settings as examples
 from icymoon.settings import description as settings
 from icymoon.settings import pair_ids
 from icymoon.settings.table import TOPICS, list_all_settings
@@ -67,6 +68,7 @@ def _of_the_first_version(described, extra: str) -> str:
     return hashlib.sha256(json.dumps([counted, extra]).encode()).hexdigest()[:12]
 
 
+@examples(max_examples=25)  # of hundreds of numbers each
 @given(DESCRIPTIONS)
 def test_an_id_is_that_of_the_first_version_as_long_as_nothing_later_is_used(description):
     described = settings.merged(

@@ -201,6 +201,7 @@ def test_the_report_is_one_file_with_every_picture(result):
     assert (out / "report.html").stat().st_size < 300_000 * 3 + 300_000
 
 
+@pytest.mark.long
 def test_running_again_gives_the_same(result, dataset):
     report, out, _ = result
     before = sorted(path.relative_to(out) for path in out.rglob("*"))

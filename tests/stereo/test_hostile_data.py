@@ -132,6 +132,7 @@ def evaluate_names(folder, monkeypatch, markup, text):
     return Elements((folder / "out" / "report.html").read_text(encoding="utf-8")).found
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_no_name_from_anywhere_adds_to_a_page(tmp_path, monkeypatch, capsys):
     found = evaluate_names(tmp_path / "1", monkeypatch, MARKUP, TEXT)

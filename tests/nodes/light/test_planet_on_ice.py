@@ -49,7 +49,7 @@ def left(pair: Pair) -> View:
     return view
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("accuracy", ["FAST", *long("ACCURATE", "REFERENCE")])
 @pytest.mark.parametrize("light", [SATURN | NIGHT, JUPITER | NIGHT, CRESCENT], ids=["Saturn", "Jupiter", "crescent"])
 def test_ice_in_planetshine_is_as_bright_as_the_law_over_the_disc(tmp_path, accuracy, light):

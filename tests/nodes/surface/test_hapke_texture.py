@@ -74,7 +74,7 @@ def test_each_half_has_its_own_roughness(tmp_path, made_of, accuracy, theta_bar_
         assert np.quantile(np.abs(image[seen] / truth[seen] - 1), 0.999) < SMOOTH
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @EVERY_WAY
 def test_an_even_image_is_the_constant(tmp_path, made_of, accuracy):
     hapke = {"backend": made_of, "accuracy": accuracy, "theta_bar_deg": 20.0}

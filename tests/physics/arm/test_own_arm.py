@@ -409,6 +409,7 @@ def test_names_of_links_stay_apart_whatever_they_are(tmp_path):
     assert "body" not in own.solids
 
 
+@pytest.mark.long
 def test_one_mesh_many_times_is_refused_before_all_are_made(tmp_path, monkeypatch):
     write_stl(tmp_path / "m.stl")
     made = []

@@ -69,7 +69,7 @@ def values(pairs, name):
     return Counter(pair.settings[topic][key] for pair in pairs)
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("form", heavy_but([""], ["", "_true_sun"], ["_true_sun"]))
 @pytest.mark.parametrize("name", TYPES)
 def test_each_type_has_the_papers_factors_and_number_of_pairs(mine, name, form):

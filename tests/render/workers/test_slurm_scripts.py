@@ -135,6 +135,7 @@ def test_the_script_renders_its_share(cluster):
     assert not requeued.exists()
 
 
+@pytest.mark.long
 def test_a_share_that_fails_is_requeued_but_not_for_ever(cluster):
     stand, script, environment, requeued = cluster
     bad = grid(seeds=3)[1].id

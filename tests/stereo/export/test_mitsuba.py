@@ -39,7 +39,7 @@ def settings(*parts):
     return merged(defaults(), *(check(part, "test") for part in parts))
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("changes", "error"),
     [({}, 1e-3), ({"planet_azimuth_deg": 30.0}, 2e-3), ({"planet_elevation_deg": 5.0}, 2e-2)],
