@@ -237,16 +237,19 @@ def scroll(clicks: int) -> Generator[float, None, bool]:
 def _look_on_every_page(
     recognised: Callable[[], bool], passes: Sequence[tuple[float, ...]], start: float = 0.0
 ) -> Generator[float, None, Place | None]:
-    """Look where the sidebar is scrolled to and on every page further down, then on all pages from the top, each time
-    in the columns of one of the ``passes``. What slid away under the mouse is where it belongs the second time."""
+    """Look where the sidebar is scrolled to, then on all pages from the top, each time in the columns of one of the
+    ``passes``. What slid away under the mouse is where it belongs the second time."""
+    if place := (yield from _look(recognised, passes[0], start)):
+        return place
     for columns in passes:
+        yield from to(*middle("UI"))
+        yield from scroll(-400)
         while True:
-            if place := (yield from _look(recognised, columns, start)):
+            if place := (yield from _look(recognised, columns)):
                 return place
             yield from to(*middle("UI"))
             if not (yield from scroll(int(region("UI").height / 60))):
                 break
-        yield from scroll(-400)
     return None
 
 
