@@ -47,8 +47,8 @@ ATTRIBUTES = {
 }
 _COLOUR = "lidar_colour"
 _TITLE_PROPERTY, _TOTAL_PROPERTY = "icymoon_scanner", "icymoon_points"
-#: Width of a square as seen from the sensor, and of a rod as a share of the distance to the median hit.
-_WIDTH_RAD, _ROD_RADIUS = 0.006, 6e-4
+#: Width of a square as seen from the sensor, and radius of a rod as a share of the distance to the median hit.
+_WIDTH_RAD, _ROD_RADIUS = 0.006, 0.003
 #: Most rows and columns of beams that are drawn, and their length in metres where all of them miss.
 _MOST_ROWS, _MOST_COLUMNS, _MISSED_M = 9, 25, 10.0
 #: Colours (sRGB) of beams that hit and that miss.
@@ -197,8 +197,8 @@ def _find_hit(
 
 
 def make_rods(start: Array, direction: Array, length: Array, radius: float) -> tuple[Array, Array]:
-    """Corners (4 n, 3) and triangles (3 n, 3) of thin three-sided cones from their ends to a common ``start`` (3,),
-    along unit vectors (n, 3); they do not hide each other where they meet."""
+    """Corners (6 n, 3) and triangles (7 n, 3) of three-sided rods from a common ``start`` (3,) along unit vectors
+    (n, 3), closed at their far ends."""
     up = np.where(np.abs(direction[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
     right = np.cross(direction, up)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
@@ -206,9 +206,11 @@ def make_rods(start: Array, direction: Array, length: Array, radius: float) -> t
     end = start + direction * length[:, None]
     angle = 2 * np.pi * np.arange(3) / 3
     ring = np.cos(angle)[:, None] * right[:, None] + np.sin(angle)[:, None] * other[:, None]
-    corners = np.concatenate([np.broadcast_to(start, (len(end), 1, 3)), end[:, None] + radius * ring], axis=1)
-    here = 4 * np.arange(len(end))[:, None, None]
-    faces = here + np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1)])
+    corners = np.concatenate([start + radius * ring, end[:, None] + radius * ring], axis=1)
+    sides = [(a, b, b + 3) for a, b in ((0, 1), (1, 2), (2, 0))] + [
+        (a, b + 3, a + 3) for a, b in ((0, 1), (1, 2), (2, 0))
+    ]
+    faces = 6 * np.arange(len(end))[:, None, None] + np.array([*sides, (3, 4, 5)])
     return corners.reshape(-1, 3), faces.reshape(-1, 3)
 
 

@@ -27,7 +27,7 @@ class ICYMOON_PT_active_sensors(Sidebar, bpy.types.Panel):
         lamps = context.scene.icymoon.light.lamps
         power_w = sum(lamp.power_w for lamp in lamps)
         told = f"{len(lamps)} lamps of {power_w:g} W in all" if lamps else "No lamps"
-        draw_sentence(self.layout, f"{told}: Lamps, under Light", "LIGHT")
+        draw_sentence(self.layout, f"{told}; see Light ▸ Lamps", "LIGHT")
         self.layout.operator("icymoon.lamp_add", icon="ADD")
 
 

@@ -991,10 +991,11 @@ def lidar_by_mouse() -> Waiting:
     yield from until(lambda: view.find_shown(scene), "Showing the beams")
     yield from away()
     before = area().spaces.active.region_3d.view_perspective
-    area().spaces.active.region_3d.view_perspective = "PERSP"
+    looking = area().spaces.active.region_3d
+    looking.view_perspective, looking.view_location, looking.view_distance = "PERSP", (0.0, 0.0, 1.6), 12.0
     yield 10 * TICK_S
     yield from screenshot("lidar_beams")
-    area().spaces.active.region_3d.view_perspective = before
+    looking.view_perspective = before
     yield from press("icymoon.scan_lidar")
     yield from until(lambda: session().job, "Starting the scan")
     yield from screenshot("lidar_scanning")

@@ -31,10 +31,10 @@ def make_points(count: int) -> ShownPoints:
     )
 
 
-def read_colours(item: bpy.types.Object) -> np.ndarray:
+def read_colours(item: bpy.types.Object, corners: int = 4) -> np.ndarray:
     colours = np.zeros(4 * len(item.data.vertices), np.float32)
     item.data.color_attributes[0].data.foreach_get("color_srgb", colours)
-    return np.rint(255 * colours.reshape(-1, 4, 4)[:, 0, :3]).astype(int)
+    return np.rint(255 * colours.reshape(-1, corners, 4)[:, 0, :3]).astype(int)
 
 
 def list_data() -> list[str]:
@@ -106,23 +106,26 @@ def test_beams_end_on_the_ground_that_they_meet_and_pass_through_points(scene):
     lidar = replace(found, instrument=replace(found.instrument, farthest_m=150.0))
     item = lidar_in_view.show_beams(scene, built, lidar)
     assert lidar_in_view.find_points(scene) is None  # they gave way
-    corners = np.array([vertex.co for vertex in item.data.vertices]).reshape(-1, 4, 3)
+    corners = np.array([vertex.co for vertex in item.data.vertices]).reshape(-1, 6, 3)
     assert len(corners) == 9 * 25
-    end = corners[:, 1:].mean(axis=1)
-    assert corners[:, 0] == pytest.approx(np.tile((0, 0, 2), (len(corners), 1)), abs=1e-5)
+    end = corners[:, 3:].mean(axis=1)
+    assert corners[:, :3].mean(axis=1) == pytest.approx(np.tile((0, 0, 2), (len(corners), 1)), abs=1e-5)
     assert end[:, 2] == pytest.approx(0.0, abs=1e-4)
-    assert (read_colours(item) == (90, 255, 120)).all()
+    assert (read_colours(item, 6) == (90, 255, 120)).all()
     camera.rotation_euler.x = np.pi  # to the sky
     bpy.context.view_layer.update()
     sky = lidar_in_view.show_beams(scene, built, lidar)
-    assert len(np.unique(read_colours(sky), axis=0)) == 1
-    assert (read_colours(sky)[0] != (90, 255, 120)).any()
+    assert len(np.unique(read_colours(sky, 6), axis=0)) == 1
+    assert (read_colours(sky, 6)[0] != (90, 255, 120)).any()
 
 
 def test_rods_are_closed_and_as_long_as_stated():
     direction = np.array([[0.0, 0, 1], [0.6, 0, -0.8]])
     corners, faces = make_rods(np.zeros(3), direction, np.array([2.0, 5.0]), 0.01)
-    ends = corners.reshape(2, 4, 3)[:, 1:]
+    ends = corners.reshape(2, 6, 3)[:, 3:]
     assert ends.mean(axis=1) == pytest.approx(direction * [[2.0], [5.0]])
     assert np.linalg.norm(ends - ends.mean(axis=1, keepdims=True), axis=2) == pytest.approx(0.01)
-    assert (faces.min(), faces.max(), len(faces)) == (0, 7, 6)
+    assert (faces.min(), faces.max(), len(faces)) == (0, 11, 14)
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, count = np.unique(edges, axis=0, return_counts=True)
+    assert sorted(count.tolist()) == [1] * 6 + [2] * 18  # only the ends at the sensor are open
