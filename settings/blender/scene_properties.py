@@ -244,7 +244,7 @@ def write_varied(group: bpy.types.PropertyGroup, varied: VariedSetting) -> None:
 OWN_SCANNER = "OWN"
 #: How the points of a LiDAR can be coloured, see ``stereo.lidar_view``.
 _LIDAR_COLOURS = (
-    ("INTENSITY", "Intensity", "The light that came back, on a logarithmic scale"),
+    ("INTENSITY", "Intensity", "The light that came back, in electrons or, without a detector, photons"),
     ("RANGE_ERROR", "Range Error", "Measured less true range: red is too far, blue is too near"),
     ("ICE_DELAY", "Delay in Ice", "How much farther ice seems, because light comes back late"),
     ("RETURN_NUMBER", "Return Number", "First, second or later return of its beam, or a false alarm"),

@@ -978,8 +978,8 @@ def measured_surface() -> Waiting:
     yield from until(lambda: not there(), "Removing the measured surface")
 
 
-def lidar_by_mouse() -> Waiting:
-    """Beams and points of a LiDAR appear beside the ground, follow the slider, and go by undo and by their button."""
+def lidar_by_f3() -> Waiting:
+    """Beams and points of a LiDAR, by F3, appear beside the ground, follow the slider, and go by undo and by F3."""
     view, scene = module("nodes.lidar_in_view"), bpy.context.scene
 
     def count() -> int:
@@ -987,20 +987,19 @@ def lidar_by_mouse() -> Waiting:
         return len(item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons) if item else 0
 
     settings().lidar.columns = 128
-    yield from press("icymoon.show_beams")
-    yield from until(lambda: view.find_shown(scene), "Showing the beams")
     yield from away()
+    yield from by_f3("Show LiDAR Beams")
+    yield from until(lambda: view.find_shown(scene), "Showing the beams")
     before = area().spaces.active.region_3d.view_perspective
     looking = area().spaces.active.region_3d
     looking.view_perspective, looking.view_location, looking.view_distance = "PERSP", (0.0, 0.0, 1.6), 12.0
     yield 10 * TICK_S
     yield from screenshot("lidar_beams")
     looking.view_perspective = before
-    yield from press("icymoon.scan_lidar")
+    yield from by_f3("Scan with LiDAR")
     yield from until(lambda: session().job, "Starting the scan")
     yield from screenshot("lidar_scanning")
     yield from until(count, "Showing the points")
-    yield from away()
     yield 10 * TICK_S
     yield from screenshot("lidar_points")
     settings().lidar.points = 50
@@ -1010,7 +1009,7 @@ def lidar_by_mouse() -> Waiting:
     yield from until(lambda: not count(), "Undoing the points")
     yield from key("ctrl+shift+z")
     yield from until(count, "Bringing the points back")
-    yield from press("icymoon.hide_scan")
+    yield from by_f3("Remove LiDAR Points")
     yield from until(lambda: view.find_shown(bpy.context.scene) is None, "Removing the points")
 
 
@@ -1682,7 +1681,7 @@ STEPS = (
     escape_a_render,
     evaluate_by_mouse,
     measured_surface,
-    lidar_by_mouse,
+    lidar_by_f3,
     painted_errors,
     show_error,
     camera_image_follows,
