@@ -47,7 +47,7 @@ ATTRIBUTES = {
 }
 _COLOUR = "lidar_colour"
 _TITLE_PROPERTY, _TOTAL_PROPERTY = "icymoon_scanner", "icymoon_points"
-#: Width of a square as seen from the sensor, and radius of a rod as a share of the distance to the median hit.
+#: Width of a square as seen from the sensor, and radius of a rod at its end over its length.
 _WIDTH_RAD, _ROD_RADIUS = 0.006, 0.003
 #: Most rows and columns of beams that are drawn, and their length in metres where all of them miss.
 _MOST_ROWS, _MOST_COLUMNS, _MISSED_M = 9, 25, 10.0
@@ -161,7 +161,7 @@ def show_beams(scene: bpy.types.Scene, built: Built, lidar: LidarFile) -> bpy.ty
     hit = np.isfinite(length)
     typical = float(np.median(length[hit])) if hit.any() else _MISSED_M
     length = np.where(hit, length, min(2 * typical, farthest))
-    corners, faces = make_rods(pose.position_m, direction, length, _ROD_RADIUS * typical)
+    corners, faces = make_rods(pose.position_m, direction, length, _ROD_RADIUS * typical / 3, _ROD_RADIUS * length)
     mesh = build_mesh_from_arrays(NAME, corners, faces)
     mesh.color_attributes.active_color = mesh.color_attributes.new(_COLOUR, "BYTE_COLOR", "POINT")
     colours = np.where(hit[:, None], np.array(_HIT, np.uint8), np.array(_MISSED, np.uint8))
@@ -196,9 +196,10 @@ def _find_hit(
     return np.inf
 
 
-def make_rods(start: Array, direction: Array, length: Array, radius: float) -> tuple[Array, Array]:
+def make_rods(start: Array, direction: Array, length: Array, near_m: float, far_m: Array) -> tuple[Array, Array]:
     """Corners (6 n, 3) and triangles (7 n, 3) of three-sided rods from a common ``start`` (3,) along unit vectors
-    (n, 3), closed at their far ends."""
+    (n, 3), with the radius ``near_m`` at the start and ``far_m`` (n,) at their ends, which are closed: far beams are
+    as wide as near ones from afar."""
     up = np.where(np.abs(direction[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
     right = np.cross(direction, up)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
@@ -206,7 +207,7 @@ def make_rods(start: Array, direction: Array, length: Array, radius: float) -> t
     end = start + direction * length[:, None]
     angle = 2 * np.pi * np.arange(3) / 3
     ring = np.cos(angle)[:, None] * right[:, None] + np.sin(angle)[:, None] * other[:, None]
-    corners = np.concatenate([start + radius * ring, end[:, None] + radius * ring], axis=1)
+    corners = np.concatenate([start + near_m * ring, end[:, None] + far_m[:, None, None] * ring], axis=1)
     sides = [(a, b, b + 3) for a, b in ((0, 1), (1, 2), (2, 0))] + [
         (a, b + 3, a + 3) for a, b in ((0, 1), (1, 2), (2, 0))
     ]

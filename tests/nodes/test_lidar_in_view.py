@@ -121,10 +121,13 @@ def test_beams_end_on_the_ground_that_they_meet_and_pass_through_points(scene):
 
 def test_rods_are_closed_and_as_long_as_stated():
     direction = np.array([[0.0, 0, 1], [0.6, 0, -0.8]])
-    corners, faces = make_rods(np.zeros(3), direction, np.array([2.0, 5.0]), 0.01)
+    corners, faces = make_rods(np.zeros(3), direction, np.array([2.0, 5.0]), 0.005, np.array([0.01, 0.02]))
     ends = corners.reshape(2, 6, 3)[:, 3:]
     assert ends.mean(axis=1) == pytest.approx(direction * [[2.0], [5.0]])
-    assert np.linalg.norm(ends - ends.mean(axis=1, keepdims=True), axis=2) == pytest.approx(0.01)
+    assert np.linalg.norm(ends - ends.mean(axis=1, keepdims=True), axis=2) == pytest.approx(
+        np.array([[0.01] * 3, [0.02] * 3])
+    )
+    assert np.linalg.norm(corners.reshape(2, 6, 3)[:, :3], axis=2) == pytest.approx(0.005)
     assert (faces.min(), faces.max(), len(faces)) == (0, 11, 14)
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     _, count = np.unique(edges, axis=0, return_counts=True)
