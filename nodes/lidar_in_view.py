@@ -33,7 +33,7 @@ from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import build_material, make_squares, set_colours
 from .remove_objects import remove_unused
 from .rig import find_eye_poses
-from .tree.builder import Tree, find_output
+from .tree.builder import Tree
 
 NAME = "Icy Moon LiDAR"
 ROLE = "lidar"  # value of the custom property ``TAG`` of collection, objects, material and node group
@@ -91,17 +91,12 @@ def _build_limit() -> bpy.types.NodeTree:
     tree = Tree(group)
     squares = tree.node("NodeGroupInput", "Squares")
     index = tree.node("GeometryNodeInputIndex", "Index")
-    beyond = tree.node(
-        "FunctionNodeCompare",
-        _LIMIT,
-        {"A_INT": index.outputs[0], "B_INT": 0},
-        data_type="INT",
-        operation="GREATER_EQUAL",
-    )
+    # Blender 5.2 has renamed the inputs of Compare; those of Math have one name everywhere.
+    beyond = tree.math("GREATER_THAN", _LIMIT, index.outputs[0], 0.0)
     kept = tree.node(
         "GeometryNodeDeleteGeometry",
         "Remove Others",
-        {"Geometry": squares.outputs[0], "Selection": find_output(beyond, "Result")},
+        {"Geometry": squares.outputs[0], "Selection": beyond},
         domain="FACE",
         mode="ALL",
     )
@@ -116,7 +111,7 @@ def limit_points(scene: bpy.types.Scene, count: int) -> None:
     modifier = item.modifiers.get(_LIMIT) if item is not None else None
     node = modifier.node_group.nodes.get(_LIMIT) if modifier is not None and modifier.node_group else None
     if node is not None:
-        next(socket for socket in node.inputs if socket.identifier == "B_INT").default_value = count
+        next(socket for socket in node.inputs if socket.identifier == "Value_001").default_value = count - 0.5
 
 
 def recolour(scene: bpy.types.Scene, kind: str) -> None:
