@@ -131,15 +131,22 @@ def make_share_lines(
     ]
 
 
-def _build_mesh(corners: Array, error_m: Array) -> bpy.types.Mesh:
+def build_squares(name: str, corners: Array) -> bpy.types.Mesh:
+    """A mesh of squares with corners (n, 4, 3)."""
     count = len(corners)
-    mesh = bpy.data.meshes.new(NAME)
+    mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(4 * count)
     mesh.vertices.foreach_set("co", corners.astype(np.float32).ravel())
     mesh.loops.add(4 * count)
     mesh.loops.foreach_set("vertex_index", np.arange(4 * count, dtype=np.int32))
     mesh.polygons.add(count)
     mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    return mesh
+
+
+def _build_mesh(corners: Array, error_m: Array) -> bpy.types.Mesh:
+    mesh = build_squares(NAME, corners)
     mesh.attributes.new(_ERROR_ATTRIBUTE, "FLOAT", "FACE").data.foreach_set("value", error_m.astype(np.float32))
     mesh.color_attributes.active_color = mesh.color_attributes.new(_COLOUR_ATTRIBUTE, "BYTE_COLOR", "POINT")
     mesh.update(calc_edges=True)

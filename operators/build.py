@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..nodes import build_scene as scenes
-from ..nodes import preview
+from ..nodes import lidar_in_view, preview
 from ..nodes.measured_surface import find_points
 from ..settings import description
 from ..settings.blender import scene_properties
@@ -16,7 +16,7 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from . import shadow_warning, view_exposure, view_resolution
-from .coloured_views import hide_errors
+from .coloured_views import hide_colours
 from .session import session
 from .sidebar_text import format_for_window
 from .user_render import prepare_render
@@ -73,8 +73,8 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space.shading.type = "RENDERED"
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
     space.overlay.show_overlays = False
-    points = find_points(context.scene)
-    ours = set(built.collection.all_objects) | ({points} if points else set())
+    shown = find_points(context.scene), lidar_in_view.find_shown(context.scene)
+    ours = {*built.collection.all_objects, *(item for item in shown if item is not None)}
     foreign = [o for o in context.scene.objects if o not in ours and o.visible_get()]
     if foreign and space.local_view is None:
         selected = context.selected_objects
@@ -201,7 +201,7 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
         operator.report({"ERROR"}, format_for_window(error))
         return {"CANCELLED"}
     prepare_render(scene, built)
-    hide_errors(scene)  # they are of the previous scene
+    hide_colours(scene)  # they are of the previous scene
     for warning in built.warnings:
         operator.report({"WARNING"}, format_for_window(warning))
     frame_and_expose(scene, built.settings, before)

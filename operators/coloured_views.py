@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from ..nodes import measured_surface, painted_errors
+from ..nodes import lidar_in_view, measured_surface, painted_errors
 from .session import session
 from .window_areas import list_areas
 from .window_events import call_later, make_registration
@@ -63,14 +63,25 @@ def hide_errors(scene: bpy.types.Scene) -> None:
     give_back_views(scene)
 
 
+def hide_colours(scene: bpy.types.Scene) -> None:
+    """Remove what a scene shows in colours, and restore its views."""
+    lidar_in_view.clear(scene)
+    hide_errors(scene)
+
+
 def give_back_views(scene: bpy.types.Scene) -> None:
-    """Restore the views if a scene no longer shows errors."""
+    """Restore the views if a scene no longer shows colours."""
     if not is_shown(scene):
         scene.pop(KEPT, None)
         restore_views()
 
 
 def is_shown(scene: bpy.types.Scene) -> bool:
+    """Whether a scene shows something in colours: errors, or the points or beams of a LiDAR."""
+    return shows_errors(scene) or lidar_in_view.find_shown(scene) is not None
+
+
+def shows_errors(scene: bpy.types.Scene) -> bool:
     """Whether a measured surface or painted errors are shown in a scene."""
     return measured_surface.find_points(scene) is not None or painted_errors.find_painted(scene) is not None
 

@@ -22,7 +22,7 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from ..support.printer import show_controls
 from .build import leave_edit_mode
-from .coloured_views import hide_errors, is_shown, show_colours
+from .coloured_views import hide_errors, show_colours, shows_errors
 from .job_operators import JobOperator
 from .jobs import Job
 from .render import find_dataset_folder, plan_pairs
@@ -175,7 +175,7 @@ class ICYMOON_OT_hide_surface(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        found = is_shown(context.scene)
+        found = shows_errors(context.scene)
         if not found:
             cls.poll_message_set("No measured surface and no painted errors are shown")
         return found

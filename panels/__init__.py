@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import bpy
 
-from . import find_setting, menu, pair_views, previews, recent_pairs, sidebar, topics, trade, vary
+from . import active_sensors, find_setting, menu, pair_views, previews, recent_pairs, sidebar, topics, trade, vary
 
 CLASSES = (
     *find_setting.CLASSES,
     *sidebar.CLASSES,
     *recent_pairs.CLASSES,
     *topics.CLASSES,
+    *active_sensors.CLASSES,
     *vary.CLASSES,
     *sidebar.DETAILS,
     *trade.CLASSES,

@@ -188,6 +188,21 @@ class ICYMOON_MT_masks(bpy.types.Menu):
         layout.operator("icymoon.use_image_as_mask", text="Use Image as Mask…")
 
 
+class ICYMOON_MT_lidar(bpy.types.Menu):
+    """Scan the scene with a laser scanner, and show its beams and points"""
+
+    bl_idname = "ICYMOON_MT_lidar"
+    bl_label = "LiDAR"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("icymoon.show_beams")
+        layout.operator("icymoon.scan_lidar")
+        layout.operator("icymoon.show_scan")
+        layout.operator("icymoon.hide_scan")
+
+
 class ICYMOON_MT_icymoon(bpy.types.Menu):
     """All commands of Icy Moon"""
 
@@ -215,6 +230,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.render_pair")
         layout.operator_menu_enum("icymoon.show_pair", "view")
         layout.operator("icymoon.expose")
+        layout.menu(ICYMOON_MT_lidar.bl_idname)
         layout.operator("icymoon.evaluate", text="Evaluate Stereo Pair").scope = "SCENE"
         layout.operator("icymoon.decide")
         layout.operator("icymoon.cancel", text="Cancel or Stop")
@@ -287,6 +303,7 @@ CLASSES = (
     ICYMOON_MT_results,
     ICYMOON_MT_set_up,
     ICYMOON_MT_masks,
+    ICYMOON_MT_lidar,
     ICYMOON_MT_icymoon,
 )
 

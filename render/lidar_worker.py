@@ -59,7 +59,11 @@ def run_job(
             albedo = None if "patches" in asked.without else _map_albedo(built, scene, lidar, folder / planned.id)
             assert source.rays is not None
             stage = source.rays.require("The scene cannot be scanned")
-            _scan_scene(folder / planned.id, built, stage, lidar, asked, albedo)
+
+            def report(share: float, k: int = k) -> None:
+                send("progress", fraction=(k + share) / len(pairs), message=f"Scan {k + 1} of {len(pairs)}")
+
+            _scan_scene(folder / planned.id, built, stage, lidar, asked, albedo, report)
     send("done", folders=[str(folder / planned.id) for planned in pairs])
 
 
@@ -75,9 +79,15 @@ def _map_albedo(built: Built, scene: bpy.types.Scene, lidar: LidarFile, folder: 
 
 
 def _scan_scene(
-    folder: Path, built: Built, stage: Stage, lidar: LidarFile, asked: ScanRequest, albedo: AlbedoMap | None
+    folder: Path,
+    built: Built,
+    stage: Stage,
+    lidar: LidarFile,
+    asked: ScanRequest,
+    albedo: AlbedoMap | None,
+    report: Callable[[float], object],
 ) -> None:
-    """Scan one built scene into its folder."""
+    """Scan one built scene into its folder; ``report`` is told the finished share of the beams."""
     eyes = find_eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
     pose = make_pose(asked.pose[:3], asked.pose[3:]) if asked.pose else mount_on_rig(eyes["left"], lidar.aim)
     _refuse_enclosed(stage, pose)
@@ -85,7 +95,7 @@ def _scan_scene(
     sensing, words = _find_sensing(built, lidar, asked, laws)
     scanned = scan_and_measure(stage.ground, stage.ground_tracer, lidar.instrument, pose, laws, sensing, albedo)
     with ReturnWriter(folder, lidar.instrument.pattern) as writer:
-        counts = _write_batches(writer, scanned)
+        counts = _write_batches(writer, scanned, lambda beams: report(beams / lidar.instrument.pattern.count))
         writer.finish(folder / "lidar.npz")
     facts = _describe_scan(lidar, pose) | counts | words | {"albedo": _describe_albedo(built, albedo)}
     write_json(folder / "lidar.json", facts | {"site": make_frame_facts(built.settings, built.ground)})
@@ -138,8 +148,10 @@ def describe_detector(detector: Any) -> dict[str, Any]:
     return {"kind": type(detector).__name__, **figures}
 
 
-def _write_batches(writer: ReturnWriter, scanned: Iterable[ScannedBeams]) -> dict[str, int]:
-    """Write a scan, and return its counts."""
+def _write_batches(
+    writer: ReturnWriter, scanned: Iterable[ScannedBeams], report: Callable[[int], object]
+) -> dict[str, int]:
+    """Write a scan, and return its counts; ``report`` is told the number of beams so far."""
     counts = dict.fromkeys(("beams", "beams_without_return", "returns"), 0)
     for each in scanned:
         writer.add(each.returns, each.beside, each.alarms)
@@ -150,6 +162,7 @@ def _write_batches(writer: ReturnWriter, scanned: Iterable[ScannedBeams]) -> dic
             lost = int(np.isnan(each.beside["measured_range_m"]).sum())
             counts["lost_returns"] = counts.get("lost_returns", 0) + lost
             counts["false_alarms"] = counts.get("false_alarms", 0) + len(each.alarms.beam)
+        report(counts["beams"])
     return counts
 
 

@@ -8,7 +8,7 @@ The job is a job of ``worker``. For each of its pairs, the folder of its id gets
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from ..physics.camera.eyes import make_camera_with_eyes
 from ..physics.projector.device import Projector
 from ..physics.projector.patterns import Pattern
 from ..rays.projector import trace_patterns
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.file_schemas import COUNT, TABLE, read_record
 from ..support.files import explain_disk_errors, write_atomically
@@ -67,11 +68,21 @@ def run_job(job: dict[str, Any], folder: Path, asked: ProjectRequest, send: Call
                     asked.samples,
                 )
                 found |= {f"{eye}_share": seen.share, f"{eye}_place": seen.place}
+            refuse_dark([found[f"{eye}_share"] for eye in EYES])
             _write(
                 folder / planned.id,
                 {**found, "pose": place, "mean": patterns.mean(axis=(1, 2)) * asked.projector.share_of_cone},
             )
     send("done", folders=[str(folder / planned.id) for planned in pairs])
+
+
+def refuse_dark(shares: Sequence[Array]) -> None:
+    """Raise IcyMoonError if a projector lights no pixel of any eye, by its shares of direct light (any shape)."""
+    if not any((share > 0).any() for share in shares):
+        raise IcyMoonError(
+            "The pattern lights nothing that the cameras see; turn the projector to the ground by --aim, move it by "
+            "--place, or widen its field by --width-deg."
+        )
 
 
 def _write(folder: Path, arrays: dict[str, Any]) -> None:

@@ -80,7 +80,10 @@ class ScanPattern:
 
     def make_beams(self, first: int = 0, end: int | None = None) -> Beams:
         """The beams from number ``first`` to before ``end``, in the order of their firing; all by default."""
-        number = np.arange(first, min(self.count, self.count if end is None else end))
+        return self.make_chosen(np.arange(first, min(self.count, self.count if end is None else end)))
+
+    def make_chosen(self, number: Array) -> Beams:
+        """The beams with these numbers (n,), each from 0 to before ``count``."""
         if self.kind == "SPINNING":
             column, row = np.divmod(number, self.rows)
             time_s = column * (self.period_s / self.columns)
@@ -90,6 +93,16 @@ class ScanPattern:
         across, upward = (column + 0.5) / self.columns - 0.5, 0.5 - (row + 0.5) / self.rows
         make = self._point_pixels if self.kind == "FLASH" else self._point_angles
         return Beams(make(across, upward), row.astype(np.int32), column.astype(np.int32), time_s)
+
+    def choose_spread(self, most_rows: int, most_columns: int) -> Array:
+        """Numbers of at most ``most_rows`` times ``most_columns`` beams that spread over the field; the outermost rows
+        and columns are among them if at least two of each are chosen."""
+        row, column = (
+            np.unique(np.rint(np.linspace(0, count - 1, min(count, most))).astype(np.int64))
+            for count, most in ((self.rows, most_rows), (self.columns, most_columns))
+        )
+        number = column[:, None] * self.rows + row if self.kind == "SPINNING" else row[:, None] * self.columns + column
+        return np.asarray(number.ravel())
 
     def _point_angles(self, across: Array, upward: Array) -> Array:
         """Directions (n, 3) at equal steps of angle; ``across`` and ``upward`` (n,) are shares of the field."""

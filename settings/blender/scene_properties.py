@@ -12,15 +12,17 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...formats.lidar_file import read_lidar
 from ...physics.surfaces import principled
 from ...plugins.landforms import PREFIX
 from ...render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
-from ..change_announcements import COLOURS, announce, batch_changes, count_changes, make_update_callback
+from ..change_announcements import COLOURS, LIDAR_POINTS, announce, batch_changes, count_changes, make_update_callback
 from ..description import check, to_canonical
 from ..landform_releases import fill_in_releases, refuse_missing_landforms
 from ..mirrored_properties import make_mirror
+from ..preset_files import LIDARS, lidar_names
 from ..table import TOPICS, list_all_settings
 from ..topics.declaration import EFFECTS, Setting, Value
 from ..topics.scene import Settings, typed
@@ -238,6 +240,73 @@ def write_varied(group: bpy.types.PropertyGroup, varied: VariedSetting) -> None:
     stated.active = place
 
 
+#: The choice of a scanner in a file of the user's own.
+OWN_SCANNER = "OWN"
+#: How the points of a LiDAR can be coloured, see ``stereo.lidar_view``.
+_LIDAR_COLOURS = (
+    ("INTENSITY", "Intensity", "The light that came back, in electrons or, without a detector, photons"),
+    ("RANGE_ERROR", "Range Error", "Measured less true range: red is too far, blue is too near"),
+    ("ICE_DELAY", "Delay in Ice", "How much farther ice seems, because light comes back late"),
+    ("RETURN_NUMBER", "Return Number", "First, second or later return of its beam, or a false alarm"),
+)
+
+
+def _make_lidar() -> object:
+    """The property of the laser scanner that the window scans with, beside the settings."""
+    scanners = [(name, read_lidar(LIDARS / f"{name}.toml").title, "") for name in lidar_names()]
+    counts = {"min": 0, "max": 100000}
+    group = _register_group(
+        "ICYMOON_PG_lidar",
+        "A laser scanner at the left eye",
+        {
+            "scanner": bpy.props.EnumProperty(
+                name="Scanner",
+                description="Pattern, laser and detector of the scanner",
+                items=[*scanners, (OWN_SCANNER, "File of Your Own", "A TOML file, as icymoon lidar reads it")],
+                default="ouster_os1",
+            ),
+            "file": bpy.props.StringProperty(
+                name="Scanner File",
+                description="TOML file of a laser scanner",
+                subtype="FILE_PATH",
+                options=compat.list_path_options(),
+            ),
+            "rows": bpy.props.IntProperty(name="Rows", description="Rows of beams; 0 for the scanner's own", **counts),
+            "columns": bpy.props.IntProperty(
+                name="Columns", description="Columns of beams; 0 for the scanner's own", **counts
+            ),
+            "detector": bpy.props.BoolProperty(
+                name="Detector", default=True, description="Simulate the detector: noise, lost returns, false alarms"
+            ),
+            "ice": bpy.props.BoolProperty(
+                name="Light in Ice",
+                default=True,
+                description="Let light enter snow and ice, which it leaves late",
+            ),
+            **_make_look_of_points(),
+        },
+    )
+    return bpy.props.PointerProperty(type=group, name="LiDAR", description="A laser scanner at the left eye")
+
+
+def _make_look_of_points() -> dict[str, Any]:
+    """The properties of how the points of a scan are shown."""
+    update = make_update_callback(LIDAR_POINTS)
+    return {
+        "colour": bpy.props.EnumProperty(
+            name="Colour", description="What the colours of points show", items=_LIDAR_COLOURS, update=update
+        ),
+        "points": bpy.props.IntProperty(
+            name="Points Shown",
+            default=10000,
+            min=1,
+            max=100000,
+            update=update,
+            description="Number of points to show, a random part of the scan",
+        ),
+    }
+
+
 def _make_beside_settings() -> dict[str, Any]:
     """The properties of a scene beside its settings."""
     return {
@@ -271,6 +340,7 @@ def _make_beside_settings() -> dict[str, Any]:
             update=make_update_callback(COLOURS),
             description="Depth error with the full colour. Below 1 cm is white, and the scale between is logarithmic",
         ),
+        "lidar": _make_lidar(),
         "variations": _make_variations(),
     }
 

@@ -126,10 +126,10 @@ def draw_error(prediction: Array, truth: Array) -> Array:
 _TOO_NEAR, _TOO_FAR, _RIGHT = (0x2B, 0x5F, 0xC4), (0xC4, 0x2B, 0x2B), (0xF4, 0xF4, 0xF4)
 
 
-def colour_signed_errors(error_m: Array, full_m: float = ERROR_SCALE.high) -> Array:
-    """RGB uint8 (n, 3) of signed depth errors: blue for too near, red for too far, white below 1 cm, INVALID_GREY for
-    NaN. The scale is logarithmic, as in the error pictures, with the full colour from ``full_m`` on."""
-    scale = replace(ERROR_SCALE, high=full_m)
+def colour_signed_errors(error_m: Array, full_m: float = ERROR_SCALE.high, right_m: float = ERROR_SCALE.low) -> Array:
+    """RGB uint8 (n, 3) of signed depth errors: blue for too near, red for too far, white below ``right_m``,
+    INVALID_GREY for NaN. The scale is logarithmic, as in the error pictures; from ``full_m`` on the colour is full."""
+    scale = replace(ERROR_SCALE, low=right_m, high=full_m)
     amount = scale.position(np.nan_to_num(np.abs(error_m.astype(np.float64))))[:, None]
     end = np.where(np.nan_to_num(error_m)[:, None] < 0, _TOO_NEAR, _TOO_FAR)
     colours = np.rint(_RIGHT + amount * (end - np.array(_RIGHT)))

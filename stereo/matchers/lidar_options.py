@@ -9,6 +9,8 @@ from .options import Option, resolve_options
 
 #: Name of the method that only interpolates, and of what is added to a matcher.
 LIDAR = "lidar"
+#: The option with the folder of a scan.
+RETURNS = "returns"
 #: Values of ``rule``.
 PICK, FILL, STEREO = "pick", "fill", "stereo"
 #: Values of ``guide``.
@@ -19,7 +21,7 @@ _POINTS = (
     Option("noise_cm", 2.0, "Standard deviation of the noise that is added to each range, cm", 0.0, 1000.0),
     Option("shift_px", 0.0, "Shift of all points in the image by an error of their alignment, px", 0.0, 100.0),
     Option("seed", 0, "Seed of the points' places, their noise and painted patterns", 0, 2**31 - 1),
-    Option("returns", "", "Folder of icymoon lidar, whose scans replace samples of the true depth"),
+    Option(RETURNS, "", "Folder of icymoon lidar, whose scans replace samples of the true depth"),
 )
 _FUSION = (
     Option(

@@ -12,10 +12,12 @@ from ...settings.topics.trust_boundary import OWN_NAME, OWN_PREFIX, split_lidar,
 from ...support.errors import IcyMoonError
 from ...support.suggestions import suggest_nearest
 from . import check_options, get_matcher_title, list_matcher_names, list_option_keys
-from .lidar_options import LIDAR, complete_lidar_options
+from .lidar_options import LIDAR, RETURNS, complete_lidar_options
 
 #: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
+_SLASHES = "/\\"
+_PATH_PARTS = re.compile(r"[/\\]")
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,8 @@ def names_method(text: str, name: str) -> bool:
 
 
 def describe_method(label: str) -> str:
-    """A method in the words of a reader: ``StereoBM window=7`` for bm:window=7; a name of the user's is unchanged.
+    """A method in the words of a reader: ``StereoBM window=7`` for bm:window=7; a name of the user's is unchanged. The
+    folder of a scan is shortened to its last part.
 
     Files keep the label, by which programs find a method.
     """
@@ -76,7 +79,14 @@ def describe_method(label: str) -> str:
     stereo = " ".join((get_matcher_title(name), *options))
     if lidar is None:
         return stereo
-    return " ".join(filter(None, (f"{stereo} + LiDAR" if matcher else "LiDAR", *_NEXT_OPTION.split(lidar))))
+    stated = (_shorten_folder(option) for option in _NEXT_OPTION.split(lidar))
+    return " ".join(filter(None, (f"{stereo} + LiDAR" if matcher else "LiDAR", *stated)))
+
+
+def _shorten_folder(option: str) -> str:
+    """An option of range points, where the folder of a scan is its last part: ``scan=NAME``."""
+    key, _, value = option.partition("=")
+    return f"scan={_PATH_PARTS.split(value.rstrip(_SLASHES))[-1]}" if key == RETURNS else option
 
 
 def toggle_method(text: str, name: str) -> str:

@@ -37,6 +37,7 @@ OF_USERS = {
     "camera_NAME.exr",  # of a camera that is named by the user
     "camera_NAME.truth.exr",
     "make_pair.py",
+    "wide.toml",
     "make_photographs.py",
     "make_site.py",
     *(f"{name}.tif" for name in ("sgbm_class", "sgbm_height", "sgbm_height_error", "true_height")),  # by method

@@ -980,6 +980,41 @@ def measured_surface() -> Waiting:
     yield from until(lambda: not there(), "Removing the measured surface")
 
 
+def lidar_by_f3() -> Waiting:
+    """Beams and points of a LiDAR, by F3, appear beside the ground, follow the slider, and go by undo and by F3."""
+    view, scene = module("nodes.lidar_in_view"), bpy.context.scene
+
+    def count() -> int:
+        item = view.find_points(bpy.context.scene)
+        return len(item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons) if item else 0
+
+    settings().lidar.columns = 128
+    yield from away()
+    yield from by_f3("Show LiDAR Beams")
+    yield from until(lambda: view.find_shown(scene), "Showing the beams")
+    before = area().spaces.active.region_3d.view_perspective
+    looking = area().spaces.active.region_3d
+    looking.view_perspective, looking.view_location, looking.view_distance = "PERSP", (0.0, 0.0, 1.6), 12.0
+    yield 10 * TICK_S
+    yield from screenshot("lidar_beams")
+    looking.view_perspective = before
+    yield from by_f3("Scan with LiDAR")
+    yield from until(lambda: session().job, "Starting the scan")
+    yield from screenshot("lidar_scanning")
+    yield from until(count, "Showing the points")
+    yield 10 * TICK_S
+    yield from screenshot("lidar_points")
+    settings().lidar.points = 50
+    yield from until(lambda: count() == 50, "Following the slider")
+    settings().lidar.points, settings().lidar.colour = 10000, "ICE_DELAY"
+    yield from key("ctrl+z")
+    yield from until(lambda: not count(), "Undoing the points")
+    yield from key("ctrl+shift+z")
+    yield from until(count, "Bringing the points back")
+    yield from by_f3("Remove LiDAR Points")
+    yield from until(lambda: view.find_shown(bpy.context.scene) is None, "Removing the points")
+
+
 def painted_errors() -> Waiting:
     """Errors appear on the ground in Solid shading, follow their range, and go with what the view showed before."""
     painted, shading = module("nodes.painted_errors"), area().spaces.active.shading
@@ -1648,6 +1683,7 @@ STEPS = (
     escape_a_render,
     evaluate_by_mouse,
     measured_surface,
+    lidar_by_f3,
     painted_errors,
     show_error,
     camera_image_follows,

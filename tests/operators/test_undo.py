@@ -34,6 +34,7 @@ CHANGE_NOTHING = {
     "decide_by_rules",
     "reproduce",
     "export_pairs",
+    "scan_lidar",
 }
 #: Operators that go on when what they change is changed, and take the step then.
 TAKE_THEIR_OWN = {

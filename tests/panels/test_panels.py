@@ -303,6 +303,7 @@ def test_the_panels_follow_the_work_from_top_to_bottom():
         "Stereo Camera",
         "Lander",
         "Exposure and Sensor",
+        "Active Sensors",
         "Quality and Speed",
         "Data Set",
         "Evaluation",

@@ -139,3 +139,12 @@ def test_a_projector_in_the_ground_and_a_camera_that_moves_are_one_sentence(tmp_
         project(tmp_path / "rays", buried, Pattern())
     assert "set rig.readout_s to 0" in find_refusal(complete(GROUND, {"rig": {"readout_s": 0.01}}))
     assert not find_refusal(buried)
+
+
+def test_a_pattern_that_lights_nothing_in_sight_is_refused():
+    """As one that misses the ground does, or lights ground behind the cameras."""
+    dark, lit = np.zeros((2, 3, 4), np.float32), np.zeros((2, 3, 4), np.float32)
+    lit[1, 2, 3] = 1e-3
+    with pytest.raises(IcyMoonError, match="lights nothing that the cameras see; turn the projector"):
+        projector_worker.refuse_dark([dark, dark])
+    projector_worker.refuse_dark([dark, lit])

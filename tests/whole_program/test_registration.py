@@ -148,5 +148,6 @@ def test_the_groups_have_no_setting_that_the_table_lacks(registered):
         "results",
         "pairs",
         "error_range_m",
+        "lidar",
         "variations",
     }

@@ -70,3 +70,16 @@ def test_an_impossible_pattern_is_one_sentence(values, part):
     with pytest.raises(IcyMoonError, match=part) as found:
         ScanPattern(*values)
     assert str(found.value).count(". ") == 0
+
+
+@pytest.mark.parametrize("kind", ["SPINNING", "RASTER", "FLASH"])
+@pytest.mark.parametrize(("rows", "columns"), [(40, 70), (3, 500), (1, 1)])
+def test_spread_beams_are_those_of_the_scan_with_its_corners(kind, rows, columns):
+    pattern = ScanPattern(kind, rows, columns, 60, 30, -5)
+    number = pattern.choose_spread(5, 9)
+    assert len(number) == len(np.unique(number)) == min(rows, 5) * min(columns, 9)
+    every, chosen = pattern.make_beams(), pattern.make_chosen(number)
+    assert chosen.direction.tolist() == every.direction[number].tolist()
+    assert chosen.time_s.tolist() == every.time_s[number].tolist()
+    assert {0, rows - 1} == {int(chosen.row.min()), int(chosen.row.max())}
+    assert {0, columns - 1} == {int(chosen.column.min()), int(chosen.column.max())}

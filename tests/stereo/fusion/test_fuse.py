@@ -41,6 +41,8 @@ def count_wrong(disparity, truth):
         ("lidar:points=9", ("", "points=9"), "LiDAR points=9"),
         ("sgbm+lidar", ("sgbm", ""), "SGBM + LiDAR"),
         ("sgbm:window=7+lidar:points=9", ("sgbm:window=7", "points=9"), "SGBM window=7 + LiDAR points=9"),
+        ("lidar:returns=out/a/b/:points=9", ("", "returns=out/a/b/:points=9"), "LiDAR scan=b points=9"),
+        ("lidar:returns=D:\\a\\b", ("", "returns=D:\\a\\b"), "LiDAR scan=b"),
         ("own:lidars", ("own:lidars", None), "own:lidars"),
         ("lidar2", ("lidar2", None), "lidar2"),
     ],

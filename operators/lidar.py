@@ -1,0 +1,209 @@
+"""Scan with LiDAR: a scan in a separate process, its points and beams in the 3D View."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import bpy
+
+from ..formats.lidar_file import LidarFile, read_lidar
+from ..nodes import build_scene as scenes
+from ..nodes import lidar_in_view
+from ..nodes.datablocks.blend_file_paths import make_paths_absolute
+from ..physics.lidar.scene_light import find_scene_media
+from ..render.pairs.dataset_file_names import check_no_link, folder_of_pair
+from ..render.pairs.pair_folder import is_complete
+from ..render.plans.planned_pair import PlannedPair
+from ..render.workers.job_commands import Job as JobFiles
+from ..render.workers.job_commands import blender_command
+from ..render.workers.lidar_request import ScanRequest
+from ..render.workers.watched_thread import Calculation
+from ..settings.blender import scene_properties
+from ..settings.change_announcements import LIDAR_POINTS
+from ..settings.preset_files import LIDARS
+from ..stereo.export.lidar import discard_points
+from ..stereo.lidar_view import read_shown_points
+from ..support.errors import IcyMoonError
+from ..support.files import absolute_path
+from ..support.number_text import format_count
+from ..support.printer import show_controls
+from . import jobs
+from .build import leave_edit_mode
+from .coloured_views import give_back_views, show_colours
+from .job_operators import JobOperator
+from .render import find_dataset_folder, plan_pairs
+from .sidebar_text import format_for_window
+from .window_areas import find_scene
+from .window_events import make_registration
+
+_NO_SCAN_MESSAGE = "There is no scan of the present settings yet; press Scan with LiDAR"
+
+
+def find_scanner_file(scene: bpy.types.Scene) -> Path:
+    """The file of the chosen scanner. Raises IcyMoonError if a file of the user's own is not named."""
+    group = scene.icymoon.lidar
+    if group.scanner != scene_properties.OWN_SCANNER:
+        return LIDARS / f"{group.scanner}.toml"
+    if not group.file:
+        raise IcyMoonError("There is no file of a scanner; choose one under Scanner File, or a shipped scanner.")
+    return absolute_path(group.file, "the file of the scanner", bpy.path.abspath("//"))
+
+
+def make_request(scene: bpy.types.Scene) -> ScanRequest:
+    """What the panel asks of a scan."""
+    group = scene.icymoon.lidar
+    without = [name for name in ("ice", "detector") if not getattr(group, name)]
+    return ScanRequest(rows=group.rows or None, columns=group.columns or None, without=tuple(without))
+
+
+def read_scanner(scene: bpy.types.Scene) -> LidarFile:
+    """The chosen scanner, with the choices of the panel. Raises IcyMoonError for an impossible one."""
+    return make_request(scene).change(read_lidar(find_scanner_file(scene)))
+
+
+def find_scan_folder(scene: bpy.types.Scene, planned: PlannedPair) -> Path:
+    """The folder for the returns of a pair: its own if it is rendered, else one beside the data set."""
+    dataset = find_dataset_folder(planned.settings)
+    pair = folder_of_pair(dataset, planned.id)
+    return pair if is_complete(pair) else dataset.parent / f"{dataset.name}_lidar" / planned.id
+
+
+def plan_scan(scene: bpy.types.Scene) -> PlannedPair:
+    """The pair whose ground is scanned: the first of the present settings. Raises IcyMoonError for a scene with edits
+    by hand, which the settings do not describe."""
+    built = scenes.find_built(scene)
+    if built is not None and built.edited:
+        raise IcyMoonError(
+            "The scene was edited by hand, and a scan shows the settings; press Build Scene to build it from them."
+        )
+    return plan_pairs(scene, scene_properties.read_settings(scene.icymoon))[0]
+
+
+class ICYMOON_OT_scan_lidar(JobOperator, bpy.types.Operator):
+    """Scan the scene with the chosen laser scanner at the left eye, and show the points. Runs in a separate process; Esc twice stops it"""  # noqa: E501
+
+    bl_idname = "icymoon.scan_lidar"
+    bl_label = "Scan with LiDAR"
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        scene = context.scene
+        planned, lidar, asked = plan_scan(scene), read_scanner(scene), make_request(scene)
+        if "ice" not in asked.without:
+            find_scene_media(planned.settings, lidar.instrument.wavelength_m * 1e9, None, None)
+        self._scene_uid, folder = scene.session_uid, find_scan_folder(scene, planned)
+        check_no_link(folder)
+        discard_points(folder, ())
+        files = JobFiles(
+            find_dataset_folder(planned.settings),
+            pairs=[replace(planned, settings=make_paths_absolute(planned.settings))],
+        )
+        command = blender_command(
+            jobs.find_this_blender(),
+            "scan",
+            str(files.file),
+            str(folder.parent),
+            str(find_scanner_file(scene)),
+            asked.to_json(),
+        )
+        return jobs.Job.start(self.bl_label, command, clean_up=files.discard, if_stopped="an earlier scan is kept")
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        self.report({"INFO"}, show_controls(f"Returns in {self._job.result['folders'][0]}"))
+        if find_scene(self._scene_uid) == context.scene:
+            bpy.ops.icymoon.show_scan("INVOKE_DEFAULT")
+
+    _scene_uid: int
+
+
+class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
+    """Show the points of the last scan of the present settings, as squares in the colour of what was measured"""
+
+    bl_idname = "icymoon.show_scan"
+    bl_label = "Show LiDAR Points"
+    bl_options = {"UNDO"}
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        """Let a thread read the points, since a scan may have millions."""
+        scene = context.scene
+        folder = find_scan_folder(scene, plan_scan(scene))
+        if not (folder / "lidar.npz").is_file():
+            raise IcyMoonError(f"{_NO_SCAN_MESSAGE}.")
+        self._scene_uid = scene.session_uid
+        work = partial(read_shown_points, folder, report=lambda *_: None)
+        return jobs.Job(self.bl_label, Calculation(work, folder), if_stopped="nothing is shown")
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        scene = find_scene(self._scene_uid)
+        if scene is None:
+            return
+        leave_edit_mode()
+        points, group = self._job.result["value"], scene.icymoon.lidar
+        item = lidar_in_view.show_points(scene, points, group.colour, group.points)
+        show_colours(context, [item])
+        self.report({"INFO"}, show_controls(f"{format_count(points.total, 'point')} of {points.title}"))
+
+    _scene_uid: int
+
+
+class ICYMOON_OT_show_beams(bpy.types.Operator):
+    """Draw some beams of the chosen laser scanner to where they meet the built scene: green, or grey where they meet nothing"""  # noqa: E501
+
+    bl_idname = "icymoon.show_beams"
+    bl_label = "Show LiDAR Beams"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        found = scenes.find_collection(context.scene) is not None
+        if not found:
+            cls.poll_message_set("There is no built scene; press Build Scene first")
+        return found
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        leave_edit_mode()
+        built = scenes.find_built(context.scene)
+        try:
+            if built is None:
+                raise IcyMoonError("There is no built scene; press Build Scene first.")
+            item = lidar_in_view.show_beams(context.scene, built, read_scanner(context.scene))
+        except IcyMoonError as error:
+            self.report({"ERROR"}, format_for_window(error))
+            return {"CANCELLED"}
+        show_colours(context, [item])
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_hide_scan(bpy.types.Operator):
+    """Remove the points and beams of the LiDAR, and restore the earlier view. The files of the scan stay"""
+
+    bl_idname = "icymoon.hide_scan"
+    bl_label = "Remove LiDAR Points"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        found = lidar_in_view.find_shown(context.scene) is not None
+        if not found:
+            cls.poll_message_set("No points or beams of a LiDAR are shown")
+        return found
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        leave_edit_mode()
+        lidar_in_view.clear(context.scene)
+        give_back_views(context.scene)
+        return {"FINISHED"}
+
+
+def _follow_choices(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
+    """Show as many points, in the colours, as the panel asks for."""
+    if scene is not None and LIDAR_POINTS in effects:
+        lidar_in_view.limit_points(scene, scene.icymoon.lidar.points)
+        lidar_in_view.recolour(scene, scene.icymoon.lidar.colour)
+
+
+CLASSES = (ICYMOON_OT_scan_lidar, ICYMOON_OT_show_scan, ICYMOON_OT_show_beams, ICYMOON_OT_hide_scan)
+
+
+register, unregister = make_registration(_follow_choices)

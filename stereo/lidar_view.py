@@ -1,0 +1,153 @@
+"""Points of a LiDAR's scan for a view: a random part of them, in the colours of what was measured.
+
+Imports no Blender.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..physics.random_numbers.seeds import make_generator
+from ..support.arrays import Array
+from ..support.errors import IcyMoonError
+from ..support.number_text import format_count
+from .export.lidar import ScanPoints, count_points, read_facts, read_points
+from .images.colours import INVALID_GREY, Scale, colour_signed_errors
+
+#: Most points of a scan that are kept for a view.
+MOST_POINTS = 100_000
+INTENSITY, RANGE_ERROR, ICE_DELAY, RETURN_NUMBER = "INTENSITY", "RANGE_ERROR", "ICE_DELAY", "RETURN_NUMBER"
+#: Range error in metres that counts as right, and the one with the full colour; the same for the delay in ice.
+_RIGHT_M, _FULL_M = 1e-3, 0.1
+#: Colours (sRGB) by the number of a return: false alarms, first, second, third, and later ones.
+_COLOURS_BY_RETURN = np.array(
+    [(0xFF, 0x00, 0xBC), (0xF4, 0xF4, 0xF4), (0x2B, 0x5F, 0xC4), (0xE6, 0x9F, 0x00), (0xC4, 0x2B, 0x2B)], np.uint8
+)
+
+
+@dataclass(frozen=True)
+class ShownPoints:
+    """Points (k,) of a scan in random order: the first of them are a random part of the scan of any size.
+
+    ``point_m`` (k, 3) in the site's axes, measured range and its error in metres (NaN of a false alarm), light in
+    electrons or photons, delay in ice in metres of range, and number of the return (0: a false alarm). ``position_m``
+    (3,) is the place of the sensor, ``total`` the number of points of the scan, ``title`` the scanner's.
+    """
+
+    point_m: Array
+    range_m: Array
+    error_m: Array
+    light: Array
+    ice_m: Array
+    order: Array
+    position_m: Array
+    total: int
+    title: str
+
+
+_ARRAYS = ("point_m", "range_m", "error_m", "light", "ice_m", "order")
+
+
+def read_shown_points(
+    folder: Path, most: int = MOST_POINTS, report: Callable[[float, str], object] = lambda share, text: None
+) -> ShownPoints:
+    """``most`` random points of the scan in a folder, or all of fewer; the same each time.
+
+    ``report`` is told the share that is read, and the present work. Raises IcyMoonError if the scan is missing or
+    damaged, or has no points.
+    """
+    facts = read_facts(folder)
+    total, seen = count_points(facts), 0
+    random = make_generator(0, "range_points")
+    rank, kept = np.zeros(0), {name: np.zeros((0, 3) if name == "point_m" else 0) for name in _ARRAYS}
+    for part in read_points(folder, facts):
+        _refuse_shape(folder, part)
+        rank = np.concatenate([rank, random.random(len(part))])
+        chosen = np.argsort(rank, kind="stable")[:most]
+        rank = rank[chosen]
+        kept = {name: np.concatenate([kept[name], getattr(part, name)])[chosen] for name in _ARRAYS}
+        seen += len(part)
+        report(min(1.0, seen / max(total, 1)), "Read points")
+    if not seen:
+        raise IcyMoonError(
+            f"{folder / 'lidar.npz'} has no points; scan again with the ground in the range of the scanner."
+        )
+    return ShownPoints(**kept, position_m=np.array(facts["position_m"]), total=seen, title=str(facts.get("title", "")))
+
+
+def _refuse_shape(folder: Path, part: ScanPoints) -> None:
+    known = part.point_m.ndim == 2 and all(len(getattr(part, name.name)) == len(part) for name in fields(part))
+    if not known or not np.isfinite(part.point_m).all():
+        raise IcyMoonError(f"{folder / 'lidar.npz'} has points without a place; scan the scene again.")
+
+
+def make_scales(values: Mapping[str, Array]) -> dict[str, Scale]:
+    """The scales of intensity and delay, from ``light`` and ``ice_m`` (k,) of points; from the 1st to the 99th
+    percentile of the light, so that a glint does not darken the others."""
+    light = values[INTENSITY]
+    lit = light[light > 0]
+    low, high = np.quantile(lit, (0.01, 0.99)).tolist() if len(lit) else (1.0, 10.0)
+    return {
+        INTENSITY: Scale(low, max(high, low * 1.05), title="Intensity"),
+        ICE_DELAY: Scale(_RIGHT_M, _FULL_M, title="Delay in ice"),
+    }
+
+
+def colour_points(kind: str, values: Mapping[str, Array]) -> Array:
+    """sRGB uint8 (k, 3) of points by one of their values, see ``INTENSITY`` and its neighbours; ``values`` has the
+    arrays (k,) of all of them."""
+    stated = values[kind]
+    if kind == RANGE_ERROR:
+        return colour_signed_errors(stated, _FULL_M, _RIGHT_M)
+    if kind == RETURN_NUMBER:
+        return np.asarray(_COLOURS_BY_RETURN[np.clip(stated, 0, len(_COLOURS_BY_RETURN) - 1).astype(np.intp)])
+    unknown = values[RETURN_NUMBER] == 0  # a false alarm has neither light nor a delay
+    scale = make_scales(values)[kind]
+    return np.ascontiguousarray(scale.colours(stated, {INVALID_GREY: unknown})[..., ::-1])
+
+
+def describe_colours(kind: str, values: Mapping[str, Array]) -> tuple[tuple[str, str], ...]:
+    """(text, icon) of each line of the legend of ``colour_points``."""
+    alarms = int((values[RETURN_NUMBER] == 0).sum())
+    if kind == RETURN_NUMBER:
+        counts = {name: int((values[RETURN_NUMBER] == k).sum()) for k, name in enumerate(("", "First", "Second"), 0)}
+        later = int((values[RETURN_NUMBER] > 2).sum())
+        lines = [
+            (f"First, white: {counts['First']}", "BLANK1"),
+            (f"Second, blue: {counts['Second']}", "COLORSET_04_VEC"),
+            (f"Later, orange or red: {later}", "COLORSET_01_VEC"),
+        ]
+        return (*lines, *([(f"False alarms, magenta: {alarms}", "COLORSET_05_VEC")] if alarms else []))
+    grey = [(f"False alarms, grey: {format_count(alarms, 'point')}", "COLORSET_13_VEC")] if alarms else []
+    if kind == RANGE_ERROR:
+        found = values[kind][np.isfinite(values[kind])]
+        median_mm = 1000 * float(np.median(found)) if len(found) else 0.0
+        return (
+            (f"Too far, red: {1000 * _FULL_M:g} mm and more", "COLORSET_01_VEC"),
+            ("Too near, blue", "COLORSET_04_VEC"),
+            (f"Within {1000 * _RIGHT_M:g} mm, white", "BLANK1"),
+            (f"Median: {median_mm:.3g} mm", "BLANK1"),
+            *grey,
+        )
+    scale = make_scales(values)[kind]
+    factor, unit = (1000.0, " mm") if kind == ICE_DELAY else (1.0, "")
+    return (
+        (f"Dark violet: {scale.low * factor:.3g}{unit} and less", "BLANK1"),
+        (f"Yellow: {scale.high * factor:.3g}{unit} and more", "BLANK1"),
+        *grey,
+    )
+
+
+def list_values(points: ShownPoints) -> dict[str, Any]:
+    """The arrays (k,) by which points can be coloured."""
+    return {
+        INTENSITY: points.light,
+        RANGE_ERROR: points.error_m,
+        ICE_DELAY: points.ice_m,
+        RETURN_NUMBER: points.order,
+    }
