@@ -199,7 +199,7 @@ def _trace_eye(stage: Stage, eye: AnyEye, other: AnyEye, baseline_m: float, near
         for values in (seen.label, seen.number, seen.normal):
             values[lost] = 0
         seen.along[lost] = np.inf
-        hidden = _find_hidden(stage.ground_tracer, eye, other, pixels, direction, seen.along, baseline_m, near_m)
+        hidden = find_hidden(stage.ground_tracer, eye, other, pixels, direction, seen.along, baseline_m, near_m)
         for values, target in (
             (eye.own_depth(direction, seen.along), truth.depth_m),
             (seen.label, truth.label),
@@ -239,7 +239,7 @@ def find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: fl
     return seen
 
 
-def _find_hidden(
+def find_hidden(
     tracer: Tracer,
     eye: AnyEye,
     other: AnyEye,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,14 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .images.crops import Crop, Crops, read_whole
 from .images.head_views import develop_head_view, read_head_view
+from .learning.made_pairs import CROP_PX, MadePairs
+
+if TYPE_CHECKING:
+    from .learning.sample_stream import SampleStream
+
+_WITHOUT_TORCH = (
+    'Training samples are tensors of PyTorch, which is not installed; run: pip install "icymoon[networks]".'
+)
 
 
 class Dataset:
@@ -206,6 +214,24 @@ class Cameras:
         return found
 
 
+def stream_made_pairs(
+    split: str = "train", *, seed: int = 0, crop_px: tuple[int, int] = CROP_PX, first_ground: int = 0
+) -> SampleStream:
+    """An ``IterableDataset`` of pairs made by rays, without Blender and without end, beside ``Dataset``.
+
+    A sample has the keys of a sample of ``Dataset``: ``left``, ``right``, ``disparity_px``, ``valid``, ``occluded``,
+    the camera, and the texts ``pair`` and ``scene``. Sample n of a split and seed is the same in any worker and for any
+    number of workers. ``split`` is "train"; "ground" with other grounds alone; or "landform", "body" and "sun", which
+    have what training never shows. ``crop_px`` is (width, height), multiples of 8. Raises IcyMoonError for other
+    values, without PyTorch, and without Embree.
+    """
+    try:
+        from .learning.sample_stream import SampleStream
+    except ImportError:
+        raise IcyMoonError(_WITHOUT_TORCH) from None
+    return SampleStream(MadePairs(split, seed, crop_px), first_ground)
+
+
 def _choose_pairs(
     paths: str | Path | Sequence[str | Path], split: str | None, splits: Mapping[str, float] | None
 ) -> list[Pair]:
@@ -237,9 +263,7 @@ def _to_tensors(found: Mapping[str, Any]) -> dict[str, Any]:
     try:
         import torch
     except ImportError:
-        raise IcyMoonError(
-            'Training samples are tensors of PyTorch, which is not installed; run: pip install "icymoon[networks]".'
-        ) from None
+        raise IcyMoonError(_WITHOUT_TORCH) from None
     return {
         key: torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
         for key, value in found.items()

@@ -62,6 +62,7 @@ PURE = (
     "stereo/paper",
     "stereo/study",
     "stereo/twin",
+    "stereo/learning",
     "stereo",
     "validation/polar",
     "validation",

@@ -530,6 +530,7 @@ ALLOWED: dict[str, str] = {
     "stereo/images/bounded_decoding.py": "OpenEXR.File, json.loads: in the process with bounds; our requests to it",
     "stereo/images/exr.py": "OpenEXR.File, open: checked before; the null device",
     "stereo/images/image_files.py": "ZipFile, imdecode: written; our pictures, and others' with bounds",
+    "stereo/learning/train.py": "np.load, torch.load: what this program wrote; weights_only, and no pickles",
     "stereo/matchers/network_matchers.py": "ZipFile, torch.load: weights_only, and no archive that unfolds",
     "stereo/matchers/onnx.py": "onnxruntime.InferenceSession: a file of the user's, never a scene's",
     "stereo/measuring_cluster.py": "json.loads: text that this program wrote",

@@ -1,0 +1,54 @@
+"""The loss of a stereo network that gives disparities, costs of levels, and confidences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F  # noqa: N812, its usual name
+
+#: Pixels of disparity between the levels of the costs, and the network's grid of costs.
+LEVEL_PX = 4
+#: Weights of the parts: cross-entropy of the costs, and confidence.
+_COST_WEIGHT, _CONFIDENCE_WEIGHT = 0.5, 0.3
+#: Weight of points that the right eye does not see.
+_HIDDEN_WEIGHT = 0.3
+
+
+def compute_loss(
+    found: tuple[Tensor, Tensor, Tensor], sample: Mapping[str, Tensor], range_px: int
+) -> dict[str, Tensor]:
+    """The parts of the loss and their ``total``, scalars, and ``bad_1``, the share of pixels that are wrong by over 1
+    px. ``found`` is what ``IcyNet.forward_with_costs`` gives; ``sample`` has ``disparity_px``, ``valid`` and
+    ``occluded``, all (N, H, W).
+
+    Disparity: smooth L1. Costs: cross-entropy with the two nearest levels, where the right eye sees the point.
+    Confidence: cross-entropy with exp(-error in px).
+    """
+    disparity, logit, costs = found
+    truth, hidden = sample["disparity_px"], sample["occluded"]
+    known = sample["valid"] & (truth < range_px)
+    weight = known * torch.where(hidden, _HIDDEN_WEIGHT, 1.0)
+    error = (disparity - truth).abs()
+    smooth = (F.smooth_l1_loss(disparity, truth, reduction="none") * weight).sum() / weight.sum().clamp(min=1.0)
+    confidence = F.binary_cross_entropy_with_logits(logit, torch.exp(-error.detach()), reduction="none")
+    sure = (confidence * known).sum() / known.sum().clamp(min=1)
+    levels = _compare_levels(costs, truth, known & ~hidden)
+    return {
+        "total": smooth + _COST_WEIGHT * levels + _CONFIDENCE_WEIGHT * sure,
+        "disparity": smooth,
+        "levels": levels,
+        "confidence": sure,
+        "bad_1": ((error > 1.0) & known).sum() / known.sum().clamp(min=1),
+    }
+
+
+def _compare_levels(costs: Tensor, truth: Tensor, seen: Tensor) -> Tensor:
+    """Cross-entropy of costs (N, D, H/4, W/4) with the truth at the pixels of the coarse grid."""
+    coarse, there = truth[:, 2::4, 2::4] / LEVEL_PX, seen[:, 2::4, 2::4]
+    first = coarse.floor().clamp(0, costs.shape[1] - 2)
+    share = (coarse - first).clamp(0, 1)
+    log = F.log_softmax(costs, 1)
+    low, high = (log.gather(1, (first.long() + k)[:, None])[:, 0] for k in (0, 1))
+    return -(((1 - share) * low + share * high) * there).sum() / there.sum().clamp(min=1)

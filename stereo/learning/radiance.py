@@ -1,0 +1,182 @@
+"""Radiance along rays on a training ground: the Sun by the surface's law, shadows, one bounce, and a faint sky."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...rays.shapes import Hits, dot_products, normalize
+from ...support.arrays import Array
+from .grounds import GROUND, Ground
+
+#: Share of the distance by which shadow rays start above the surface: above the error of single precision.
+_LIFT = 2e-4
+#: Bounds of the albedo after a pattern has changed it.
+_LEAST_ALBEDO, _MOST_ALBEDO = 0.02, 0.995
+#: Least cosine between the normal with relief and the ray back to the eye.
+_LEAST_COSINE = 0.02
+_FARTHEST_M = 1e4
+#: Number of bounces of indirect light that are traced.
+_BOUNCES = 3
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """Light on a ground: the unit vector ``sun`` (3,) to the Sun, its irradiance and angular radius; ``sky`` is the
+    irradiance of level ground by an even sky, over the Sun's irradiance. ``other_albedo`` (k,) are the albedos of rocks
+    and shapes by their number."""
+
+    sun: Array
+    irradiance_wm2: float
+    sun_radius_rad: float
+    sky: float
+    other_albedo: Array
+
+
+def compute_radiance(
+    ground: Ground,
+    light: Lighting,
+    origin: Array,
+    direction: Array,
+    pixel_rad: float,
+    indirect: Array,
+    random: np.random.Generator,
+) -> Array:
+    """Radiance (n,) in W/(m² sr) along rays (n, 3) from ``origin`` (3,), 0 for the sky. ``pixel_rad`` is the width of a
+    pixel. ``indirect`` (n,) is the irradiance by other ground and the sky, see ``measure_indirect``. ``random`` draws
+    the point on the Sun for each ray."""
+    hits = ground.tracer.intersect(origin, direction, 1e-3, _FARTHEST_M)
+    met = np.flatnonzero(hits.met)
+    radiance = np.zeros(len(direction))
+    if not len(met):
+        return radiance
+    seen = _find_points(ground, hits, met, origin, direction[met])
+    albedo, normal = _add_pattern(ground, light, seen, pixel_rad)
+    toward = _draw_on_sun(light, len(met), random)
+    lit = _find_lit(ground, seen, toward)
+    angles = _measure_angles(normal, toward, seen.back)
+    with np.errstate(over="ignore", invalid="ignore"):  # where the relief faces away from the Sun
+        radiance[met] = light.irradiance_wm2 * np.where(lit, ground.recipe.law(albedo)(*angles), 0.0)
+    radiance[met] += np.minimum(albedo, 1.0) * indirect[met] / np.pi
+    return radiance
+
+
+def measure_indirect(
+    ground: Ground, light: Lighting, origin: Array, direction: Array, rays_each: int, random: np.random.Generator
+) -> Array:
+    """Irradiance (n,) in W/m² by other ground and the sky at the hits of rays (n, 3); 0 where a ray meets nothing.
+
+    ``rays_each`` rays are followed over ``_BOUNCES`` bounces off Lambert ground. Where they end, the ground is taken to
+    have the mean of this light over all rays.
+    """
+    hits = ground.tracer.intersect(origin, direction, 1e-3, _FARTHEST_M)
+    met = np.flatnonzero(hits.met)
+    found = np.zeros(len(direction))
+    if not len(met):
+        return found
+    seen = _find_points(ground, hits, met, origin, direction[met])
+    start, normal = (np.repeat(each, rays_each, axis=0) for each in (seen.lifted, seen.normal))
+    gathered, going, weight = np.zeros(len(start)), np.arange(len(start)), 1.0
+    for _ in range(_BOUNCES):
+        onward = _draw_cosine(normal, random)
+        hits = ground.tracer.intersect(start, onward, 0.0, _FARTHEST_M)
+        gathered[going[~hits.met]] += weight * light.sky * light.irradiance_wm2
+        weight *= ground.recipe.albedo
+        reached = np.flatnonzero(hits.met)
+        going = going[reached]
+        if not len(reached):
+            break
+        seen = _find_points(ground, hits, reached, start[reached], onward[reached])
+        lit = _find_lit(ground, seen, np.broadcast_to(light.sun, seen.points.shape))
+        start, normal = seen.lifted, seen.normal
+        gathered[going] += weight * light.irradiance_wm2 * lit * np.maximum(normal @ light.sun, 0.0)
+    rest = np.zeros(len(gathered))
+    rest[going] = weight
+    once, left = (each.reshape(-1, rays_each).mean(axis=1) for each in (gathered, rest))
+    found[met] = once + left * once.mean() / (1.0 - min(float(left.mean()), 0.99))
+    return found
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Where n rays met the ground: ``points`` (n, 3), unit vectors ``back`` (n, 3) to the rays' origins, unit normals
+    (n, 3) on that side, distances ``away_m`` (n,), ``label`` (n,) and ``number`` (n,), see ``grounds``."""
+
+    points: Array
+    back: Array
+    normal: Array
+    away_m: Array
+    label: Array
+    number: Array
+
+    @property
+    def lifted(self) -> Array:
+        """The points (n, 3), lifted above their surfaces for rays that start there."""
+        return np.asarray(self.points + (_LIFT * self.away_m)[:, None] * self.normal)
+
+
+def _find_points(ground: Ground, hits: Hits, met: Array, origin: Array, ahead: Array) -> _Points:
+    """The hits of the rays ``met`` (n,), which go ``ahead`` (n, 3) from ``origin``, (3,) or (n, 3)."""
+    along, tables = hits.along[met], ground.shading
+    long = np.sqrt(dot_products(ahead, ahead))
+    back = ahead * (-1.0 / long)[:, None]
+    normal = tables.find_normals(hits, met)
+    normal *= np.where(dot_products(normal, back) < 0, np.float32(-1), np.float32(1))[:, None]
+    place = hits.place[met]
+    return _Points(
+        origin + ahead * along[:, None], back, normal, along * long, tables.label[place], tables.number[place]
+    )
+
+
+def _add_pattern(ground: Ground, light: Lighting, seen: _Points, pixel_rad: float) -> tuple[Array, Array]:
+    """Albedos (n,) and unit normals (n, 3) with the ground's pattern of albedo and relief."""
+    slant = np.maximum(dot_products(seen.normal, seen.back), 0.15)
+    deviation, slope = ground.recipe.pattern.look_up(seen.points, pixel_rad * seen.away_m / np.sqrt(slant))
+    normal = normalize(seen.normal - slope + dot_products(slope, seen.normal)[:, None] * seen.normal)
+    # A normal that the relief has turned away from the eye comes back to its horizon.
+    short = np.maximum(_LEAST_COSINE - dot_products(normal, seen.back), 0.0)
+    normal = normalize(normal + short[:, None] * seen.back)
+    others = light.other_albedo[seen.number % len(light.other_albedo)]
+    albedo = np.where(seen.label == GROUND, ground.recipe.albedo, others) * (1.0 + deviation)
+    return np.clip(albedo, _LEAST_ALBEDO, _MOST_ALBEDO), normal
+
+
+def _find_lit(ground: Ground, seen: _Points, toward: Array) -> Array:
+    """Whether points face the Sun in the directions ``toward`` (n, 3), and nothing is in between."""
+    lit = dot_products(seen.normal, toward) > 0
+    asked = np.flatnonzero(lit)
+    far = np.full(len(asked), _FARTHEST_M)
+    lit[asked] = ~ground.tracer.is_blocked(seen.lifted[asked], toward[asked], 0.0, far)
+    return lit
+
+
+def _draw_on_sun(light: Lighting, count: int, random: np.random.Generator) -> Array:
+    """Unit vectors (count, 3) to random points of the Sun's disc."""
+    aside = normalize(np.cross(light.sun, [0.0, 0.0, 1.0] if abs(light.sun[2]) < 0.9 else [1.0, 0.0, 0.0])[None])[0]
+    up = np.cross(aside, light.sun)
+    share, turn = random.random((2, count), np.float32)
+    radius, angle = light.sun_radius_rad * np.sqrt(share), np.float32(2 * np.pi) * turn
+    across, along = (radius * np.cos(angle))[:, None], (radius * np.sin(angle))[:, None]
+    return np.asarray(light.sun + across * aside + along * up)  # the disc is so small that these are unit vectors
+
+
+def _draw_cosine(normal: Array, random: np.random.Generator) -> Array:
+    """Directions (n, 3) above surfaces with these unit normals (n, 3), with a density proportional to the cosine."""
+    height, angle = 2 * random.random(len(normal)) - 1, 2 * math.pi * random.random(len(normal))
+    flat = np.sqrt(1 - height**2)
+    ball = np.stack([flat * np.cos(angle), flat * np.sin(angle), height], axis=1)
+    return normalize(normal * (1 + 1e-6) + ball)
+
+
+def _measure_angles(normal: Array, sun: Array, back: Array) -> tuple[Array, Array, Array]:
+    """Incidence, emission, and the azimuth between them, radians (n,); the azimuth is 0 where the Sun is behind the
+    observer."""
+    cos_i, cos_e = dot_products(normal, sun), dot_products(normal, back)
+    # The components along the surface.
+    toward: Array = sun - cos_i[:, None] * normal
+    away: Array = back - cos_e[:, None] * normal
+    sin_i, sin_e = np.sqrt(dot_products(toward, toward)), np.sqrt(dot_products(away, away))
+    cos_azimuth = dot_products(toward, away) / np.maximum(sin_i * sin_e, 1e-12)
+    return np.arctan2(sin_i, cos_i), np.arctan2(sin_e, cos_e), np.arccos(np.clip(cos_azimuth, -1.0, 1.0))

@@ -1,0 +1,28 @@
+"""Training pairs made by rays as an ``IterableDataset`` of PyTorch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+from torch.utils.data import IterableDataset, get_worker_info
+
+from .made_pairs import MadePairs
+
+
+class SampleStream(IterableDataset[dict[str, Any]]):
+    """Samples without end, see ``made_pairs.MadePairs.make_sample``; arrays are tensors.
+
+    Worker k of n makes grounds k, k + n, k + 2 n and so on, so that no ground is built twice. A sample depends on its
+    number alone.
+    """
+
+    def __init__(self, pairs: MadePairs, first_ground: int = 0) -> None:
+        self._pairs, self._first = pairs, first_ground
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        worker = get_worker_info()
+        own, workers = (worker.id, worker.num_workers) if worker else (0, 1)
+        for sample in self._pairs.iterate(self._first + own, workers):
+            yield {key: torch.from_numpy(value) if hasattr(value, "shape") else value for key, value in sample.items()}

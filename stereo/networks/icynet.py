@@ -1,0 +1,210 @@
+"""icynet: a small stereo network for icy ground, for any size and search range, with a confidence.
+
+Features at 1/2 and 1/4 of the size; a correlation by groups over the disparities; an hourglass of 2D convolutions whose
+channels are shifted along the disparity, so that the search range may be any; a refinement at 1/2; convex upsampling
+(Teed and Deng 2020, RAFT). The shift along an axis in place of a 3D convolution is Lin et al. 2019 (TSM). Of new
+weights the seed of PyTorch decides.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F  # noqa: N812, its usual name
+
+#: Search ranges are rounded up to a multiple of this, px, and images padded to it.
+MULTIPLE = 16
+#: Width in px of the window in which brightness is normalized, and the least deviation in it.
+_WINDOW_PX, _LEAST_DEVIATION = 15, 0.01
+#: Levels of 4 px on each side of the best, among which a mean is taken.
+_REACH_LEVELS = 2
+#: Shifts at half size on each side that the refinement looks at.
+_REACH_HALF_PX = 3
+
+
+def _conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
+    """A convolution, a normalisation by batches, which is a part of the convolution in use, and a leaky ReLU."""
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False),
+        nn.BatchNorm2d(outputs),
+        nn.LeakyReLU(0.1, inplace=True),
+    )
+
+
+class _Residual(nn.Module):
+    """Two convolutions beside an identity."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first, self.second = _conv(channels, channels), nn.Conv2d(channels, channels, 3, padding=1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return F.leaky_relu(x + self.second(self.first(x)), 0.1)
+
+
+class _Features(nn.Module):
+    """Features of a grey image (N, 1, H, W): 16 channels at 1/2 and 48 at 1/4 of the size."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.at_half = nn.Sequential(_conv(1, 16, 5, 2), _conv(16, 16))
+        self.at_quarter = nn.Sequential(_conv(16, 32, 3, 2), _Residual(32))
+        self.at_eighth = nn.Sequential(_conv(32, 64, 3, 2), _Residual(64), _Residual(64))
+        self.merge = nn.Conv2d(32 + 64, 48, 3, padding=1)
+
+    def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
+        half = self.at_half(image)
+        quarter = self.at_quarter(half)
+        wide = F.interpolate(self.at_eighth(quarter), scale_factor=2, mode="bilinear", align_corners=False)
+        return half, self.merge(torch.cat([quarter, wide], 1))
+
+
+class _Volume(nn.Module):
+    """A convolution of volumes (N, D, C, H, W): a quarter of the channels comes from either neighbouring disparity."""
+
+    def __init__(self, inputs: int, outputs: int, stride: int = 1) -> None:
+        super().__init__()
+        self.inputs, self.conv = inputs, _conv(inputs, outputs, 3, stride)
+
+    def forward(self, x: Tensor) -> Tensor:
+        part = self.inputs // 4
+        nearer = F.pad(x[:, 1:, :part], (0, 0, 0, 0, 0, 0, 0, 1))
+        farther = F.pad(x[:, :-1, part : 2 * part], (0, 0, 0, 0, 0, 0, 1, 0))
+        moved = torch.cat([nearer, farther, x[:, :, 2 * part :]], 2)
+        n, d = x.shape[:2]
+        found = self.conv(moved.flatten(0, 1))
+        return found.view(n, d, *found.shape[1:])
+
+
+def _halve_levels(x: Tensor) -> Tensor:
+    """Volumes (N, D, C, H, W) with pairs of disparities as channels, (N, D/2, 2 C, H, W)."""
+    n, d, c, h, w = x.shape
+    return x.reshape(n, d // 2, 2 * c, h, w)
+
+
+def _double(x: Tensor) -> Tensor:
+    """Volumes with twice the disparities, rows and columns."""
+    n, d, c, _, _ = x.shape
+    wide = F.interpolate(x.flatten(0, 1), scale_factor=2, mode="nearest")
+    wide = wide.view(n, d, 1, c, *wide.shape[-2:]).expand(-1, -1, 2, -1, -1, -1)
+    return wide.reshape(n, 2 * d, c, *wide.shape[-2:])
+
+
+class _Hourglass(nn.Module):
+    """Costs (N, D, H, W), higher for better disparities, from correlations (N, D, groups, H, W)."""
+
+    def __init__(self, groups: int) -> None:
+        super().__init__()
+        self.enter = _Volume(groups, 12)
+        self.down = nn.ModuleList([_Volume(24, 24, 2), _Volume(48, 48, 2)])
+        self.keep = nn.ModuleList([_Volume(24, 24), _Volume(48, 48)])
+        self.up = nn.ModuleList([_Volume(48 + 24, 24), _Volume(24 + 12, 12)])
+        self.leave = nn.Conv2d(12, 1, 3, padding=1)
+
+    def forward(self, correlation: Tensor) -> Tensor:
+        whole = self.enter(correlation)
+        half = self.keep[0](self.down[0](_halve_levels(whole)))
+        quarter = self.keep[1](self.down[1](_halve_levels(half)))
+        half = self.up[0](torch.cat([_double(quarter), half], 2))
+        whole = self.up[1](torch.cat([_double(half), whole], 2))
+        return self.leave(whole.flatten(0, 1)).view(correlation.shape[0], -1, *correlation.shape[-2:])
+
+
+class IcyNet(nn.Module):
+    """The network. ``range_px`` is the greatest disparity that it can find; it may be changed at any time, since no
+    weight depends on it."""
+
+    groups = 8
+
+    def __init__(self, range_px: int = 128) -> None:
+        super().__init__()
+        self.range_px = range_px
+        self.features, self.hourglass = _Features(), _Hourglass(self.groups)
+        self.raw_weight = nn.Parameter(torch.tensor(4.0))
+        seen = 16 + 2 * _REACH_HALF_PX + 1 + 3
+        self.refine = nn.Sequential(_conv(seen, 32), _Residual(32), _Residual(32))
+        self.leave = nn.Conv2d(32, 2 + 4 * 9, 3, padding=1)
+
+    def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
+        """Disparities (N, H, W) in px and confidences (N, H, W), logits, of grey images (N, 1, H, W) from 0 to 1 with
+        sides that are multiples of 16."""
+        disparity, logit, _ = self.forward_with_costs(left, right)
+        return disparity, logit
+
+    def forward_with_costs(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """As ``forward``, with the costs (N, D, H/4, W/4) by levels of 4 px for the loss."""
+        images = _normalize_locally(torch.cat([left, right]))
+        n = left.shape[0]
+        half, quarter = self.features(images)
+        levels = -(-self.range_px // MULTIPLE) * (MULTIPLE // 4)
+        correlation = _correlate(quarter[:n], quarter[n:], levels, self.groups)
+        costs = self.hourglass(correlation) + self.raw_weight * correlation.mean(2)
+        level, peak = _find_best(costs)
+        coarse = F.interpolate(
+            torch.stack([2.0 * level, peak], 1), scale_factor=2, mode="bilinear", align_corners=False
+        )
+        fine = self._refine(half[:n], half[n:], coarse)
+        return fine[0], fine[1], costs
+
+    def _refine(self, left: Tensor, right: Tensor, coarse: Tensor) -> tuple[Tensor, Tensor]:
+        """Disparity and confidence at full size from features at 1/2 and disparities in their px, with peaks."""
+        disparity = coarse[:, 0]
+        near = [
+            (left * _sample_along_rows(right, disparity + step)).mean(1)
+            for step in range(-_REACH_HALF_PX, _REACH_HALF_PX + 1)
+        ]
+        off = (left - _sample_along_rows(right, disparity)).abs().mean(1)
+        found = self.leave(
+            self.refine(torch.cat([left, torch.stack([*near, off], 1), disparity[:, None] / 32, coarse[:, 1:]], 1))
+        )
+        better = F.relu(disparity + found[:, 0])
+        both = torch.stack([2.0 * better, found[:, 1]], 1)
+        full = _upsample_convex(both, found[:, 2:])
+        return full[:, 0], full[:, 1]
+
+
+def _normalize_locally(image: Tensor) -> Tensor:
+    """The image minus its mean, over its deviation, in a window around each pixel, limited to -1 to 1."""
+    pad = _WINDOW_PX // 2
+    padded = F.pad(image, (pad, pad, pad, pad), mode="reflect")
+    mean = F.avg_pool2d(padded, _WINDOW_PX, 1)
+    square = F.avg_pool2d(padded * padded, _WINDOW_PX, 1)
+    spread = torch.sqrt(torch.clamp(square - mean * mean, min=_LEAST_DEVIATION**2))
+    return torch.tanh((image - mean) / (2.0 * spread))
+
+
+def _correlate(left: Tensor, right: Tensor, levels: int, groups: int) -> Tensor:
+    """Cosine similarities (N, levels, groups, H, W) of features with those of the other eye, 0 outside its image."""
+    n, c, h, w = left.shape
+    a, b = (F.normalize(each.view(n, groups, c // groups, h, w), dim=2) for each in (left, right))
+    padded = F.pad(b, (levels - 1, 0))
+    return torch.stack([(a * padded[..., levels - 1 - d : levels - 1 - d + w]).sum(2) for d in range(levels)], 1)
+
+
+def _find_best(costs: Tensor) -> tuple[Tensor, Tensor]:
+    """The mean level (N, H, W) around the best one, and the share of the probability there."""
+    share = torch.softmax(costs, 1)
+    best = costs.argmax(1, keepdim=True)
+    steps = torch.arange(costs.shape[1], device=costs.device, dtype=costs.dtype)[None, :, None, None]
+    near = share * ((steps - best.to(costs.dtype)).abs() <= _REACH_LEVELS + 0.5).to(costs.dtype)
+    total = near.sum(1)
+    return (near * steps).sum(1) / torch.clamp(total, min=1e-6), total
+
+
+def _sample_along_rows(values: Tensor, disparity: Tensor) -> Tensor:
+    """Values (N, C, H, W) at columns less ``disparity`` (N, H, W), linear between columns, the border's beyond it."""
+    width = values.shape[-1]
+    column = torch.arange(width, device=values.device, dtype=disparity.dtype) - disparity
+    column = column.clamp(0.0, width - 1.0)
+    first = column.detach().floor().clamp(0.0, width - 2.0)
+    share = (column - first)[:, None]
+    place = first.long().clamp(0, width - 2)[:, None].expand(-1, values.shape[1], -1, -1)
+    return (1 - share) * values.gather(3, place) + share * values.gather(3, place + 1)
+
+
+def _upsample_convex(values: Tensor, weights: Tensor) -> Tensor:
+    """Values (N, C, 2 H, 2 W) as means of 3 x 3 neighbours with weights (N, 36, H, W) for each of four places."""
+    n, c, h, w = values.shape
+    share = torch.softmax(weights.view(n, 1, 9, 4, h, w), 2)
+    around = F.unfold(F.pad(values, (1, 1, 1, 1), mode="replicate"), 3).view(n, c, 9, 1, h, w)
+    return F.pixel_shuffle((share * around).sum(2).reshape(n, 4 * c, h, w), 2)

@@ -1,0 +1,143 @@
+"""Training of icynet: it learns a pair by heart, goes on where it stopped, and says what is wrong in one sentence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from icymoon.stereo.learning.losses import compute_loss
+from icymoon.stereo.learning.train import CachedGrounds, Plan, Run, draw_batch
+from icymoon.stereo.networks.icynet import IcyNet
+from icymoon.support.errors import IcyMoonError
+
+PLAN = Plan(steps=4, batch=2, crop_px=(64, 32), range_px=16, warm_up=2, steps_per_ground=2, window=2)
+
+
+class FakePairs:
+    """Noise, moved by a disparity that grows along the rows, in place of traced grounds."""
+
+    split, seed, made = "train", 0, 0
+
+    def list_ground(self, number):
+        self.made += 1
+        for k in range(2):
+            random = np.random.default_rng([number, k])
+            shift = 4.0 + 3 * k
+            wide = np.repeat(random.random((48, 60), np.float32), 2, axis=1)
+            place = np.arange(80)
+            yield {
+                "left": wide[None, :, 20 + place],
+                "right": wide[None, :, 20 + place + int(shift)],
+                "disparity_px": np.full((48, 80), shift, np.float32),
+                "valid": np.ones((48, 80), bool),
+                "occluded": np.zeros((48, 80), bool),
+            }
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def losses(run):
+    return [row["loss"] for row in run.iterate()]
+
+
+def test_a_run_that_was_stopped_has_the_losses_of_one_that_was_not(tmp_path):
+    whole = losses(Run(PLAN, tmp_path / "whole", CachedGrounds(FakePairs())))
+    first = Run(PLAN, tmp_path / "parts", CachedGrounds(FakePairs()))
+    steps = first.iterate()
+    before = [next(steps)["loss"] for _ in range(2)]
+    first.save()
+    next(steps)  # lost, as by kill -9
+    after = losses(Run(PLAN, tmp_path / "parts", CachedGrounds(FakePairs())))
+    assert before + after == whole
+    assert len(whole) == 4
+
+
+def test_another_plan_and_a_broken_checkpoint_are_refused(tmp_path):
+    run = Run(PLAN, tmp_path, CachedGrounds(FakePairs()))
+    run.save()
+    with pytest.raises(IcyMoonError, match="other settings"):
+        Run(replace(PLAN, batch=3), tmp_path, CachedGrounds(FakePairs()))
+    run.checkpoint.write_bytes(run.checkpoint.read_bytes()[:2000])
+    with pytest.raises(IcyMoonError, match="not a whole checkpoint"):
+        Run(PLAN, tmp_path, CachedGrounds(FakePairs()))
+
+
+def test_a_loss_that_is_no_number_keeps_the_checkpoint(tmp_path):
+    run = Run(PLAN, tmp_path, CachedGrounds(FakePairs()))
+    run.save()
+    with torch.no_grad():
+        run.network.raw_weight.fill_(float("nan"))
+    with pytest.raises(IcyMoonError, match="not a number"):
+        losses(run)
+    assert Run(PLAN, tmp_path, CachedGrounds(FakePairs())).step == 0
+
+
+def test_a_full_disk_is_told_and_leaves_the_last_checkpoint(tmp_path, monkeypatch):
+    run = Run(PLAN, tmp_path, CachedGrounds(FakePairs()))
+    run.save()
+    before = run.checkpoint.read_bytes()
+
+    def fail(number):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", fail)
+    with pytest.raises(IcyMoonError, match="space"):
+        run.save()
+    assert run.checkpoint.read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_grounds_are_kept_and_made_again_when_broken(tmp_path):
+    pairs = FakePairs()
+    first = CachedGrounds(pairs, tmp_path).read(3)
+    again = CachedGrounds(pairs, tmp_path).read(3)
+    assert pairs.made == 1
+    assert all(np.array_equal(first[key], again[key]) for key in first)
+    (file,) = tmp_path.iterdir()
+    file.write_bytes(b"PK broken")
+    assert np.array_equal(CachedGrounds(pairs, tmp_path).read(3)["left"], first["left"])
+    assert pairs.made == 2
+
+
+def test_grounds_come_one_after_the_other():
+    plan = Plan(steps_per_ground=10, window=3)
+    assert [list(plan.list_grounds(step)) for step in (0, 9, 10, 45)] == [[0], [0], [0, 1], [2, 3, 4]]
+    assert plan.find_rate(0) < plan.find_rate(plan.warm_up) > plan.find_rate(plan.steps - 1) > 0
+
+
+def test_the_search_range_and_the_size_are_free_and_numbers_repeat():
+    torch.manual_seed(0)
+    network = IcyNet(16).eval()
+    assert 0.3e6 < sum(each.numel() for each in network.parameters()) < 0.5e6
+    left, right = torch.rand(2, 1, 1, 32, 64)
+    with torch.no_grad():
+        one, two = network(left, right), network(left, right)
+        network.range_px = 40
+        wide = network(left, right)
+    assert torch.equal(one[0], two[0])
+    assert one[0].shape == one[1].shape == wide[0].shape == (1, 32, 64)
+    assert (wide[0] >= 0).all()
+
+
+def test_every_weight_gets_a_gradient():
+    network = IcyNet(16)
+    batch = draw_batch(CachedGrounds(FakePairs()), PLAN, 0)
+    compute_loss(network.forward_with_costs(batch["left"], batch["right"]), batch, 16)["total"].backward()
+    for name, each in network.named_parameters():
+        assert each.grad is not None, name
+        assert each.grad.abs().sum() > 0, name
+
+
+@pytest.mark.long
+def test_a_pair_is_learned_by_heart(tmp_path):
+    plan = replace(PLAN, steps=150, rate=4e-3, window=1, steps_per_ground=1000)
+    rows = list(Run(plan, tmp_path, CachedGrounds(FakePairs())).iterate())
+    assert np.mean([row["bad_1"] for row in rows[-10:]]) < 0.05
