@@ -44,11 +44,26 @@ FIRST_BYTES = {
 }
 #: Most pairs whose maps the page contains.
 MOST_PAIRS = 12
+#: Share of the lost sites from which on a reason is stated.
+_LEAST_REASON = 0.01
 _MM_PER_M = 1000.0
 #: Litres in a cubic metre.
 _LITRES_PER_M3 = 1000.0
 #: Share of the cells known to the true depth below which the cells are too small for the images.
 _LEAST_KNOWN_SHARE = 0.5
+#: Share of filled heights above which the cells are too small for the images.
+_MOST_FILLED_SHARE = 0.2
+#: Share of the safe sites that even the true depth loses above which a pair cannot rank matchers.
+MOST_LOST_BY_TRUTH = 0.5
+#: Reasons for which a safe site is lost, by the names of ``safe_sites.RULE_NAMES``.
+_REASONS = {
+    "known": "too few of its cells have a height",
+    "slope": "it looks too steep",
+    "roughness": "it looks too rough",
+    "rocks": "a rock looks too near",
+    "reach": "it looks out of reach",
+    "light": "it looks dark",
+}
 #: Share of the ground in reach below which a part of it is too small to give results.
 _LEAST_GROUND_SHARE = 0.005
 #: The numbers of a row by their path in it, which are the columns of the tables.
@@ -57,8 +72,9 @@ DEM_COLUMNS = (
     Column("dem.rmse_m", "RMSE", "mm", 1, "root mean square height error"),
     Column("dem.nmad_m", "NMAD", "mm", 1, "1.4826 times the median distance from the median error"),
     Column("dem.le90_m", "LE90", "mm", 1, "90 % of the heights are this near to the truth"),
-    Column("dem.completeness", "Known", "%", 1, "share of these cells with a height"),
-    Column("dem.reached_completeness", "Known in reach", "%", 1, "share of all cells in reach with a height"),
+    Column("dem.completeness", "Known", "%", 1, "share of these cells with a measured height"),
+    Column("dem.reached_completeness", "Known in reach", "%", 1, "share of all cells in reach with a measured height"),
+    Column("dem.filled", "Filled", "%", 1, "share of all cells in reach in small gaps, whose heights are filled"),
     Column("dem.slope_rmse_deg", "Slope", "°", 2, "root mean square error of the slope under the footprint"),
     Column("dem.roughness_rmse_m", "Roughness", "mm", 1, "root mean square error of the roughness"),
 )
@@ -71,6 +87,15 @@ SITE_COLUMNS = (
     Column("sites.regret", "Regret", "", 2, "margin of the best site minus the margin of the chosen one; 1 if unsafe"),
     Column("sites.unsafe_choice", "Choice unsafe", "%", 0, "pairs where the chosen site is not safe"),
     Column("sites.no_site", "None chosen", "%", 0, "pairs without a chosen site although a safe site exists"),
+    Column(
+        "sites.dangerous",
+        "Of these dangerous",
+        "%",
+        1,
+        "of the cells classified as safe, those that miss a limit by more than the tolerance; other unsafe ones are "
+        "marginal",
+    ),
+    Column("sites.dangerous_choice", "Choice dangerous", "%", 0, "pairs where the chosen site is dangerous"),
 )
 OTHER_COLUMNS = (
     Column("pads.false_safe", "Pads: unsafe", "%", 1, "of the places classified as safe, the unsafe ones"),
@@ -359,6 +384,7 @@ def find_notes(rows: _Entries, facts: _Entries) -> list[str]:
     advice = dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
     return [
         *_find_notes_on_heights(rows, facts),
+        *_find_notes_on_truth(rows),
         *_find_notes_on_noise(facts),
         *_find_notes_on_pairs(rows, facts),
         *advice,
@@ -388,6 +414,38 @@ def _find_notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
             f"{100 * np.mean(known):.0f} % of those that the left image shows; raise workspace.cell_m, or "
             "--cell-m for pairs without true heights."
         )
+    filled = [row["numbers"]["dem"].get("filled") for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]]
+    shares = [share for share in filled if share is not None]
+    if shares and np.mean(shares) > _MOST_FILLED_SHARE:
+        yield (
+            f"Cells have too few pixels of these images: even with the true depth {100 * np.mean(shares):.0f} % of the "
+            "heights in reach are filled from neighbours; raise workspace.cell_m, or --cell-m for pairs without true "
+            "heights."
+        )
+
+
+def _find_notes_on_truth(rows: _Entries) -> Iterator[str]:
+    """The sites that the true depth loses, by reason, and the pairs that cannot rank matchers."""
+    own = {row["pair"]: row["numbers"]["sites"] for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]}
+    lost = {pair: sites["safe_lost"] for pair, sites in own.items() if sites["safe_lost"] is not None}
+    if any(lost.values()):
+        shares = {
+            name: sum(own[pair]["lost_by"].get(name, 0.0) for pair in lost) / sum(lost.values()) for name in _REASONS
+        }
+        reasons = sorted((name for name in shares if shares[name] >= _LEAST_REASON), key=lambda name: -shares[name])
+        yield (
+            f"The true depth loses {_format_percent(sum(lost.values()) / len(lost))} of 100 safe sites: "
+            + ", ".join(f"in {100 * shares[name]:.0f} % of these {_REASONS[name]}" for name in reasons)
+            + ". No matcher can be expected to lose fewer."
+        )
+    poor = sorted(pair for pair, share in lost.items() if share > MOST_LOST_BY_TRUTH)
+    empty = sorted(pair for pair, sites in own.items() if sites["cells"][0] and not sites["cells"][1])
+    for pairs, reason in (
+        (poor, f"even the true depth loses more than {100 * MOST_LOST_BY_TRUTH:.0f} % of their safe sites"),
+        (empty, "they have no safe site to lose"),
+    ):
+        if pairs:
+            yield f"{format_count(len(pairs), 'pair')} cannot rank matchers, because {reason}: {', '.join(pairs[:5])}."
 
 
 def _find_notes_on_noise(facts: _Entries) -> Iterator[str]:
@@ -487,6 +545,7 @@ def _render_page(
         apart=_format_difference,
         how=_INTERVALS_TEXT if any(entry["scenes"] > 1 for entry in report["summary"]) else "",
         titles=titles,
+        choice_of=_describe_choice,
         roc=_draw_roc(report["summary"]),
         rules=stated,
         changes=[
@@ -530,6 +589,17 @@ def _format_difference(found: Mapping[str, Any]) -> str:
     factor, unit = (_MM_PER_M, " mm") if column.unit == "mm" else (1.0, " points" if column.unit == "%" else "")
     low, high = (format_number({column.key: factor * each}, column) for each in found["typical_interval"])
     return f"by {format_number({column.key: factor * found['typical']}, column)}{unit}, {low} to {high}"
+
+
+def _describe_choice(sites: Mapping[str, Any]) -> str:
+    """The chosen site beside the truth, in words."""
+    if sites["chosen"] is None:
+        return "no site chosen"
+    if sites["dangerous_choice"]:
+        return "chosen site: dangerous"
+    if sites["unsafe_choice"]:
+        return "chosen site: marginal"
+    return f"chosen site: safe, regret {sites['regret']:.2f}"
 
 
 def _make_pair_section(fact: Mapping[str, Any], rows: _Entries, out: Path) -> dict[str, Any]:
