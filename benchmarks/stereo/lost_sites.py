@@ -1,4 +1,4 @@
-"""Safe sites that the true depth loses on each pair, by the cells of versions before 0.4 and by those of today.
+"""Safe sites that the true depth loses on each pair, by the cells of versions before 0.4 and by today's.
 
     python benchmarks lost_sites DATASET
 

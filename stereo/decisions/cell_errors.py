@@ -8,8 +8,8 @@ errors of the variance σ² that are independent from cell to cell,
     E[ŝ²] = s² + 2 σ² / (n q)         slope s, as rise per metre; q = mean square of a coordinate under the disc
 
 so both are debiased by subtraction. Errors that m neighbouring cells share count as n/m independent ones. A filled
-cell lies on a plane through its neighbours and is smoother than the ground. Its loss by smoothing is what the same
-planes lose in the known cells, and is added to r².
+cell lies on a plane through its neighbours and is smoother than the ground. The same planes smooth the known cells too:
+their loss is measured there, and is added to r².
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _FEWEST_EFFECTIVE = 4.0
 
 @dataclass(frozen=True)
 class CellErrors:
-    """What is stated about the heights of an elevation model, arrays (rows, columns)."""
+    """Stated errors of the heights of an elevation model, arrays (rows, columns)."""
 
     variance_m2: Array  # of the measured heights; NaN in cells without a measured height
     shared_cells: Array  # the number of neighbouring cells with the same error, 1 or more

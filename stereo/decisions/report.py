@@ -19,6 +19,7 @@ from ...support.foreign_bytes import parse_toml
 from ...support.number_text import format_count, show_rounded
 from ...support.version import version
 from ..inference import typical_scene
+from ..inference.risk_control import bound_risk, count_fewest_grounds
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN, average_by_scene, find_mean_intervals
 from ..matchers.methods import describe_method
 from ..measure.render_noise import BAKE, DECIDES, UNKNOWN
@@ -51,6 +52,8 @@ _MM_PER_M = 1000.0
 _LITRES_PER_M3 = 1000.0
 #: Share of the cells known to the true depth below which the cells are too small for the images.
 _LEAST_KNOWN_SHARE = 0.5
+#: The risk of an unsafe choice that a guarantee would exclude, and one minus its confidence.
+_GUARANTEED_RISK, _GUARANTEE_DOUBT = 0.05, 0.05
 #: Share of filled heights above which the cells are too small for the images.
 _MOST_FILLED_SHARE = 0.2
 #: Share of the safe sites that even the true depth loses above which a pair cannot rank matchers.
@@ -389,6 +392,7 @@ def find_notes(rows: _Entries, facts: _Entries) -> list[str]:
         *_find_notes_on_pairs(rows, facts),
         *advice,
         *_find_notes_on_scenes(rows, facts),
+        *_find_notes_on_choices(rows, facts),
     ]
 
 
@@ -494,6 +498,39 @@ def _find_notes_on_scenes(rows: _Entries, facts: _Entries) -> Iterator[str]:
         counted = "One scene gives no interval, and" if scenes == 1 else f"With {scenes} scenes"
         between = f"{matchers} matchers" if matchers > 1 else "matchers"
         yield f"{counted} no difference between {between} can be shown; it takes {needed}."
+
+
+def _find_notes_on_choices(rows: _Entries, facts: _Entries) -> Iterator[str]:
+    """The largest risk of an unsafe choice that the grounds leave, or the number of grounds that a statement takes.
+
+    A ground counts once: as unsafe if the choice on any of its pairs is.
+    """
+    fewest = count_fewest_grounds(_GUARANTEED_RISK, _GUARANTEE_DOUBT)
+    ground_of = {fact["pair"]: fact.get("site") or fact["scene"] for fact in facts}
+    grounds = len(set(ground_of.values()))
+    matchers = list(dict.fromkeys(row["method"] for row in rows if row["method"] != TRUE_DEPTH))
+    if not matchers:
+        return
+    if grounds < fewest:
+        yield (
+            f"{format_count(grounds, 'ground')} cannot show that at most {100 * _GUARANTEED_RISK:g} % of the chosen "
+            f"sites are unsafe, with {100 * (1 - _GUARANTEE_DOUBT):g} % confidence: it takes {fewest} grounds without "
+            "an unsafe choice. Pairs and Suns of one ground count as one."
+        )
+        return
+    for matcher in matchers:
+        own = {row["pair"]: row for row in rows if row["method"] == matcher and row["status"] == "ok"}
+        known = {ground_of[pair] for pair in own if pair in ground_of}
+        unsafe = {
+            ground_of[pair]
+            for pair, row in own.items()
+            if pair in ground_of and row["numbers"]["sites"]["unsafe_choice"] == 1
+        }
+        yield (
+            f"With {describe_method(matcher)}, the choice is unsafe on {len(unsafe)} of "
+            f"{format_count(len(known), 'ground')}, and with {100 * (1 - _GUARANTEE_DOUBT):g} % confidence on at most "
+            f"{100 * bound_risk(len(unsafe), len(known), _GUARANTEE_DOUBT):.1f} % of grounds of this kind."
+        )
 
 
 def _make_csv(rows: _Entries) -> str:

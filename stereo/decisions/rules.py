@@ -53,7 +53,7 @@ class PadRules:
 
 @dataclass(frozen=True)
 class CellRules:
-    """How the points of a depth become heights of cells, and what is known about the errors of these heights."""
+    """How the points of a depth become heights of cells, and the stated errors of these heights."""
 
     fewest_points: float  # points for a height of a cell
     gap_m: float  # widest gap between known cells that is filled; 0 fills none

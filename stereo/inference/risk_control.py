@@ -6,11 +6,11 @@ Thresholds are fixed before the grounds are seen and go from the strictest to th
 * **Learn-then-Test** (Angelopoulos et al. 2021, arXiv 2110.01052) tests "the risk is above alpha" at a threshold after
   another, from the strictest, and stops at the first that cannot be rejected at delta. With the probability 1 - delta
   over calibrations, the risk of the found threshold is at most alpha. The p-value is the exact binomial one for losses
-  of 0 or 1, and that of Hoeffding and Bentkus (Bates et al. 2021, arXiv 2101.02703) for shares.
+  of 0 or 1, and Hoeffding's and Bentkus's (Bates et al. 2021, arXiv 2101.02703) for shares.
 * **Conformal risk control** (Angelopoulos et al. 2022, arXiv 2208.02814) is weaker: the risk is at most alpha on
   average over calibrations. A third of them may exceed it. Its losses have to grow with permissiveness.
 
-Both hold for grounds of the same kind as those of the calibration, and for others not at all.
+Both hold for grounds of the same kind as the calibration grounds, and for others not at all.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def find_average_threshold(losses: Array, alpha: float) -> int | None:
 
 
 def count_fewest_grounds(alpha: float, delta: float, failing: int = 0) -> int:
-    """The fewest grounds from which Learn-then-Test accepts a threshold where so many of them fail."""
+    """The fewest grounds from which Learn-then-Test accepts a threshold with this number of failing grounds."""
     grounds = failing + 1
     while compute_binomial_p(failing, grounds, alpha) > delta:
         grounds += 1
@@ -107,12 +107,12 @@ def count_fewest_grounds(alpha: float, delta: float, failing: int = 0) -> int:
 
 
 def count_fewest_on_average(alpha: float, failing: int = 0) -> int:
-    """The fewest grounds from which conformal risk control accepts a threshold where so many of them fail."""
+    """The fewest grounds from which conformal risk control accepts a threshold with this number of failing grounds."""
     return math.ceil((failing + 1) / alpha - 1 - _ROUNDING)
 
 
 def bound_risk(failing: int, grounds: int, delta: float) -> float:
-    """The largest risk that so many failures do not reject at ``delta``: the bound of Clopper and Pearson (1934).
+    """The largest risk that this number of failures does not reject at ``delta``: Clopper and Pearson (1934).
 
     It describes a test on grounds that no calibration used.
     """

@@ -1,4 +1,4 @@
-"""Filled gaps and debiased roughness, beside exact grounds: by Monte Carlo, with tolerances of its own error."""
+"""Filled gaps and debiased roughness, beside exact grounds: by Monte Carlo, with tolerances from its error."""
 
 from __future__ import annotations
 

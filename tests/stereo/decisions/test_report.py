@@ -150,3 +150,29 @@ def test_what_the_true_depth_loses_is_told_with_its_reasons():
     )
     ranks = [note for note in notes if "cannot rank" in note]
     assert [note.rpartition(": ")[2] for note in ranks] == ["a.", "c."]
+
+
+def _choose_on(grounds, unsafe, pairs_each=1):
+    """Notes on a matcher on grounds of some pairs; on the first pair of ``unsafe`` grounds the choice is unsafe."""
+    facts, rows = [], []
+    for k in range(grounds):
+        for j in range(pairs_each):
+            facts.append({"pair": f"{k}-{j}", "scene": f"{k}-{j}", "site": str(k), "exact": True, "arm": True})
+            sites = {"cells": [9, 9, 0, 0], "unsafe_choice": float(k < unsafe and j == 0)}
+            rows.append({"pair": f"{k}-{j}", "method": "bm", "status": "ok", "numbers": {"sites": sites}})
+    return [note for note in find_notes(rows, facts) if "ground" in note and "unsafe" in note]
+
+
+def test_choices_on_few_grounds_support_no_statement_on_others():
+    # Ten Suns of a ground are one ground, and no bound is stated.
+    (note,) = _choose_on(8, 0, 10)
+    assert note.startswith("8 grounds cannot show that at most 5 %")
+    assert "it takes 59 grounds" in note
+    assert _choose_on(58, 0)[0].startswith("58 grounds cannot show")
+
+
+def test_choices_on_enough_grounds_have_the_bound_of_clopper_and_pearson():
+    (note,) = _choose_on(59, 0)
+    assert "unsafe on 0 of 59 grounds, and with 95 % confidence on at most 5.0 %" in note  # 1 - 0.05^(1/59)
+    (note,) = _choose_on(60, 6, 2)
+    assert "unsafe on 6 of 60 grounds" in note
