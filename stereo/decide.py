@@ -55,7 +55,7 @@ from .report.row_log import Row, RowLog
 Event = Callable[[dict[str, Any]], None]
 
 #: Increased when the same input gives other numbers or files.
-DECISIONS_VERSION = 4
+DECISIONS_VERSION = 5
 _LOG_FILE = "decisions.jsonl"
 _ROW_SHAPE: dict[str, Shape] = {
     "status": TEXT,
@@ -268,7 +268,8 @@ def _decide_with_method(
     """The numbers and files of a method, or of the true depth without a method."""
     depth, matching = (workspace.prepared.truth, 0.0) if method is None else _match_depth(workspace, method)
     start = time.process_time()
-    found = decide_from_depth(workspace, depth, pose)
+    error_px = 0.0 if method is None else workspace.rules.cells.disparity_error_px
+    found = decide_from_depth(workspace, depth, pose, error_px)
     numbers = compare_with_truth(workspace, found)
     if has_arm(workspace.pair.settings):
         numbers["dem"] |= compare_beside_lander(workspace, found, depth, pose)

@@ -37,6 +37,14 @@ def make_disc(diameter_m: float, cell_m: float) -> Array:
     return np.asarray((east**2 + north**2 <= (diameter_m / 2) ** 2 * (1 + 1e-9)), np.float64)
 
 
+def make_ring(diameter_m: float, hole_m: float, cell_m: float) -> Array:
+    """A disc, as ``make_disc``, without the disc ``hole_m`` in its middle."""
+    ring, hole = make_disc(diameter_m, cell_m), make_disc(hole_m, cell_m)
+    border = (ring.shape[0] - hole.shape[0]) // 2
+    ring[border : border + hole.shape[0], border : border + hole.shape[1]] -= hole
+    return np.asarray(ring)
+
+
 def sum_under_footprint(values: Array, weights: Array) -> Array:
     """The sum of values (rows, columns) under the footprint ``weights`` around each cell. Cells beyond the border count
     as 0.
@@ -44,9 +52,12 @@ def sum_under_footprint(values: Array, weights: Array) -> Array:
     return np.asarray(cv2.filter2D(values.astype(np.float64), cv2.CV_64F, weights, borderType=cv2.BORDER_CONSTANT))
 
 
-def fit_planes(height_m: Array, cell_m: float, diameter_m: float) -> Planes:
-    """Fit a plane by least squares to the known heights in a disc around each cell; NaN with too few heights."""
-    shape = make_disc(diameter_m, cell_m)
+def fit_planes(height_m: Array, cell_m: float, diameter_m: float = 0.0, shape: Array | None = None) -> Planes:
+    """Fit a plane by least squares to the known heights in a disc around each cell; NaN with too few heights.
+
+    ``shape``, a square of an odd number of cells with 1.0 inside, replaces the disc.
+    """
+    shape = make_disc(diameter_m, cell_m) if shape is None else shape
     reach = shape.shape[0] // 2
     v, u = (
         np.mgrid[-reach : reach + 1, -reach : reach + 1] * cell_m

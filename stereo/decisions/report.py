@@ -19,6 +19,7 @@ from ...support.foreign_bytes import parse_toml
 from ...support.number_text import format_count, show_rounded
 from ...support.version import version
 from ..inference import typical_scene
+from ..inference.risk_control import bound_risk, count_fewest_grounds
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN, average_by_scene, find_mean_intervals
 from ..matchers.methods import describe_method
 from ..measure.render_noise import BAKE, DECIDES, UNKNOWN
@@ -44,11 +45,28 @@ FIRST_BYTES = {
 }
 #: Most pairs whose maps the page contains.
 MOST_PAIRS = 12
+#: Share of the lost sites from which on a reason is stated.
+_LEAST_REASON = 0.01
 _MM_PER_M = 1000.0
 #: Litres in a cubic metre.
 _LITRES_PER_M3 = 1000.0
 #: Share of the cells known to the true depth below which the cells are too small for the images.
 _LEAST_KNOWN_SHARE = 0.5
+#: The risk of an unsafe choice that a guarantee would exclude, and one minus its confidence.
+_GUARANTEED_RISK, _GUARANTEE_DOUBT = 0.05, 0.05
+#: Share of filled heights above which the cells are too small for the images.
+_MOST_FILLED_SHARE = 0.2
+#: Share of the safe sites that even the true depth loses above which a pair cannot rank matchers.
+MOST_LOST_BY_TRUTH = 0.5
+#: Reasons for which a safe site is lost, by the names of ``safe_sites.RULE_NAMES``.
+_REASONS = {
+    "known": "too few of its cells have a height",
+    "slope": "it looks too steep",
+    "roughness": "it looks too rough",
+    "rocks": "a rock looks too near",
+    "reach": "it looks out of reach",
+    "light": "it looks dark",
+}
 #: Share of the ground in reach below which a part of it is too small to give results.
 _LEAST_GROUND_SHARE = 0.005
 #: The numbers of a row by their path in it, which are the columns of the tables.
@@ -57,8 +75,9 @@ DEM_COLUMNS = (
     Column("dem.rmse_m", "RMSE", "mm", 1, "root mean square height error"),
     Column("dem.nmad_m", "NMAD", "mm", 1, "1.4826 times the median distance from the median error"),
     Column("dem.le90_m", "LE90", "mm", 1, "90 % of the heights are this near to the truth"),
-    Column("dem.completeness", "Known", "%", 1, "share of these cells with a height"),
-    Column("dem.reached_completeness", "Known in reach", "%", 1, "share of all cells in reach with a height"),
+    Column("dem.completeness", "Known", "%", 1, "share of these cells with a measured height"),
+    Column("dem.reached_completeness", "Known in reach", "%", 1, "share of all cells in reach with a measured height"),
+    Column("dem.filled", "Filled", "%", 1, "share of all cells in reach in small gaps, whose heights are filled"),
     Column("dem.slope_rmse_deg", "Slope", "°", 2, "root mean square error of the slope under the footprint"),
     Column("dem.roughness_rmse_m", "Roughness", "mm", 1, "root mean square error of the roughness"),
 )
@@ -71,6 +90,15 @@ SITE_COLUMNS = (
     Column("sites.regret", "Regret", "", 2, "margin of the best site minus the margin of the chosen one; 1 if unsafe"),
     Column("sites.unsafe_choice", "Choice unsafe", "%", 0, "pairs where the chosen site is not safe"),
     Column("sites.no_site", "None chosen", "%", 0, "pairs without a chosen site although a safe site exists"),
+    Column(
+        "sites.dangerous",
+        "Of these dangerous",
+        "%",
+        1,
+        "of the cells classified as safe, those that miss a limit by more than the tolerance; other unsafe ones are "
+        "marginal",
+    ),
+    Column("sites.dangerous_choice", "Choice dangerous", "%", 0, "pairs where the chosen site is dangerous"),
 )
 OTHER_COLUMNS = (
     Column("pads.false_safe", "Pads: unsafe", "%", 1, "of the places classified as safe, the unsafe ones"),
@@ -359,10 +387,12 @@ def find_notes(rows: _Entries, facts: _Entries) -> list[str]:
     advice = dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
     return [
         *_find_notes_on_heights(rows, facts),
+        *_find_notes_on_truth(rows),
         *_find_notes_on_noise(facts),
         *_find_notes_on_pairs(rows, facts),
         *advice,
         *_find_notes_on_scenes(rows, facts),
+        *_find_notes_on_choices(rows, facts),
     ]
 
 
@@ -388,6 +418,38 @@ def _find_notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
             f"{100 * np.mean(known):.0f} % of those that the left image shows; raise workspace.cell_m, or "
             "--cell-m for pairs without true heights."
         )
+    filled = [row["numbers"]["dem"].get("filled") for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]]
+    shares = [share for share in filled if share is not None]
+    if shares and np.mean(shares) > _MOST_FILLED_SHARE:
+        yield (
+            f"Cells have too few pixels of these images: even with the true depth {100 * np.mean(shares):.0f} % of the "
+            "heights in reach are filled from neighbours; raise workspace.cell_m, or --cell-m for pairs without true "
+            "heights."
+        )
+
+
+def _find_notes_on_truth(rows: _Entries) -> Iterator[str]:
+    """The sites that the true depth loses, by reason, and the pairs that cannot rank matchers."""
+    own = {row["pair"]: row["numbers"]["sites"] for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]}
+    lost = {pair: sites["safe_lost"] for pair, sites in own.items() if sites["safe_lost"] is not None}
+    if any(lost.values()):
+        shares = {
+            name: sum(own[pair]["lost_by"].get(name, 0.0) for pair in lost) / sum(lost.values()) for name in _REASONS
+        }
+        reasons = sorted((name for name in shares if shares[name] >= _LEAST_REASON), key=lambda name: -shares[name])
+        yield (
+            f"The true depth loses {_format_percent(sum(lost.values()) / len(lost))} of 100 safe sites: "
+            + ", ".join(f"in {100 * shares[name]:.0f} % of these {_REASONS[name]}" for name in reasons)
+            + ". No matcher can be expected to lose fewer."
+        )
+    poor = sorted(pair for pair, share in lost.items() if share > MOST_LOST_BY_TRUTH)
+    empty = sorted(pair for pair, sites in own.items() if sites["cells"][0] and not sites["cells"][1])
+    for pairs, reason in (
+        (poor, f"even the true depth loses more than {100 * MOST_LOST_BY_TRUTH:.0f} % of their safe sites"),
+        (empty, "they have no safe site to lose"),
+    ):
+        if pairs:
+            yield f"{format_count(len(pairs), 'pair')} cannot rank matchers, because {reason}: {', '.join(pairs[:5])}."
 
 
 def _find_notes_on_noise(facts: _Entries) -> Iterator[str]:
@@ -436,6 +498,39 @@ def _find_notes_on_scenes(rows: _Entries, facts: _Entries) -> Iterator[str]:
         counted = "One scene gives no interval, and" if scenes == 1 else f"With {scenes} scenes"
         between = f"{matchers} matchers" if matchers > 1 else "matchers"
         yield f"{counted} no difference between {between} can be shown; it takes {needed}."
+
+
+def _find_notes_on_choices(rows: _Entries, facts: _Entries) -> Iterator[str]:
+    """The largest risk of an unsafe choice that the grounds leave, or the number of grounds that a statement takes.
+
+    A ground counts once: as unsafe if the choice on any of its pairs is.
+    """
+    fewest = count_fewest_grounds(_GUARANTEED_RISK, _GUARANTEE_DOUBT)
+    ground_of = {fact["pair"]: fact.get("site") or fact["scene"] for fact in facts}
+    grounds = len(set(ground_of.values()))
+    matchers = list(dict.fromkeys(row["method"] for row in rows if row["method"] != TRUE_DEPTH))
+    if not matchers:
+        return
+    if grounds < fewest:
+        yield (
+            f"{format_count(grounds, 'ground')} cannot show that at most {100 * _GUARANTEED_RISK:g} % of the chosen "
+            f"sites are unsafe, with {100 * (1 - _GUARANTEE_DOUBT):g} % confidence: it takes {fewest} grounds without "
+            "an unsafe choice. Pairs and Suns of one ground count as one."
+        )
+        return
+    for matcher in matchers:
+        own = {row["pair"]: row for row in rows if row["method"] == matcher and row["status"] == "ok"}
+        known = {ground_of[pair] for pair in own if pair in ground_of}
+        unsafe = {
+            ground_of[pair]
+            for pair, row in own.items()
+            if pair in ground_of and row["numbers"]["sites"]["unsafe_choice"] == 1
+        }
+        yield (
+            f"With {describe_method(matcher)}, the choice is unsafe on {len(unsafe)} of "
+            f"{format_count(len(known), 'ground')}, and with {100 * (1 - _GUARANTEE_DOUBT):g} % confidence on at most "
+            f"{100 * bound_risk(len(unsafe), len(known), _GUARANTEE_DOUBT):.1f} % of grounds of this kind."
+        )
 
 
 def _make_csv(rows: _Entries) -> str:
@@ -487,6 +582,7 @@ def _render_page(
         apart=_format_difference,
         how=_INTERVALS_TEXT if any(entry["scenes"] > 1 for entry in report["summary"]) else "",
         titles=titles,
+        choice_of=_describe_choice,
         roc=_draw_roc(report["summary"]),
         rules=stated,
         changes=[
@@ -530,6 +626,17 @@ def _format_difference(found: Mapping[str, Any]) -> str:
     factor, unit = (_MM_PER_M, " mm") if column.unit == "mm" else (1.0, " points" if column.unit == "%" else "")
     low, high = (format_number({column.key: factor * each}, column) for each in found["typical_interval"])
     return f"by {format_number({column.key: factor * found['typical']}, column)}{unit}, {low} to {high}"
+
+
+def _describe_choice(sites: Mapping[str, Any]) -> str:
+    """The chosen site beside the truth, in words."""
+    if sites["chosen"] is None:
+        return "no site chosen"
+    if sites["dangerous_choice"]:
+        return "chosen site: dangerous"
+    if sites["unsafe_choice"]:
+        return "chosen site: marginal"
+    return f"chosen site: safe, regret {sites['regret']:.2f}"
 
 
 def _make_pair_section(fact: Mapping[str, Any], rows: _Entries, out: Path) -> dict[str, Any]:

@@ -28,6 +28,7 @@ class SiteRules:
     lit_share: float  # least share of the disc in light
     lit_level: float  # share of the median level from which on a pixel is lit
     known_share: float  # least share of known cells in the disc
+    tolerance: float  # share of a limit by which an unsafe site may miss it and be marginal, not dangerous
     # Rules that apply only if a file states them.
     least_albedo: float | None = None  # albedo of the disc in even light, as the mean of the bands R, G, B
     most_albedo: float | None = None
@@ -51,11 +52,27 @@ class PadRules:
 
 
 @dataclass(frozen=True)
+class CellRules:
+    """How the points of a depth become heights of cells, and the stated errors of these heights."""
+
+    fewest_points: float  # points for a height of a cell
+    gap_m: float  # widest gap between known cells that is filled; 0 fills none
+    debias: float  # share of the stated error that is removed from roughness and slope; 0 removes none
+    disparity_error_px: float  # standard deviation of a matcher's disparity; 0 if unknown
+    error_width_px: float  # side of the square of pixels that share an error of a matcher
+
+
+#: The cells of all versions before 0.4: three points, no filled gaps, roughness with the errors of the heights.
+FIRST_CELLS = CellRules(3.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
 class Rules:
-    """The limits of a safe site (``site``) and of a landing pad (``pad``)."""
+    """The limits of a safe site (``site``) and of a landing pad (``pad``), and the heights of cells (``cells``)."""
 
     site: SiteRules
     pad: PadRules
+    cells: CellRules = FIRST_CELLS
 
     def to_json(self) -> dict[str, dict[str, float]]:
         """The rules as JSON tables, without limits that do not apply."""
@@ -65,8 +82,10 @@ class Rules:
         }
 
 
-_RULES_BY_TABLE = {"site": SiteRules, "pad": PadRules}
-_SHARE_RULES = ("lit_share", "known_share", "lit_level", "least_albedo", "most_albedo", "salt_share")
+_RULES_BY_TABLE = {"site": SiteRules, "pad": PadRules, "cells": CellRules}
+_SHARE_RULES = ("lit_share", "known_share", "lit_level", "least_albedo", "most_albedo", "salt_share", "debias")
+#: Rules that may be 0, which switches something off.
+_MAY_BE_ZERO = ("gap_m", "debias", "disparity_error_px", "tolerance")
 
 
 def read_rules(path: Path | None = None) -> Rules:
@@ -87,7 +106,9 @@ def _read_rule_tables(path: Path) -> dict[str, dict[str, float]]:
     found = {}
     for part, table in data.items():
         if part not in _RULES_BY_TABLE or not isinstance(table, dict):
-            raise IcyMoonError(f"{path} states {shorten(part)}, which is not a table of rules; use [site] and [pad].")
+            raise IcyMoonError(
+                f"{path} states {shorten(part)}, which is not a table of rules; use [site], [pad] and [cells]."
+            )
         found[part] = {key: _check_number(path, part, key, value) for key, value in table.items()}
     return found
 
@@ -99,9 +120,10 @@ def _check_number(path: Path, part: str, key: str, value: object) -> float:
             f"{path} states {shorten(f'{part}.{key}')}, which is not a rule; {suggest_nearest(key, names)}"
         )
     most = 1.0 if key in _SHARE_RULES else 90.0 if key.endswith("_deg") else math.inf
-    if not is_number(value) or not 0 < value <= most:
+    zero = key in _MAY_BE_ZERO
+    if not is_number(value) or not (0 < value <= most or (zero and value == 0)):
         raise IcyMoonError(
-            f"{path}: {part}.{key} is {quote(value)}; give a number above 0"
+            f"{path}: {part}.{key} is {quote(value)}; give a number {'of 0 or more' if zero else 'above 0'}"
             f"{'' if most == math.inf else f' and at most {most:g}'}."
         )
     return float(value)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array
+from .cell_errors import CellErrors, debias_planes
 from .dem import Dem
 from .footprints import (
     average_under_footprint,
@@ -25,6 +26,18 @@ from .rules import SiteRules
 
 #: The code of a cell that fails no rule. Other codes are 1 + the place in ``judge_sites`` of the first failed rule.
 SAFE = 0
+#: The rules in the order of ``judge_sites``, as keys of tables.
+RULE_NAMES = (
+    "known",
+    "slope",
+    "roughness",
+    "rocks",
+    "reach",
+    "light",
+    "least_albedo",
+    "most_albedo",
+    "salts",
+)
 #: Diameter of the ground around a rock from which its height is measured, as a multiple of the footprint.
 _SURROUNDINGS_FACTOR = 2.0
 #: Number of fits of the ground around, each without the rocks of the fit before.
@@ -82,8 +95,12 @@ def measure_layers(
     rules: SiteRules,
     rocks: Array | None = None,
     materials: Materials | None = None,
+    errors: CellErrors | None = None,
+    debias: float = 0.0,
 ) -> SiteLayers:
     """The layers of an elevation model.
+
+    With ``errors`` of its heights, the share ``debias`` of their effect on roughness and slope is removed.
 
     ``lit`` (rows, columns) is the share of each cell that is in light, NaN where unknown. ``joint_margin_deg`` is the
     joint margin of the arm with its scoop at the cell, NaN out of reach. ``rocks`` is true in cells with a rock; if it
@@ -91,6 +108,8 @@ def measure_layers(
     """
     cell = dem.grid.cell_m
     planes = fit_planes(dem.height_m, cell, rules.disc_m)
+    if errors is not None and debias > 0:
+        planes = debias_planes(planes, dem, errors, rules.disc_m, debias)
     rocks = find_rocks(dem.height_m, cell, rules) if rocks is None else rocks
     return SiteLayers(
         average_under_footprint(dem.known, cell, rules.disc_m),

@@ -10,23 +10,30 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from .safe_sites import Sites, choose_site
+from .safe_sites import RULE_NAMES, Sites, choose_site
 
 #: The shares of unsafe cells taken for safe at which a ROC curve is sampled.
 ROC_FALSE_SAFE_SHARES = tuple(float(each) for each in np.linspace(0, 1, 51))
+#: Rounding of a margin that does not make a site dangerous.
+_ROUNDING = 1e-12
 
 
-def score_sites(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
+def score_sites(found: Sites, truth: Sites, among: Array, tolerance: float = 0.0) -> dict[str, Any]:
     """Scores of a suitability map against the true one over the cells ``among``; None where a number is undefined.
 
     * ``base_rate``: share of safe cells, which is the average precision of a coin.
     * ``taken``: share of cells taken for safe. Of the taken cells, ``precision`` is the share of safe ones and
       ``false_safe`` the rest. Of the safe cells, ``recall`` is the share of taken ones and ``safe_lost`` the rest.
+    * ``dangerous``: of the taken cells, the share that misses a limit by more than the share ``tolerance`` of it. Other
+      unsafe cells are marginal.
+    * ``lost_by``: of the safe cells, the shares that are not taken, by the first rule that fails.
     * ``average_precision`` and ``roc_area``, of the margin as a score; ``roc``: the share of safe cells taken at the
       shares ``ROC_FALSE_SAFE_SHARES`` of unsafe ones.
     * ``regret``: true margin of the best site minus true margin of the chosen site; 1 if the chosen site is unsafe.
     * ``unsafe_choice``: 1 if the chosen site is unsafe, else 0; ``no_site``: 1 if no site is chosen although the truth
-      has a safe one, else 0.
+      has a safe one, else 0. ``dangerous_choice``: 1 if the chosen site is dangerous, else 0.
+    * ``chosen``: row and column of the chosen site, with its margin, ``chosen_margin``, and its true one,
+      ``chosen_true_margin``; ``best``: the safe site with the largest true margin.
     * ``cells``: numbers of all cells, of the safe, of the taken, and of the safe and taken ones.
     """
     safe, taken, margin = truth.safe[among], found.safe[among], found.margin[among]
@@ -38,8 +45,10 @@ def score_sites(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
         "recall": _divide_or_none(both, safe.sum()),
         "false_safe": _divide_or_none(taken.sum() - both, taken.sum()),
         "safe_lost": _divide_or_none(safe.sum() - both, safe.sum()),
+        "dangerous": _divide_or_none((taken & ~_is_within(truth.margin[among], tolerance)).sum(), taken.sum()),
+        "lost_by": _count_lost_by_rule(found.failed[among][safe & ~taken], int(safe.sum())),
     }
-    result |= rank_scores(margin, safe) | _score_choice(found, truth, among)
+    result |= rank_scores(margin, safe) | _score_choice(found, truth, among, tolerance)
     return result | {"cells": [int(safe.size), int(safe.sum()), int(taken.sum()), both]}
 
 
@@ -65,16 +74,40 @@ def rank_scores(score: Array, positive: Array) -> dict[str, Any]:
     }
 
 
-def _score_choice(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
+def _is_within(margin: Array, tolerance: float) -> Array:
+    """Whether margins are at least minus the tolerance, but for rounding."""
+    return np.asarray(margin >= -tolerance - _ROUNDING)
+
+
+def _count_lost_by_rule(failed: Array, safe: int) -> dict[str, float]:
+    """The shares of the safe cells that are lost, by the name of the first rule that fails."""
+    counts = np.bincount(failed.astype(np.intp), minlength=len(RULE_NAMES) + 1)[1:]
+    return {name: float(count) / safe for name, count in zip(RULE_NAMES, counts, strict=True) if count and safe}
+
+
+def _score_choice(found: Sites, truth: Sites, among: Array, tolerance: float) -> dict[str, Any]:
     place, best = choose_site(found, among), choose_site(truth, among)
-    chosen = None if place is None else list(place)
-    if best is None:
-        return {"regret": None, "unsafe_choice": None if place is None else 1.0, "no_site": None, "chosen": chosen}
+    scored: dict[str, Any] = {
+        "regret": None,
+        "unsafe_choice": None,
+        "dangerous_choice": None,
+        "no_site": None if best is None else float(place is None),
+        "chosen": None if place is None else list(place),
+        "chosen_margin": None,
+        "chosen_true_margin": None,
+        "best": None if best is None else list(best),
+    }
     if place is None:
-        return {"regret": None, "unsafe_choice": None, "no_site": 1.0, "chosen": None}
-    unsafe = not truth.safe[place]
-    regret = 1.0 if unsafe else float(truth.margin[best] - truth.margin[place])
-    return {"regret": regret, "unsafe_choice": float(unsafe), "no_site": 0.0, "chosen": chosen}
+        return scored
+    unsafe, margin = not truth.safe[place], float(truth.margin[place])
+    if best is not None:
+        scored["regret"] = 1.0 if unsafe else float(truth.margin[best] - margin)
+    return scored | {
+        "unsafe_choice": float(unsafe),
+        "dangerous_choice": float(unsafe and not _is_within(truth.margin[place], tolerance)),
+        "chosen_margin": float(found.margin[place]),
+        "chosen_true_margin": margin if np.isfinite(margin) else None,
+    }
 
 
 def _divide_or_none(part: float, whole: float) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -18,6 +18,7 @@ from ..images.disparity_and_occlusion import find_scene_depth
 from ..images.exr import read_depth
 from ..measure.by_pixel_class import MATERIAL
 from ..measure.prepare_pair import PreparedPair
+from .cell_errors import CellErrors, fill_gaps, measure_sampling_variance, state_errors
 from .dem import Dem, Grid, back_project_depth, make_dem, mean_by_cell, measure_height_errors, read_cells, read_grid
 from .footprints import average_under_footprint, fit_planes
 from .joint_margin import find_joint_margins_deg
@@ -50,6 +51,7 @@ class DecisionMaps:
     dem: Dem
     sites: Sites
     pads: Array
+    errors: CellErrors | None = None  # of the heights; None for the truth
 
 
 @dataclass(frozen=True)
@@ -125,35 +127,60 @@ def read_sun_direction(pair: Pair) -> Array:
     return pair.sun.direction
 
 
-def decide_from_depth(workspace: Workspace, depth_m: Array, pose: Array | None = None) -> DecisionMaps:
+def decide_from_depth(
+    workspace: Workspace, depth_m: Array, pose: Array | None = None, disparity_error_px: float = 0.0
+) -> DecisionMaps:
     """The maps from a planar depth (H, W) of the left image, NaN where unknown.
 
-    ``pose`` is the pose that the lander assumes for its left eye; by default the true pose.
+    ``pose`` is the pose that the lander assumes for its left eye; by default the true pose. ``disparity_error_px`` is
+    the standard deviation of the disparities behind the depth.
     """
     pose = workspace.pose if pose is None else pose
     ground = np.where(_find_pixels_apart_from_lander(workspace.prepared), depth_m, np.nan)
     position, index = back_project_depth(ground, workspace.pair.camera.rectified, pose)
-    dem = make_dem(position, workspace.grid)
+    rules = workspace.rules
+    dem, errors = _make_stated_dem(workspace, position, depth_m.ravel()[index], pose, disparity_error_px)
     margin = _find_joint_margins(workspace.pair, pose, dem)
     bright = _find_lit_pixels(workspace)
     lit = mean_by_cell(position, bright.ravel()[index], dem.grid)
-    rules = workspace.rules
     found = _measure_materials(workspace, dem, bright, position, index) if rules.site.needs_materials else None
-    layers = measure_layers(dem, margin, lit, rules.site, materials=found)
-    return DecisionMaps(dem, judge_sites(layers, rules.site), _judge_pads(dem, rules))
+    layers = measure_layers(dem, margin, lit, rules.site, materials=found, errors=errors, debias=rules.cells.debias)
+    return DecisionMaps(dem, judge_sites(layers, rules.site), _judge_pads(dem, rules), errors)
+
+
+def _make_stated_dem(
+    workspace: Workspace, position: Array, depth_m: Array, pose: Array, disparity_error_px: float
+) -> tuple[Dem, CellErrors]:
+    """The elevation model of points (n, 3) with depths (n,), with small gaps filled, and the errors of its heights."""
+    cells, grid, disc_m = workspace.rules.cells, workspace.grid, workspace.rules.site.disc_m
+    dem = make_dem(position, grid, round(cells.fewest_points))
+    variance = measure_sampling_variance(position, grid, disc_m)
+    if disparity_error_px > 0:
+        camera = workspace.pair.camera.rectified
+        depth_error = depth_m**2 * disparity_error_px / (camera.focal_px * camera.baseline_m)
+        # A depth moves its point along the ray, which rises by this much for each metre of depth.
+        rise = (position[:, 2] - pose[2, 3]) / depth_m
+        variance = variance + mean_by_cell(position, (rise * depth_error) ** 2, grid)
+    shared = cells.error_width_px**2 / np.maximum(dem.points, 1)
+    most_m = workspace.rules.site.rock_height_m / 2  # so that a filled cell hides no rock
+    return fill_gaps(dem, state_errors(dem, variance, shared), cells.gap_m, disc_m, most_m)
 
 
 def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, Any]:
     """The numbers of decisions beside the truth's: ``dem``, ``sites``, ``pads``, and if rules ask for them
     ``materials``; None where one is undefined.
 
-    The elevation model is compared over the cells in reach that the left image shows, its ``reached`` completeness over
-    all in reach; sites over all in reach whose true height is known; pads over all whose footprint is inside.
+    The elevation model without filled cells is compared over the cells in reach that the left image shows, its
+    ``reached`` completeness over all in reach; sites over all in reach whose true height is known; pads over all whose
+    footprint is inside.
     """
     truth = workspace.truth
     among = workspace.reached & truth.dem.known
-    errors = measure_height_errors(found.dem, truth.dem.height_m, among & workspace.seen)
-    errors["reached_completeness"] = measure_height_errors(found.dem, truth.dem.height_m, among)["completeness"]
+    filled = found.errors.filled if found.errors is not None else np.zeros(among.shape, bool)
+    measured = replace(found.dem, height_m=np.where(filled, np.nan, found.dem.height_m))
+    errors = measure_height_errors(measured, truth.dem.height_m, among & workspace.seen)
+    errors["filled"] = float(filled[among].mean()) if among.any() else None
+    errors["reached_completeness"] = measure_height_errors(measured, truth.dem.height_m, among)["completeness"]
     for name in ("slope_deg", "roughness_m"):
         off = (getattr(found.sites.layers, name) - getattr(truth.sites.layers, name))[among]
         off = off[np.isfinite(off)]
@@ -163,7 +190,7 @@ def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, A
     return {
         **_compare_materials(truth.sites.layers, found.sites.layers, among & workspace.seen),
         "dem": errors,
-        "sites": score_sites(found.sites, truth.sites, among),
+        "sites": score_sites(found.sites, truth.sites, among, workspace.rules.site.tolerance),
         "pads": _score_pads(found.pads, truth.pads, truth.dem.known & workspace.inside),
     }
 

@@ -76,7 +76,7 @@ def run_trade(bench: TradeBench, groups: Sequence[str] = ()) -> dict[str, Any]:
     Raises IcyMoonError with the error of Blender's process if a render fails.
     """
     packages.require_modules(*packages.PACKAGES)
-    from ..decisions.rules import read_rules
+    from ..decisions.rules import FIRST_CELLS, read_rules
     from ..matchers.methods import parse_methods
     from .quality_losses import measure_variant, read_reference
     from .report import write_trade
@@ -87,9 +87,9 @@ def run_trade(bench: TradeBench, groups: Sequence[str] = ()) -> dict[str, Any]:
     kinds = sorted({variant.group in SHAPES for variant in chosen})
     bests = {fine: make_reference(bench.settings, bench.samples, fine) for fine in kinds}
     counter = RenderCounter(bench.on_event, sum(variant.repeats for variant in (*bests.values(), *chosen)))
+    rules = replace(read_rules(), cells=FIRST_CELLS)  # so that trades of all versions can be compared
     truths = {
-        fine: read_reference(render_all(best, bench, counter), methods, {}, read_rules())
-        for fine, best in bests.items()
+        fine: read_reference(render_all(best, bench, counter), methods, {}, rules) for fine, best in bests.items()
     }
     folders: dict[str, list[Path]] = {variant.key: [] for variant in chosen}
     for repeat in range(bench.repeats):  # all once before any twice, so that repeats show if the machine slows down

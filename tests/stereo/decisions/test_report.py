@@ -74,7 +74,7 @@ def test_matchers_are_compared_in_the_typical_scene(scenes, found):
             "status": "ok",
             "numbers": {
                 "dem": {"rmse_m": (0.01 + 1e-4 * k) * factor, "completeness": 1.0},
-                "sites": {"false_safe": 0.1, "cells": [9, 9, 0, 0]},
+                "sites": {"false_safe": 0.1, "cells": [9, 9, 0, 0], "safe_lost": 0.1, "lost_by": {"known": 0.1}},
             },
         }
         for k in range(scenes)
@@ -97,6 +97,7 @@ def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
             "false_safe": None,
             "taken": 0.0,
             "safe_lost": 1.0,
+            "lost_by": {"known": 1.0},
             "roc": None,
             "base_rate": 0.9,
             "chosen": None,
@@ -126,3 +127,52 @@ def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
     found[0]["numbers"]["sites"] |= {"base_rate": 0.0, "safe_lost": None, "no_site": None}
     head = make_head_sentences(summarise(found, facts, ["true depth"]), facts)
     assert head[0].endswith("no site looks safe, and no site is safe (1 scene).")
+
+
+def test_what_the_true_depth_loses_is_told_with_its_reasons():
+    def row(pair, lost_by, cells=(90, 50, 10, 10)):
+        lost = sum(lost_by.values()) if cells[1] else None
+        sites = {"safe_lost": lost, "lost_by": lost_by, "cells": list(cells)}
+        return {
+            "pair": pair,
+            "method": "true depth",
+            "status": "ok",
+            "numbers": {"dem": {"completeness": 1.0}, "sites": sites},
+        }
+
+    rows = [row("a", {"known": 0.5, "rocks": 0.1}), row("b", {"rocks": 0.2}), row("c", {}, (90, 0, 0, 0))]
+    facts = [{"pair": pair, "scene": pair, "exact": True, "arm": True} for pair in "abc"]
+    notes = find_notes(rows, facts)
+    # 0.8 of two pairs: 0.5 for unknown cells, 0.3 for rocks.
+    assert (
+        "The true depth loses 40 of 100 safe sites: in 62 % of these too few of its cells have a height, in 38 % of "
+        "these a rock looks too near. No matcher can be expected to lose fewer." in notes
+    )
+    ranks = [note for note in notes if "cannot rank" in note]
+    assert [note.rpartition(": ")[2] for note in ranks] == ["a.", "c."]
+
+
+def _choose_on(grounds, unsafe, pairs_each=1):
+    """Notes on a matcher on grounds of some pairs; on the first pair of ``unsafe`` grounds the choice is unsafe."""
+    facts, rows = [], []
+    for k in range(grounds):
+        for j in range(pairs_each):
+            facts.append({"pair": f"{k}-{j}", "scene": f"{k}-{j}", "site": str(k), "exact": True, "arm": True})
+            sites = {"cells": [9, 9, 0, 0], "unsafe_choice": float(k < unsafe and j == 0)}
+            rows.append({"pair": f"{k}-{j}", "method": "bm", "status": "ok", "numbers": {"sites": sites}})
+    return [note for note in find_notes(rows, facts) if "ground" in note and "unsafe" in note]
+
+
+def test_choices_on_few_grounds_support_no_statement_on_others():
+    # Ten Suns of a ground are one ground, and no bound is stated.
+    (note,) = _choose_on(8, 0, 10)
+    assert note.startswith("8 grounds cannot show that at most 5 %")
+    assert "it takes 59 grounds" in note
+    assert _choose_on(58, 0)[0].startswith("58 grounds cannot show")
+
+
+def test_choices_on_enough_grounds_have_the_bound_of_clopper_and_pearson():
+    (note,) = _choose_on(59, 0)
+    assert "unsafe on 0 of 59 grounds, and with 95 % confidence on at most 5.0 %" in note  # 1 - 0.05^(1/59)
+    (note,) = _choose_on(60, 6, 2)
+    assert "unsafe on 6 of 60 grounds" in note

@@ -90,3 +90,27 @@ def test_regret_is_the_margin_that_is_given_away():
     assert found["chosen"] == [20, 20]
     assert found["regret"] == pytest.approx(0.5)
     assert score_sites(replace(sites(margin)), truth, ~ALL)["regret"] is None
+
+
+def test_marginal_sites_are_apart_from_dangerous_ones():
+    truth, margin = sites(np.full(ALL.shape, 0.2)), np.full(ALL.shape, -0.2)
+    margin[:4] = 0.3  # 200 cells are taken
+    truth = sites(np.where(np.arange(2000).reshape(40, 50) < 100, -0.1, truth.margin))
+    truth.margin[2, :10] = truth.margin[2, :10] * 0 - 0.11
+    truth.failed[2, :10] = 2
+    found = score_sites(sites(margin), truth, ALL, tolerance=0.1)
+    assert (found["false_safe"], found["dangerous"]) == (110 / 200, 10 / 200)
+    assert found["chosen"] == [3, 24]
+    margin[0, 7] = 0.5
+    found = score_sites(sites(margin), truth, ALL, tolerance=0.1)
+    assert (found["unsafe_choice"], found["dangerous_choice"]) == (1.0, 0.0)
+    assert (found["chosen_margin"], found["chosen_true_margin"]) == (0.5, pytest.approx(-0.1))
+    assert score_sites(sites(margin), truth, ALL)["dangerous_choice"] == 1.0  # without a tolerance
+    assert found["lost_by"] == {"slope": found["safe_lost"]}  # code 2
+
+
+def test_an_unknown_truth_is_dangerous_and_not_infinite_in_files():
+    truth = sites(np.full(ALL.shape, -np.inf))
+    found = score_sites(sites(np.full(ALL.shape, 0.1)), truth, ALL, tolerance=0.1)
+    assert found["dangerous_choice"] == found["dangerous"] == 1.0
+    assert found["chosen_true_margin"] is None
