@@ -1,7 +1,7 @@
 """A LiDAR in the 3D View: its beams before a scan, and its points after one.
 
 Points are small squares, as the measured surface's are, with a node group that shows the first of them. Beams are
-thin rods to where they meet what is built: bare lines are hidden with the overlays of a camera view. Both are in a
+thin rods to the built surfaces: bare lines are hidden with the overlays of a camera view. Both are in a
 collection that is not rendered, and no part of the built scene.
 """
 
@@ -91,7 +91,7 @@ def _build_limit() -> bpy.types.NodeTree:
     tree = Tree(group)
     squares = tree.node("NodeGroupInput", "Squares")
     index = tree.node("GeometryNodeInputIndex", "Index")
-    # Blender 5.2 has renamed the inputs of Compare; those of Math have one name everywhere.
+    # Blender 5.2 has renamed the inputs of Compare; Math has the same names everywhere.
     beyond = tree.math("GREATER_THAN", _LIMIT, index.outputs[0], 0.0)
     kept = tree.node(
         "GeometryNodeDeleteGeometry",

@@ -52,7 +52,7 @@ def find_scanner_file(scene: bpy.types.Scene) -> Path:
 
 
 def make_request(scene: bpy.types.Scene) -> ScanRequest:
-    """What the panel asks of a scan."""
+    """The panel's choices for a scan."""
     group = scene.icymoon.lidar
     without = [name for name in ("ice", "detector") if not getattr(group, name)]
     return ScanRequest(rows=group.rows or None, columns=group.columns or None, without=tuple(without))
@@ -118,7 +118,7 @@ class ICYMOON_OT_scan_lidar(JobOperator, bpy.types.Operator):
 
 
 class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
-    """Show the points of the last scan of the present settings, as squares in the colour of what was measured"""
+    """Show the points of the last scan of the present settings, as squares coloured by a measured value"""
 
     bl_idname = "icymoon.show_scan"
     bl_label = "Show LiDAR Points"

@@ -1,4 +1,4 @@
-"""Points of a LiDAR's scan for a view: a random part of them, in the colours of what was measured.
+"""Points of a LiDAR's scan for a view: a random part of them, coloured by a measured value.
 
 Imports no Blender.
 """

@@ -144,8 +144,8 @@ class Cameras:
     axes, if the pairs have them; ``pose``, float64 (4, 4), from the camera to the world; and the texts ``camera``,
     ``role``, ``model``, ``pair`` and ``scene``.
 
-    ``cameras`` and ``roles`` choose by name and by role, all without them. Images of one size alone fit a batch. The
-    other parameters are as those of ``Dataset``. Raises IcyMoonError if no camera is left.
+    ``cameras`` and ``roles`` choose by name and by role, all without them. Images of one size alone fit a batch. For
+    the other parameters see ``Dataset``. Raises IcyMoonError if no camera is left.
     """
 
     def __init__(

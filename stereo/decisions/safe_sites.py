@@ -216,8 +216,8 @@ def _find_crossings(
 
 
 def _interpolate_heights(heights: Array, rows: float, columns: float) -> Array:
-    """For each cell the height ``rows`` and ``columns`` away, of which at least one is a whole number: linear between
-    two cells, minus infinity if one of them is unknown or beyond the border.
+    """For each cell the height ``rows`` and ``columns`` away: linear between two cells, as one of both is a
+    whole number, minus infinity if one of them is unknown or beyond the border.
     """
     below = [int(np.floor(each + 1e-9)) for each in (rows, columns)]
     share = max(rows - below[0], columns - below[1])

@@ -1,6 +1,6 @@
-"""Grounds for training pairs: what is drawn for each, which are held out, and the triangles that rays meet.
+"""Grounds for training pairs: their random choices, the held-out grounds, and the triangles that rays meet.
 
-A ground is a terrain preset with a seed of its own, rocks, and shapes that no ice has, meshed in rings around one
+A ground is a terrain preset with its own seed, rocks, and shapes that no ice has, meshed in rings around one
 standing place. Many crops share it. Everything follows from the seed, the split and the ground's number.
 """
 
@@ -62,8 +62,8 @@ HELD_OUT_BODY = ("fresh_snow_plain", "settled_snow", "suncups", "tiger_stripe_fl
 HELD_OUT_SUN_DEG = (10.0, 16.0)
 #: Elevations of the Sun in all pairs.
 SUN_DEG = (3.0, 65.0)
-#: The splits and the child of the seed that each has. Every split has grounds of its own; the last three also have
-#: what training never shows.
+#: The splits and their children of the seed. No two splits share a ground. Training never shows the landforms, bodies
+#: and Suns of the last three.
 SPLITS = {"train": 0, "ground": 1, "landform": 2, "body": 3, "sun": 4}
 
 #: Label of ground, of rocks, and of shapes that no ice has.

@@ -1,4 +1,4 @@
-"""Training pairs made by rays: both images of a crop, its exact disparity, and what the right eye does not see.
+"""Training pairs made by rays: both images of a crop, its exact disparity, and the pixels hidden from the right eye.
 
 A sample depends on the seed, the split and its number alone, not on the process that makes it. Samples
 ``CROPS_PER_GROUND`` k to ``CROPS_PER_GROUND`` (k + 1) - 1 share ground k.
@@ -267,7 +267,7 @@ def _smooth(image: Array) -> Array:
 
 
 def _stretch(image: Array, rows: int) -> Array:
-    """An image (h, w) with ``rows`` rows, linear between the middles of its own."""
+    """An image (h, w) with ``rows`` rows, linear between the middles of the image's rows."""
     place = np.clip((np.arange(rows) + 0.5) * len(image) / rows - 0.5, 0, len(image) - 1)
     first = np.minimum(place.astype(np.intp), len(image) - 2)
     share = (place - first)[:, None]

@@ -7,7 +7,7 @@ from typing import Any
 
 from .options import Option, resolve_options
 
-#: Name of the method that only interpolates, and of what is added to a matcher.
+#: Name of the method that only interpolates, and of the addition to a matcher.
 LIDAR = "lidar"
 #: The option with the folder of a scan.
 RETURNS = "returns"

@@ -174,7 +174,7 @@ def _normalize_locally(image: Tensor) -> Tensor:
 
 
 def _correlate(left: Tensor, right: Tensor, levels: int, groups: int) -> Tensor:
-    """Cosine similarities (N, levels, groups, H, W) of features with those of the other eye, 0 outside its image."""
+    """Cosine similarities (N, levels, groups, H, W) of features with the other eye's features, 0 outside its image."""
     n, c, h, w = left.shape
     a, b = (F.normalize(each.view(n, groups, c // groups, h, w), dim=2) for each in (left, right))
     padded = F.pad(b, (levels - 1, 0))
