@@ -26,7 +26,7 @@ from ..support.number_text import format_count
 from .fusion.range_points import make_point_generator, make_range_points, mark_pixels
 from .images.crops import Crop, Crops, read_whole
 from .images.head_views import develop_head_view, read_head_view
-from .learning.made_pairs import CROP_PX, MadePairs
+from .learning import CROP_PX
 from .matchers.lidar_options import LIDAR, complete_lidar_options
 
 if TYPE_CHECKING:
@@ -244,9 +244,13 @@ def stream_made_pairs(
     values, without PyTorch, and without Embree.
     """
     try:
-        from .learning.sample_stream import SampleStream
+        import torch  # noqa: F401
     except ImportError:
         raise IcyMoonError(_WITHOUT_TORCH) from None
+    # They need OpenCV, which samples of rendered pairs do not.
+    from .learning.made_pairs import MadePairs
+    from .learning.sample_stream import SampleStream
+
     return SampleStream(MadePairs(split, seed, crop_px), first_ground)
 
 
