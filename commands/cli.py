@@ -27,6 +27,7 @@ STEREO_VERBS = (
     "truth",
     "export",
     "develop",
+    "train",
     "poses",
 )
 #: Each verb: its meaning, the module here that runs it, and the function there that adds its arguments.

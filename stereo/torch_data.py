@@ -20,11 +20,14 @@ from ..settings.description import check, merged
 from ..settings.preset_files import load_preset
 from ..settings.table import TOPICS
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
+from .fusion.range_points import make_point_generator, make_range_points, mark_pixels
 from .images.crops import Crop, Crops, read_whole
 from .images.head_views import develop_head_view, read_head_view
-from .learning.made_pairs import CROP_PX, MadePairs
+from .learning import CROP_PX
+from .matchers.lidar_options import LIDAR, complete_lidar_options
 
 if TYPE_CHECKING:
     from .learning.sample_stream import SampleStream
@@ -40,7 +43,10 @@ class Dataset:
     A sample is a dictionary of tensors: ``left`` and ``right``, float32 (1, H, W), or (3, H, W) of a colour sensor,
     from 0 to 1; ``disparity_px``, float32 (H, W), 0 where unknown; ``valid``, bool (H, W), where it is known;
     ``occluded``, bool (H, W), where the right eye does not see its point; ``focal_px``, ``baseline_m``, ``cx_px`` and
-    ``cy_px`` of the crop; and the texts ``pair`` and ``scene``.
+    ``cy_px`` of the crop; and the texts ``pair`` and ``scene``. With ``lidar``, such as {"points": 300}, also
+    ``range_disparity_px``, float32 (H, W): the disparities of range points at their nearest pixels, 0 elsewhere. Its
+    options are those of the method ``lidar``; the points and their noise are drawn anew in every epoch, and "returns"
+    names the folder of a scan by ``icymoon lidar``.
 
     ``split`` is one of ``splits``, the shares of the scenes. Their default is in the plan of the data set, or 80 %
     train, 10 % val and 10 % test. Pairs of one ground are never in two splits. ``presets`` and ``augment`` change the
@@ -59,7 +65,9 @@ class Dataset:
         augment: Mapping[str, tuple[float, float]] | None = None,
         crop_px: tuple[int, int] | None = None,
         seed: int = 0,
+        lidar: Mapping[str, Any] | None = None,
     ) -> None:
+        self._lidar = None if lidar is None else complete_lidar_options(LIDAR, lidar)
         self.pairs = _choose_pairs(paths, split, splits)
         for pair in self.pairs:
             pair.image("left")  # raises for a pair that has no eyes
@@ -110,9 +118,13 @@ class Dataset:
         )
         rows, columns, left, upper = self._draw_window(pair, random)
         crop = Crop(rows, columns)
-        shown = self._crops.read(pair, settings, crop) if self._crop else None
+        # Range points are of the whole image.
+        shown = self._crops.read(pair, settings, crop) if self._crop and self._lidar is None else None
         if shown is None:
-            shown = {key: value[rows, columns] for key, value in read_whole(pair, settings).items()}
+            whole = read_whole(pair, settings)
+            if self._lidar is not None:
+                whole["range_disparity_px"] = self._mark_range_points(pair, whole, self._lidar)
+            shown = {key: value[rows, columns] for key, value in whole.items()}
         for eye in EYES:
             grey = shown[eye].ndim == 2
             shown[eye] = (shown[eye][None] if grey else np.moveaxis(shown[eye], -1, 0)).astype(np.float32)
@@ -126,6 +138,12 @@ class Dataset:
             "pair": pair.id,
             "scene": name_scene(pair),
         }
+
+    def _mark_range_points(self, pair: Pair, whole: Mapping[str, Any], options: Mapping[str, Any]) -> Array:
+        """The disparities (H, W) of the range points of a pair in this epoch."""
+        truth = np.where(whole["valid"], pair.camera.depth(whole["disparity_px"]), np.nan)
+        random = make_point_generator(options["seed"], pair.name, self._epoch)
+        return mark_pixels(make_range_points(options, pair, truth, pair.camera, random), truth.shape)
 
     def _draw_window(self, pair: Pair, random: np.random.Generator) -> tuple[slice, slice, int, int]:
         """Rows and columns of the crop, and its corner. Both eyes have the same columns, so disparities stay."""
@@ -226,9 +244,13 @@ def stream_made_pairs(
     values, without PyTorch, and without Embree.
     """
     try:
-        from .learning.sample_stream import SampleStream
+        import torch  # noqa: F401
     except ImportError:
         raise IcyMoonError(_WITHOUT_TORCH) from None
+    # They need OpenCV, which samples of rendered pairs do not.
+    from .learning.made_pairs import MadePairs
+    from .learning.sample_stream import SampleStream
+
     return SampleStream(MadePairs(split, seed, crop_px), first_ground)
 
 

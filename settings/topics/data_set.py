@@ -38,7 +38,7 @@ class DatasetSettings(Table, label="Data Set"):
         "When Blender is opened again, the sidebar shows its progress", "run", section=ELSEWHERE)
     methods: str = text(
         "Matchers", "bm,sgbm", "Stereo matchers that Evaluate runs, separated by commas: bm, sgbm, sgbm_wls, jplv, "
-        "igev, dsmnet. Options are written as in sgbm:window=7; own:NAME is a matcher that you set up in the "
+        "igev, dsmnet, icynet. Options are written as in sgbm:window=7; own:NAME is a matcher that you set up in the "
         "preferences", "run", "matchers", section=ELSEWHERE)
     maps: bool = tick(
         "Write Maps (GeoTIFF)", False, "Evaluate also writes height, height error and missing areas as GeoTIFF, in "

@@ -21,16 +21,7 @@ from .choose import choose_disparity
 from .guided_search import move_right, restore_disparity
 from .interpolate import Interpolation, interpolate
 from .paint import paint_points
-from .range_points import (
-    PointErrors,
-    RangePoints,
-    SeenPair,
-    choose_points,
-    make_point_generator,
-    project_points,
-    read_scan,
-    sample_depth,
-)
+from .range_points import RangePoints, SeenPair, make_point_generator, make_range_points
 
 #: Options of matchers that state a search range; AUTO takes the range that is given.
 _RANGE_OPTIONS = ("disparities", "max_disparity", "min_disparity")
@@ -75,18 +66,6 @@ def match_method(
     stated = {f"lidar.{key}": value for key, value in options.items()}
     info |= {"method": method.name, "options": dict(method.options) | stated, "facts": info.get("facts", {}) | facts}
     return np.where(found > 0, found, np.nan).astype(np.float32), info
-
-
-def make_range_points(
-    options: Mapping[str, Any], pair: SeenPair, truth: Array, camera: StereoCamera, random: np.random.Generator
-) -> RangePoints:
-    """The range points of a pair, by complete options; see ``range_points``."""
-    if options["returns"]:
-        places = choose_points(read_scan(Path(options["returns"]), pair, truth), options["points"], random)
-    else:
-        places = sample_depth(truth, pair.camera, options["points"], random)
-    errors = PointErrors(options["noise_cm"] / 100, options["shift_px"])
-    return project_points(places, camera, truth.shape, errors, random)
 
 
 def _match_guided(

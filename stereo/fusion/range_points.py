@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -180,6 +181,28 @@ def project_points(
     return RangePoints(column[kept], row[kept], disparity[kept], noise_px)
 
 
-def make_point_generator(seed: int, pair: str) -> np.random.Generator:
-    """The random numbers of the range points of a pair."""
-    return make_generator(seed, "range_points", int(hashlib.sha256(pair.encode()).hexdigest()[:8], 16))
+def make_range_points(
+    options: Mapping[str, Any], pair: SeenPair, truth: Array, camera: StereoCamera, random: np.random.Generator
+) -> RangePoints:
+    """The range points of a pair, by complete options (``matchers.lidar_options``): samples of the ``truth`` (H, W),
+    planar metres, or its scan."""
+    if options["returns"]:
+        places = choose_points(read_scan(Path(options["returns"]), pair, truth), options["points"], random)
+    else:
+        places = sample_depth(truth, pair.camera, options["points"], random)
+    errors = PointErrors(options["noise_cm"] / 100, options["shift_px"])
+    return project_points(places, camera, truth.shape, errors, random)
+
+
+def mark_pixels(points: RangePoints, shape: tuple[int, ...]) -> Array:
+    """An image (H, W), float32, of the disparities in px of points, each at the nearest pixel; 0 where no point is. Of
+    several points the nearest to the camera counts."""
+    marked = np.zeros(shape, np.float32)
+    place = np.rint(points.row).astype(int), np.rint(points.column).astype(int)
+    np.maximum.at(marked, place, points.disparity.astype(np.float32))
+    return marked
+
+
+def make_point_generator(seed: int, pair: str, *epoch: int) -> np.random.Generator:
+    """The random numbers of the range points of a pair, and of an epoch of training."""
+    return make_generator(seed, "range_points", int(hashlib.sha256(pair.encode()).hexdigest()[:8], 16), *epoch)

@@ -26,6 +26,7 @@ from ...settings.topics.camera import SensorSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.develop import to_8_bit
+from . import CROP_PX
 from .grounds import (
     Ground,
     build_ground,
@@ -39,8 +40,6 @@ from .radiance import Lighting, compute_radiance, measure_indirect
 
 #: Number of samples that share a ground.
 CROPS_PER_GROUND = 24
-#: Width and height of a crop in pixels.
-CROP_PX = (256, 192)
 #: Range of the greatest disparity of a sample, px.
 _REACH_PX = (10.0, 120.0)
 #: Baselines in metres.

@@ -24,6 +24,7 @@ from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_bytes
+from ...support.system import remove
 from ..networks.icynet import IcyNet
 from .losses import compute_loss
 
@@ -31,6 +32,8 @@ from .losses import compute_loss
 _KEYS = ("left", "right", "disparity_px", "valid", "occluded")
 _LOG_COLUMNS = ("step", "loss", "disparity", "levels", "confidence", "bad_1", "rate", "seconds")
 _FORMAT = 1
+#: The file with the weights alone, which the matcher icynet reads.
+WEIGHTS_FILE = "weights.pth"
 
 
 @dataclass(frozen=True)
@@ -90,12 +93,17 @@ class CachedGrounds:
         return self._loaded[number]
 
     def drop(self, keep: range) -> None:
-        """Forget the grounds that are no longer used."""
+        """Forget the grounds that are no longer used, and remove their files."""
         for number in [each for each in self._loaded if each not in keep]:
             del self._loaded[number]
+            if file := self._find_file(number):
+                remove(file)
+
+    def _find_file(self, number: int) -> Path | None:
+        return self._folder and self._folder / f"{self._pairs.split}-{self._pairs.seed}-{number:06d}.npz"
 
     def _load(self, number: int) -> dict[str, Array]:
-        file = self._folder and self._folder / f"{self._pairs.split}-{self._pairs.seed}-{number:06d}.npz"
+        file = self._find_file(number)
         if file and file.exists():
             try:
                 with np.load(file, allow_pickle=False) as found:
@@ -138,7 +146,8 @@ def draw_batch(grounds: CachedGrounds, plan: Plan, step: int) -> dict[str, torch
 
 
 class Run:
-    """A training run in a folder: ``checkpoint.pt``, ``log.csv``. Opened again, it goes on after its last checkpoint.
+    """A training run in a folder: ``checkpoint.pt``, ``weights.pth``, ``log.csv``. Opened again, it goes on after its
+    last checkpoint.
 
     Raises IcyMoonError for a broken checkpoint, or one of another plan.
     """
@@ -190,7 +199,8 @@ class Run:
         return {"step": self.step, "loss": values.pop("total"), **values, "rate": rate}
 
     def save(self) -> None:
-        """Write the checkpoint, then the log. Raises IcyMoonError if the disk is full; the last checkpoint stays."""
+        """Write the checkpoint, then the weights for the matcher icynet, then the log. Raises IcyMoonError if the disk
+        is full; the last checkpoint stays."""
         stream = io.BytesIO()
         torch.save(
             {
@@ -204,6 +214,9 @@ class Run:
             stream,
         )
         write_bytes(self.checkpoint, stream.getvalue())
+        weights = io.BytesIO()
+        torch.save(self.network.state_dict(), weights)
+        write_bytes(self.folder / WEIGHTS_FILE, weights.getvalue())
         text = io.StringIO()
         writer = csv.DictWriter(text, _LOG_COLUMNS)
         writer.writeheader()

@@ -52,6 +52,12 @@ class Network:
     file: str  # the authors' name of it
     source: str
     build: Callable[[int], nn.Module]  # from the largest disparity
+    advice: str = ""  # how to get parameters that no source gives
+
+    @property
+    def remedy(self) -> str:
+        """How to get the parameters, as a clause."""
+        return self.advice or f"download {self.file} as the README of {self.source} describes and put it there"
 
 
 def check(network: Network, options: Mapping[str, Any]) -> None:
@@ -59,8 +65,7 @@ def check(network: Network, options: Mapping[str, Any]) -> None:
     path = find_checkpoint(network, options)
     if not path.is_file():
         raise IcyMoonError(
-            f"{network.method} has no checkpoint at {path}; download {network.file} as the README of "
-            f"{network.source} describes and put it there, or give {network.method}.checkpoint=FILE."
+            f"{network.method} has no checkpoint at {path}; {network.remedy}, or give {network.method}.checkpoint=FILE."
         )
     if importlib.util.find_spec("torch") is None:
         raise IcyMoonError(f"{network.method} needs PyTorch, which this Python lacks; run: pip install torch")
@@ -113,7 +118,7 @@ def guard_inference(method: str) -> Iterator[None]:
 
 
 def to_batch(image: Array, device: torch.device) -> torch.Tensor:
-    """A float tensor (1, 3, H, W) on ``device`` from (H, W, 3)."""
+    """A float tensor (1, C, H, W) on ``device`` from (H, W, C)."""
     import torch
 
     return torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None].to(device)

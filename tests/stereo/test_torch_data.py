@@ -57,6 +57,26 @@ def test_a_crop_is_a_part_of_the_whole(dataset):
     assert len(corners) > 1
 
 
+def test_range_points_are_marked_at_their_pixels_anew_in_every_epoch(dataset):
+    plain, ranged = Dataset(dataset), Dataset(dataset, lidar={"points": 40, "noise_cm": 0})
+    whole = ranged.arrays(1)
+    marked = whole.pop("range_disparity_px")
+    assert alike(plain.arrays(1), whole), "points change nothing else"
+    assert marked.dtype == np.float32
+    assert np.count_nonzero(marked) == 40
+    there = marked > 0
+    assert whole["valid"][there].all()
+    assert marked[there] == pytest.approx(whole["disparity_px"][there], rel=1e-6)
+    assert np.array_equal(marked, ranged.arrays(1)["range_disparity_px"])
+    ranged.set_epoch(1)
+    assert not np.array_equal(marked, ranged.arrays(1)["range_disparity_px"])
+    crop = Dataset(dataset, lidar={"points": 40, "noise_cm": 0}, crop_px=(40, 24)).arrays(1)
+    left, upper = round(RIG.cx_px - crop["cx_px"]), round(RIG.cy_px - crop["cy_px"])
+    assert np.array_equal(crop["range_disparity_px"], marked[upper : upper + 24, left : left + 40])
+    with pytest.raises(IcyMoonError, match="point"):
+        Dataset(dataset, lidar={"poins": 40})
+
+
 def test_samples_depend_on_seed_and_epoch_alone(dataset):
     options: Any = {"augment": {"sensor.read_noise_e": (5.0, 50.0)}, "crop_px": (40, 24)}
     one, two = Dataset(dataset, **options), Dataset(dataset, **options)

@@ -9,6 +9,7 @@ import pytest
 import torch
 from icymoon.stereo.learning.losses import compute_loss
 from icymoon.stereo.learning.train import CachedGrounds, Plan, Run, draw_batch
+from icymoon.stereo.matchers import match
 from icymoon.stereo.networks.icynet import IcyNet
 from icymoon.support.errors import IcyMoonError
 
@@ -92,7 +93,7 @@ def test_a_full_disk_is_told_and_leaves_the_last_checkpoint(tmp_path, monkeypatc
     with pytest.raises(IcyMoonError, match="space"):
         run.save()
     assert run.checkpoint.read_bytes() == before
-    assert len(list(tmp_path.iterdir())) == 2
+    assert len(list(tmp_path.iterdir())) == 3
 
 
 def test_grounds_are_kept_and_made_again_when_broken(tmp_path):
@@ -105,6 +106,54 @@ def test_grounds_are_kept_and_made_again_when_broken(tmp_path):
     file.write_bytes(b"PK broken")
     assert np.array_equal(CachedGrounds(pairs, tmp_path).read(3)["left"], first["left"])
     assert pairs.made == 2
+
+
+def test_the_files_of_grounds_that_are_out_of_use_are_removed(tmp_path):
+    plan = replace(PLAN, steps=8)
+    for _ in Run(plan, tmp_path / "run", CachedGrounds(FakePairs(), tmp_path / "grounds")).iterate():
+        pass
+    kept = {file.name for file in (tmp_path / "grounds").iterdir()}
+    assert kept == {f"train-0-{number:06d}.npz" for number in plan.list_grounds(8)[:-1]}
+
+
+def test_the_command_trains_goes_on_and_refuses(tmp_path, monkeypatch, capsys):
+    from icymoon.stereo import cli
+    from icymoon.stereo.learning import made_pairs, train
+
+    monkeypatch.setattr(made_pairs, "MadePairs", lambda split, seed: FakePairs())
+    monkeypatch.setattr(train, "Plan", lambda **given: replace(PLAN, **given))
+    words = ["train", "--out", str(tmp_path), "--batch", "2"]
+    assert cli.main([*words, "--steps", "2"]) == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "weights.pth")
+    assert len((tmp_path / "log.csv").read_text().splitlines()) == 3
+    assert cli.main([*words, "--steps", "3"]) == 1
+    assert "other settings" in capsys.readouterr().err
+    assert cli.main([*words, "--steps", "0"]) == 1
+    assert "--steps is 0" in capsys.readouterr().err
+
+
+def test_the_matcher_takes_trained_weights_and_the_range_of_the_pair(tmp_path):
+    run = Run(PLAN, tmp_path, CachedGrounds(FakePairs()))
+    run.save()
+    random = np.random.default_rng(1)
+    wide = np.repeat(random.integers(0, 256, (50, 70), np.uint8), 2, axis=1)
+    left, right = wide[:, 20:115], wide[:, 26:121]  # 50 x 95, so that both sides are padded
+    options = {"checkpoint": tmp_path / "weights.pth"}
+    found, valid, info = match("icynet", left, right, options | {"disparities": 32, "min_disparity": 0})
+    assert found.shape == left.shape
+    assert valid.any()
+    assert info["facts"]["checkpoint_sha256"]
+    # The same ground seen with a rig whose disparities are 16 px larger.
+    moved = np.roll(right, -16, axis=1)
+    shifted = match("icynet", left, moved, options | {"disparities": 32, "min_disparity": 16})[0]
+    inner = np.s_[16:34, 40:70]
+    assert np.nanmedian(np.abs(shifted[inner] - 16 - found[inner])) < 1.0
+
+
+def test_the_matcher_without_weights_names_the_command(tmp_path):
+    image = np.zeros((32, 32), np.uint8)
+    with pytest.raises(IcyMoonError, match=r"icymoon\.stereo train"):
+        match("icynet", image, image, {"checkpoint": tmp_path / "none.pth"})
 
 
 def test_grounds_come_one_after_the_other():

@@ -1,0 +1,68 @@
+"""The verb ``train``: train icynet on pairs made by rays, and go on where an earlier run stopped."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from ...support import printer
+from ...support.errors import IcyMoonError
+from ...support.terminal import add_json_lines, as_path, check_least, tell_events
+
+#: Seconds between checkpoints: the most that a kill loses.
+_SAVE_INTERVAL_S = 60.0
+#: Steps whose loss is averaged for the line of progress.
+_SHOWN_STEPS = 50
+
+
+def add_train_options(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the verb ``train``; ``run_train`` reads them."""
+    command.add_argument(
+        "--out",
+        type=as_path,
+        required=True,
+        metavar="FOLDER",
+        help="folder of the run: checkpoint, weights, log and grounds; a run that is there goes on",
+    )
+    command.add_argument("--steps", type=int, default=6000, metavar="N", help="steps in all (%(default)s)")
+    command.add_argument("--batch", type=int, default=6, metavar="N", help="crops of a step (%(default)s)")
+    command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all grounds (%(default)s)")
+    add_json_lines(command)
+
+
+def run_train(parsed: argparse.Namespace) -> int:
+    """Run ``train`` with its parsed arguments; return the exit code."""
+    check_least(parsed, 1, "steps", "batch")
+    check_least(parsed, 0, "seed")
+    try:
+        import torch
+    except ImportError:
+        raise IcyMoonError(
+            'Training needs PyTorch, which is not installed; run: pip install "icymoon[networks]".'
+        ) from None
+    from .made_pairs import MadePairs
+    from .train import WEIGHTS_FILE, CachedGrounds, Plan, Run
+
+    torch.set_num_threads(1)  # more change the last bits of sums, and with them the losses of a resumed run
+    plan = Plan(steps=parsed.steps, batch=parsed.batch, seed=parsed.seed, steps_per_ground=15)
+    run = Run(plan, parsed.out, CachedGrounds(MadePairs("train", plan.seed), parsed.out / "grounds"))
+    saved, recent = time.monotonic(), list[float]()
+    with tell_events("Training", parsed.json_lines) as tell:
+        for row in run.iterate():
+            recent = [*recent, row["loss"]][-_SHOWN_STEPS:]
+            message = f"Step {run.step}: loss {sum(recent) / len(recent):.3f}"
+            tell({"type": "progress", "done": run.step, "total": plan.steps, "message": message})
+            if time.monotonic() > saved + _SAVE_INTERVAL_S:
+                run.save()
+                saved = time.monotonic()
+        run.save()
+    _tell_result(parsed, parsed.out / WEIGHTS_FILE)
+    return 0
+
+
+def _tell_result(parsed: argparse.Namespace, weights: Path) -> None:
+    if parsed.json_lines:
+        printer.emit("trained", path=str(weights.resolve()))
+    else:
+        printer.say(str(weights.resolve()))
