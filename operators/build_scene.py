@@ -13,7 +13,7 @@ from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from . import refine_ground, view_resolution
 from .build import LIT_AZIMUTH_DEG, build_and_report, light_untouched_scene, restore_views
-from .coloured_views import hide_errors
+from .coloured_views import hide_colours
 from .session import session
 from .sidebar_text import format_for_window
 from .user_render import restore_render
@@ -64,7 +64,7 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
         return found
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        hide_errors(context.scene)
+        hide_colours(context.scene)
         session.picture.remove()
         collection = scenes.find_collection(context.scene)
         restore_render(context.scene, collection)

@@ -75,6 +75,8 @@ def test_points_follow_the_panel_and_a_build_removes_them(small, monkeypatch):
     assert lidar_in_view.find_shown(small) is None  # the ground may be another
     assert bpy.ops.icymoon.show_beams() == {"FINISHED"}
     assert lidar_in_view.find_shown(small).name == lidar_in_view.BEAMS
+    assert bpy.ops.icymoon.clear_scene() == {"FINISHED"}
+    assert lidar_in_view.find_shown(small) is None  # the beams end on ground that is gone
 
 
 def refuse(operator: str, words: str) -> None:
