@@ -7,8 +7,6 @@ collection that is not rendered, and no part of the built scene.
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 import numpy as np
 
@@ -31,8 +29,8 @@ from .datablocks.array_marks import read_property
 from .datablocks.fingerprint import TAG
 from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import build_material, make_squares, set_colours
-from .remove_objects import remove_unused
 from .rig import find_eye_poses
+from .shown_objects import link_shown, list_shown, remove_shown
 from .tree.builder import Tree
 
 NAME = "Icy Moon LiDAR"
@@ -212,46 +210,22 @@ def make_rods(start: Array, direction: Array, length: Array, near_m: float, far_
 
 def _link(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
     """Put an object into a collection that is not rendered."""
-    item[TAG] = ROLE
-    item.hide_render = item.show_in_front = True
     material = build_material(_COLOUR)
     material.name, material[TAG] = NAME, ROLE
     item.data.materials.append(material)
-    collection = bpy.data.collections.new(NAME)
-    collection[TAG] = ROLE
-    collection.hide_render = True
-    scene.collection.children.link(collection)
-    collection.objects.link(item)
-
-
-def _list_items(scene: bpy.types.Scene) -> list[Any]:
-    return [
-        item
-        for collection in scene.collection.children
-        if collection.get(TAG) == ROLE
-        for item in collection.objects
-        if item.get(TAG) == ROLE
-    ]
+    link_shown(scene, item, NAME, ROLE)
 
 
 def find_points(scene: bpy.types.Scene) -> bpy.types.Object | None:
     """The points that are shown in a scene, if any."""
-    return next((item for item in _list_items(scene) if item.modifiers.get(_LIMIT) is not None), None)
+    return next((item for item in list_shown(scene, ROLE) if item.modifiers.get(_LIMIT) is not None), None)
 
 
 def find_shown(scene: bpy.types.Scene) -> bpy.types.Object | None:
     """The points or beams that are shown in a scene, if any."""
-    return next(iter(_list_items(scene)), None)
+    return next(iter(list_shown(scene, ROLE)), None)
 
 
 def clear(scene: bpy.types.Scene) -> bool:
     """Remove points and beams of a scene, and return whether there were any. The user's own objects stay."""
-    items, collections = _list_items(scene), [c for c in scene.collection.children if c.get(TAG) == ROLE]
-    for other in {item for c in collections for item in c.objects if item not in items}:
-        scene.collection.objects.link(other)
-    meshes = {item.data for item in items}
-    others = {slot.material for item in items for slot in item.material_slots}
-    others |= {modifier.node_group for item in items for modifier in item.modifiers if modifier.type == "NODES"}
-    bpy.data.batch_remove([*items, *collections])
-    remove_unused(meshes, [part for part in others if part is not None and part.get(TAG) == ROLE])
-    return bool(collections)
+    return remove_shown(scene, ROLE)

@@ -21,6 +21,7 @@ from ..support.errors import IcyMoonError
 from ..support.number_text import format_count
 from .datablocks.array_marks import read_property
 from .datablocks.fingerprint import TAG
+from .shown_objects import link_shown, list_shown, remove_shown
 from .tree.builder import Tree
 
 NAME = "Icy Moon Measured Surface"
@@ -80,15 +81,8 @@ def build_points(
     mesh.materials.append(build_material(_COLOUR_ATTRIBUTE))
     _colour_mesh(mesh, full_m)
     item = bpy.data.objects.new(f"{NAME}: {title}", mesh)
-    item[TAG] = ROLE
     item[_COUNTS_PROPERTY] = _count_kinds(error, [ply.read_comment_number(path, "missing") for path in paths])
-    item.hide_render = True
-    item.show_in_front = True
-    collection = bpy.data.collections.new(NAME)
-    collection[TAG] = ROLE
-    collection.hide_render = True
-    scene.collection.children.link(collection)
-    collection.objects.link(item)
+    link_shown(scene, item, NAME, ROLE)
     return item
 
 
@@ -189,18 +183,9 @@ def build_material(colour_attribute: str) -> bpy.types.Material:
 
 def find_points(scene: bpy.types.Scene) -> bpy.types.Object | None:
     """The measured surface that is shown in this scene, if any."""
-    collection = next((c for c in scene.collection.children if c.get(TAG) == ROLE), None)
-    return next((item for item in collection.objects if item.get(TAG) == ROLE), None) if collection else None
+    return next(iter(list_shown(scene, ROLE)), None)
 
 
 def clear_points(scene: bpy.types.Scene) -> bool:
     """Remove everything that ``build_points`` made in this scene, and return whether there was anything."""
-    collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
-    for collection in collections:
-        items = [item for item in collection.objects if item.get(TAG) == ROLE]
-        meshes = {item.data for item in items}
-        materials = {slot.material for item in items for slot in item.material_slots if slot.material}
-        for other in [item for item in collection.objects if item not in items]:
-            scene.collection.objects.link(other)  # the user's own
-        bpy.data.batch_remove([*items, *meshes, *(m for m in materials if m.get(TAG) == ROLE), collection])
-    return bool(collections)
+    return remove_shown(scene, ROLE)

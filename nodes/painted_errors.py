@@ -43,6 +43,7 @@ from .datablocks.array_marks import PAINTED, read_property
 from .datablocks.fingerprint import TAG, find_added_objects, find_instanced_objects
 from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import KINDS, build_material, make_share_lines, set_colours
+from .shown_objects import begin_collection, find_collections, remove_shown
 
 NAME = "Icy Moon Depth Errors"
 ROLE = "painted errors"  # value of the custom property ``TAG`` of collection, object and material
@@ -224,14 +225,11 @@ def darken_meshes(meshes: Iterable[bpy.types.Mesh]) -> None:
 def begin_painting(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> bpy.types.Collection:
     """A new collection, not rendered, for colours painted on a mesh, in place of anything painted before."""
     clear_painted(scene)
-    collection = bpy.data.collections.new(name)
-    collection[TAG] = ROLE
+    collection = begin_collection(scene, name, ROLE)
     collection[_COLOURS_BEFORE_PROPERTY] = [
         mesh.attributes.active_color_name or "",
         mesh.attributes.default_color_name or "",
     ]
-    collection.hide_render = True
-    scene.collection.children.link(collection)
     return collection
 
 
@@ -244,13 +242,13 @@ def recolour_errors(scene: bpy.types.Scene, full_m: float) -> None:
 
 def find_painted(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     """The collection of painted errors or decisions in a scene; None if nothing is painted."""
-    return next((c for c in scene.collection.children if c.get(TAG) == ROLE), None)
+    return next(iter(find_collections(scene, ROLE)), None)
 
 
 def clear_painted(scene: bpy.types.Scene) -> bool:
     """Remove all paint of a scene, including decisions, and return whether there was any."""
-    collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
-    before: Sequence[str] | None = collections[0].get(_COLOURS_BEFORE_PROPERTY) if collections else None
+    painted = find_painted(scene)
+    before: Sequence[str] | None = painted.get(_COLOURS_BEFORE_PROPERTY) if painted else None
     for mesh in _find_painted_meshes(scene):
         for name in (ERROR_M, KIND, COLOUR):
             if name in mesh.attributes:
@@ -258,14 +256,7 @@ def clear_painted(scene: bpy.types.Scene) -> bool:
         for name, key in zip(before or (), ("active_color_name", "default_color_name"), strict=False):
             if name in mesh.color_attributes:
                 setattr(mesh.attributes, key, name)
-    for collection in collections:
-        items = [item for item in collection.objects if item.get(TAG) == ROLE]
-        meshes = {item.data for item in items if item.data}
-        materials = {material for each in meshes for material in each.materials if material}
-        for other in [item for item in collection.objects if item not in items]:
-            scene.collection.objects.link(other)  # the user's own
-        bpy.data.batch_remove([*items, *meshes, *(m for m in materials if m.get(TAG) == ROLE), collection])
-    return bool(collections)
+    return remove_shown(scene, ROLE)
 
 
 def make_legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
