@@ -10,7 +10,7 @@ import bpy
 from ..nodes.build_scene import find_collection
 from ..render.pairs.pair_folder import read_pair
 from ..settings.blender import scene_properties
-from ..settings.table import list_all_settings
+from ..settings.table import list_differing_settings
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from . import results
@@ -37,9 +37,7 @@ def _is_of_other_settings(scene: bpy.types.Scene, folder: Path) -> bool:
     rendered = _read_settings(folder, (folder / "pair.json").stat().st_mtime_ns)
     present = scene_properties.read_for_display(scene.icymoon)
     return rendered is not None and any(
-        rendered[topic][setting.key] != present[topic][setting.key]
-        for topic, setting in list_all_settings()
-        if setting.effect not in ("run", "response")
+        setting.effect not in ("run", "response") for _, setting in list_differing_settings(rendered, present)
     )
 
 

@@ -14,7 +14,7 @@ import bpy
 
 from ..settings import description
 from ..settings.blender import scene_properties
-from ..settings.table import list_all_settings
+from ..settings.table import list_differing_settings
 from ..settings.topics.declaration import Setting
 from ..settings.topics.scene import Settings, typed
 from ..stereo.matchers.methods import describe_method
@@ -217,10 +217,8 @@ def _find_changed_settings(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
     present = scene_properties.read_for_display(scene.icymoon)
     return [
         (topic, s)
-        for topic, s in list_all_settings()
+        for topic, s in list_differing_settings(found.settings, present)
         if _affects_results(topic, s, found.scope)
-        and s.key in found.settings.get(topic, {})
-        and found.settings[topic][s.key] != present[topic][s.key]
     ]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from ..plugins.landforms import RELEASE, PluginLandform, load_landform_plugins
 from .topics.declaration import LANDFORMS, Setting, Topic
 from .topics.ground import ABOVE_A_MAP
-from .topics.scene import OUR_TOPICS
+from .topics.scene import OUR_TOPICS, Settings
 
 
 def _make_topic(landform: PluginLandform) -> Topic:
@@ -65,6 +65,15 @@ TOPICS: dict[str, Topic] = OUR_TOPICS | {
 def list_all_settings() -> list[tuple[str, Setting]]:
     """All (topic key, setting) in the order of the sidebar."""
     return [(topic.key, setting) for topic in TOPICS.values() for setting in topic.settings]
+
+
+def list_differing_settings(one: Settings, other: Settings) -> list[tuple[str, Setting]]:
+    """(topic, setting) of the settings that differ, without those that ``one`` lacks; ``other`` is complete."""
+    return [
+        (topic, s)
+        for topic, s in list_all_settings()
+        if s.key in one.get(topic, {}) and one[topic][s.key] != other[topic][s.key]
+    ]
 
 
 def list_ground_settings() -> dict[str, tuple[str, str]]:
