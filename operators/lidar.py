@@ -24,7 +24,7 @@ from ..settings.blender import scene_properties
 from ..settings.change_announcements import LIDAR_POINTS
 from ..settings.preset_files import LIDARS
 from ..stereo.export.lidar import discard_points
-from ..stereo.lidar_view import read_shown_points
+from ..stereo.lidar_view import MOST_POINTS, read_shown_points
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
 from ..support.number_text import format_count
@@ -131,8 +131,8 @@ class ICYMOON_OT_show_scan(JobOperator, bpy.types.Operator):
         if not (folder / "lidar.npz").is_file():
             raise IcyMoonError(f"{_NO_SCAN_MESSAGE}.")
         self._scene_uid = scene.session_uid
-        work = partial(read_shown_points, folder, report=lambda *_: None)
-        return jobs.Job(self.bl_label, Calculation(work, folder), if_stopped="nothing is shown")
+        work = partial(read_shown_points, folder, MOST_POINTS)
+        return jobs.Job(self.bl_label, Calculation(work, folder, reports=True), if_stopped="nothing is shown")
 
     def report_success(self, context: bpy.types.Context) -> None:
         scene = find_scene(self._scene_uid)

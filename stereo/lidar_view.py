@@ -113,13 +113,13 @@ def colour_points(kind: str, values: Mapping[str, Array]) -> Array:
 
 def describe_colours(kind: str, values: Mapping[str, Array]) -> tuple[tuple[str, str], ...]:
     """(text, icon) of each line of the legend of ``colour_points``."""
-    alarms = int((values[RETURN_NUMBER] == 0).sum())
+    order = values[RETURN_NUMBER]
+    alarms = int((order == 0).sum())
     if kind == RETURN_NUMBER:
-        counts = {name: int((values[RETURN_NUMBER] == k).sum()) for k, name in enumerate(("", "First", "Second"), 0)}
-        later = int((values[RETURN_NUMBER] > 2).sum())
+        first, second, later = (int(which.sum()) for which in (order == 1, order == 2, order > 2))
         lines = [
-            (f"First, white: {counts['First']}", "BLANK1"),
-            (f"Second, blue: {counts['Second']}", "COLORSET_04_VEC"),
+            (f"First, white: {first}", "BLANK1"),
+            (f"Second, blue: {second}", "COLORSET_04_VEC"),
             (f"Later, orange or red: {later}", "COLORSET_01_VEC"),
         ]
         return (*lines, *([(f"False alarms, magenta: {alarms}", "COLORSET_05_VEC")] if alarms else []))

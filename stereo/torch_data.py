@@ -27,14 +27,11 @@ from .fusion.range_points import make_point_generator, make_range_points, mark_p
 from .images.crops import Crop, Crops, read_whole
 from .images.head_views import develop_head_view, read_head_view
 from .learning import CROP_PX
+from .learning.tensors import require_torch, to_tensors
 from .matchers.lidar_options import LIDAR, complete_lidar_options
 
 if TYPE_CHECKING:
     from .learning.sample_stream import SampleStream
-
-_WITHOUT_TORCH = (
-    'Training samples are tensors of PyTorch, which is not installed; run: pip install "icymoon[networks]".'
-)
 
 
 class Dataset:
@@ -103,7 +100,7 @@ class Dataset:
 
     def __getitem__(self, number: int) -> dict[str, Any]:
         """The sample of this number, the same for the same seed and epoch. Raises IcyMoonError without PyTorch."""
-        return _to_tensors(self.arrays(range(len(self.pairs))[number]))
+        return to_tensors(self.arrays(range(len(self.pairs))[number]))
 
     def arrays(self, number: int) -> dict[str, Any]:
         """The sample as NumPy arrays."""
@@ -203,7 +200,7 @@ class Cameras:
 
     def __getitem__(self, number: int) -> dict[str, Any]:
         """The sample of this number, the same for the same seed and epoch. Raises IcyMoonError without PyTorch."""
-        return _to_tensors(self.arrays(range(len(self.samples))[number]))
+        return to_tensors(self.arrays(range(len(self.samples))[number]))
 
     def arrays(self, number: int) -> dict[str, Any]:
         """The sample as NumPy arrays."""
@@ -243,10 +240,7 @@ def stream_made_pairs(
     have what training never shows. ``crop_px`` is (width, height), multiples of 8. Raises IcyMoonError for other
     values, without PyTorch, and without Embree.
     """
-    try:
-        import torch  # noqa: F401
-    except ImportError:
-        raise IcyMoonError(_WITHOUT_TORCH) from None
+    require_torch()
     # They need OpenCV, which samples of rendered pairs do not.
     from .learning.made_pairs import MadePairs
     from .learning.sample_stream import SampleStream
@@ -278,18 +272,6 @@ def _choose_pairs(
             "scenes, or other splits."
         )
     return chosen
-
-
-def _to_tensors(found: Mapping[str, Any]) -> dict[str, Any]:
-    """A sample with its arrays as tensors. Raises IcyMoonError without PyTorch."""
-    try:
-        import torch
-    except ImportError:
-        raise IcyMoonError(_WITHOUT_TORCH) from None
-    return {
-        key: torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
-        for key, value in found.items()
-    }
 
 
 def _make_setting(name: str, value: float) -> Settings:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ...physics.camera import rotations
 from ...physics.camera.point_spread import apply_point_spread
 from ...physics.camera.sensor import (
     choose_exposure_s,
@@ -176,7 +177,7 @@ def draw_view(ground: Ground, split: str, crop_px: tuple[int, int], random: np.r
     baseline = float(np.clip(reach * near / focal, *_BASELINE_M))
     right = Eye(columns, rows, focal, left.cx_px, left.cy_px, axes, position + baseline * axes[:, 0])
     faults = _draw_faults(focal, random)
-    turned = axes @ _make_rotation(faults.turn_rad)
+    turned = axes @ rotations.from_vector(faults.turn_rad)
     imaged = Eye(columns, rows, focal, left.cx_px, left.cy_px + faults.shift_px, turned, right.position)
     return View(left, right, imaged, baseline, _draw_light(split, random), faults)
 
@@ -195,14 +196,6 @@ def _draw_faults(focal_px: float, random: np.random.Generator) -> Faults:
     turn = random.normal(0, 0.25, 3) * [1.0, 0.3, 1.0] / focal_px * crooked
     gain = float(np.exp(random.normal(0, 0.06))) if random.random() < 0.7 else 1.0
     return Faults(turn, float(random.normal(0, 0.25)) * crooked, gain)
-
-
-def _make_rotation(turn_rad: Array) -> Array:
-    """The rotation (3, 3) of small angles (3,) about the axes, by Rodrigues' formula."""
-    angle = float(np.linalg.norm(turn_rad))
-    x, y, z = turn_rad / max(angle, 1e-300)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
 
 
 def _draw_light(split: str, random: np.random.Generator) -> Lighting:

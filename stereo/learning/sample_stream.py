@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import torch
 from torch.utils.data import IterableDataset, get_worker_info
 
 from .made_pairs import MadePairs
+from .tensors import to_tensors
 
 
 class SampleStream(IterableDataset[dict[str, Any]]):
@@ -25,4 +25,4 @@ class SampleStream(IterableDataset[dict[str, Any]]):
         worker = get_worker_info()
         own, workers = (worker.id, worker.num_workers) if worker else (0, 1)
         for sample in self._pairs.iterate(self._first + own, workers):
-            yield {key: torch.from_numpy(value) if hasattr(value, "shape") else value for key, value in sample.items()}
+            yield to_tensors(sample)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections import deque
 from pathlib import Path
 
 from ...support import printer
-from ...support.errors import IcyMoonError
 from ...support.terminal import add_json_lines, as_path, check_least, tell_events
+from .tensors import require_torch
 
 #: Seconds between checkpoints: the most that a kill loses.
 _SAVE_INTERVAL_S = 60.0
@@ -35,22 +36,19 @@ def run_train(parsed: argparse.Namespace) -> int:
     """Run ``train`` with its parsed arguments; return the exit code."""
     check_least(parsed, 1, "steps", "batch")
     check_least(parsed, 0, "seed")
-    try:
-        import torch
-    except ImportError:
-        raise IcyMoonError(
-            'Training needs PyTorch, which is not installed; run: pip install "icymoon[networks]".'
-        ) from None
+    require_torch()
+    import torch
+
     from .made_pairs import MadePairs
     from .train import WEIGHTS_FILE, CachedGrounds, Plan, Run
 
     torch.set_num_threads(1)  # more change the last bits of sums, and with them the losses of a resumed run
     plan = Plan(steps=parsed.steps, batch=parsed.batch, seed=parsed.seed, steps_per_ground=15)
     run = Run(plan, parsed.out, CachedGrounds(MadePairs("train", plan.seed), parsed.out / "grounds"))
-    saved, recent = time.monotonic(), list[float]()
+    saved, recent = time.monotonic(), deque[float](maxlen=_SHOWN_STEPS)
     with tell_events("Training", parsed.json_lines) as tell:
         for row in run.iterate():
-            recent = [*recent, row["loss"]][-_SHOWN_STEPS:]
+            recent.append(row["loss"])
             message = f"Step {run.step}: loss {sum(recent) / len(recent):.3f}"
             tell({"type": "progress", "done": run.step, "total": plan.steps, "message": message})
             if time.monotonic() > saved + _SAVE_INTERVAL_S:

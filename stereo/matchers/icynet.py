@@ -36,9 +36,8 @@ NETWORK = network_matchers.Network(
     "",
     _build_network,
     "train it (python -m icymoon.stereo train --out FOLDER) and put weights.pth there",
+    128,  # no weight depends on the search range, which ``match`` sets
 )
-#: No weight depends on the search range, which ``match`` sets.
-_ANY_RANGE = {"max_disparity": 128}
 
 
 def check(options: Mapping[str, Any]) -> None:
@@ -48,7 +47,7 @@ def check(options: Mapping[str, Any]) -> None:
 
 def load(options: Mapping[str, Any]) -> None:
     """Read the weights once for all runs with the same options."""
-    network_matchers.load(NETWORK, {**options, **_ANY_RANGE})
+    network_matchers.load(NETWORK, options)
 
 
 def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict[str, Any]]:
@@ -57,7 +56,7 @@ def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict
 
     from ..networks.icynet import MULTIPLE
 
-    model, facts = network_matchers.load(NETWORK, {**context.options, **_ANY_RANGE})
+    model, facts = network_matchers.load(NETWORK, context.options)
     device = next(model.parameters()).device
     height, width = left.shape
     # The network searches from 0 on, so the right image moves by the least disparity.

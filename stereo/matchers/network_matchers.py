@@ -53,6 +53,7 @@ class Network:
     source: str
     build: Callable[[int], nn.Module]  # from the largest disparity
     advice: str = ""  # how to get parameters that no source gives
+    most_px: int = 0  # the largest disparity that it is built with, if no option states one
 
     @property
     def remedy(self) -> str:
@@ -93,7 +94,7 @@ def load(network: Network, options: Mapping[str, Any]) -> tuple[nn.Module, dict[
     check(network, options)
     changed = path.stat()
     state = changed.st_mtime_ns, changed.st_size
-    model, digest = _load_network(network, path, state, options["max_disparity"], device)
+    model, digest = _load_network(network, path, state, options.get("max_disparity", network.most_px), device)
     name = torch.cuda.get_device_name() if device == "cuda" else device
     return model, {"checkpoint_sha256": digest, "device": name, "torch": torch.__version__}
 
