@@ -9,7 +9,6 @@ from pathlib import Path
 
 from ...support import printer
 from ...support.terminal import add_json_lines, as_path, check_least, tell_events
-from .tensors import require_torch
 
 #: Seconds between checkpoints: the most that a kill loses.
 _SAVE_INTERVAL_S = 60.0
@@ -36,6 +35,8 @@ def run_train(parsed: argparse.Namespace) -> int:
     """Run ``train`` with its parsed arguments; return the exit code."""
     check_least(parsed, 1, "steps", "batch")
     check_least(parsed, 0, "seed")
+    from .tensors import require_torch
+
     require_torch()
     import torch
 

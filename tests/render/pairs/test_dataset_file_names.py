@@ -306,6 +306,7 @@ REMOVES = {
     "operators/install_evaluator.py": "the environment that it has made, when a user asks for it",
     "operators/show_pair.py": "its own temporary folder",
     "operators/variation_pictures.py": "its own temporary folder",
+    "stereo/learning/train.py": "samples of grounds that the same run has used up",
     "stereo/matchers/resident_process.py": "its own temporary folder",
     "stereo/export/lidar.py": "points of an earlier scan, by the names that the next one gives them",
     "stereo/export/bag_file.py": "its own part of a bag that was not finished",
