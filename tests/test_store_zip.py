@@ -188,6 +188,7 @@ PROGRAM = """
     """
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_it_works_without_an_installer_and_writes_nothing_into_its_folder(built, tmp_path):
     environment = {key: value for key, value in os.environ.items() if key != "ICYMOON_EVALUATOR"}

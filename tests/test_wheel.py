@@ -89,6 +89,7 @@ def only(distributions: set[str], folder: Path) -> None:
                 (folder / top).symlink_to(Path(str(distribution.locate_file(top))))
 
 
+@pytest.mark.long
 def test_it_evaluates_in_a_bare_python(wheel, tmp_path):
     with zipfile.ZipFile(wheel) as archive:
         metadata = next(name for name in archive.namelist() if name.endswith("METADATA"))

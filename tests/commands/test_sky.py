@@ -88,6 +88,7 @@ def test_the_sky_of_another_body_than_the_grounds_has_a_fix_that_works(capsys):
         assert found["body"] == "ENCELADUS"
 
 
+@pytest.mark.long
 def test_a_table_goes_on_through_an_eclipse(capsys):
     """Jupiter hides the Sun once in a turn of 85.2 h over a site that faces it."""
     rows = facts(capsys, *PLACE, "--hours", "86", "--every", "0.5")

@@ -87,6 +87,7 @@ def test_each_pair_has_a_ground_of_its_own(tmp_path, rendered):
     assert len((tmp_path / "out" / "twin.csv").read_text(encoding="utf-8").splitlines()) == 7
 
 
+@pytest.mark.long
 def test_more_pairs_keep_what_is_there(tmp_path, rendered):
     files, calibration = photographs(tmp_path / "in", count=2)
     assert run(files[:2], calibration, tmp_path / "out") == 0
@@ -102,6 +103,7 @@ def test_other_settings_in_the_same_folder_are_a_sentence(tmp_path, rendered, ca
     assert "choose another folder" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_height_pitch_and_roll_follow_from_the_true_depth_unless_stated(tmp_path, rendered):
     files, calibration = photographs(tmp_path / "in")
     row, column = np.meshgrid(
@@ -140,6 +142,7 @@ def test_rectified_images_keep_their_own_principal_points(tmp_path, rendered):
     assert "were interpolated" in (tmp_path / "out" / "twin.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_exchanged_images_are_told_and_measured_all_the_same(tmp_path, rendered, capsys):
     files, calibration = photographs(tmp_path / "in")
     assert run(files, calibration, tmp_path / "right") == 0

@@ -67,7 +67,7 @@ def figure_names() -> list[str]:
     return re.findall(r"(?m)^def (\w+)\(figure: Figure\)", source)
 
 
-@pytest.mark.ci_takes(5)
+@pytest.mark.ci_takes(3)
 @pytest.mark.heavy
 @pytest.mark.parametrize("name", figure_names())
 def test_a_figure_is_what_the_code_draws(name):

@@ -614,7 +614,7 @@ def test_the_lines_of_a_usual_mesh_are_not_looked_at_one_by_one(tmp_path, monkey
     assert found
 
 
-@pytest.mark.ci_takes(4)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", LARGE)
 def test_many_lines_together_are_judged_as_each_by_itself(tmp_path, monkeypatch, name, seed):

@@ -243,6 +243,7 @@ def evaluated_pair(shown):
     scene.icymoon.results = ""
 
 
+@pytest.mark.long
 def test_by_operator_with_its_range(shown, evaluated_pair):
     _, built, _ = shown
     scene, mesh = evaluated_pair, built.terrain.data

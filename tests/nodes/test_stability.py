@@ -34,7 +34,7 @@ def test_vertices_are_the_same(scene):
     np.testing.assert_allclose(found["magnitude"], wanted["magnitude"], rtol=1e-6)
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 def test_truth_is_the_same_and_the_light_as_stated(scene, tmp_path):
     name, built = scene
     found, wanted = stability.of_pair(built, tmp_path), TABLE[name]

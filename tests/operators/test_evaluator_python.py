@@ -110,6 +110,7 @@ def test_after_installing_what_was_asked_for_is_evaluated(monkeypatch):
     assert asked == [{"scope": "DATASET"}]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("background", "said"),
     [

@@ -93,6 +93,7 @@ def test_a_terrain_slider_shows_the_height_function_on_a_coarse_mesh(watched):
     assert np.ptp(positions(built.terrain)[:, 2]) < np.ptp(grid[:, 2]) / 2
 
 
+@pytest.mark.long
 def test_coarse_ground_follows_the_cameras(watched):
     """It is finest where they look; fine ground stays as it is."""
     before = positions(scenes.find_built(watched).terrain)

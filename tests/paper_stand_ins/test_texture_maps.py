@@ -49,7 +49,7 @@ def test_opposite_edges_continue(small, key):
             assert seam <= max(steps.mean() + 5 * steps.std(), 1e-9), (name, axis)
 
 
-@pytest.mark.ci_takes(3)
+@pytest.mark.long
 @pytest.mark.parametrize("key", KEYS)
 def test_the_normals_are_those_of_the_heights(small, key):
     """The heights are integrated from the normals (Frankot and Chellappa 1988), by the wave numbers of the same central

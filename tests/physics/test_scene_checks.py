@@ -235,7 +235,7 @@ def test_the_scenes_of_the_demo_need_no_advice(name):
     assert not scene_checks.advise_on_scene(complete(preset_files.load_preset(name), *changes))
 
 
-@pytest.mark.ci_takes(24)
+@pytest.mark.ci_takes(8)
 @pytest.mark.parametrize("name", preset_files.preset_names())
 def test_every_shipped_preset_is_admitted(name):
     settings = complete(preset_files.load_preset(name))
@@ -270,6 +270,7 @@ quality.bake_samples = [16, 32, 64]
 """
 
 
+@pytest.mark.long
 def test_a_dry_run_counts_the_pairs_with_bakes_of_few_samples(tmp_path):
     file = tmp_path / "plan.toml"
     file.write_text(BAKED_PLAN)

@@ -95,6 +95,7 @@ def sphere(scene: bpy.types.Scene, albedo: float, radius_m: float) -> bpy.types.
     return made
 
 
+@pytest.mark.ci_takes(1)
 @pytest.mark.parametrize("bounces", [1, 3])
 def test_a_closed_sphere_has_the_light_of_the_integrating_sphere(registered, bounces):
     """Every point sees all of the sphere, so each bounce adds the albedo's next power of the direct light: 0.8, 0.64
@@ -156,6 +157,7 @@ def error_of(pair: PlannedPair, dataset: Path, eye: str) -> dict[str, Array]:
     return read_baked_error(read_pair(pair.folder(dataset)).image(eye), eye)
 
 
+@pytest.mark.long
 def test_the_pass_of_the_error_is_what_such_light_adds_to_the_image(registered, tmp_path, monkeypatch):
     """An error that is all of the baked light must be what the image has more of than without any."""
     bake = baked_light.bake_indirect_light

@@ -125,7 +125,7 @@ def test_a_scene_that_is_gone_is_built_anew(scene):
     assert adapt_scene(None, settings)[1] is False
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     "kind",
     heavy_but(

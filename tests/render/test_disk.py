@@ -44,7 +44,7 @@ def test_a_pair_takes_what_is_expected_within_a_tenth(registered, tmp_path: Path
     assert found == sum(file.stat().st_size for file in pair.folder.glob("*.exr"))
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "least"), [({}, 0.1), ({**PLANET, "quality": {"denoiser": "OIDN", "truth_by": "CYCLES"}}, 0.4)]
 )

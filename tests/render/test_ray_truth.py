@@ -242,6 +242,7 @@ def test_rays_leave_nothing_in_the_file(tmp_path):
     assert [sorted(getattr(bpy.data, kind).keys()) for kind in kinds] == before
 
 
+@pytest.mark.long
 def test_geometry_nodes_move_vertices_as_a_bake_of_cycles_tells(monkeypatch):
     """Fine relief that is real, with a crust: on a graded mesh, of which a part moves."""
     settings = complete(

@@ -166,6 +166,7 @@ def test_toed_in_eyes_see_where_their_poses_say(toed):
         assert np.nanmax(np.abs(on_ground[..., 2][rectified < 4])) < 1e-4
 
 
+@pytest.mark.long
 def test_eyes_that_are_toed_in_by_six_degrees_count_in_the_averages(tmp_path):
     """What the one eye does not see is no surface that the other one sees through, and nothing that it shows."""
     pair, _ = render(tmp_path / "data", {"rig": {"toe_in_deg": 6.0}, "light": {"sun_elevation_deg": 2.0}})
@@ -187,6 +188,7 @@ def test_eyes_that_are_toed_in_by_six_degrees_count_in_the_averages(tmp_path):
     np.testing.assert_array_equal(disparity == 0, np.isnan(loaded.depth["left"]))
 
 
+@pytest.mark.long
 def test_rectified_toed_in_images_lie_on_the_truth_of_the_parallel_rig(toed):
     loaded = load_pair(toed.folder, {})
     assert loaded.check.ok

@@ -163,7 +163,7 @@ def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeyp
     assert np.isfinite(ready.truth).any()
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("law", ["PRINCIPLED", "HAPKE"])
 def test_semantic_labels_come_with_the_light_and_are_the_same(tmp_path, monkeypatch, law):
     """Of the first sample, at the pixel's centre, not a mean of samples that see two things."""

@@ -73,7 +73,7 @@ def shoot(folder: Path, pane: str, *parts: dict) -> list[Array]:
     return [*found, np.array(left)]
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("pane", "parts"),
     [

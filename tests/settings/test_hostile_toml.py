@@ -65,7 +65,7 @@ def test_a_hostile_file_is_a_sentence(tmp_path, text, read):
     assert len(str(caught.value)) < 3000
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.long
 @pytest.mark.heavy
 @pytest.mark.parametrize(
     "text",
@@ -272,7 +272,7 @@ LONG = {
 }
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("text", LONG, ids=range(len(LONG)))
 def test_the_line_is_named_a_million_lines_down(tmp_path, text):
     file = tmp_path / "a.toml"

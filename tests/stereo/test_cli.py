@@ -147,6 +147,7 @@ def test_metrics_prints_json_with_the_promised_keys(tmp_path):
     assert (values["n"], values["coverage"], values["l1_m"], values["dod"]) == (0, 0, None, None)
 
 
+@pytest.mark.long
 def test_metrics_refuses_a_file_without_depths(tmp_path):
     good = save(tmp_path, "z.npy", np.ones((3, 4)))
     (tmp_path / "cut.npy").write_bytes(good.read_bytes()[:-10])

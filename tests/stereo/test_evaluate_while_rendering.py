@@ -89,6 +89,7 @@ def test_a_damaged_pair_is_left_for_the_evaluation_that_tells_of_it(complete, tm
     assert {row["pair"]: row["status"] for row in rows(out)} == {"aaa": "ok", "bad": "failed"}
 
 
+@pytest.mark.long
 def test_files_that_no_evaluation_wrote_are_kept(complete, tmp_path):
     (tmp_path / "results.jsonl").write_text("mine\n")
     with pytest.raises(IcyMoonError, match="not written by an evaluation"):

@@ -64,7 +64,7 @@ def test_hardly_any_pixel_measured(prepared, pixels):
     assert row["dod"] == (None if pixels == 1 else 0)
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "sensor"),
     [

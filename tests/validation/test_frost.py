@@ -145,6 +145,7 @@ def test_holes_are_filled_from_their_neighbours_and_too_many_are_refused(tmp_pat
         read_scan(_write(tmp_path / "half.ply", heights, kept=kept.ravel()))
 
 
+@pytest.mark.long
 def test_an_obj_file_is_read_too(tmp_path):
     heights = _ground(HURST, 10.0)
     one, other = (read_scan(_write(tmp_path / f"scan{end}", heights)) for end in (".ply", ".obj"))

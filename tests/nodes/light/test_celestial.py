@@ -85,6 +85,7 @@ def test_each_star_has_its_light_and_place_and_no_depth(tmp_path):
         assert not view.instance.any()
 
 
+@pytest.mark.long
 def test_stars_give_the_ground_nothing_and_are_in_no_group(tmp_path):
     for light in (NIGHT, {"sun_elevation_deg": 30.0}):
         pairs = [

@@ -34,7 +34,7 @@ def lit(folder, light, *parts):
     return pair, read_view(pair.image("left"))
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("planet", [SATURN, JUPITER], ids=["Saturn", "Jupiter"])
 def test_a_plane_in_planetshine_has_the_radiance_of_the_integral(tmp_path, planet):
     pair, view = lit(tmp_path, planet | NIGHT, {"quality": {"samples": 256}})
@@ -309,7 +309,7 @@ def test_the_record_states_the_sun_that_the_images_have(tmp_path, light, source)
         assert sun["elevation_deg"] == pytest.approx(compute_sky(settings.light).sun_elevation_deg, abs=1e-4)
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("diameter", [0.5, 2.0])
 def test_a_penumbra_is_as_wide_as_the_sun(tmp_path, diameter):
     """A wall's shadow under the Sun at 45°: from full light to none over the diameter seen from the wall's top."""

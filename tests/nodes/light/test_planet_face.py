@@ -51,7 +51,7 @@ def nearest(shown, ray):
         return (b - np.sqrt(b**2 - a * (shown.direction @ shape @ shown.direction - 1))) / a
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize(("face", "rings"), [("PLAIN", True), ("SATURN", True), ("JUPITER", False)])
 def test_the_image_of_the_planet_is_what_rays_find(tmp_path, face, rings):
     pair, _ = render(

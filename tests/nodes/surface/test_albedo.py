@@ -70,7 +70,7 @@ def test_bumps_as_high_as_they_are_wide_lose_the_light_that_is_reckoned_with(sub
     assert measured(settings, view_m=1.0) == pytest.approx(real_albedo(settings), rel=0.01)
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["fresh_snow", "rough_ice"])
 def test_presets_have_their_albedo(name):
     settings = merged(defaults(), load_preset(f"surfaces/{name}")).surface
@@ -106,6 +106,7 @@ def test_dirt_on_slopes_leaves_level_ground_clean():
     assert measured(surface(albedo=0.8, slope_dirt=-0.5)) == pytest.approx(0.4, rel=0.02)
 
 
+@pytest.mark.long
 def test_a_curve_serves_patches_on_snow_with_light_under_its_surface():
     settings = surface(albedo=0.9, subsurface_weight=1.0, albedo_variation=1e-6)
     # So little variation that only the way through the curve is left.

@@ -306,6 +306,7 @@ def test_grain_that_changes_asks_for_a_new_mesh_only_if_relief_is_in_it():
     assert built.preview == {}
 
 
+@pytest.mark.long
 def test_ground_with_sharp_crests_has_no_holes(tmp_path):
     """Cycles moves the vertices of a mesh with sharp edges apart, all over it; one pixel in a hundred was sky."""
     pair, built = render(

@@ -94,7 +94,7 @@ def test_a_sphere_is_as_bright_as_the_reference(tmp_path, made_of, azimuth_deg):
     assert np.quantile(errors(pair), 0.999) < FACETS
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("level", ["ACCURATE", "REFERENCE"])
 def test_the_traced_sun_is_the_lamp(tmp_path, level):
     for change in (None, ball):
@@ -333,6 +333,7 @@ def test_the_levels_agree_where_there_is_only_the_sun_and_its_disc(tmp_path):
     assert means[1] == pytest.approx(means[0], rel=4e-3)
 
 
+@pytest.mark.long
 def test_the_blur_of_the_surge_is_that_of_the_suns_disc(tmp_path):
     """Fast accuracy has the disc's mean in closed form; accurate takes it by sampling."""
     surge = {"b_s0": 1.0, "h_s": 0.0016, "theta_bar_deg": 0.0, "backend": "OSL"}

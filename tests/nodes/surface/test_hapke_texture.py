@@ -107,7 +107,7 @@ def test_what_is_off_costs_no_node(made_of):
     assert "tan θ̄" in nodes_of({"backend": made_of, "theta_bar_range_deg": 20.0}, {"set": "FROST"})
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("w", "span_deg", "within"),
     [

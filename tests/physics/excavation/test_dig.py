@@ -96,6 +96,7 @@ def test_a_state_does_not_depend_on_those_after_it():
     np.testing.assert_array_equal(series().at(2).layers.top, whole.at(2).layers.top)
 
 
+@pytest.mark.long
 def test_neither_trench_nor_heap_reach_the_rim():
     for changes in ({}, {"cohesion_pa": 0.0}, {"path": "ARC", "length_m": 0.0}, {"heap_side": "LEFT"}):
         made = series(0.05, **changes)
@@ -229,6 +230,7 @@ def test_a_heap_that_slides_to_the_rim_is_told():
     assert series(0.1).facts(1)["advice"] == []
 
 
+@pytest.mark.long
 def test_many_states_deep_walls_and_wide_blades_keep_their_mass():
     for changes in (
         {"states": 40, "bite_m": 0.005},

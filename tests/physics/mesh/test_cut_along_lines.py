@@ -139,6 +139,7 @@ def test_the_crests_of_penitentes_have_no_teeth(disorder):
     assert np.quantile(np.abs(low["CUT"]), 0.9) < 0.3 * np.quantile(low["ROUNDED"], 0.9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sets", [1, 3])
 def test_the_crests_and_troughs_of_ridges_are_edges_of_the_mesh(sets):
     low = {}

@@ -171,6 +171,7 @@ def test_a_smaller_error_costs_more_and_a_larger_image_too():
     assert count[-1] > 3 * count[-2]
 
 
+@pytest.mark.long
 def test_the_ground_goes_on_beyond_the_patch():
     settings = merged(
         defaults(), {"terrain": {"rms_slope_deg": 0.0, "regional_slope_deg": 30.0, "regional_slope_azimuth_deg": 90.0}}

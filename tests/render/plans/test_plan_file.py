@@ -125,6 +125,7 @@ BLOCKS = (
 )
 
 
+@pytest.mark.long
 @trials(deadline=None)  # each reads files
 @given(st.permutations(BLOCKS))
 def test_ids_do_not_hang_on_the_order_of_the_blocks(tmp_path_factory, order):

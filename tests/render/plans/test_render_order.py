@@ -27,6 +27,7 @@ def changed(pairs, part) -> int:
     return sum(a != b for a, b in pairwise(keys))
 
 
+@pytest.mark.long
 @given(st.randoms(use_true_random=False))
 def test_whatever_the_plan_each_scene_is_built_once_and_each_light_once_in_it(rng: random.Random):
     shuffled = list(PAIRS)

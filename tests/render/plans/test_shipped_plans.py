@@ -161,7 +161,7 @@ def grounds_of(pairs):
     return Counter((seed, terrain) for seed, _, terrain, *_ in scenes)
 
 
-@pytest.mark.ci_takes(2)
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     heavy_but(

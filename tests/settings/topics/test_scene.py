@@ -173,6 +173,7 @@ def complaints(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]
     }
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize("place", PLACES)
 def test_mypy_finds_a_misspelt_key_and_a_wrong_value(complaints, place):
     assert [not said for said in complaints[place]] == list(LINES.values()), complaints[place]

@@ -52,6 +52,7 @@ def measure(predictions, tmp_path):
     return run
 
 
+@pytest.mark.ci_takes(2)
 @pytest.mark.parametrize("layout", ROUNDING)
 def test_an_export_evaluates_as_the_pair_itself(dataset, tmp_path, measure, layout):
     assert export([dataset], layout, tmp_path / layout) == []

@@ -101,6 +101,7 @@ def registry(tmp_path, monkeypatch):
     return served
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_pip_installs_what_is_locked_and_runs_nothing_of_the_current_folder(registry, tmp_path, capsys):
     assert install.main([str(tmp_path / "evaluator")]) == 0, capsys.readouterr().out

@@ -114,6 +114,7 @@ def test_every_layout_states_the_exact_place_on_the_map(mapped, tmp_path, kind):
     assert "origin[0] + x / scale[0]" in found["formula"]
 
 
+@pytest.mark.long
 def test_points_of_colmap_go_back_to_the_map_within_a_millimetre(mapped, tmp_path, points):
     root = exported(mapped, tmp_path, "colmap")
     stated = json.loads((root / "map_coordinates.json").read_text(encoding="utf-8"))["pairs"]["0123456789ab"]

@@ -168,7 +168,7 @@ def rendered_rays(camera):
     )
 
 
-@pytest.mark.ci_takes(3)
+@pytest.mark.ci_takes(4)
 @pytest.mark.parametrize("plane", [(2.0, 0.1, 0.6), (1.0, 0.0, 1.9), (0.5, -0.9, 0.3), (3.0, 0.0, 0.0)])
 @pytest.mark.parametrize("size", [(640, 480), (160, 120)])
 @pytest.mark.parametrize("toe_in", [0.0, 4.0])

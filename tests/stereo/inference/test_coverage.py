@@ -82,12 +82,14 @@ def test_few_scenes_have_few_false_verdicts(methods, scenes):
     assert np.mean(smallest <= find_limit(methods * (methods - 1) // 2)) < np.mean(smallest <= LIMIT_OF_ONE) - 0.005
 
 
+@pytest.mark.long
 def test_flips_that_are_not_centred_would_not_pass():
     """They miss where methods really differ."""
     _, misses, _ = find_wrong(("lognormal", 1.0, 10, 6), uncentred)
     assert (misses[2:] > MOST_MISSES + DOUBT).all()
 
 
+@pytest.mark.long
 def test_the_difference_without_an_effect_is_zero():
     for errors in simulation.ERRORS:
         drawn = simulation.draw_errors(np.random.default_rng(0), errors, 0.25, (4000, 2))

@@ -160,6 +160,7 @@ def test_a_row_is_computed_again_when_the_source_has_changed(add, tmp_path):
     assert "icymoon-test-twelve 1.0" in before
 
 
+@pytest.mark.long
 def test_one_that_fails_stops_no_other(add, tmp_path, capsys):
     add("odd", matcher("raise ValueError('no idea')"))
     write_pair(tmp_path / "data" / "pairs" / "0123456789ab")

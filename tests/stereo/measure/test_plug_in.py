@@ -73,6 +73,7 @@ def test_its_numbers_are_everywhere(evaluate, tmp_path):
     assert float(rows[0]["own_epe"]) == pytest.approx(float(rows[0]["epe_px"]), rel=1e-6)
 
 
+@pytest.mark.long
 def test_without_one_nothing_changes(evaluate, tmp_path):
     _, said, report = evaluate()
     assert report["plug_ins"] == []
@@ -110,7 +111,7 @@ def test_one_that_fails_is_told_and_stops_nothing(evaluate, value, said):
     assert report["summary"][0]["l1_m"] > 0
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize("value", ["float('nan')", "np.float32('inf')"])
 def test_an_undefined_number_is_null(evaluate, value):
     _, _, report = evaluate(returning(value))
@@ -118,7 +119,7 @@ def test_an_undefined_number_is_null(evaluate, value):
     assert not any("own_epe" in note for note in report["notes"])
 
 
-@pytest.mark.ci_takes(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("sources", "said"),
     [

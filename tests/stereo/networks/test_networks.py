@@ -151,7 +151,7 @@ def test_dsmnet_sees_all_of_an_image_by_default(checkpoints):
     assert_single(disparity, case)
 
 
-@pytest.mark.ci_takes(4)
+@pytest.mark.long
 @pytest.mark.parametrize("method", BUILD)
 @pytest.mark.parametrize("shape", [(1, 1), (3, 70)])
 @pytest.mark.parametrize("level", [0, 255])

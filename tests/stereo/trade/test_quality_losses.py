@@ -304,6 +304,7 @@ def test_the_noise_of_the_reference_is_subtracted_from_losses(noise, tmp_path):
     assert abs(seen - true) < doubt
 
 
+@pytest.mark.long
 def test_the_stated_doubt_is_the_spread_that_noise_causes(truth, tmp_path):
     """The doubt of a single render against how renders of other noise differ."""
     found = [measure_variant([folder], truth, METHODS[:1]) for folder in folders(tmp_path, "n", 12, 0.1)]

@@ -92,6 +92,7 @@ def test_a_camera_that_a_few_rocks_of_another_terrain_agree_with_is_refused(scen
         fit_camera(terrain)
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_the_sand_is_level_where_it_is(scene):
     *_, sand = scene

@@ -80,6 +80,7 @@ def test_the_distance_to_the_edge_of_a_cell(lengths):
     assert (made >= true - 1e-9).all()
 
 
+@pytest.mark.long
 def test_the_distance_to_the_edge_has_no_steps_where_three_cells_meet():
     axis = np.linspace(0, 12, 1501)
     x, y = np.meshgrid(axis, axis)
