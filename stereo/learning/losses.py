@@ -12,6 +12,8 @@ from torch.nn import functional as F  # noqa: N812, its usual name
 LEVEL_PX = 4
 #: Weights of the parts: cross-entropy of the costs, and confidence.
 _COST_WEIGHT, _CONFIDENCE_WEIGHT = 0.5, 0.3
+#: Errors in px from which on the pull of a pixel falls: beyond them a pixel rather shows nothing to match.
+_LARGE_ERROR_PX = 4.0
 #: Weight of points that the right eye does not see.
 _HIDDEN_WEIGHT = 0.3
 
@@ -23,15 +25,17 @@ def compute_loss(
     px. ``found`` is what ``IcyNet.forward_with_costs`` gives; ``sample`` has ``disparity_px``, ``valid`` and
     ``occluded``, all (N, H, W).
 
-    Disparity: smooth L1. Costs: cross-entropy with the two nearest levels, where the right eye sees the point.
-    Confidence: cross-entropy with exp(-error in px).
+    Disparity: smooth L1, and the logarithm of large errors. Costs: cross-entropy with the two nearest levels, where the
+    right eye sees the point. Confidence: cross-entropy with exp(-error in px).
     """
     disparity, logit, costs = found
     truth, hidden = sample["disparity_px"], sample["occluded"]
     known = sample["valid"] & (truth < range_px)
     weight = known * torch.where(hidden, _HIDDEN_WEIGHT, 1.0)
     error = (disparity - truth).abs()
-    smooth = (F.smooth_l1_loss(disparity, truth, reduction="none") * weight).sum() / weight.sum().clamp(min=1.0)
+    apart = F.smooth_l1_loss(disparity, truth, reduction="none")
+    apart = _LARGE_ERROR_PX * torch.log1p(apart / _LARGE_ERROR_PX)
+    smooth = (apart * weight).sum() / weight.sum().clamp(min=1.0)
     confidence = F.binary_cross_entropy_with_logits(logit, torch.exp(-error.detach()), reduction="none")
     sure = (confidence * known).sum() / known.sum().clamp(min=1)
     levels = _compare_levels(costs, truth, known & ~hidden)

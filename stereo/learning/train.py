@@ -40,13 +40,14 @@ WEIGHTS_FILE = "weights.pth"
 class Plan:
     """How a network is trained. ``steps`` in all, of ``batch`` crops of ``crop_px`` (width, height) out of pairs of
     ``pair_px``; the learning ``rate`` rises over ``warm_up`` steps and falls by a half cosine. A new ground comes every
-    ``steps_per_ground`` steps; ``window`` grounds are in use at a time. ``range_px`` is the search range."""
+    ``steps_per_ground`` steps; ``window`` grounds are in use at a time. A step's search range is one of ``ranges_px``;
+    points beyond it count nothing."""
 
     steps: int = 8000
     batch: int = 8
     crop_px: tuple[int, int] = (192, 128)
     pair_px: tuple[int, int] = (256, 192)
-    range_px: int = 128
+    ranges_px: tuple[int, ...] = (48, 48, 64, 64, 96, 128)
     rate: float = 1e-3
     warm_up: int = 100
     steps_per_ground: int = 25
@@ -57,6 +58,10 @@ class Plan:
         """The learning rate of a step."""
         rise = min(1.0, (step + 1) / self.warm_up)
         return self.rate * rise * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(1.0, step / self.steps))))
+
+    def draw_range_px(self, step: int) -> int:
+        """The search range of a step, at random."""
+        return int(make_generator(self.seed, "training", 3, step).choice(self.ranges_px))
 
     def list_grounds(self, step: int) -> range:
         """The numbers of the grounds in use at a step."""
@@ -157,7 +162,7 @@ class Run:
     ) -> None:
         self.plan, self.folder, self._grounds, self.step = plan, folder, grounds, 0
         torch.manual_seed(plan.seed)
-        self.network = make(plan.range_px)
+        self.network = make(max(plan.ranges_px))
         self._optimizer = torch.optim.AdamW(self.network.parameters(), plan.rate, weight_decay=1e-4)
         self._rows: list[dict[str, float]] = []
         if self.checkpoint.exists():
@@ -184,8 +189,9 @@ class Run:
         for group in self._optimizer.param_groups:
             group["lr"] = rate
         batch = draw_batch(self._grounds, self.plan, self.step)
+        self.network.range_px = self.plan.draw_range_px(self.step)
         found = self.network.forward_with_costs(batch["left"], batch["right"])
-        parts = compute_loss(found, batch, self.plan.range_px)
+        parts = compute_loss(found, batch, self.network.range_px)
         if not torch.isfinite(parts["total"]):
             raise IcyMoonError(
                 f"The loss of step {self.step} is not a number; the last checkpoint, {self.checkpoint}, is whole, so "

@@ -167,10 +167,14 @@ def _normalize_locally(image: Tensor) -> Tensor:
     """The image minus its mean, over its deviation, in a window around each pixel, limited to -1 to 1."""
     pad = _WINDOW_PX // 2
     padded = F.pad(image, (pad, pad, pad, pad), mode="reflect")
-    mean = F.avg_pool2d(padded, _WINDOW_PX, 1)
-    square = F.avg_pool2d(padded * padded, _WINDOW_PX, 1)
+    mean, square = _average(padded), _average(padded * padded)
     spread = torch.sqrt(torch.clamp(square - mean * mean, min=_LEAST_DEVIATION**2))
     return torch.tanh((image - mean) / (2.0 * spread))
+
+
+def _average(image: Tensor) -> Tensor:
+    """Means in the window around each pixel: along the rows, then along the columns, which costs a fraction."""
+    return F.avg_pool2d(F.avg_pool2d(image, (1, _WINDOW_PX), 1), (_WINDOW_PX, 1), 1)
 
 
 def _correlate(left: Tensor, right: Tensor, levels: int, groups: int) -> Tensor:

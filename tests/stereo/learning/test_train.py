@@ -13,7 +13,7 @@ from icymoon.stereo.matchers import match
 from icymoon.stereo.networks.icynet import IcyNet
 from icymoon.support.errors import IcyMoonError
 
-PLAN = Plan(steps=4, batch=2, crop_px=(64, 32), range_px=16, warm_up=2, steps_per_ground=2, window=2)
+PLAN = Plan(steps=4, batch=2, crop_px=(64, 32), ranges_px=(16, 32), warm_up=2, steps_per_ground=2, window=2)
 
 
 class FakePairs:
