@@ -19,21 +19,27 @@ from typing import Any, Protocol
 
 import numpy as np
 import torch
+from safetensors.torch import save as to_safetensors
 
 from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_bytes
 from ...support.system import remove
+from ...support.version import version
 from ..networks.icynet import IcyNet
+from .export_network import export_onnx
 from .losses import compute_loss
+from .training_record import make_metadata, write_record
 
 #: Arrays of a sample that training needs.
 _KEYS = ("left", "right", "disparity_px", "valid", "occluded")
 _LOG_COLUMNS = ("step", "loss", "disparity", "levels", "confidence", "bad_1", "rate", "seconds")
 _FORMAT = 1
 #: The file with the weights alone, which the matcher icynet reads.
-WEIGHTS_FILE = "weights.pth"
+WEIGHTS_FILE = "weights.safetensors"
+#: The network for ONNX Runtime.
+ONNX_FILE = "weights.onnx"
 
 
 @dataclass(frozen=True)
@@ -89,6 +95,7 @@ class CachedGrounds:
 
     def __init__(self, pairs: GroundSource, folder: Path | None = None) -> None:
         self._pairs, self._folder = pairs, folder
+        self.split, self.seed = pairs.split, pairs.seed
         self._loaded: dict[int, dict[str, Array]] = {}
 
     def read(self, number: int) -> dict[str, Array]:
@@ -105,7 +112,7 @@ class CachedGrounds:
                 remove(file)
 
     def _find_file(self, number: int) -> Path | None:
-        return self._folder and self._folder / f"{self._pairs.split}-{self._pairs.seed}-{number:06d}.npz"
+        return self._folder and self._folder / f"{self.split}-{self.seed}-{number:06d}.npz"
 
     def _load(self, number: int) -> dict[str, Array]:
         file = self._find_file(number)
@@ -151,8 +158,8 @@ def draw_batch(grounds: CachedGrounds, plan: Plan, step: int) -> dict[str, torch
 
 
 class Run:
-    """A training run in a folder: ``checkpoint.pt``, ``weights.pth``, ``log.csv``. Opened again, it goes on after its
-    last checkpoint.
+    """A training run in a folder: ``checkpoint.pt``, the weights, ``log.csv``, a card and a curve. Opened again, it goes
+    on after its last checkpoint.
 
     Raises IcyMoonError for a broken checkpoint, or one of another plan.
     """
@@ -220,14 +227,24 @@ class Run:
             stream,
         )
         write_bytes(self.checkpoint, stream.getvalue())
-        weights = io.BytesIO()
-        torch.save(self.network.state_dict(), weights)
-        write_bytes(self.folder / WEIGHTS_FILE, weights.getvalue())
+        self._write_weights()
         text = io.StringIO()
         writer = csv.DictWriter(text, _LOG_COLUMNS)
         writer.writeheader()
         writer.writerows(self._rows)
         write_bytes(self.folder / "log.csv", text.getvalue().encode())
+
+    def _write_weights(self) -> None:
+        plan = _describe(self.plan)
+        data = {"icymoon": version(), "split": self._grounds.split, "seed of the grounds": self._grounds.seed}
+        weights = {name: each.contiguous() for name, each in self.network.state_dict().items()}
+        write_bytes(self.folder / WEIGHTS_FILE, to_safetensors(weights, make_metadata(plan, data, self.step)))
+        write_record(self.folder, plan, data, self._rows)
+
+    def finish(self) -> None:
+        """Save, and write the network for ONNX Runtime. Raises IcyMoonError if the disk is full."""
+        self.save()
+        write_bytes(self.folder / ONNX_FILE, export_onnx(self.network))
 
     def _restore(self) -> None:
         state = read_checkpoint(self.checkpoint)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import time
 from collections import deque
 from pathlib import Path
 
 from ...support import printer
+from ...support.errors import IcyMoonError
 from ...support.terminal import add_json_lines, as_path, check_least, tell_events
 
+#: Packages that training imports.
+_PACKAGES = ("torch", "safetensors", "onnx", "matplotlib", "cv2")
 #: Seconds between checkpoints: the most that a kill loses.
 _SAVE_INTERVAL_S = 60.0
 #: Steps whose loss is averaged for the line of progress.
@@ -35,9 +39,7 @@ def run_train(parsed: argparse.Namespace) -> int:
     """Run ``train`` with its parsed arguments; return the exit code."""
     check_least(parsed, 1, "steps", "batch")
     check_least(parsed, 0, "seed")
-    from .tensors import require_torch
-
-    require_torch()
+    _require_packages()
     import torch
 
     from .made_pairs import MadePairs
@@ -55,9 +57,19 @@ def run_train(parsed: argparse.Namespace) -> int:
             if time.monotonic() > saved + _SAVE_INTERVAL_S:
                 run.save()
                 saved = time.monotonic()
-        run.save()
+        run.finish()
     _tell_result(parsed, parsed.out / WEIGHTS_FILE)
     return 0
+
+
+def _require_packages() -> None:
+    """Raise IcyMoonError without a package that training needs."""
+    missing = [name for name in _PACKAGES if importlib.util.find_spec(name) is None]
+    if missing:
+        raise IcyMoonError(
+            f"Training needs {', '.join(missing)}, which this Python lacks; run: "
+            'pip install "icymoon[evaluate,networks]".'
+        )
 
 
 def _tell_result(parsed: argparse.Namespace, weights: Path) -> None:

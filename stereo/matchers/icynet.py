@@ -32,11 +32,12 @@ def _build_network(most_px: int) -> nn.Module:
 
 NETWORK = network_matchers.Network(
     "icynet",
-    "weights.pth",
+    "weights.safetensors",
     "",
     _build_network,
-    "train it (python -m icymoon.stereo train --out FOLDER) and put weights.pth there",
+    "train it (python -m icymoon.stereo train --out FOLDER) and copy weights.safetensors there",
     128,  # no weight depends on the search range, which ``match`` sets
+    ".safetensors",
 )
 
 

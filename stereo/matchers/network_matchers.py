@@ -54,6 +54,7 @@ class Network:
     build: Callable[[int], nn.Module]  # from the largest disparity
     advice: str = ""  # how to get parameters that no source gives
     most_px: int = 0  # the largest disparity that it is built with, if no option states one
+    suffix: str = ".pth"  # of its checkpoint in the folder of all
 
     @property
     def remedy(self) -> str:
@@ -77,7 +78,7 @@ def find_checkpoint(network: Network, options: Mapping[str, Any]) -> Path:
     if options["checkpoint"]:
         return parse_path(options["checkpoint"], f"{network.method}.checkpoint")
     folder = os.environ.get(FOLDER_VARIABLE) or Path.home() / ".local" / "share" / "icymoon" / "checkpoints"
-    return Path(folder) / f"{network.method}.pth"
+    return Path(folder) / f"{network.method}{network.suffix}"
 
 
 def load(network: Network, options: Mapping[str, Any]) -> tuple[nn.Module, dict[str, Any]]:
@@ -137,6 +138,8 @@ def _load_network(
 
 def _read_parameters(path: Path) -> dict[str, Any]:
     """Name -> tensor of a checkpoint, without the prefixes that training adds. Runs no code from the file."""
+    if path.suffix == ".safetensors":
+        return _read_safetensors(path)
     import torch
 
     _check_archive(path)
@@ -153,6 +156,20 @@ def _read_parameters(path: Path) -> dict[str, Any]:
     if not isinstance(stored, dict) or not all(isinstance(value, torch.Tensor) for value in stored.values()):
         raise IcyMoonError(f"{path} does not contain the parameters of a network; give the checkpoint itself.")
     return {str(name).removeprefix("module."): value for name, value in stored.items()}
+
+
+def _read_safetensors(path: Path) -> dict[str, Any]:
+    """Name -> tensor of a file of safetensors, which holds nothing but tensors and texts."""
+    try:
+        from safetensors.torch import load_file
+    except ImportError:
+        raise IcyMoonError(f'{path.name} needs the package safetensors; run: pip install "icymoon[networks]"') from None
+    try:
+        return dict(load_file(path))
+    except Exception as error:  # its errors have no common base
+        raise IcyMoonError(
+            f"{path} cannot be read as a file of safetensors ({_first_line(error)}); copy or download it again."
+        ) from None
 
 
 def _check_archive(path: Path) -> None:

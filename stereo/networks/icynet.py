@@ -133,17 +133,34 @@ class IcyNet(nn.Module):
 
     def forward_with_costs(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """As ``forward``, with the costs (N, D, H/4, W/4) by levels of 4 px for the loss."""
-        images = _normalize_locally(torch.cat([left, right]))
+        (half, other_half), (quarter, other_quarter) = self._find_features(left, right)
+        correlation = _correlate(quarter, other_quarter, count_levels(self.range_px), self.groups)
+        return self._match(half, other_half, correlation)
+
+    def forward_at_levels(self, left: Tensor, right: Tensor, levels: Tensor) -> tuple[Tensor, Tensor]:
+        """Disparity (1, H, W) in px and confidence (1, H, W) from 0 to 1 of one pair; ``levels`` (D,) are 0 to D - 1.
+
+        The numbers are those of ``forward``, by operations whose sizes an exported network leaves free.
+        """
+        (half, other_half), (quarter, other_quarter) = self._find_features(left, right)
+        correlation = _correlate_by_index(quarter, other_quarter, levels, self.groups)
+        disparity, logit, _ = self._match(half, other_half, correlation)
+        return disparity, torch.sigmoid(logit)
+
+    def _find_features(self, left: Tensor, right: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
+        """Features of both eyes at 1/2 of the size, then at 1/4."""
         n = left.shape[0]
-        half, quarter = self.features(images)
-        levels = -(-self.range_px // MULTIPLE) * (MULTIPLE // 4)
-        correlation = _correlate(quarter[:n], quarter[n:], levels, self.groups)
+        half, quarter = self.features(_normalize_locally(torch.cat([left, right])))
+        return (half[:n], half[n:]), (quarter[:n], quarter[n:])
+
+    def _match(self, left: Tensor, right: Tensor, correlation: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Disparities, confidences and costs from features at 1/2 and the correlation at 1/4 of the size."""
         costs = self.hourglass(correlation) + self.raw_weight * correlation.mean(2)
         level, peak = _find_best(costs)
         coarse = F.interpolate(
             torch.stack([2.0 * level, peak], 1), scale_factor=2, mode="bilinear", align_corners=False
         )
-        fine = self._refine(half[:n], half[n:], coarse)
+        fine = self._refine(left, right, coarse)
         return fine[0], fine[1], costs
 
     def _refine(self, left: Tensor, right: Tensor, coarse: Tensor) -> tuple[Tensor, Tensor]:
@@ -161,6 +178,11 @@ class IcyNet(nn.Module):
         both = torch.stack([2.0 * better, found[:, 1]], 1)
         full = _upsample_convex(both, found[:, 2:])
         return full[:, 0], full[:, 1]
+
+
+def count_levels(range_px: int) -> int:
+    """The number of levels of 4 px of a search range."""
+    return -(-range_px // MULTIPLE) * (MULTIPLE // 4)
 
 
 def _normalize_locally(image: Tensor) -> Tensor:
@@ -183,6 +205,14 @@ def _correlate(left: Tensor, right: Tensor, levels: int, groups: int) -> Tensor:
     a, b = (F.normalize(each.view(n, groups, c // groups, h, w), dim=2) for each in (left, right))
     padded = F.pad(b, (levels - 1, 0))
     return torch.stack([(a * padded[..., levels - 1 - d : levels - 1 - d + w]).sum(2) for d in range(levels)], 1)
+
+
+def _correlate_by_index(left: Tensor, right: Tensor, levels: Tensor, groups: int) -> Tensor:
+    """As ``_correlate``, for one pair, with ``levels`` (D,) as a tensor."""
+    a, b = (F.normalize(each.view(groups, -1, *each.shape[-2:]), dim=1) for each in (left[0], right[0]))
+    column = torch.arange(left.shape[-1], device=left.device) - levels[:, None]
+    moved = b[..., column.clamp(min=0)] * (column >= 0).to(b.dtype)
+    return (a[..., None, :] * moved).sum(1).permute(2, 0, 1, 3)[None]
 
 
 def _find_best(costs: Tensor) -> tuple[Tensor, Tensor]:

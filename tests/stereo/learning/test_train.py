@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import torch
+from icymoon.stereo.learning.export_network import OUTPUTS
 from icymoon.stereo.learning.losses import compute_loss
-from icymoon.stereo.learning.train import CachedGrounds, Plan, Run, draw_batch
+from icymoon.stereo.learning.train import ONNX_FILE, CachedGrounds, Plan, Run, draw_batch
 from icymoon.stereo.matchers import match
-from icymoon.stereo.networks.icynet import IcyNet
+from icymoon.stereo.networks.icynet import IcyNet, _correlate, _correlate_by_index, count_levels
 from icymoon.support.errors import IcyMoonError
+from safetensors import safe_open
 
 PLAN = Plan(steps=4, batch=2, crop_px=(64, 32), ranges_px=(16, 32), warm_up=2, steps_per_ground=2, window=2)
 
@@ -93,7 +96,13 @@ def test_a_full_disk_is_told_and_leaves_the_last_checkpoint(tmp_path, monkeypatc
     with pytest.raises(IcyMoonError, match="space"):
         run.save()
     assert run.checkpoint.read_bytes() == before
-    assert len(list(tmp_path.iterdir())) == 3
+    assert {each.name for each in tmp_path.iterdir()} == {
+        "checkpoint.pt",
+        "weights.safetensors",
+        "card.md",
+        "curve.png",
+        "log.csv",
+    }
 
 
 def test_grounds_are_kept_and_made_again_when_broken(tmp_path):
@@ -124,7 +133,7 @@ def test_the_command_trains_goes_on_and_refuses(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(train, "Plan", lambda **given: replace(PLAN, **given))
     words = ["train", "--out", str(tmp_path), "--batch", "2"]
     assert cli.main([*words, "--steps", "2"]) == 0
-    assert capsys.readouterr().out.strip() == str(tmp_path / "weights.pth")
+    assert capsys.readouterr().out.strip() == str(tmp_path / "weights.safetensors")
     assert len((tmp_path / "log.csv").read_text().splitlines()) == 3
     assert cli.main([*words, "--steps", "3"]) == 1
     assert "other settings" in capsys.readouterr().err
@@ -138,7 +147,7 @@ def test_the_matcher_takes_trained_weights_and_the_range_of_the_pair(tmp_path):
     random = np.random.default_rng(1)
     wide = np.repeat(random.integers(0, 256, (50, 70), np.uint8), 2, axis=1)
     left, right = wide[:, 20:115], wide[:, 26:121]  # 50 x 95, so that both sides are padded
-    options = {"checkpoint": tmp_path / "weights.pth"}
+    options = {"checkpoint": tmp_path / "weights.safetensors"}
     found, valid, info = match("icynet", left, right, options | {"disparities": 32, "min_disparity": 0})
     assert found.shape == left.shape
     assert valid.any()
@@ -190,3 +199,55 @@ def test_a_pair_is_learned_by_heart(tmp_path):
     plan = replace(PLAN, steps=150, rate=4e-3, window=1, steps_per_ground=1000)
     rows = list(Run(plan, tmp_path, CachedGrounds(FakePairs())).iterate())
     assert np.mean([row["bad_1"] for row in rows[-10:]]) < 0.05
+
+
+def test_onnx_runtime_gives_the_numbers_of_pytorch_at_any_size_and_range(tmp_path):
+    runtime = pytest.importorskip("onnxruntime")
+    run = Run(PLAN, tmp_path, CachedGrounds(FakePairs()))
+    losses(run)
+    run.finish()
+    session = runtime.InferenceSession(str(tmp_path / ONNX_FILE), providers=["CPUExecutionProvider"])
+    network = run.network.eval()
+    for height, width, range_px in ((48, 64, 32), (32, 112, 64)):
+        left = torch.rand(1, 1, height, width)
+        right = torch.roll(left, -5, 3)
+        network.range_px = range_px
+        with torch.no_grad():
+            disparity, logit = network(left, right)
+        given = {"left": left.numpy(), "right": right.numpy(), "levels": np.arange(count_levels(range_px))}
+        found = session.run(list(OUTPUTS), given)
+        # The bound of the issue is 1e-3 px; single precision leaves a few 1e-6 of a range of tens of px.
+        np.testing.assert_allclose(found[0], disparity.numpy(), atol=1e-4)
+        np.testing.assert_allclose(found[1], torch.sigmoid(logit).numpy(), atol=1e-4)
+    assert (tmp_path / ONNX_FILE).stat().st_size < 4e6
+
+
+def test_levels_by_index_are_the_levels_of_training():
+    left, right = torch.rand(2, 1, 24, 6, 20)
+    torch.testing.assert_close(
+        _correlate_by_index(left, right, torch.arange(8), 4), _correlate(left, right, 8, 4), rtol=0, atol=1e-6
+    )
+
+
+def test_a_run_leaves_a_card_and_a_curve(tmp_path):
+    run = Run(PLAN, tmp_path, CachedGrounds(FakePairs()))
+    rows = losses(run)
+    run.save()
+    card = (tmp_path / "card.md").read_text("utf-8")
+    assert f"Trained for {len(rows)} of {PLAN.steps} steps" in card
+    assert f"the loss was {np.mean(rows):.3f}" in card
+    assert cv2.imread(str(tmp_path / "curve.png")).std() > 5
+    with safe_open(tmp_path / "weights.safetensors", "pt") as stored:
+        assert stored.metadata()["steps"] == str(PLAN.steps)
+        assert set(stored.keys()) == set(run.network.state_dict())
+
+
+def test_a_damaged_file_of_safetensors_is_a_sentence(tmp_path):
+    Run(PLAN, tmp_path, CachedGrounds(FakePairs())).save()
+    file = tmp_path / "weights.safetensors"
+    whole = file.read_bytes()
+    image = np.zeros((32, 32), np.uint8)
+    for content in (b"", whole[:100], b"\xff" * 64, whole[:-10]):
+        file.write_bytes(content)
+        with pytest.raises(IcyMoonError, match="cannot be read as a file of safetensors"):
+            match("icynet", image, image, {"checkpoint": file})
