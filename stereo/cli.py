@@ -824,7 +824,7 @@ _COMMAND_BY_VERB: dict[
     ),
     "export": ("write pairs and their truth in another layout", _add_export_arguments, _run_export),
     "develop": ("expose rendered pairs again as PNG, without a new render", _add_develop_arguments, _run_develop),
-    "train": ("train the network icynet on made pairs, and go on where it stopped", add_train_options, run_train),
+    "train": ("train a stereo network, and go on where it stopped", add_train_options, run_train),
     "poses": ("write the poses of a bag of ROS as a trajectory that plans follow", _add_poses_arguments, _run_poses),
 }
 

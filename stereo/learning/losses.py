@@ -8,6 +8,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812, its usual name
 
+from .trainable import Found
+
 #: Pixels of disparity between the levels of the costs, and the network's grid of costs.
 LEVEL_PX = 4
 #: Weights of the parts: cross-entropy of the costs, and confidence.
@@ -18,27 +20,24 @@ _LARGE_ERROR_PX = 4.0
 _HIDDEN_WEIGHT = 0.3
 
 
-def compute_loss(
-    found: tuple[Tensor, Tensor, Tensor], sample: Mapping[str, Tensor], range_px: int
-) -> dict[str, Tensor]:
+def compute_loss(found: Found, sample: Mapping[str, Tensor], range_px: int) -> dict[str, Tensor]:
     """The parts of the loss and their ``total``, scalars, and ``bad_1``, the share of pixels that are wrong by over 1
-    px. ``found`` is what ``IcyNet.forward_with_costs`` gives; ``sample`` has ``disparity_px``, ``valid`` and
+    px. A network without confidence or costs has no such part. ``sample`` has ``disparity_px``, ``valid`` and
     ``occluded``, all (N, H, W).
 
     Disparity: smooth L1, and the logarithm of large errors. Costs: cross-entropy with the two nearest levels, where the
     right eye sees the point. Confidence: cross-entropy with exp(-error in px).
     """
-    disparity, logit, costs = found
     truth, hidden = sample["disparity_px"], sample["occluded"]
     known = sample["valid"] & (truth < range_px)
     weight = known * torch.where(hidden, _HIDDEN_WEIGHT, 1.0)
-    error = (disparity - truth).abs()
-    apart = F.smooth_l1_loss(disparity, truth, reduction="none")
+    error = (found.disparity - truth).abs()
+    apart = F.smooth_l1_loss(found.disparity, truth, reduction="none")
     apart = _LARGE_ERROR_PX * torch.log1p(apart / _LARGE_ERROR_PX)
     smooth = (apart * weight).sum() / weight.sum().clamp(min=1.0)
-    confidence = F.binary_cross_entropy_with_logits(logit, torch.exp(-error.detach()), reduction="none")
-    sure = (confidence * known).sum() / known.sum().clamp(min=1)
-    levels = _compare_levels(costs, truth, known & ~hidden)
+    none = smooth.new_zeros(())
+    sure = none if found.logit is None else _compare_confidence(found.logit, error, known)
+    levels = none if found.costs is None else _compare_levels(found.costs, truth, known & ~hidden)
     return {
         "total": smooth + _COST_WEIGHT * levels + _CONFIDENCE_WEIGHT * sure,
         "disparity": smooth,
@@ -46,6 +45,12 @@ def compute_loss(
         "confidence": sure,
         "bad_1": ((error > 1.0) & known).sum() / known.sum().clamp(min=1),
     }
+
+
+def _compare_confidence(logit: Tensor, error: Tensor, known: Tensor) -> Tensor:
+    """Cross-entropy of the confidence with exp(-error in px)."""
+    apart = F.binary_cross_entropy_with_logits(logit, torch.exp(-error.detach()), reduction="none")
+    return (apart * known).sum() / known.sum().clamp(min=1)
 
 
 def _compare_levels(costs: Tensor, truth: Tensor, seen: Tensor) -> Tensor:

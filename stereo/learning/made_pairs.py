@@ -99,6 +99,11 @@ class MadePairs:
                 f"Crops of made pairs are {self.crop_px[0]} x {self.crop_px[1]} px; give multiples of 8 from 32 on."
             )
 
+    @property
+    def name(self) -> str:
+        """A name for files, which differs where the samples differ."""
+        return f"{self.split}-{self.seed}"
+
     def iterate(self, first_ground: int = 0, step: int = 1) -> Iterator[dict[str, Any]]:
         """Samples without end, ground by ground: ``first_ground``, then every ``step``-th after it."""
         number = first_ground

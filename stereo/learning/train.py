@@ -1,4 +1,4 @@
-"""Training of icynet on made pairs: steps, checkpoints from which the same run goes on, and a log.
+"""Training of a stereo network: steps, checkpoints from which the same run goes on, and a log.
 
 All randomness of a step follows from the seed and the step's number, so that a run that was stopped and resumed has the
 losses of a run that was not. Grounds come one after the other: from a step on, the newest ``window`` grounds are used.
@@ -12,10 +12,10 @@ import math
 import pickle
 import time
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
@@ -26,10 +26,12 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_bytes
 from ...support.system import remove
-from ...support.version import version
+from ..matchers.network_matchers import fill_parameters, read_parameters
 from ..networks.icynet import IcyNet
 from .export_network import export_onnx
 from .losses import compute_loss
+from .sources import GroundSource
+from .trainable import ICYNET, Trainable
 from .training_record import make_metadata, write_record
 
 #: Arrays of a sample that training needs.
@@ -75,27 +77,12 @@ class Plan:
         return range(max(0, newest - self.window + 1), newest + 1)
 
 
-class GroundSource(Protocol):
-    """Makes the samples of grounds, as ``MadePairs`` does."""
-
-    @property
-    def split(self) -> str:
-        """The name of the split."""
-
-    @property
-    def seed(self) -> int:
-        """The seed of all grounds."""
-
-    def list_ground(self, number: int) -> Iterator[dict[str, Any]]:
-        """The samples of a ground."""
-
-
 class CachedGrounds:
     """Samples of grounds as arrays, in files of a folder if one is given; a broken file is made again."""
 
     def __init__(self, pairs: GroundSource, folder: Path | None = None) -> None:
         self._pairs, self._folder = pairs, folder
-        self.split, self.seed = pairs.split, pairs.seed
+        self.name = pairs.name
         self._loaded: dict[int, dict[str, Array]] = {}
 
     def read(self, number: int) -> dict[str, Array]:
@@ -112,7 +99,7 @@ class CachedGrounds:
                 remove(file)
 
     def _find_file(self, number: int) -> Path | None:
-        return self._folder and self._folder / f"{self.split}-{self.seed}-{number:06d}.npz"
+        return self._folder and self._folder / f"{self.name}-{number:06d}.npz"
 
     def _load(self, number: int) -> dict[str, Array]:
         file = self._find_file(number)
@@ -158,18 +145,19 @@ def draw_batch(grounds: CachedGrounds, plan: Plan, step: int) -> dict[str, torch
 
 
 class Run:
-    """A training run in a folder: ``checkpoint.pt``, the weights, ``log.csv``, a card and a curve. Opened again, it goes
-    on after its last checkpoint.
+    """A training run in a folder: ``checkpoint.pt``, the weights, ``log.csv``, a card and a curve. Opened again, it
+    goes on after its last checkpoint.
 
     Raises IcyMoonError for a broken checkpoint, or one of another plan.
     """
 
     def __init__(
-        self, plan: Plan, folder: Path, grounds: CachedGrounds, make: Callable[[int], IcyNet] = IcyNet
+        self, plan: Plan, folder: Path, grounds: CachedGrounds, trainable: Trainable = ICYNET, device: str = "cpu"
     ) -> None:
-        self.plan, self.folder, self._grounds, self.step = plan, folder, grounds, 0
+        self.plan, self.folder, self.trainable, self._grounds, self.step = plan, folder, trainable, grounds, 0
         torch.manual_seed(plan.seed)
-        self.network = make(max(plan.ranges_px))
+        self._device = torch.device(device)
+        self.network = trainable.make(max(plan.ranges_px)).to(self._device)
         self._optimizer = torch.optim.AdamW(self.network.parameters(), plan.rate, weight_decay=1e-4)
         self._rows: list[dict[str, float]] = []
         if self.checkpoint.exists():
@@ -195,10 +183,10 @@ class Run:
         rate = self.plan.find_rate(self.step)
         for group in self._optimizer.param_groups:
             group["lr"] = rate
-        batch = draw_batch(self._grounds, self.plan, self.step)
-        self.network.range_px = self.plan.draw_range_px(self.step)
-        found = self.network.forward_with_costs(batch["left"], batch["right"])
-        parts = compute_loss(found, batch, self.network.range_px)
+        batch = {key: each.to(self._device) for key, each in draw_batch(self._grounds, self.plan, self.step).items()}
+        range_px = self.plan.draw_range_px(self.step)
+        found = self.trainable.run(self.network, batch["left"], batch["right"], range_px)
+        parts = compute_loss(found, batch, range_px)
         if not torch.isfinite(parts["total"]):
             raise IcyMoonError(
                 f"The loss of step {self.step} is not a number; the last checkpoint, {self.checkpoint}, is whole, so "
@@ -218,7 +206,7 @@ class Run:
         torch.save(
             {
                 "format": _FORMAT,
-                "plan": _describe(self.plan),
+                "plan": self._describe(),
                 "step": self.step,
                 "network": self.network.state_dict(),
                 "optimizer": self._optimizer.state_dict(),
@@ -235,20 +223,30 @@ class Run:
         write_bytes(self.folder / "log.csv", text.getvalue().encode())
 
     def _write_weights(self) -> None:
-        plan = _describe(self.plan)
-        data = {"icymoon": version(), "split": self._grounds.split, "seed of the grounds": self._grounds.seed}
+        plan = self._describe()
         weights = {name: each.contiguous() for name, each in self.network.state_dict().items()}
-        write_bytes(self.folder / WEIGHTS_FILE, to_safetensors(weights, make_metadata(plan, data, self.step)))
-        write_record(self.folder, plan, data, self._rows)
+        write_bytes(self.folder / WEIGHTS_FILE, to_safetensors(weights, make_metadata(plan, self.step)))
+        write_record(self.folder, plan, self._rows)
 
     def finish(self) -> None:
-        """Save, and write the network for ONNX Runtime. Raises IcyMoonError if the disk is full."""
+        """Save, and write icynet for ONNX Runtime. Raises IcyMoonError if the disk is full."""
         self.save()
-        write_bytes(self.folder / ONNX_FILE, export_onnx(self.network))
+        if isinstance(self.network, IcyNet):
+            write_bytes(self.folder / ONNX_FILE, export_onnx(self.network))
+
+    def start_from(self, weights: Path) -> None:
+        """Take the weights of an earlier training, unless this run goes on. Raises IcyMoonError if they do not fit."""
+        if self.step == 0:
+            fill_parameters(self.network, read_parameters(weights), weights, self.trainable.name)
+
+    def _describe(self) -> dict[str, Any]:
+        """What a run is of, as plain values."""
+        plan = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self.plan).items()}
+        return {**plan, "network": self.trainable.name, "grounds": self._grounds.name}
 
     def _restore(self) -> None:
         state = read_checkpoint(self.checkpoint)
-        if state["plan"] != _describe(self.plan):
+        if state["plan"] != self._describe():
             raise IcyMoonError(
                 f"{self.checkpoint} belongs to a run with other settings; state the same ones, or another folder."
             )
@@ -269,8 +267,3 @@ def read_checkpoint(file: Path) -> dict[str, Any]:
     except (OSError, RuntimeError, EOFError, KeyError, TypeError, ValueError, pickle.UnpicklingError):
         pass
     raise IcyMoonError(f"{file} is not a whole checkpoint of this version; remove it to begin anew.")
-
-
-def _describe(plan: Plan) -> Mapping[str, Any]:
-    """A plan as plain values."""
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(plan).items()}

@@ -1,4 +1,4 @@
-"""The verb ``train``: train icynet on pairs made by rays, and go on where an earlier run stopped."""
+"""The verb ``train``: train a stereo network, and go on where an earlier run stopped."""
 
 from __future__ import annotations
 
@@ -29,6 +29,25 @@ def add_train_options(command: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="folder of the run: checkpoint, weights, log and grounds; a run that is there goes on",
     )
+    command.add_argument(
+        "--network",
+        default="icynet",
+        metavar="NAME",
+        help="icynet, igev, dsmnet, or MODULE:FUNCTION that makes your own (%(default)s)",
+    )
+    command.add_argument(
+        "--data",
+        nargs="+",
+        default=["made"],
+        metavar="DATASET",
+        help="folders of data sets (their split train), or made, pairs made by rays; several by turns (%(default)s)",
+    )
+    command.add_argument(
+        "--start", type=as_path, metavar="WEIGHTS", help="weights to start from, to fine-tune a network"
+    )
+    command.add_argument(
+        "--device", default="cpu", choices=("cpu", "cuda"), help="where the network is trained (%(default)s)"
+    )
     command.add_argument("--steps", type=int, default=6000, metavar="N", help="steps in all (%(default)s)")
     command.add_argument("--batch", type=int, default=6, metavar="N", help="crops of a step (%(default)s)")
     command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all grounds (%(default)s)")
@@ -42,12 +61,18 @@ def run_train(parsed: argparse.Namespace) -> int:
     _require_packages()
     import torch
 
-    from .made_pairs import MadePairs
+    from .sources import open_sources
     from .train import WEIGHTS_FILE, CachedGrounds, Plan, Run
+    from .trainable import find_trainable
 
     torch.set_num_threads(1)  # more change the last bits of sums, and with them the losses of a resumed run
     plan = Plan(steps=parsed.steps, batch=parsed.batch, seed=parsed.seed, steps_per_ground=15)
-    run = Run(plan, parsed.out, CachedGrounds(MadePairs("train", plan.seed), parsed.out / "grounds"))
+    grounds = CachedGrounds(open_sources(parsed.data, plan.pair_px, plan.seed), parsed.out / "grounds")
+    if parsed.device == "cuda" and not torch.cuda.is_available():
+        raise IcyMoonError("--device is cuda, but PyTorch finds no CUDA device here; use cpu.")
+    run = Run(plan, parsed.out, grounds, find_trainable(parsed.network), parsed.device)
+    if parsed.start:
+        run.start_from(parsed.start)
     saved, recent = time.monotonic(), deque[float](maxlen=_SHOWN_STEPS)
     with tell_events("Training", parsed.json_lines) as tell:
         for row in run.iterate():

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from ...support.arrays import Array
 from ...support.files import write_atomically, write_text
+from ...support.version import version
 from ..report.charts import METHOD_COLOURS, STYLE
 from ..report.sweep_charts import ON_WHITE
 
@@ -23,33 +24,30 @@ _LAST_STEPS, _AVERAGED_SHARE = 100, 0.02
 _CURVES = (("loss", "loss", 1.0), ("bad_1", "% of pixels wrong by over 1 px", 100.0))
 
 
-def write_record(
-    folder: Path, plan: Mapping[str, Any], data: Mapping[str, Any], rows: Sequence[Mapping[str, float]]
-) -> None:
-    """Write the card and the curve of a run with these ``rows`` of its log into its folder. ``plan`` and ``data`` are
-    the settings of training and of its samples. Raises IcyMoonError if the disk is full."""
-    write_text(folder / CARD_FILE, _describe(plan, data, rows))
+def write_record(folder: Path, plan: Mapping[str, Any], rows: Sequence[Mapping[str, float]]) -> None:
+    """Write the card and the curve of a run with these ``rows`` of its log into its folder. ``plan`` are
+    its settings. Raises IcyMoonError if the disk is full."""
+    write_text(folder / CARD_FILE, _describe(plan, rows))
     write_atomically(folder / CURVE_FILE, lambda part: _draw_curve(part, rows))
 
 
-def make_metadata(plan: Mapping[str, Any], data: Mapping[str, Any], step: int) -> dict[str, str]:
+def make_metadata(plan: Mapping[str, Any], step: int) -> dict[str, str]:
     """The texts that stand in the file of the weights."""
-    return {"network": "icynet", "steps": str(step), "plan": json.dumps(plan), "data": json.dumps(data)}
+    return {"icymoon": version(), "steps": str(step), "plan": json.dumps(plan)}
 
 
-def _describe(plan: Mapping[str, Any], data: Mapping[str, Any], rows: Sequence[Mapping[str, float]]) -> str:
+def _describe(plan: Mapping[str, Any], rows: Sequence[Mapping[str, float]]) -> str:
     last = rows[-_LAST_STEPS:]
     mean = {key: float(np.mean([row[key] for row in last])) for key in ("loss", "bad_1")} if last else {}
     hours = sum(row["seconds"] for row in rows) / 3600
     lines = [
-        "# Weights of icynet",
+        f"# Weights of {plan['network']}",
         "",
-        f"Trained for {len(rows)} of {plan['steps']} steps in {hours:.2f} hours of the clock, on pairs made by rays, "
-        "without any image of others.",
+        f"Trained for {len(rows)} of {plan['steps']} steps in {hours:.2f} hours of the clock.",
         "",
         "| | |",
         "|---|---|",
-        *(f"| {key} | {value} |" for key, value in {**data, **plan}.items()),
+        *(f"| {key} | {value} |" for key, value in {"icymoon": version(), **plan}.items()),
         "",
     ]
     if mean:

@@ -132,11 +132,11 @@ def _load_network(
 ) -> tuple[nn.Module, str]:
     """The network with the parameters in a file, and the file's SHA-256; ``changed`` identifies its version."""
     model = network.build(max_disparity)
-    _fill_parameters(model, _read_parameters(path), path, network.method)
+    fill_parameters(model, read_parameters(path), path, get_matcher_title(network.method))
     return model.eval().to(device), hash_file(path)
 
 
-def _read_parameters(path: Path) -> dict[str, Any]:
+def read_parameters(path: Path) -> dict[str, Any]:
     """Name -> tensor of a checkpoint, without the prefixes that training adds. Runs no code from the file."""
     if path.suffix == ".safetensors":
         return _read_safetensors(path)
@@ -186,7 +186,7 @@ def _check_archive(path: Path) -> None:
         )
 
 
-def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method: str) -> None:
+def fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, title: str) -> None:
     """Load the parameters into a network; raise IcyMoonError unless their names and shapes are exactly its own."""
     expected = model.state_dict()
     # Counts of training steps: checkpoints from before PyTorch 0.4.1 lack them, and nothing here uses them.
@@ -200,8 +200,7 @@ def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method
     ]
     if wrong:
         raise IcyMoonError(
-            f"{path} is not a checkpoint of {get_matcher_title(method)}: {len(wrong)} of its parameters do not fit, "
-            f"{min(wrong)}."
+            f"{path} is not a checkpoint of {title}: {len(wrong)} of its parameters do not fit, {min(wrong)}."
         )
     model.load_state_dict(given, strict=True)
 

@@ -11,6 +11,7 @@ import torch
 from icymoon.stereo.learning.export_network import OUTPUTS
 from icymoon.stereo.learning.losses import compute_loss
 from icymoon.stereo.learning.train import ONNX_FILE, CachedGrounds, Plan, Run, draw_batch
+from icymoon.stereo.learning.trainable import ICYNET
 from icymoon.stereo.matchers import match
 from icymoon.stereo.networks.icynet import IcyNet, _correlate, _correlate_by_index, count_levels
 from icymoon.support.errors import IcyMoonError
@@ -22,7 +23,7 @@ PLAN = Plan(steps=4, batch=2, crop_px=(64, 32), ranges_px=(16, 32), warm_up=2, s
 class FakePairs:
     """Noise, moved by a disparity that grows along the rows, in place of traced grounds."""
 
-    split, seed, made = "train", 0, 0
+    name, made = "fake", 0
 
     def list_ground(self, number):
         self.made += 1
@@ -122,14 +123,14 @@ def test_the_files_of_grounds_that_are_out_of_use_are_removed(tmp_path):
     for _ in Run(plan, tmp_path / "run", CachedGrounds(FakePairs(), tmp_path / "grounds")).iterate():
         pass
     kept = {file.name for file in (tmp_path / "grounds").iterdir()}
-    assert kept == {f"train-0-{number:06d}.npz" for number in plan.list_grounds(8)[:-1]}
+    assert kept == {f"fake-{number:06d}.npz" for number in plan.list_grounds(8)[:-1]}
 
 
 def test_the_command_trains_goes_on_and_refuses(tmp_path, monkeypatch, capsys):
     from icymoon.stereo import cli
-    from icymoon.stereo.learning import made_pairs, train
+    from icymoon.stereo.learning import sources, train
 
-    monkeypatch.setattr(made_pairs, "MadePairs", lambda split, seed: FakePairs())
+    monkeypatch.setattr(sources, "MadePairs", lambda split, seed, crop_px: FakePairs())
     monkeypatch.setattr(train, "Plan", lambda **given: replace(PLAN, **given))
     words = ["train", "--out", str(tmp_path), "--batch", "2"]
     assert cli.main([*words, "--steps", "2"]) == 0
@@ -188,7 +189,7 @@ def test_the_search_range_and_the_size_are_free_and_numbers_repeat():
 def test_every_weight_gets_a_gradient():
     network = IcyNet(16)
     batch = draw_batch(CachedGrounds(FakePairs()), PLAN, 0)
-    compute_loss(network.forward_with_costs(batch["left"], batch["right"]), batch, 16)["total"].backward()
+    compute_loss(ICYNET.run(network, batch["left"], batch["right"], 16), batch, 16)["total"].backward()
     for name, each in network.named_parameters():
         assert each.grad is not None, name
         assert each.grad.abs().sum() > 0, name

@@ -92,7 +92,7 @@ def test_a_checkpoint_that_is_none_is_refused(name, tmp_path):
     file.write_bytes(CHECKPOINTS[name] or b"PK\x03\x04")
     if name == "sparse":
         os.truncate(file, 10**10)
-    refused(lambda: learned._read_parameters(file), "unfolds to 4 MB" if name == "bomb" else "")
+    refused(lambda: learned.read_parameters(file), "unfolds to 4 MB" if name == "bomb" else "")
 
 
 @pytest.mark.parametrize("zipped", [True, False])
@@ -104,14 +104,14 @@ def test_no_code_of_a_checkpoint_runs(zipped, tmp_path):
         )
     ):
         (tmp_path / f"{k}.pth").write_bytes(data)
-        refused(lambda k=k: learned._read_parameters(tmp_path / f"{k}.pth"))
+        refused(lambda k=k: learned.read_parameters(tmp_path / f"{k}.pth"))
     assert not (tmp_path / "ran").exists()
 
 
 def test_a_whole_checkpoint_is_read_as_before(tmp_path):
     for zipped in (True, False):
         (tmp_path / "a.pth").write_bytes(saved({"module.a": torch.arange(3.0)}, _use_new_zipfile_serialization=zipped))
-        assert learned._read_parameters(tmp_path / "a.pth")["a"].tolist() == [0, 1, 2]
+        assert learned.read_parameters(tmp_path / "a.pth")["a"].tolist() == [0, 1, 2]
 
 
 # ONNX

@@ -225,8 +225,8 @@ def test_old_checkpoints_without_counts_load(states, tmp_path):
         {key: torch.from_numpy(value) for key, value in states["dsmnet"].items() if "num_batches" not in key},
         tmp_path / "old.pth",
     )
-    network_matchers._fill_parameters(
-        DSMNet(64), network_matchers._read_parameters(tmp_path / "old.pth"), tmp_path, "dsmnet"
+    network_matchers.fill_parameters(
+        DSMNet(64), network_matchers.read_parameters(tmp_path / "old.pth"), tmp_path, "dsmnet"
     )
 
 

@@ -1,0 +1,100 @@
+"""Networks that can be trained: icynet, IGEV, DSMNet, and a user's own.
+
+A user's own network is a function ``make(range_px)`` that returns a ``torch.nn.Module``. The module takes the left and
+the right image, float32 (N, 1, H, W) from 0 to 1, and returns the disparity of the left image in px, (N, H, W), or that
+and the logit of a confidence, (N, H, W).
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from torch import Tensor, nn
+
+from ...support.errors import IcyMoonError
+from ..networks.dsmnet import DSMNet
+from ..networks.icynet import IcyNet
+from ..networks.igev import IGEVStereo
+
+#: Iterations of IGEV in training, which its authors take 22 of.
+_IGEV_ITERATIONS = 12
+#: Least deviation of an image that is brought to deviation 1.
+_LEAST_DEVIATION = 1e-3
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a network gives for a batch: disparities (N, H, W) in px, and logits of the confidence (N, H, W) and costs
+    (N, D, H/4, W/4) of levels of 4 px where it has them."""
+
+    disparity: Tensor
+    logit: Tensor | None = None
+    costs: Tensor | None = None
+
+
+@dataclass(frozen=True)
+class Trainable:
+    """A network by its ``name``. ``make(range_px)`` makes one with new weights; ``run(network, left, right, range_px)``
+    applies it to grey images (N, 1, H, W) from 0 to 1."""
+
+    name: str
+    make: Callable[[int], nn.Module]
+    run: Callable[[nn.Module, Tensor, Tensor, int], Found]
+
+
+def _run_icynet(network: nn.Module, left: Tensor, right: Tensor, range_px: int) -> Found:
+    assert isinstance(network, IcyNet)
+    network.range_px = range_px
+    return Found(*network.forward_with_costs(left, right))
+
+
+def _run_igev(network: nn.Module, left: Tensor, right: Tensor, range_px: int) -> Found:
+    eyes = (255.0 * image.expand(-1, 3, -1, -1) for image in (left, right))
+    return Found(network(*eyes, _IGEV_ITERATIONS)[:, 0])
+
+
+def _run_dsmnet(network: nn.Module, left: Tensor, right: Tensor, range_px: int) -> Found:
+    return Found(network(*(_standardize(image).expand(-1, 3, -1, -1) for image in (left, right))))
+
+
+def _standardize(image: Tensor) -> Tensor:
+    """Images of mean 0 and deviation 1."""
+    mean, spread = image.mean((1, 2, 3), keepdim=True), image.std((1, 2, 3), keepdim=True)
+    return (image - mean) / spread.clamp(min=_LEAST_DEVIATION)
+
+
+ICYNET = Trainable("icynet", IcyNet, _run_icynet)
+_KNOWN = {
+    each.name: each
+    for each in (ICYNET, Trainable("igev", IGEVStereo, _run_igev), Trainable("dsmnet", DSMNet, _run_dsmnet))
+}
+
+
+def find_trainable(text: str) -> Trainable:
+    """The network of a name, or of a user's ``MODULE:FUNCTION``. Raises IcyMoonError if there is none."""
+    if text in _KNOWN:
+        return _KNOWN[text]
+    module, _, name = text.partition(":")
+    if not (module and name):
+        raise IcyMoonError(f"There is no network {text!r} to train; choose {', '.join(_KNOWN)} or MODULE:FUNCTION.")
+    try:
+        make = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise IcyMoonError(
+            f"{text} cannot be loaded ({error}); start the command where {module}.py is, and name a function of it."
+        ) from None
+    return Trainable(text, make, _run_own)
+
+
+def _run_own(network: nn.Module, left: Tensor, right: Tensor, range_px: int) -> Found:
+    given = network(left, right)
+    disparity, logit = given if isinstance(given, tuple) else (given, None)
+    for name, each in (("disparity", disparity), ("confidence", logit)):
+        shape = tuple(each.shape) if isinstance(each, Tensor) else type(each).__name__
+        if shape != (left.shape[0], *left.shape[2:]) and (each is not None or name == "disparity"):
+            raise IcyMoonError(
+                f"The network gives a {name} of shape {shape} for images of {tuple(left.shape)}; return (N, H, W)."
+            )
+    return Found(disparity, logit)
