@@ -93,18 +93,19 @@ def _scan_rows(x: Tensor, weights: Tensor) -> Tensor:
     weight = skewed(weights).unsqueeze(3)
     own = skewed(x) * weight[:, :, 0]
     # Three steps of nothing before the first, and a row of nothing above the first.
-    out = x.new_zeros(steps + 3, count, channels, height + 1)
+    out = [x.new_zeros(count, channels, height + 1)] * 3
     for step in range(steps):
-        last, second, third = out[step + 2], out[step + 1], out[step]
+        third, second, last = out[-3:]
         w = weight[step]
-        out[step + 3, :, :, 1:] = (
+        found = (
             own[step]
             + w[:, 1] * second[..., :-1]
             + w[:, 2] * third[..., :-1]
             + w[:, 3] * last[..., :-1]
             + w[:, 4] * last[..., 1:]
         )
-    straight = out[3:, :, :, 1:].permute(1, 2, 3, 0)  # (N, C, H, steps)
+        out.append(F.pad(found, (1, 0)))
+    straight = torch.stack(out[3:], 3)[:, :, 1:]  # (N, C, H, steps)
     start = 2 * row[:, None] + torch.arange(width, device=x.device)
     return straight.gather(3, start.expand(count, channels, -1, -1))
 
@@ -113,6 +114,8 @@ def _aggregate_scan(x: Tensor, weights: Tensor) -> Tensor:
     """One scan of sga down the rows; a missing disparity is the value itself, as is all above the first row."""
     rows = x.movedim(-2, 0).contiguous()  # (H, N, C, D, W)
     weight = weights.movedim(-2, 0)[:, :, :, None, None]  # (H, N, 5, 1, 1, W)
+    if torch.is_grad_enabled() and (rows.requires_grad or weight.requires_grad):
+        return torch.stack(_aggregate_rows(rows, weight)).movedim(0, -2)
     out = torch.empty_like(rows)
     out[0] = rows[0] * weight[0].sum(1)
     for row in range(1, len(rows)):
@@ -124,3 +127,15 @@ def _aggregate_scan(x: Tensor, weights: Tensor) -> Tensor:
         target[:, :, :-1].addcmul_(last[:, :, 1:], w[:, 3])
         target[:, :, -1:].addcmul_(value[:, :, -1:], w[:, 3])
     return out.movedim(0, -2)
+
+
+def _aggregate_rows(rows: Tensor, weight: Tensor) -> list[Tensor]:
+    """The rows of one scan, each a new tensor, as gradients need them."""
+    done = [rows[0] * weight[0].sum(1)]
+    for value, w in zip(rows[1:], weight[1:], strict=True):
+        last = done[-1]
+        nearer = torch.cat([value[:, :, :1], last[:, :, :-1]], 2)
+        farther = torch.cat([last[:, :, 1:], value[:, :, -1:]], 2)
+        best = last.amax(2, keepdim=True)
+        done.append(value * w[:, 0] + last * w[:, 1] + best * w[:, 4] + nearer * w[:, 2] + farther * w[:, 3])
+    return done

@@ -336,13 +336,26 @@ def plain_sga(x, weights):
     return np.max(results, axis=0)
 
 
+@pytest.mark.parametrize("trained", [False, True])
 @pytest.mark.parametrize("shape", [(1, 1, 1), (2, 3, 1), (4, 3, 5)])
-def test_sga_is_the_plain_recursion(shape):
+def test_sga_is_the_plain_recursion(shape, trained):
     random = np.random.default_rng(2)
     x, weights = random.standard_normal((2, 3, *shape)), random.standard_normal((2, 20, *shape[1:]))
-    got = recursive_filters.aggregate_semi_global(torch.from_numpy(x), torch.from_numpy(weights)).numpy()
+    given = torch.from_numpy(x).requires_grad_(trained)
+    got = recursive_filters.aggregate_semi_global(given, torch.from_numpy(weights)).detach().numpy()
     for part, own, w in zip(got, x, weights, strict=True):
         np.testing.assert_allclose(part, plain_sga(own, w), atol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["filter_non_local", "aggregate_semi_global"])
+def test_recursions_have_the_gradients_of_finite_differences(name):
+    torch.manual_seed(0)
+    shapes = {
+        "filter_non_local": ((1, 2, 3, 3), (1, 4, 3, 3)),
+        "aggregate_semi_global": ((1, 1, 3, 2, 3), (1, 20, 2, 3)),
+    }
+    given = [torch.randn(shape, dtype=torch.float64, requires_grad=True) for shape in shapes[name]]
+    assert torch.autograd.gradcheck(getattr(recursive_filters, name), given)
 
 
 def test_volumes_compare_a_pixel_with_the_one_it_would_match():
