@@ -1,0 +1,149 @@
+"""How well a matcher's confidence tells its errors: their order, its calibration, and the coverage at a stated error.
+
+The pixels are all that were measured and have a true disparity, also those that the right eye does not see: a
+confidence is asked to tell these too. Only the order of confidences matters, except in the calibration. Pixels of
+equal confidence count as in a random order: each has their mean error, so no number depends on the order of the image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...support.arrays import Array
+from .metrics import KEPT_SHARES, is_usable, sort_by_confidence
+
+#: Measure of confidence -> its name in a table: the matcher's own, and those that any matcher may be given.
+MEASURES = {"own": "own", "left_right": "left-right", "sweep": "plane sweep"}
+#: The numbers of a measure; see ``measure_confidence``.
+CONFIDENCE_METRICS = ("ause", "ece", "coverage_at_bad_2", "bad_2_at_90")
+#: Those that are shares, from 0 to 1.
+CONFIDENCE_SHARES = ("ece", "coverage_at_bad_2", "bad_2_at_90")
+#: A measurement is right within this, px; see ``calibration``.
+RIGHT_PX = 1.0
+#: A measurement is bad beyond this, px; the largest share of bad ones, and the share of the true pixels that is kept.
+BAD_PX, MOST_BAD_SHARE, KEPT_COVERAGE = 2.0, 0.03, 0.90
+#: Classes of equal width of the calibration (Guo et al. 2017).
+CALIBRATION_CLASSES = 15
+#: Sums over the pixels of a class: pixels, right ones, and confidences.
+CALIBRATION_SUMS = ("n", "right", "confidence")
+
+
+@dataclass(frozen=True)
+class _Ordered:
+    """Errors in px of measurements, the most confident first, and where each group of equal confidence ends."""
+
+    errors: Array
+    ends: Array  # int, the number of measurements up to the end of each group
+
+    @classmethod
+    def sort(cls, errors: Array, confidence: Array) -> _Ordered:
+        order = sort_by_confidence(confidence)
+        sorted_confidence = confidence[order].astype(np.float32)
+        changes = np.flatnonzero(np.diff(sorted_confidence)) + 1
+        return cls(errors[order], np.append(changes, errors.size) if errors.size else changes)
+
+    def spread(self, values: Array) -> Array:
+        """The values in this order, with the mean of its group in place of each."""
+        starts = np.concatenate([[0], self.ends[:-1]])
+        sizes = self.ends - starts
+        return np.repeat(np.add.reduceat(values, starts) / sizes, sizes)
+
+
+def measure_confidence(
+    disparity: Array, true_disparity: Array, confidences: Mapping[str, Array]
+) -> dict[str, dict[str, Any]]:
+    """Measure confidences (H, W), 0 to 1 and the higher the surer, of a disparity map (H, W) in px.
+
+    Returns, by the name of each confidence, ``CONFIDENCE_METRICS`` (NaN where undefined), the ``curve``, which is the
+    mean error of the surest measurements for each of KEPT_SHARES, with ``best``, the curve in the order of the
+    errors themselves, and the ``calibration``, see ``sum_by_confidence``. The metrics:
+
+    * ``ause``: area under the sparsification error (Ilg et al. 2018): the mean, over the number of the kept
+      measurements, of their mean error in the order of the confidence less the same in the order of the errors, over
+      the mean error of all. 0 is ideal; a confidence without information has 1 less the ideal area;
+    * ``ece``: expected calibration error (Guo et al. 2017), with ``RIGHT_PX``;
+    * ``coverage_at_bad_2``: the largest share of the true pixels that is kept by a limit of the confidence with at
+      most ``MOST_BAD_SHARE`` of the kept ones off by more than 2 px;
+    * ``bad_2_at_90``: the share of the surest measurements, as many as 90 % of the true pixels, that is off by more
+      than 2 px; NaN if fewer are measured.
+    """
+    known = is_usable(true_disparity)
+    measured = known & is_usable(disparity)
+    errors = np.abs(np.asarray(disparity, np.float64)[measured] - true_disparity[measured])
+    true_pixels = int(np.count_nonzero(known))
+    best = np.sort(errors)
+    found = {}
+    for name, confidence in confidences.items():
+        values = np.asarray(confidence, np.float64)[measured]
+        ordered = _Ordered.sort(errors, values)
+        calibration = sum_by_confidence(errors, values)
+        found[name] = {
+            "ause": compute_ause(ordered, best),
+            "ece": compute_calibration_error(calibration),
+            "coverage_at_bad_2": find_coverage_at(ordered, true_pixels),
+            "bad_2_at_90": compute_bad_share_at(ordered, true_pixels),
+            "curve": keep_shares(ordered.spread(ordered.errors)) if errors.size else [],
+            "best": keep_shares(best) if errors.size else [],
+            "calibration": calibration,
+        }
+    return found
+
+
+def keep_shares(errors: Array) -> list[float]:
+    """The mean of the first errors, for each of KEPT_SHARES of them; ``errors`` is not empty."""
+    kept = np.array([max(1, round(share * errors.size)) for share in KEPT_SHARES])
+    return list((np.cumsum(errors)[kept - 1] / kept).tolist())
+
+
+def compute_ause(ordered: _Ordered, best: Array) -> float:
+    """The area under the sparsification error, see ``measure_confidence``; NaN without an error above 0."""
+    if not best.size or not best[-1] > 0:
+        return float("nan")
+    count = np.arange(1, best.size + 1)
+    above = np.cumsum(ordered.spread(ordered.errors)) - np.cumsum(best)
+    return max(0.0, float(np.mean(above / count) / best.mean()))  # rounding may leave -1e-16
+
+
+def find_coverage_at(ordered: _Ordered, true_pixels: int) -> float:
+    """The coverage at the stated error, see ``measure_confidence``; NaN without true pixels."""
+    if not true_pixels:
+        return float("nan")
+    bad = np.cumsum(ordered.errors > BAD_PX)[ordered.ends - 1] if ordered.errors.size else np.zeros(0)
+    allowed = bad <= MOST_BAD_SHARE * ordered.ends
+    return float(ordered.ends[allowed].max(initial=0)) / true_pixels
+
+
+def compute_bad_share_at(ordered: _Ordered, true_pixels: int) -> float:
+    """The error at the stated coverage, see ``measure_confidence``; NaN if fewer pixels are measured."""
+    kept = round(KEPT_COVERAGE * true_pixels)
+    if not 0 < kept <= ordered.errors.size:
+        return float("nan")
+    return float(ordered.spread((ordered.errors > BAD_PX).astype(np.float64))[:kept].mean())
+
+
+def sum_by_confidence(errors: Array, confidence: Array) -> dict[str, list[float]]:
+    """CALIBRATION_SUMS of measurements with errors in px, by CALIBRATION_CLASSES of their confidence from 0 to 1."""
+    place = np.clip((confidence * CALIBRATION_CLASSES).astype(int), 0, CALIBRATION_CLASSES - 1)
+    sums = (np.ones(errors.size), errors <= RIGHT_PX, confidence)
+    return {
+        name: np.bincount(place, weights, CALIBRATION_CLASSES).tolist()
+        for name, weights in zip(CALIBRATION_SUMS, sums, strict=True)
+    }
+
+
+def add_calibration(one: Mapping[str, Sequence[float]] | None, other: Mapping[str, Sequence[float]]) -> dict[str, Any]:
+    """The sums of the pixels of both; ``one`` may be missing."""
+    if one is None:
+        return {name: list(values) for name, values in other.items()}
+    return {name: np.add(one[name], other[name]).tolist() for name in CALIBRATION_SUMS}
+
+
+def compute_calibration_error(sums: Mapping[str, Sequence[float]]) -> float:
+    """The expected calibration error: the mean, over pixels, of the difference between the mean confidence of their
+    class and the share of right measurements in it (Guo et al. 2017). NaN without pixels."""
+    n, right, confidence = (np.asarray(sums[name], np.float64) for name in CALIBRATION_SUMS)
+    return float(np.abs(right - confidence).sum() / n.sum()) if n.sum() else float("nan")
