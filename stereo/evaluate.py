@@ -19,7 +19,7 @@ from typing import Any
 from ..support.errors import IcyMoonError
 from ..support.files import read_checksum
 from ..support.version import version
-from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
+from .datasets.predictions import PREDICTION, find_confidence, find_prediction, parse_predictions
 from .environment import packages
 from .evaluated_pairs import Source, check_response, find_sources, sort_by_ground
 from .evaluation_files import check_output_folder, has_named_files, remove_leftovers
@@ -175,6 +175,8 @@ class Evaluation:
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # reported where the file is read
                 inputs = [*inputs, read_checksum(find_prediction(method, pair))]
+                if stated := find_confidence(method, pair):
+                    inputs = [*inputs, stated[0].name, read_checksum(stated[0])]
         inputs = [*inputs, *list_lidar_inputs(method, pair)]
         return make_json_digest([content, inputs, *([self._metrics] if self._metrics else [])])
 
