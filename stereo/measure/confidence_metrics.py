@@ -7,7 +7,7 @@ equal confidence count as in a random order: each has their mean error, so no nu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +15,11 @@ import numpy as np
 
 from ...support.arrays import Array
 from .metrics import KEPT_SHARES, is_usable, sort_by_confidence
+from .prepare_pair import none_if_not_finite
 
-#: Measure of confidence -> its name in a table: the matcher's own, and those that any matcher may be given.
-MEASURES = {"own": "own", "left_right": "left-right", "sweep": "plane sweep"}
+#: Measures of confidence: the matcher's own, and those that any matcher may be given, each with its name in a table.
+OWN, LEFT_RIGHT, SWEEP = "own", "left_right", "sweep"
+MEASURES = {OWN: "own", LEFT_RIGHT: "left-right", SWEEP: "plane sweep"}
 #: The numbers of a measure; see ``measure_confidence``.
 CONFIDENCE_METRICS = ("ause", "ece", "coverage_at_bad_2", "bad_2_at_90")
 #: Those that are shares, from 0 to 1.
@@ -51,6 +53,39 @@ class _Ordered:
         starts = np.concatenate([[0], self.ends[:-1]])
         sizes = self.ends - starts
         return np.repeat(np.add.reduceat(values, starts) / sizes, sizes)
+
+
+def make_confidence_entries(
+    disparity: Array, true_disparity: Array, confidences: Mapping[str, Array]
+) -> dict[str, dict[str, Any]]:
+    """The entries of a row on its confidences, see ``measure_confidence``: ``confidence``, the metrics by measure, None
+    where undefined, and ``confidence_curves``, the rest by measure. Without confidences there are none."""
+    found = measure_confidence(disparity, true_disparity, confidences)
+    if not found:
+        return {}
+    return {
+        "confidence": {
+            name: {key: none_if_not_finite(values[key]) for key in CONFIDENCE_METRICS} for name, values in found.items()
+        },
+        "confidence_curves": {
+            name: {key: value for key, value in values.items() if key not in CONFIDENCE_METRICS}
+            for name, values in found.items()
+        },
+    }
+
+
+def list_confidence_columns(measures: Collection[str]) -> list[str]:
+    """The columns of a table with these measures, such as ``own_ause``."""
+    return [f"{name}_{key}" for name in MEASURES if name in measures for key in CONFIDENCE_METRICS]
+
+
+def list_confidence_numbers(row: Mapping[str, Any]) -> dict[str, float | None]:
+    """The numbers of a row by the names of ``list_confidence_columns``; None where undefined."""
+    return {
+        f"{measure}_{key}": value
+        for measure, values in row.get("confidence", {}).items()
+        for key, value in values.items()
+    }
 
 
 def measure_confidence(

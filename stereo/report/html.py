@@ -27,6 +27,7 @@ from ..measure.row_metrics import REGION_METRICS, REGIONS
 from .by_setting import SCENE_SWEEP, VariedSetting
 from .charts import draw_charts, list_method_keys
 from .conditions import Condition
+from .confidence_table import CONFIDENCE_COLUMNS, list_confidence_rows
 from .page_templates import read_template
 from .phase_curves import compute_phase_curves
 from .pictures import (
@@ -49,6 +50,7 @@ from .table_columns import (
     SUMMARY_COLUMNS,
     TOTAL_COLUMNS,
     format_interval,
+    format_mean,
     format_number,
     format_plugin,
     make_plugin_columns,
@@ -126,8 +128,11 @@ def write_report(
         format_number=format_number,
         format_interval=format_interval,
         guiss=GUISS_COLUMNS if guiss else (),
+        confidence=list_confidence_rows(report["summary"]),
+        confidence_columns=CONFIDENCE_COLUMNS,
         plugin_columns=make_plugin_columns(report["plug_ins"]),
         format_plugin=format_plugin,
+        format_mean=format_mean,
         charts=draw_charts(report["summary"], table, compute_phase_curves(report["pairs"]), report["comparisons"]),
         sweeps=draw_sweeps(report["summary"], table, sweeps),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
