@@ -560,6 +560,19 @@ def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True
     command.add_argument(
         "--cell-m", type=float, metavar="METRES", help="side of a cell, of pairs without true heights (0.02)"
     )
+    _add_decision_inputs(command)
+    _add_report_folder(command, "" if out_needed else "decisions")
+    command.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="seed of the errors of poses, and of the tests that compare matchers (%(default)s)",
+    )
+    add_json_lines(command)
+
+
+def _add_decision_inputs(command: argparse.ArgumentParser) -> None:
+    """Add the options that state how well the lander knows its pose, and which measurements it uses."""
     command.add_argument(
         "--pose-error-mm",
         type=float,
@@ -574,14 +587,22 @@ def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True
         metavar="DEG",
         help="standard deviation of the camera's direction as the lander knows it (%(default)s)",
     )
-    _add_report_folder(command, "" if out_needed else "decisions")
     command.add_argument(
-        "--seed",
-        type=int,
-        default=0,
-        help="seed of the errors of poses, and of the tests that compare matchers (%(default)s)",
+        "--min-confidence",
+        type=float,
+        default=0.0,
+        metavar="LIMIT",
+        help="use no measurement of less confidence than this, from 0 to 1, by matchers that state one (%(default)s)",
     )
-    add_json_lines(command)
+
+
+def _check_decide_options(parsed: argparse.Namespace) -> None:
+    """Raise IcyMoonError for numbers that no decision can have."""
+    check_least(parsed, 0, "pose_error_mm", "pose_error_deg", "seed")
+    if parsed.cell_m is not None and not (math.isfinite(parsed.cell_m) and parsed.cell_m > 0):
+        raise IcyMoonError(f"--cell-m is {parsed.cell_m}; give metres above 0.")
+    if not 0 <= parsed.min_confidence <= 1:
+        raise IcyMoonError(f"--min-confidence is {parsed.min_confidence:g}; give a number from 0 to 1.")
 
 
 def run_decide(parsed: argparse.Namespace) -> int:
@@ -591,9 +612,7 @@ def run_decide(parsed: argparse.Namespace) -> int:
     from .decisions.rules import read_rules
     from .matchers.methods import parse_methods
 
-    check_least(parsed, 0, "pose_error_mm", "pose_error_deg", "seed")
-    if parsed.cell_m is not None and not (math.isfinite(parsed.cell_m) and parsed.cell_m > 0):
-        raise IcyMoonError(f"--cell-m is {parsed.cell_m}; give metres above 0.")
+    _check_decide_options(parsed)
     methods = parse_methods(parsed.methods, parsed.option, parsed.own, parsed.method)
     response = _read_response([], parsed.set)
     with tell_events("Deciding", parsed.json_lines) as on_event:
@@ -607,6 +626,7 @@ def run_decide(parsed: argparse.Namespace) -> int:
             parsed.cell_m,
             PoseError(parsed.pose_error_mm, parsed.pose_error_deg),
             parsed.seed,
+            parsed.min_confidence,
         )
     path = (parsed.out / "decisions.html").resolve()
     if parsed.json_lines:
