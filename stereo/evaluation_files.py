@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, remove_leftover_parts
@@ -94,7 +96,8 @@ def write_method_pictures(
     """Write depth, error and disparity of one method; return their paths relative to ``out``. The ``confidences``, by
     measure, are beside the disparity.
 
-    If ``info`` has the array ``flags``, with the reason for each rejected pixel, a picture of the flags is written too.
+    A picture of the first confidence is written too, and if ``info`` has the array ``flags``, with the reason for each
+    rejected pixel, one of the flags.
     """
     depth = disparity_to_depth(prepared, disparity)
     npz = _pair_folder(prepared, out) / f"{method.file_name}.npz"
@@ -104,6 +107,9 @@ def write_method_pictures(
         "depth": colours.add_colour_bar(colours.draw_depth(depth, prepared.scale), prepared.scale),
         "error": colours.add_colour_bar(colours.draw_error(depth, prepared.truth), colours.ERROR_SCALE),
     }
+    for confidence in list(confidences.values())[:1]:  # the matcher's own is the first
+        picture = colours.draw_confidence(confidence, np.isfinite(disparity))
+        written["confidence"] = colours.add_colour_bar(picture, colours.CONFIDENCE_SCALE)
     if "flags" in info["arrays"]:
         written["flags"] = colours.draw_outcomes(info["arrays"]["flags"], disparity.shape)
     return {

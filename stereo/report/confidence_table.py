@@ -83,6 +83,10 @@ class ConfidenceTable:
             known = self._calibration.get((method, measure))
             self._calibration[method, measure] = add_calibration(known, curves["calibration"])
 
+    def is_known(self) -> bool:
+        """Whether any row has a confidence."""
+        return bool(self._numbers)
+
     def summarise(self, method: int, counted: Array, scenes: Array) -> dict[str, dict[str, Any]]:
         """By measure, each metric of a method as its ``mean`` over pairs, 95 % ``interval`` or None and number of
         ``pairs``, the mean ``curve`` and ``best`` over pairs, and the ``calibration`` of the pixels of all."""

@@ -61,7 +61,7 @@ MOST_PAIRS = 24
 #: Most scenes that the head of the report names.
 _MOST_SCENES = 8
 _TEMPLATE_FOLDER = Path(__file__).parent
-#: Number of pictures of a pair, and of each method on it.
+#: Number of pictures of a pair, and of each method on it besides its confidence.
 _PICTURES_PER_PAIR, _PICTURES_PER_METHOD = 2, 3
 #: The columns of the table of all pairs, for each method: key, heading, decimals, factor.
 _PAGED_COLUMNS = (
@@ -141,6 +141,7 @@ def write_report(
         warned=count_sentences(report["pairs"], "warnings"),
         told=count_sentences(report["pairs"], "notes"),
         error_bar=_describe_colour_bar(colours.ERROR_SCALE),
+        confidence_bar=_describe_colour_bar(colours.CONFIDENCE_SCALE),
         invalid=colours.INVALID_GREY,
         sky=colours.SKY_GREY,
         matrix=make_picture_matrix(typical, table, facts_of, report["rows"], out),
@@ -176,7 +177,8 @@ def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
     average are the worst of all.
     """
     room = MOST_PICTURES - MOST_IN_MATRIX
-    most = max(2, min(MOST_PAIRS, room // (_PICTURES_PER_PAIR + _PICTURES_PER_METHOD * len(table.methods))))
+    per_method = _PICTURES_PER_METHOD + table.confidence.is_known()
+    most = max(2, min(MOST_PAIRS, room // (_PICTURES_PER_PAIR + per_method * len(table.methods))))
     if len(names) <= most:
         return list(names)
     measured = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
@@ -276,7 +278,7 @@ def _make_pair_section(
                 "outcomes": colours.make_outcome_legend(row["counts"]),
                 **{
                     kind: embed_picture(out / row["images"][kind], height)
-                    for kind in ("depth", "error", "flags")
+                    for kind in ("depth", "error", "confidence", "flags")
                     if kind in row["images"]
                 },
             }

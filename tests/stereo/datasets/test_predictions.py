@@ -135,6 +135,10 @@ def test_a_confidence_beside_a_prediction_is_measured_and_read_again_when_it_cha
     assert float(other["left_right_ece"]) == rows["one", "bm"]["confidence"]["left_right"]["ece"]
     stored = read_confidence(tmp_path / "out" / rows["one", "net"]["images"]["disparity"], truth.shape)
     np.testing.assert_array_equal(stored, ~half & np.isfinite(truth))
+    picture = read_png(tmp_path / "out" / rows["one", "net"]["images"]["confidence"])[: len(truth)]
+    sure, unsure = picture[-1, -1].astype(int), picture[-1, 0].astype(int)
+    assert unsure.sum() > sure.sum() + 300  # bright is unsure
+    assert "confidence" not in rows["two", "net"]["images"]
     (folder / "one_confidence.npy").unlink()
     np.save(folder / "one_error_px.npy", np.where(half, 3.0, np.zeros_like(truth)))
     again, _ = run()
